@@ -10,27 +10,27 @@ from writing import table
 
 import ss2sql
 from ss2sql.language.operations import (
-    OF_OPERATORS,
     OPERATIONS,
+    OPERATOR_FUNCTIONS,
     Operation,
     aggregates,
-    anything,
     dates,
+    generic,
     lists,
     numbers,
-    session,
+    special_forms,
     strings,
 )
 
 GROUPS = {
-    "operators": [row for name, row in OPERATIONS.items() if name in OF_OPERATORS],
-    "lists": [row for row in lists.OPERATIONS if row.name not in OF_OPERATORS and not row.group],
+    "operators": [row for name, row in OPERATIONS.items() if name in OPERATOR_FUNCTIONS],
+    "lists": [row for row in lists.OPERATIONS if row.name not in OPERATOR_FUNCTIONS and not row.group],
     "aggregates": [row for row in (*lists.OPERATIONS, *aggregates.OPERATIONS) if row.group or row.collects],
     "numbers": numbers.OPERATIONS,
-    "text": [row for row in strings.OPERATIONS if row.name not in OF_OPERATORS],
-    "anything": anything.OPERATIONS,
+    "text": [row for row in strings.OPERATIONS if row.name not in OPERATOR_FUNCTIONS],
+    "anything": generic.OPERATIONS,
     "dates": dates.OPERATIONS,
-    "session": session.OPERATIONS,
+    "session": special_forms.OPERATIONS,
 }
 
 
@@ -48,4 +48,4 @@ def _function(row: Operation) -> Iterator[str]:
 
 def _value(script: str) -> str:
     with ss2sql.connect() as session, redirect_stdout(StringIO()):
-        return repr(session.eval(f"{script};"))
+        return repr(special_forms.eval(f"{script};"))

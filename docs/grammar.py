@@ -1,4 +1,4 @@
-"""The grammar of the language as people read it: EBNF made of ss2sql/frontend/grammar.lark."""
+"""The grammar of the language as people read it: EBNF made of ss2sql/frontend/syntax/grammar.lark."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import lark
 from lark import Lark, Token, Tree
 
-from ss2sql.frontend.table import GRAMMAR
+from ss2sql.frontend.syntax.parse_table import GRAMMAR
 
 NOTATION = Path(lark.__file__).parent / "grammars" / "lark.lark"  # lark's own syntax
 WIDTH = 96

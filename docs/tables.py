@@ -20,8 +20,8 @@ from walk import PACKAGE, forms, walk
 from world_tables import declared, world
 from writing import first, table
 
-from ss2sql.frontend.queries import SYNONYMS
-from ss2sql.lowering.strategies import GUARDS, ORDERS, Guard
+from ss2sql.frontend.resolve.query_clauses import SYNONYMS
+from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES, RepeatRule
 from ss2sql.lowering.unsupported import RULES
 from ss2sql.runtime.representations import ALL
 from ss2sql.vtables.mujoco import MuJoCoWorld
@@ -78,10 +78,10 @@ def orders() -> str:
 
 def guards() -> str:
     """What happens to rows that repeat."""
-    return table("rule for rows that repeat | runs | what you get", map(_guard, GUARDS.values()))
+    return table("rule for rows that repeat | runs | what you get", map(_guard, REPEAT_RULES.values()))
 
 
-def _guard(guard: Guard) -> tuple[str, str, str]:
+def _guard(guard: RepeatRule) -> tuple[str, str, str]:
     keyword = f"`{guard.keyword}`" if guard.keyword else "none"
     return keyword, "on SQLite" if guard.lowered else "natively", guard.promise
 

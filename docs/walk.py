@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from writing import first, table
 
 import ss2sql
-from ss2sql.plan_tree import plan_tree
+from ss2sql.language.plan_printer import format_plan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,24 +32,26 @@ STOP WITH  level == 7 OR [] == move(this, tower);
 """
 FUNCTIONS = {
     "both": """
-        runtime/session.py Session.run · frontend/parser.py parse · frontend/text.py tokens · frontend/parser.py read ·
-        frontend/query_builder.py Builder.query · frontend/resolve.py resolve · frontend/queries.py resolve_query ·
-        frontend/sources.py open_sources · frontend/options.py search_options ·
-        lowering/rewrites/__init__.py optimise · runtime/executing.py execute ·
-        runtime/compiled_query.py CompiledQuery.answer · runtime/shaping.py Shapes.represent ·
+        session/session.py Session.run · frontend/syntax/parser.py parse · frontend/syntax/tokenizer.py tokenize ·
+        frontend/syntax/parser.py run_automaton · frontend/syntax/query_builder.py Builder.query ·
+        frontend/resolve/resolver.py resolve · frontend/resolve/query_clauses.py resolve_query ·
+        frontend/resolve/from_clause.py resolve_sources · frontend/resolve/search_options.py resolve_search_options ·
+        lowering/rewrites/__init__.py optimise · session/execution.py execute_script · session/compiled_query.py
+        CompiledQuery.answer · runtime/representations/shape.py Representations.represent ·
         runtime/representations/rows_as_values.py as_dict
     """,
     "database": """
-        lowering/lower.py lower · lowering/unsupported.py check · lowering/on_entering.py OnEntering.statement ·
-        lowering/search.py SearchLowering.start · lowering/on_entering.py OnEntering.steps ·
-        lowering/on_entering.py OnEntering.results · lowering/dialects.py Dialect.print ·
-        runtime/database.py Database.execute · runtime/paths.py Paths.chosen
+        lowering/lower.py lower · lowering/unsupported.py check_supported · lowering/search.py EagerSearch.statement ·
+        lowering/recursive_query.py RecursiveQuery.start · lowering/search.py EagerSearch.steps ·
+        lowering/search.py EagerSearch.results · lowering/dialects.py Dialect.print ·
+        runtime/sqlite/executor.py Database.execute · runtime/run/search_paths.py SearchPaths.chosen
     """,
     "native": """
-        runtime/native/builder.py Builder.query ·
-        runtime/native/search_code.py finder · runtime/search/__init__.py search_of ·
-        runtime/native/step_function.py StepFunction.write_function · runtime/native/unit.py Unit.compiled ·
-        runtime/native/compiled.py NativeQuery.rows · runtime/search/depth_first.py depth_first
+        runtime/python/query_compiler.py QueryCompiler.query ·
+        runtime/python/search_compiler.py compile_search · runtime/search/__init__.py choose_search ·
+        runtime/python/step_function.py StepFunction.write_function · runtime/python/codegen_context.py
+        CodegenContext.compiled · runtime/python/native_query.py NativeQuery.rows · runtime/search/depth_first.py
+        depth_first
     """,
 }
 
@@ -128,7 +130,7 @@ def _session() -> Iterator[ss2sql.Session]:
 def forms() -> str:
     """The search as text, as plan and as SQL."""
     with _session() as ss:
-        plan = plan_tree(ss.compile(SCRIPT, engine="native").plan)
+        plan = format_plan(ss.compile(SCRIPT, engine="native").plan)
         sql = str(ss.compile(SCRIPT, engine="database").sql)
     parts = (("The script", "selectscript", SCRIPT), ("The plan", "text", plan), ("The SQL", "sql", sql))
     return "\n\n".join(f"{name}:\n\n```{kind}\n{text.strip()}\n```" for name, kind, text in parts)

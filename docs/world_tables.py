@@ -6,9 +6,9 @@ from inspect import signature
 
 from writing import sentence, table
 
-from ss2sql.vtables.attached import AttachedTable, AttachedWorld
-from ss2sql.vtables.base import World
-from ss2sql.vtables.describe import column_rows
+from ss2sql.session.world_description import list_columns
+from ss2sql.vtables.attached_worlds import AttachedTable, AttachedWorld
+from ss2sql.vtables.contract import World
 
 
 def world(kind: type[World]) -> str:
@@ -32,7 +32,7 @@ def _table(attached: AttachedTable) -> str:
         return f"{head} The columns are those of `{schema.walked.name}`.\n"
     rows = (
         (f"`{name}`", kind.replace("|", "or"), unit, used and f"`{used}`", text)
-        for name, kind, unit, used, text in column_rows(attached)
+        for name, kind, unit, used, text in list_columns(attached)
     )
     return f"{head}\n\n{table('column | type | unit | filter | meaning', rows)}\n"
 

@@ -1,8 +1,7 @@
 """ss2sql: SelectScript, the SQL-like language for simulations and searches, compiled to SQLite.
 
-`connect()` opens a session; `Session.run` runs a script and gives a `Result`. The folders, in the order in
-which a script passes through them: `frontend` (text to plan), `lowering` (plan to SQL), `runtime` (the
-session and the executors), `vtables` (Python objects as tables); `scenes` holds simulations to try it on.
+`connect()` opens a session; `Session.run` runs a script and gives a `Result`. ARCHITECTURE.md shows the rooms and
+follows one script through them.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ss2sql import scenes as scenes
+    from ss2sql.conformance.check_world import BrokenRuleError, check_world
     from ss2sql.errors import (
         Cancelled,
         Error,
@@ -28,39 +28,38 @@ if TYPE_CHECKING:
         WorkersWarning,
     )
     from ss2sql.notebook import load_ipython_extension, unload_ipython_extension
-    from ss2sql.runtime.compiled import Query
-    from ss2sql.runtime.connecting import connect
-    from ss2sql.runtime.result import Result
-    from ss2sql.runtime.session import Session
-    from ss2sql.runtime.triggers import Trigger
-    from ss2sql.vtables.base import World
-    from ss2sql.vtables.conformance import BrokenRuleError, check_world
+    from ss2sql.results.result import Result
+    from ss2sql.session.compiled_script import Query
+    from ss2sql.session.connect import connect
+    from ss2sql.session.session import Session
+    from ss2sql.session.triggers import Trigger
+    from ss2sql.vtables.contract import World
 
 __version__ = "0.1.0"
 
 # Where each name is defined. Each is imported at its first use: importing all of them takes 0.3 s, also for
 # `ss2sql --help`.
 PLACES = {
-    "BrokenRuleError": "ss2sql.vtables.conformance",
+    "BrokenRuleError": "ss2sql.conformance.check_world",
     "Cancelled": "ss2sql.errors",
     "Error": "ss2sql.errors",
     "ExecutionError": "ss2sql.errors",
     "OutOfMemory": "ss2sql.errors",
     "OutOfSteps": "ss2sql.errors",
     "ParseError": "ss2sql.errors",
-    "Query": "ss2sql.runtime.compiled",
+    "Query": "ss2sql.session.compiled_script",
     "RepresentationError": "ss2sql.errors",
     "ResolveError": "ss2sql.errors",
-    "Result": "ss2sql.runtime.result",
-    "Session": "ss2sql.runtime.session",
+    "Result": "ss2sql.results.result",
+    "Session": "ss2sql.session.session",
     "SessionError": "ss2sql.errors",
     "Timeout": "ss2sql.errors",
-    "Trigger": "ss2sql.runtime.triggers",
+    "Trigger": "ss2sql.session.triggers",
     "UnsupportedError": "ss2sql.errors",
     "WorkersWarning": "ss2sql.errors",
-    "World": "ss2sql.vtables.base",
-    "check_world": "ss2sql.vtables.conformance",
-    "connect": "ss2sql.runtime.connecting",
+    "World": "ss2sql.vtables.contract",
+    "check_world": "ss2sql.conformance.check_world",
+    "connect": "ss2sql.session.connect",
     "load_ipython_extension": "ss2sql.notebook",
     "unload_ipython_extension": "ss2sql.notebook",
 }
@@ -68,7 +67,7 @@ PLACES = {
 
 def compile(script: str) -> Query:
     """A script compiled without a session: it runs in a fresh one, its unknown names are parameters."""
-    from ss2sql.runtime.connecting import connect
+    from ss2sql.session.connect import connect
 
     return connect().compile(script)
 

@@ -14,11 +14,11 @@ from collections.abc import Callable
 from typing import Any
 
 from ss2sql.errors import Source
-from ss2sql.frontend import ast
-from ss2sql.frontend.parser import parse
-from ss2sql.records import dataclass
-from ss2sql.runtime.connecting import connect
-from ss2sql.runtime.session import Session
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.parser import parse
+from ss2sql.session.connect import connect
+from ss2sql.session.session import Session
 
 
 @dataclass(frozen=True, slots=True)

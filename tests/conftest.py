@@ -81,7 +81,7 @@ def staff(file: Path) -> Path:
 @pytest.fixture(scope="module")
 def simulation() -> Iterator[Any]:
     """PyBullet, once for a file of tests: each takes 29 MB that never come back."""
-    from ss2sql.vtables.pybullet.loader import connect
+    from ss2sql.vtables.pybullet.pybullet_loader import connect
 
     made = connect()
     yield made
@@ -112,11 +112,11 @@ def little_heap() -> None:
 @pytest.fixture
 def eager(monkeypatch: pytest.MonkeyPatch) -> None:
     """All calls are worth other processes."""
-    from ss2sql.runtime.workers import foretelling
+    from ss2sql.runtime.parallel import block_calls
 
     values = {"SAMPLES": 0, "CHEAP": 0.0, "LEAST": 0.0, "FEWEST": 1, "START": 0.0, "PATIENCE": 30.0}
     for name, value in values.items():
-        monkeypatch.setattr(foretelling, name, value)
+        monkeypatch.setattr(block_calls, name, value)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

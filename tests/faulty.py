@@ -232,7 +232,7 @@ class Patient:
 def check_idle(session: ss2sql.Session) -> None:
     """Asserts that nothing is under way in a session, and that it works."""
     host = session.host
-    assert (host.runs, host.begun, host.database.stack) == ([], [], [])
+    assert (host.runs, host.active_runs, host.database.stack) == ([], [], [])
     assert not host.connection.in_transaction
     assert session.run("SELECT this + 1 FROM [1, 2] AS list;").value == [2, 3]
     host.connection.execute("CREATE TABLE probe(a)")  # fails where a statement is still open on the schema

@@ -31,7 +31,7 @@ CHILD = "SS2SQL_FUZZ_CHILD"  # set where libFuzzer runs, which starts itself aga
 LONGEST = 8192  # bytes of a text
 SHORT = 120  # bytes of a text that is kept
 SESSION = 500  # texts before a new session is made, so that a session's memory is no growth
-COMPILER = ["ss2sql.frontend", "ss2sql.lowering", "ss2sql.errors", "ss2sql.runtime.native"]  # what is instrumented
+COMPILER = ["ss2sql.frontend", "ss2sql.lowering", "ss2sql.errors", "ss2sql.runtime.python"]  # what is instrumented
 LIMITS = ["-rss_limit_mb=1536", "-malloc_limit_mb=1024", "-timeout=60", "-report_slow_units=60", f"-max_len={LONGEST}"]
 
 

@@ -19,9 +19,9 @@ from cases.needs import furnish
 
 import ss2sql
 from ss2sql.errors import CODES, Source, Span
-from ss2sql.frontend import ast
-from ss2sql.frontend.parser import parse
-from ss2sql.runtime.pool import Pool
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.parser import parse
+from ss2sql.runtime.sqlite.interning import Interning
 
 SECONDS_PER_KIB = 2.0
 VARIABLES: dict[str, Any] = {
@@ -93,7 +93,7 @@ def _prepare(ss: ss2sql.Session, lowered: Any) -> None:
     """SQLite itself says whether a statement is one."""
     asked = replace(lowered, text=f"EXPLAIN {lowered.text}")
     try:
-        ss.host.database.cursor_of(asked, Pool(), lambda parameter: 0).close(True)
+        ss.host.database.open_cursor(asked, Interning(), lambda parameter: 0).close(True)
     except (apsw.SQLError, apsw.TooBigError) as error:
         if not any(words in str(error).lower() for words in TOO_LARGE):
             raise AssertionError(f"{error}\n{lowered.text}") from error

@@ -12,8 +12,8 @@ from random import Random
 from typing import Any
 
 from ss2sql.errors import Error, Source
-from ss2sql.frontend import ast, text
-from ss2sql.frontend.parser import parse
+from ss2sql.frontend.syntax import ast, tokenizer
+from ss2sql.frontend.syntax.parser import parse
 
 # Nodes that may stand where another one of their kind stands; whatever is missing here is an expression.
 KINDS = {
@@ -28,7 +28,7 @@ PHRASES = [
     "to(this, 'k')", "v{5} = 1", "v{}", "v{-1.0}", "count(*)", "sum(this)", "space.near(0, 0, 0)", "f(this)",
     "tick()", "edges", "(SELECT * FROM edges WHERE src == n)", "NOT IN", "x = y", "this.k", "[1][0, 0]", "'ab'[1:]",
 ]  # fmt: skip
-WORDS = sorted(word.lower() for word in text.RESERVED | text.CONTEXTUAL)
+WORDS = sorted(word.lower() for word in tokenizer.RESERVED | tokenizer.CONTEXTUAL)
 SIGNS = [*"()[]{},;:.=<>+-*/%^", "==", "!=", "<>", "<=", ">="]
 NAMES = [
     "xs", "n", "word", "rows", "columns", "towers", "edges", "space", "f", "g", "tick", "k", "v", "p", "src", "dst",
@@ -179,7 +179,7 @@ class Mutator:
     @staticmethod
     def _stretch(script: str, dice: Random, most: int = 4) -> tuple[int, int]:
         """The place of some tokens that stand side by side; the end of the script where there are none."""
-        tokens = list(text.cut(script))
+        tokens = list(tokenizer.iterate_tokens(script))
         if not tokens:
             return len(script), len(script)
         first = dice.randrange(len(tokens))

@@ -16,8 +16,8 @@ from typing import Any
 from cases import needs
 
 import ss2sql
-from ss2sql.plan_tree import plan_tree
-from ss2sql.runtime.sql_text import Sql
+from ss2sql.language.plan_printer import format_plan
+from ss2sql.lowering.sql_string import Sql
 
 FOLDER = Path(__file__).parent / "cases"
 SECTIONS = ("plan", "sql", "printed", "status", "value", "error")
@@ -142,7 +142,7 @@ def run(case: Case, engine: str = "auto") -> Outcome:
         usable = session.eval("SELECT this + 1 FROM [1, 2] AS list") == [2, 3]
     sections = dict.fromkeys(SECTIONS, "") | {"printed": printed.getvalue().rstrip("\n")}
     if query is not None:
-        sections["plan"] = plan_tree(query.plan).rstrip()
+        sections["plan"] = format_plan(query.plan).rstrip()
         sections["sql"] = sql_text(result.sql if result else query.sql)
     if result is not None:
         sections["value"] = written(result.value)

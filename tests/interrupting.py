@@ -128,7 +128,7 @@ def _results(result: ss2sql.Result) -> list[Any]:
 def check_session(session: ss2sql.Session) -> None:
     """Whether nothing of a run is left in a session, which can answer."""
     host = session.host
-    assert (host.runs, host.begun, host.database.stack) == ([], [], [])
+    assert (host.runs, host.active_runs, host.database.stack) == ([], [], [])
     assert not host.connection.in_transaction
     assert [memo.plain for memo in host.database.memos.values() if memo.plain] == []
     assert host.connection.status(apsw.SQLITE_DBSTATUS_CACHE_USED)[0] >= 0

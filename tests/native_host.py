@@ -7,15 +7,15 @@ from functools import cache
 from typing import Any
 
 import ss2sql
-from ss2sql import plan
 from ss2sql.errors import Error
-from ss2sql.runtime.run import Run
-from ss2sql.runtime.session import SWITCHES
+from ss2sql.language import plan
+from ss2sql.runtime.run.run_state import Run
+from ss2sql.session.session import OFF_SWITCHES
 
 
 @cache
 def plain() -> ss2sql.Session:
-    return ss2sql.connect(disable=list(SWITCHES))
+    return ss2sql.connect(disable=list(OFF_SWITCHES))
 
 
 def emptied() -> ss2sql.Session:
@@ -36,7 +36,7 @@ class FakeHost:
         volatility: dict[str, plan.Volatility] | None = None,
         **variables: Any,
     ) -> None:
-        self.session = ss2sql.connect(disable=list(SWITCHES)) if functions else emptied()
+        self.session = ss2sql.connect(disable=list(OFF_SWITCHES)) if functions else emptied()
         for name, function in (functions or {}).items():
             self.session.function(name, function, volatility=(volatility or {}).get(name, "immutable"))
         for name, value in variables.items():

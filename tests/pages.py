@@ -35,7 +35,7 @@ from golden import sql_text
 import ss2sql
 from ss2sql.cli import main as command_line
 from ss2sql.errors import Source
-from ss2sql.frontend.parser import parse
+from ss2sql.frontend.syntax.parser import parse
 from ss2sql.shell.shell import Shell
 
 ROOT = Path(__file__).parent.parent

@@ -11,7 +11,7 @@ from typing import Any
 
 from native_host import FakeHost
 
-from ss2sql.runtime.memorize.graph import Graph
+from ss2sql.runtime.search.graph import RowGraph
 
 Edge = tuple[int, Any]  # the node that it leads to, and its weight
 Path = tuple[list[int], list[int], list[Any]]  # the positions of its edges, its nodes, its weights
@@ -90,9 +90,9 @@ CHANCES: list[list[Any]] = [[0.9], [1], [0.5, 1, 0.25], [0.1, 0.3, 0.9], [1 / 3,
 # --- graphs in which most ways lead nowhere ---------------------------------------------------------------------
 
 
-def graph_of(edges: list[list[int]], goals: set[int], bound: int | None = None) -> Graph:
+def graph_of(edges: list[list[int]], goals: set[int], bound: int | None = None) -> RowGraph:
     """The graph of these edges, all of weight 1; node 0 is the start, which has no row."""
-    graph = Graph(lambda: None, bound)
+    graph = RowGraph(lambda: None, bound)
     for node in range(1, len(edges)):
         graph.add_node((node,), node in goals)
     for node, targets in enumerate(edges):
@@ -117,7 +117,7 @@ def floor_of(width: int, height: int, first: int) -> list[tuple[int, int]]:
     return along + [(cell, cell + width) for cell in range(first, first + width * (height - 1))]
 
 
-def lollipop(size: int, stick: int = 10) -> Graph:
+def lollipop(size: int, stick: int = 10) -> RowGraph:
     """A stick, and at its middle a room in which every node leads to every other one. The room comes first."""
     room = range(stick + 1, stick + 1 + size)
     pairs = [(one, other) for one in room for other in room if one < other]
@@ -126,7 +126,7 @@ def lollipop(size: int, stick: int = 10) -> Graph:
     return graph_of(both_ways(pairs), {stick})
 
 
-def side_room(side: int, detour: int) -> Graph:
+def side_room(side: int, detour: int) -> RowGraph:
     """A short way of three steps, a floor beside it, and a detour to the goal."""
     first = 4 + side * side
     chain = [1, *range(first, first + detour), 3]
@@ -134,7 +134,7 @@ def side_room(side: int, detour: int) -> Graph:
     return graph_of(both_ways(pairs), {3})
 
 
-def trap(side: int, detour: int) -> Graph:
+def trap(side: int, detour: int) -> RowGraph:
     """A floor whose far corner has a door back to where one came from, and a long corridor to the goal."""
     first = 3 + side * side
     edges = both_ways(floor_of(side, side, 3)) + [[] for _ in range(detour)]
@@ -145,7 +145,7 @@ def trap(side: int, detour: int) -> Graph:
     return graph_of(edges, {2})
 
 
-def ladder(rungs: int, first: int = 1) -> Graph:
+def ladder(rungs: int, first: int = 1) -> RowGraph:
     """Two corridors with a rung from each place to the other; the goal is at one end."""
     pairs = [(0, first)]
     for left in range(1, 2 * rungs, 2):
@@ -155,7 +155,7 @@ def ladder(rungs: int, first: int = 1) -> Graph:
     return graph_of(both_ways(pairs), {2 * rungs - 1})
 
 
-def corridors(number: int, shortest: int, rungs: bool) -> Graph:
+def corridors(number: int, shortest: int, rungs: bool) -> RowGraph:
     """Corridors side by side, each a step longer than the one before, with or without ways across."""
     pairs: list[tuple[int, int]] = []
     nodes, rows = 2, []
@@ -170,7 +170,7 @@ def corridors(number: int, shortest: int, rungs: bool) -> Graph:
     return graph_of(both_ways(pairs), {1})
 
 
-def doubling(places: int) -> Graph:
+def doubling(places: int) -> RowGraph:
     """From place to place a step or a detour, each detour twice as long as the one before: every length occurs once."""
     edges: list[list[int]] = [[]]
     place = 0
@@ -184,7 +184,7 @@ def doubling(places: int) -> Graph:
     return graph_of(edges, {place})
 
 
-def crowd(side: int) -> Graph:
+def crowd(side: int) -> RowGraph:
     """A floor on which the goal is beside the start, and all paths are wanted."""
     return graph_of(both_ways([(0, 1), *floor_of(side, side, 1)]), {2})
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from ss2sql.kinds import INT_MAX, INT_MIN, Opaque
-from ss2sql.runtime.values import show
+from ss2sql.language.kinds import INT_MAX, INT_MIN, Opaque
+from ss2sql.language.values import format_value
 
 INTEGERS = st.one_of(
     st.integers(-3, 12),
@@ -39,7 +39,7 @@ def label(value: Any) -> str:
     """The name of a test case: equal in every process, so without addresses and without the order of a set."""
     if isinstance(value, set | frozenset):
         return f"{type(value).__name__} of {', '.join(sorted(map(label, value)))}"
-    return show(value, 30).partition(" at 0x")[0]
+    return format_value(value, 30).partition(" at 0x")[0]
 
 
 class Thing:

@@ -13,7 +13,7 @@ from reference import Reference, queries
 from reference.search import Search, State
 from reference.sight import Frame
 
-from ss2sql.frontend import ast
+from ss2sql.frontend.syntax import ast
 
 Rows = Sequence[tuple[Any, ...]]
 # The state after a step, whether it stops, and whether it is a goal.

@@ -75,7 +75,7 @@ def leaping(monkeypatch: pytest.MonkeyPatch, step: int) -> Callable[[int], int]:
     So a run with a timeout of an hour ends about there, however slow or quick the machine is.
     """
     clock = SimpleNamespace(monotonic=time.monotonic)
-    monkeypatch.setattr("ss2sql.runtime.run.time", clock)
+    monkeypatch.setattr("ss2sql.runtime.run.run_state.time", clock)
 
     def leap(n: int) -> int:
         if n == step:

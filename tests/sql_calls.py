@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from ss2sql.lowering.names import SQLITE_FUNCTIONS
+from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS
 
 WORDS = {"from", "in", "as", "when", "then", "else", "and", "or", "not", "where", "over", "select", "by", "cast"}
 

@@ -17,7 +17,7 @@ from reference import Reference
 from replay import Replay, search_of
 
 from ss2sql.errors import Source
-from ss2sql.frontend.parser import parse
+from ss2sql.frontend.syntax.parser import parse
 
 COUNT = amount()
 PART = 1000

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ss2sql.errors import SessionError
-from ss2sql.frontend.purity import Arity, arity
+from ss2sql.frontend.volatility import Arity, infer_arity
 
 
 class Robot:
@@ -46,7 +46,7 @@ def needs_key(a: int, *, unit: str) -> int:
 
 
 def test_arity() -> None:
-    assert [arity(function) for function, _ in TAKES] == [expected for _, expected in TAKES]
+    assert [infer_arity(function) for function, _ in TAKES] == [expected for _, expected in TAKES]
 
 
 @pytest.mark.parametrize(
@@ -55,6 +55,6 @@ def test_arity() -> None:
 )
 def test_arity_refuses_what_a_script_cannot_call(wrong: Any, words: str) -> None:
     with pytest.raises(SessionError, match=words) as caught:
-        arity(wrong)
+        infer_arity(wrong)
     assert caught.value.code == "S002"
     assert caught.value.hints

@@ -10,7 +10,7 @@ from listings import MOVES, move
 from programs.drawn import SEED, amount
 
 import ss2sql
-from ss2sql.runtime.memorize import growing
+from ss2sql.runtime.search import memorize
 
 COUNT = 2 * amount(1 / 2)
 
@@ -85,7 +85,7 @@ def test_whole_sums_can_be_undone(ss: ss2sql.Session, grid: str, bound: int, mon
     text = f"SELECT {shown} FROM [[-1, 0], [0, -1], [0, 1], [1, 0], [1, 1]] {grid.format(bound)} AS list"
     ss.function("wall", lambda x, y: x == 3 and y != 2, volatility="immutable")
     both = ss.run(text)
-    monkeypatch.setattr(growing, "way_back", lambda hunt: None)
+    monkeypatch.setattr(memorize, "start_backward_search", lambda hunt: None)
     one = ss.run(text)
     assert both.value == one.value
     assert both.stats.backward

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from random_values import NUMBERS, same
 
 from ss2sql.errors import ExecutionError
-from ss2sql.kinds import ANY, INT, INT_MIN, Kind, Type, list_of, union
+from ss2sql.language.kinds import ANY, INT, INT_MIN, Kind, Type, make_list_type, union
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.runtime.values import check
+from ss2sql.language.values import check_arithmetic
 
 
 def call(name: str, *arguments: Any) -> Any:
@@ -74,7 +74,7 @@ def test_messages(row: tuple[Any, ...]) -> None:
 
 def test_hints_name_the_cure() -> None:
     with pytest.raises(ExecutionError, match="1j"):
-        check(1j)
+        check_arithmetic(1j)
     assert "max(SELECT ... AS list)" in failure("max", 5).hints[0]
     assert "str(...)" in failure("add", 1, "a").hints[0]
     assert "did you mean 'name'?" in failure("item", {"name": 1, "other": 2}, "nam").hints
@@ -101,7 +101,7 @@ def bounded(low: float, high: float, kinds: Kind = Kind.INT) -> Type:
     return Type(kinds, low, high)
 
 
-POINT = list_of([bounded(-2, 0), bounded(1, 5)])
+POINT = make_list_type([bounded(-2, 0), bounded(1, 5)])
 
 
 def test_bounds_are_computed() -> None:
@@ -120,12 +120,12 @@ def test_bounds_are_computed() -> None:
         ("int", (bounded(-0.7, 2.9, Kind.FLOAT),), bounded(0, 2)), ("float", (small,), bounded(0, 5, Kind.FLOAT)),
         ("min", (small, bounded(2, 3)), bounded(0, 3)), ("max", (small, bounded(2, 3)), bounded(2, 5)),
         ("max", (POINT,), bounded(1, 5)), ("min", (POINT,), bounded(-2, 0)),
-        ("min", (list_of([bounded(3, 4)]),), bounded(3, 4)), ("sum", (POINT,), bounded(-1, 5)),
+        ("min", (make_list_type([bounded(3, 4)]),), bounded(3, 4)), ("sum", (POINT,), bounded(-1, 5)),
         ("len", (POINT,), bounded(2, 2)), ("item", (POINT, bounded(0, 0)), bounded(-2, 0)),
         ("item", (POINT, bounded(-1, -1)), bounded(1, 5)), ("item", (POINT, bounded(0, 1)), bounded(-2, 5)),
-        ("item", (list_of([Type(Kind.STR), one]), bounded(0, 1, Kind.BOOL)), bounded(1, 1, Kind.STR | Kind.INT)),
-        ("zip", (POINT, list_of([Type(Kind.STR)])),
-         Type(Kind.LIST, item=list_of([bounded(-2, 5), Type(Kind.STR)]), columns=())),
+        ("item", (make_list_type([Type(Kind.STR), one]), bounded(0, 1, Kind.BOOL)), bounded(1, 1, Kind.STR | Kind.INT)),
+        ("zip", (POINT, make_list_type([Type(Kind.STR)])),
+         Type(Kind.LIST, item=make_list_type([bounded(-2, 5), Type(Kind.STR)]), columns=())),
         ("range", (bounded(0, 9),), Type(Kind.LIST, item=bounded(0, 8), columns=())),
         ("range", (bounded(7, 9), bounded(1, 3), INT), Type(Kind.LIST, item=bounded(2, 9), columns=())),
     ]  # fmt: skip
@@ -146,7 +146,7 @@ def test_what_cannot_fail_and_what_can() -> None:
         ("sqrt", (bounded(0, 5),)), ("float", (INT,)), ("distance", (INT, bounded(-5, 5, Kind.FLOAT))),
         ("pow", (bounded(0, 10), bounded(0, 18))), ("round", (floats, bounded(0, 3))),
         ("item", (POINT, bounded(-2, 1))), ("item", (POINT, bounded(0, 1, Kind.BOOL))), ("min", (POINT,)),
-        ("max", (list_of([text, text]),)), ("max", (list_of([Type(Kind.NONE)]),)), ("sum", (POINT,)),
+        ("max", (make_list_type([text, text]),)), ("max", (make_list_type([Type(Kind.NONE)]),)), ("sum", (POINT,)),
         ("norm", (POINT,)), ("distance", (POINT, POINT)), ("min", (numbers,)), ("average", (numbers,)),
     ]  # fmt: skip
     unsafe = [
@@ -159,9 +159,9 @@ def test_what_cannot_fail_and_what_can() -> None:
         ("round", (INT, bounded(-1, 1))), ("int", (floats,)), ("distance", (floats, floats)),
         ("pow", (bounded(0, 10), bounded(0, 19))), ("pow", (bounded(0, 10), bounded(-1, 2))),
         ("pow", (floats, bounded(0, 2))), ("item", (POINT, bounded(0, 2))), ("item", (POINT, bounded(-3, 0))),
-        ("item", (union([POINT, text]), bounded(0, 1))), ("max", (list_of([one, text]),)),
-        ("max", (union([POINT, Type(Kind.NONE)]),)), ("sum", (list_of([INT, INT]),)),
-        ("distance", (POINT, list_of([INT]))), ("norm", (list_of([floats]),)),
+        ("item", (union([POINT, text]), bounded(0, 1))), ("max", (make_list_type([one, text]),)),
+        ("max", (union([POINT, Type(Kind.NONE)]),)), ("sum", (make_list_type([INT, INT]),)),
+        ("distance", (POINT, make_list_type([INT]))), ("norm", (make_list_type([floats]),)),
     ]  # fmt: skip
     for raises, calls in ((False, safe), (True, unsafe)):
         for name, types in calls:

@@ -16,8 +16,8 @@ from test_errors import FROM_PYTHON
 
 import ss2sql
 from ss2sql.errors import CODES, Source
-from ss2sql.frontend.parser import parse
-from ss2sql.runtime.levels import beginning
+from ss2sql.frontend.syntax.parser import parse
+from ss2sql.runtime.external import first_levels
 
 CASES = golden.cases()
 # The reference evaluator does not know these, or would need minutes.
@@ -46,7 +46,7 @@ def test_case(case: Case, request: pytest.FixtureRequest, monkeypatch: pytest.Mo
             assert found.sections[name] == case.expected.get(name, ""), name
     assert found.usable
     assert list(wrong_in(found.error)) == []
-    monkeypatch.setattr(beginning, "STATES", 0)  # DuckDB does all levels, also small ones
+    monkeypatch.setattr(first_levels, "MAX_STATES", 0)  # DuckDB does all levels, also small ones
     native = golden.run(case, "native")
     assert native.usable
     assert native.verdict == found.verdict or (native.error is not None and found.error is None)

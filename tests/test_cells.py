@@ -173,7 +173,9 @@ def test_the_packed_list_is_explained_and_can_be_pasted(ss: ss2sql.Session) -> N
     ss.attach("grid", GRID)
     result = ss.run("SELECT grid[a.this][0] FROM a = [0, 1] AS list;", engine="database")
     assert result.sql.parameters["grid_cells"] == bytes([0, 1, 0, 5, 0, 2])
-    assert [row[0] for row in ss.host.database.paste(result.sql, ss2sql.runtime.run.Run(ss.host))] == [0, 5]
+    assert [
+        row[0] for row in ss.host.database.run_shown_sql(result.sql, ss2sql.runtime.run.run_state.Run(ss.host))
+    ] == [0, 5]
     assert "cells: indexes into lists of numbers became places in a block of bytes" in str(result.explain())
 
 

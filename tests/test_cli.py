@@ -19,20 +19,20 @@ from click.shell_completion import ShellComplete
 from command_lines import ENDLESS, FUNCTIONS, bad, call, good, moved_into, press_ctrl_c_after, process, value
 
 import ss2sql
-from ss2sql.cli import COMMANDS, endings, main, output
-from ss2sql.cli import run as running
-from ss2sql.cli.completion import SHELLS
-from ss2sql.cli.listing import TOPICS
-from ss2sql.cli.plot import KINDS as KINDS_OF_OPTION
-from ss2sql.cli.run import ENGINES as ENGINES_OF_OPTION
+from ss2sql.cli import COMMANDS, exit_codes, main, output
+from ss2sql.cli import run_command as running
+from ss2sql.cli.completion_command import SHELLS
+from ss2sql.cli.list_command import TOPICS
+from ss2sql.cli.plot_command import KINDS as KINDS_OF_OPTION
+from ss2sql.cli.run_command import ENGINES as ENGINES_OF_OPTION
 from ss2sql.errors import CODES
 from ss2sql.language.operations import WRITTEN
-from ss2sql.lowering.strategies import GUARDS, ORDERS
+from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES
 from ss2sql.results.plots import KINDS
-from ss2sql.runtime.engines import ENGINES
 from ss2sql.runtime.representations import ALL
-from ss2sql.runtime.session import SWITCHES
-from ss2sql.vtables import known_types
+from ss2sql.session.engines import ENGINES
+from ss2sql.session.session import OFF_SWITCHES
+from ss2sql.vtables import list_known_types
 
 FACTORY = """
 import os
@@ -293,9 +293,9 @@ def listed(*arguments: str) -> list[dict[str, Any]]:
 
 
 def test_lists_are_complete_and_show_one() -> None:
-    strategies = {order.keyword for order in ORDERS.values()} | {guard.keyword for guard in GUARDS.values()}
+    strategies = {order.keyword for order in ORDERS.values()} | {guard.keyword for guard in REPEAT_RULES.values()}
     known = {"functions": WRITTEN, "representations": ALL, "strategies": strategies - {""} | {"(none)"},
-             "worlds": known_types(), "errors": CODES, "rewrites": SWITCHES}  # fmt: skip
+             "worlds": list_known_types(), "errors": CODES, "rewrites": OFF_SWITCHES}  # fmt: skip
     assert set(known) == set(TOPICS) == {entry["name"] for entry in listed()}
     for topic, names in known.items():
         assert {entry["name"] for entry in listed(topic)} == set(names)
@@ -387,10 +387,10 @@ def test_colors_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
     stream: Any = Terminal()
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
-    assert endings.wants_color(stream)
+    assert exit_codes.wants_color(stream)
     for name, given, wanted in (("NO_COLOR", "1", False), ("NO_COLOR", "", True), ("TERM", "dumb", False)):
         monkeypatch.setenv(name, given)
-        assert endings.wants_color(stream) is wanted
+        assert exit_codes.wants_color(stream) is wanted
 
 
 class Terminal:
@@ -506,8 +506,8 @@ def test_terminals_get_no_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(output.sys, "stdout", Terminal())
     for form in output.BINARY:
         with pytest.raises(Exception, match=f"--output FILE.{form}"):
-            output.output_of(form, None)
-        assert output.output_of(form, Path("a")).form == form
+            output.make_output(form, None)
+        assert output.make_output(form, Path("a")).form == form
 
 
 @pytest.mark.parametrize(("name", "start"), [("p.png", b"\x89PNG"), ("p.svg", b"<?xml"), ("p.PDF", b"%PDF")])
@@ -583,8 +583,8 @@ def test_errors_and_endings_are_objects(folder: Path) -> None:
     first, second = errors(1, "run", "wrong.ss")
     assert first["code"] == second["code"] == "R001"
     assert (first["title"], first["message"]) == ("unknown name", "unknown name 'a'")
-    assert [first[key] for key in endings.PLACE] == ["wrong.ss", 1, 8, 1, 9]
-    assert [second[key] for key in endings.PLACE] == ["wrong.ss", 2, 15, 2, 16]
+    assert [first[key] for key in exit_codes.PLACE] == ["wrong.ss", 1, 8, 1, 9]
+    assert [second[key] for key in exit_codes.PLACE] == ["wrong.ss", 2, 15, 2, 16]
     assert (first["hints"], first["related"]) == (["assign it before, or give it with -p a VALUE"], [])
     (parse,) = errors(1, "sql", "-e", "max(SELECT this FROM [1]")
     assert parse["code"].startswith("P")

@@ -14,10 +14,10 @@ from sessions import both, code_of, write
 
 import ss2sql
 from ss2sql.errors import Source
-from ss2sql.frontend.ast import names_read
-from ss2sql.frontend.parser import parse
-from ss2sql.kinds import Kind, Type, covers, type_of
-from ss2sql.runtime.column_types import STORED
+from ss2sql.frontend.syntax.ast import collect_column_names
+from ss2sql.frontend.syntax.parser import parse
+from ss2sql.language.kinds import Kind, Type, covers, type_of
+from ss2sql.runtime.sqlite.column_types import STORED
 
 ENDLESS = "WITH RECURSIVE r(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM r) SELECT n FROM r"
 ROWS = 20_000
@@ -205,7 +205,7 @@ def test_a_row_that_breaks_what_is_known_is_found(ss: ss2sql.Session) -> None:
      ("SELECT count(*) FROM t GROUP BY 1;", {"t"})],
 )  # fmt: skip
 def test_names_that_may_be_columns(script: str, read: set[str] | None) -> None:
-    assert names_read(parse(Source(script))) == read
+    assert collect_column_names(parse(Source(script))) == read
 
 
 @both

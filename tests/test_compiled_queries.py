@@ -201,5 +201,5 @@ def test_what_the_statements_before_assign_does_not_make_a_script_outdated(
     query = ss.compile("x = [[1]]; y = len(x); x = y; IF(y > 0; z = x; z = y); SELECT z + this FROM [x, 2] AS list;")
     assert query.run().value == [2, 3]
     resolved: list[Any] = []
-    monkeypatch.setattr("ss2sql.runtime.host.resolve", lambda tree, catalog: resolved.append(tree))
+    monkeypatch.setattr("ss2sql.session.host.resolve", lambda tree, catalog: resolved.append(tree))
     assert (query.run().value, resolved) == ([2, 3], [])

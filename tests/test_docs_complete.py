@@ -13,13 +13,13 @@ import ss2sql
 from ss2sql.cli import COMMANDS, main
 from ss2sql.errors import CODES
 from ss2sql.extras import PACKAGES
-from ss2sql.frontend.options import ORDERS as ORDER_WORDS
-from ss2sql.frontend.options import REPEATS
-from ss2sql.frontend.queries import SYNONYMS
-from ss2sql.frontend.text import CONTEXTUAL, RESERVED
+from ss2sql.frontend.resolve.query_clauses import SYNONYMS
+from ss2sql.frontend.resolve.search_options import ORDERS as ORDER_WORDS
+from ss2sql.frontend.resolve.search_options import REPEATS
+from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, RESERVED
 from ss2sql.language.operations import WRITTEN
 from ss2sql.lowering.rewrites import REWRITES
-from ss2sql.lowering.strategies import GUARDS, ORDERS
+from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES
 from ss2sql.lowering.unsupported import RULES
 from ss2sql.runtime.representations import ALL
 from ss2sql.vtables.mujoco import MuJoCoWorld
@@ -89,7 +89,7 @@ def test_every_option_of_connect_by_is_on_the_page_of_searches():
     assert [word for word in words if not re.search(rf"^\| .*`[^`]*\b{word}\b", text, re.MULTILINE)] == []
 
 
-@pytest.mark.parametrize("strategy", [*ORDERS.values(), *(guard for guard in GUARDS.values() if guard.keyword)])
+@pytest.mark.parametrize("strategy", [*ORDERS.values(), *(guard for guard in REPEAT_RULES.values() if guard.keyword)])
 def test_every_strategy_has_a_page_with_a_script_and_what_becomes_of_it(strategy):
     name = strategy.name.replace(" ", "_")
     text = page(f"strategies/{name}" if (DOCS / "strategies" / f"{name}.md").exists() else name)

@@ -8,7 +8,7 @@ from functools import cache
 
 import pytest
 
-from ss2sql.errors import CODES, Error, Source, Span, render, render_all, several
+from ss2sql.errors import CODES, Error, Source, Span, combine_errors, render_all, render_error
 
 
 @cache
@@ -24,11 +24,11 @@ def at(text: str, part: str) -> Span:
 
 def shown(error: Error) -> list[str]:
     """The rendered lines behind the sentence."""
-    return render(error).split("\n")[1:]
+    return render_error(error).split("\n")[1:]
 
 
 def test_no_place() -> None:
-    assert render(Error("S001", "the session is closed", hints=["open one"])) == (
+    assert render_error(Error("S001", "the session is closed", hints=["open one"])) == (
         "error[S001]: the session is closed\n  = help: open one"
     )
 
@@ -56,7 +56,7 @@ TWENTY = "\n".join(f"line {number}" for number in range(1, 21))
 def test_a_stretch_of_text(text: str, start: int, end: int, expected: list[str]) -> None:
     error = Error("P009", "no", Span(Source(text, "s.ss"), start, end), ["do"])
     edge = " " * (len(expected[1]) - 1)
-    assert render(error).split("\n") == ["error[P009]: no", *expected, f"{edge}= help: do"]
+    assert render_error(error).split("\n") == ["error[P009]: no", *expected, f"{edge}= help: do"]
 
 
 def test_the_gutter_is_as_wide_as_the_largest_number() -> None:
@@ -136,14 +136,14 @@ KINDS = [
 
 @pytest.mark.parametrize("error", KINDS, ids=["related", "lines", "no place"])
 def test_colour_changes_nothing_else(error: Error) -> None:
-    assert "\x1b" not in render(error)
+    assert "\x1b" not in render_error(error)
     assert "\x1b" not in str(error)
-    assert ANSI.sub("", render(error, color=True)) == render(error)
-    assert render(error, color=True).count("\x1b[0m") * 2 == render(error, color=True).count("\x1b")
+    assert ANSI.sub("", render_error(error, color=True)) == render_error(error)
+    assert render_error(error, color=True).count("\x1b[0m") * 2 == render_error(error, color=True).count("\x1b")
 
 
 def test_what_is_coloured() -> None:
-    text = render(KINDS[0], color=True)
+    text = render_error(KINDS[0], color=True)
     assert text.startswith("\x1b[1;31merror[P001]\x1b[0m\x1b[1m: no\x1b[0m")
     assert "\x1b[1;31m^\x1b[0m" in text
     assert "\x1b[1;34m-\x1b[0m" in text
@@ -155,10 +155,10 @@ def test_what_is_coloured() -> None:
 
 def test_all_errors_stand_in_the_order_of_their_places() -> None:
     text = "a b"
-    error = several([Error("R001", "second", at(text, "b")), Error("R002", "first", at(text, "a"))])
-    assert render_all(error) == f"{render(error.errors[0])}\n\n{render(error.errors[1])}" == str(error)
+    error = combine_errors([Error("R001", "second", at(text, "b")), Error("R002", "first", at(text, "a"))])
+    assert render_all(error) == f"{render_error(error.errors[0])}\n\n{render_error(error.errors[1])}" == str(error)
     assert [one.message for one in error.errors] == ["first", "second"]
-    assert render(error) == render(error.errors[0])
+    assert render_error(error) == render_error(error.errors[0])
     assert ANSI.sub("", render_all(error, color=True)) == render_all(error)
 
 

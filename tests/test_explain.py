@@ -11,8 +11,8 @@ import pytest
 from sessions import write
 
 import ss2sql
-from ss2sql.explained.endless import ADVICE
-from ss2sql.explained.words import STAGES
+from ss2sql.results.explain.termination import ADVICE
+from ss2sql.results.explain.vocabulary import STAGES
 
 
 def inc(n):

@@ -15,7 +15,7 @@ import pytest
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime import file_locks
+from ss2sql.runtime.sqlite import file_locks
 
 COUNT = "SELECT count(*) FROM t GROUP BY 1 AS value"
 GRAPH = "SELECT this FROM [1, 2] WHERE n == 3 START WITH n = 0 CONNECT BY MEMORIZE 3 n = n + this AS list"

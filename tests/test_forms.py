@@ -18,10 +18,10 @@ from programs import ProgramCase
 from sql_calls import python_calls
 
 import ss2sql
-from ss2sql import plan
 from ss2sql.errors import Error
-from ss2sql.lowering.expressions import Env, Expressions
-from ss2sql.lowering.sql import Node
+from ss2sql.language import plan
+from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sqlite_expressions import ExpressionLowering, SqlScope
 
 # Of columns of tables the types know neither the size of numbers nor whether None is compared.
 GUARDED = [
@@ -84,13 +84,13 @@ def test_columns_of_tables_cost_no_call_as_a_rule(expression: str) -> None:
 )  # fmt: skip
 def test_a_chain_of_what_may_fail_is_lowered_once(inner: str, around: str, monkeypatch: pytest.MonkeyPatch) -> None:
     lowered = Counter[int]()
-    lower = Expressions._lower
+    lower = ExpressionLowering._lower
 
-    def counted(self: Expressions, expr: plan.Expr, env: Env) -> Node:
+    def counted(self: ExpressionLowering, expr: plan.Expr, env: SqlScope) -> Node:
         lowered[depth] += 1
         return lower(self, expr, env)
 
-    monkeypatch.setattr(Expressions, "_lower", counted)
+    monkeypatch.setattr(ExpressionLowering, "_lower", counted)
     for depth in (4, 8, 16):
         expression = inner
         for _ in range(depth):

@@ -200,7 +200,7 @@ def test_without_a_memo_results_are_the_same(engine: Any, volatility: Any) -> No
 
 
 def test_old_entries_leave_a_full_memo(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ss2sql.runtime.host.MEMO_LIMIT", 2)
+    monkeypatch.setattr("ss2sql.session.host.MEMO_LIMIT", 2)
     with ss2sql.connect() as ss:
         for engine in ("database", "native"):
             f = ss.function("f", Counted(), volatility="immutable")

@@ -9,7 +9,7 @@ import pytest
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.compiled_query import CompiledQuery
+from ss2sql.session.compiled_query import CompiledQuery
 
 DROPPED = "SELECT a FROM t GROUP BY a HAVING count(*) == 1 ORDER BY sum(b) AS list;"
 BRANCH = "SELECT IF(count(*) == 1; sum(b); 0) FROM t GROUP BY a AS list;"
@@ -124,7 +124,7 @@ def test_a_failed_call_that_python_does_not_need(ss: ss2sql.Session) -> None:
 @pytest.mark.parametrize(("limit", "code"), [({"max_rows": 2}, "X010"), ({"max_size": 300_000}, "X014")], ids=str)
 def test_limits_do_not_begin_again(limit: dict[str, int], code: str, monkeypatch: pytest.MonkeyPatch) -> None:
     begun: list[Any] = []
-    monkeypatch.setattr(CompiledQuery, "_natively_after", lambda *given: begun.append(given))
+    monkeypatch.setattr(CompiledQuery, "_retry_natively", lambda *given: begun.append(given))
     with ss2sql.connect(max_size=limit.get("max_size", 10**9)) as ss:
         ss.function("f", lambda x: [x] * 1_000_000 if "max_size" in limit else x, volatility="stable")
         ss.host.connection.execute("CREATE TABLE u(a); INSERT INTO u VALUES (1), (2), (3), (4)")

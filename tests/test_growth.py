@@ -14,7 +14,7 @@ from agreement import executor_outcome, is_allowed, reference_outcome
 from programs import ProgramCase
 
 import ss2sql
-from ss2sql.runtime import database
+from ss2sql.runtime.sqlite import executor
 
 Engine = Literal["database", "native"]
 
@@ -93,7 +93,7 @@ def work(script: str, size: int, engine: Engine, monkeypatch: pytest.MonkeyPatch
     """What one run does, in steps of SQLite and lines of Python."""
     counted = 0
 
-    def step(self: database.Database) -> bool:
+    def step(self: executor.Database) -> bool:
         nonlocal counted
         counted += 10
         return False
@@ -103,8 +103,8 @@ def work(script: str, size: int, engine: Engine, monkeypatch: pytest.MonkeyPatch
         counted += event == "line"
         return line
 
-    monkeypatch.setattr(database, "CHECK_EVERY", 10)
-    monkeypatch.setattr(database.Database, "_progress", step)
+    monkeypatch.setattr(executor, "CHECK_EVERY", 10)
+    monkeypatch.setattr(executor.Database, "_check_progress", step)
     with ss2sql.connect(engine=engine) as ss:
         for name, value in data(size).items():
             ss.set(name, value)

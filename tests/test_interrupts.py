@@ -21,8 +21,9 @@ from remembering import KNOWN, asked
 from sessions import both, write
 
 import ss2sql
-from ss2sql.runtime import column_types, interrupts
-from ss2sql.runtime.tables import Tables
+from ss2sql.runtime.run import keyboard_interrupt
+from ss2sql.runtime.sqlite import column_types
+from ss2sql.runtime.sqlite.database_tables import Tables
 
 pytestmark = pytest.mark.usefixtures("usual")
 SLOW = pytest.mark.slow
@@ -161,7 +162,7 @@ def test_no_generator_is_left_for_python_to_close(ss: ss2sql.Session) -> None:
     """Closed later, or where Ctrl-C is not noted, it would lose KeyboardInterrupt."""
     namespace: dict[str, Any] = {}
     exec("def generated(look): yield look()", namespace)
-    assert next(namespace["generated"](lambda: interrupts.may_break(sys._getframe(1)))) is False
+    assert next(namespace["generated"](lambda: keyboard_interrupt.can_interrupt(sys._getframe(1)))) is False
 
     @ss.function(volatility="stable")
     def hop(n: int, step: int) -> int:
@@ -214,15 +215,15 @@ def test_handlers_of_others_stay(ss: ss2sql.Session) -> None:
 
 def test_pressed_again_it_ends_the_run_wherever_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     frame = sys._getframe()
-    monkeypatch.setattr(interrupts, "may_break", lambda frame: False)
-    with interrupts.under_way(None):
+    monkeypatch.setattr(keyboard_interrupt, "can_interrupt", lambda frame: False)
+    with keyboard_interrupt.defer_keyboard_interrupt(None):
         handler: Any = signal.getsignal(signal.SIGINT)
         handler(signal.SIGINT, frame)
         handler(signal.SIGINT, frame)  # at once: a nervous finger
-        monkeypatch.setattr(interrupts, "PATIENCE", -1)
+        monkeypatch.setattr(keyboard_interrupt, "PATIENCE_SECONDS", -1)
         with pytest.raises(KeyboardInterrupt):
             handler(signal.SIGINT, frame)
-        interrupts._ctrl_c.pressed = None
+        keyboard_interrupt._ctrl_c.pressed = None
 
 
 def test_what_is_no_run_is_finished_first(file: Path, staff: Path) -> None:
@@ -244,25 +245,25 @@ def test_reading_a_large_table_to_compile_can_be_interrupted(file: Path, monkeyp
     numbers = "WITH RECURSIVE t(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM t LIMIT 20000) SELECT n FROM t"
     write(file, f"CREATE TABLE big AS {numbers}")
     with ss2sql.connect(file) as ss:
-        read = Tables._indexes
-        monkeypatch.setattr(Tables, "_indexes", lambda *arguments: ss.interrupt() or read(*arguments))
-        monkeypatch.setattr(column_types, "_bounded", None)  # kinds of values come first, in 60,000 steps of SQLite
+        read = Tables._find_indexes
+        monkeypatch.setattr(Tables, "_find_indexes", lambda *arguments: ss.interrupt() or read(*arguments))
+        monkeypatch.setattr(column_types, "_find_bounds", None)  # kinds of values come first, in 60,000 steps of SQLite
         assert cancelled(ss, "SELECT n FROM big;").partial is None
         monkeypatch.undo()
         assert len(ss.run("SELECT n FROM big;")) == 20_000
 
 
 def test_a_graph_is_written_in_parts_of_whole_states(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from ss2sql.runtime.remembered import steps  # what a session imports first
+    from ss2sql.runtime.graph_cache import cached_steps  # what a session imports first
 
-    monkeypatch.setattr(steps, "MOST_EDGES", 6)
-    monkeypatch.setattr(steps, "MOMENT", -1.0)
+    monkeypatch.setattr(cached_steps, "MAX_EDGES_WRITTEN", 6)
+    monkeypatch.setattr(cached_steps, "MOMENT", -1.0)
     with ss2sql.connect(file) as ss:
         ss.function("hop", interrupting.hop, volatility="immutable")
         answer = ss.run(LITTLE["memorize"]).value
         ss.graphs().drop()
-        write_part = steps.Remembering._write_part
-        monkeypatch.setattr(steps.Remembering, "_write_part", lambda part: ss.interrupt() or write_part(part))
+        write_part = cached_steps.CachedSteps._write_part
+        monkeypatch.setattr(cached_steps.CachedSteps, "_write_part", lambda part: ss.interrupt() or write_part(part))
         cancelled(ss, LITTLE["memorize"])
         monkeypatch.undo()
         assert set(asked(file, KNOWN)) == {(3, 3), (None, 0)}

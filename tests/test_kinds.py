@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_values import ALIKE, VALUES, Thing
 
-from ss2sql.kinds import (
+from ss2sql.language.kinds import (
     ANY,
     INT,
     LIST,
@@ -24,13 +24,13 @@ from ss2sql.kinds import (
     Kind,
     Type,
     covers,
-    list_of,
+    make_list_type,
     may_be_equal,
     type_of,
     union,
 )
-from ss2sql.kinds import without_bounds as unbounded
-from ss2sql.runtime.values import normalise
+from ss2sql.language.kinds import drop_bounds as unbounded
+from ss2sql.language.values import convert_value
 
 EMPTY = Type(Kind.LIST, item=NOTHING, columns=())
 
@@ -91,10 +91,10 @@ def test_lists_of_dicts_and_dataclass_objects_have_columns() -> None:
     columns = (("a", number(1, 2.5, Kind.INT | Kind.FLOAT)), ("b", Type(Kind.STR | Kind.NONE)))
     assert type_of(rows) == Type(Kind.LIST, item=Type(Kind.DICT, columns=columns), columns=columns)
     assert type_of([{"a": 1}, 2]).columns == ()
-    people = normalise([Person("Ann", 5), Person("Bob", 7)], "the variable 'x'")
+    people = convert_value([Person("Ann", 5), Person("Bob", 7)], "the variable 'x'")
     assert type_of(people).columns == (("name", ANY), ("age", ANY))
     assert type_of([Place("a"), Place("b")]).columns == (("name", ANY),)
-    assert type_of(normalise([Person("Ann", 5), Place("a")], "the variable 'x'")).columns == (
+    assert type_of(convert_value([Person("Ann", 5), Place("a")], "the variable 'x'")).columns == (
         ("name", ANY),
         ("age", ANY),
     )
@@ -148,7 +148,7 @@ def test_the_type_of_a_list_covers_its_elements(values: list[Any]) -> None:
         assert not covers(kind, EMPTY)
         assert all(covers(*pair) for pair in zip(kind.positions, map(type_of, values), strict=True))
         assert union(kind.positions) == kind.item
-        assert kind == list_of(kind.positions)
+        assert kind == make_list_type(kind.positions)
 
 
 def test_types_that_do_not_cover() -> None:
@@ -184,8 +184,8 @@ def test_short_lists_are_described_one_by_one_as_long_as_all_have_one_length() -
     assert union([pair, short_list(STR)]).positions is None
     assert union([pair, EMPTY]).positions is None
     assert union([pair, LIST]) == LIST
-    assert list_of([INT, ANY]).positions is None  # an element may be a list itself
-    assert list_of([]).positions is None
+    assert make_list_type([INT, ANY]).positions is None  # an element may be a list itself
+    assert make_list_type([]).positions is None
 
 
 DIFFERENT = [None, 1, 2.5, "a", [], [3], [[], []], [1, 2, 3], {"a": 1}]

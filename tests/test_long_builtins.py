@@ -11,8 +11,8 @@ import pytest
 from sessions import both
 
 import ss2sql
-from ss2sql.runtime.run import Run
-from ss2sql.runtime.sizes import CELL, Sizes
+from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.run.value_sizes import CELL_SIZE, ValueSizes
 
 LISTS = "zip(range({count}, 0, -1))"  # of one number each; Python compares them one by one
 FUNCTIONS = {
@@ -63,16 +63,16 @@ def test_zip_measures_what_it_makes(seed: int) -> None:
     dice = random.Random(seed)
     make = [lambda: dice.randint(0, 9), lambda: "x" * dice.randint(0, 9), lambda: [1, [2]], lambda: {"a": [3]}]
     lists = [[dice.choice(make)() for _ in range(dice.randint(0, 30))] for _ in range(dice.randint(1, 3))]
-    made = Sizes().zipped(*lists)
+    made = ValueSizes().zipped(*lists)
     assert made == [list(row) for row in zip(*lists, strict=False)]
-    size = Sizes()._measure([made])[0]
+    size = ValueSizes()._measure([made])[0]
     for limit in (size + 1, size, size - 1):
-        assert _refused(Sizes(limit), lambda sizes: sizes.zipped(*lists)) == _refused(
-            Sizes(limit), lambda sizes: (sizes.room(CELL * (len(lists) + 1) * len(made)), sizes.checked(made))
+        assert _refused(ValueSizes(limit), lambda sizes: sizes.zipped(*lists)) == _refused(
+            ValueSizes(limit), lambda sizes: (sizes.room(CELL_SIZE * (len(lists) + 1) * len(made)), sizes.checked(made))
         )
 
 
-def _refused(sizes: Sizes, make: Callable[[Sizes], object]) -> str | None:
+def _refused(sizes: ValueSizes, make: Callable[[ValueSizes], object]) -> str | None:
     try:
         make(sizes)
     except ss2sql.ExecutionError as error:

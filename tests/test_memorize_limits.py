@@ -8,7 +8,7 @@ import time
 import pytest
 
 import ss2sql
-from ss2sql.runtime.run import Level
+from ss2sql.runtime.run.run_state import GraphLevel
 
 TREE = (
     "SELECT 2 * n + this FROM [0, 1] WHERE 2 * n + this == 4 START WITH n = 1 CONNECT BY MEMORIZE 3 n = 2 * n + this;"
@@ -103,7 +103,7 @@ def test_levels_count_what_became_of_steps(ss: ss2sql.Session) -> None:
         START WITH n = 0 CONNECT BY MEMORIZE 3 n = n + this STOP WITH n + this IN [3, 5, 6, 7];"""
     found = ss.run(script)
     # Each of the levels evaluates three steps for each of its states: 1; then 1 and 2; then 4.
-    assert found.stats.levels == [Level(2, 2, 1), Level(2, 4, 2), Level(0, 1, 2)]
+    assert found.stats.levels == [GraphLevel(2, 2, 1), GraphLevel(2, 4, 2), GraphLevel(0, 1, 2)]
     assert [level.repeated for level in found.stats.levels] == [0, 2, 1]
     assert sum(level.steps + level.pruned for level in found.stats.levels) == found.stats.generated == 12
     lines = found.explain().splitlines()
@@ -119,4 +119,4 @@ def test_levels_count_what_became_of_steps(ss: ss2sql.Session) -> None:
 def test_impossible_steps_are_pruned(ss: ss2sql.Session) -> None:
     script = "SELECT this FROM [0, 1] START WITH n = 0 CONNECT BY MEMORIZE 2 PROBABILITY this / 2 n = n;"
     # The row 1 is found in the first level; in the second it leads to itself.
-    assert ss.run(script).stats.levels == [Level(1, 1, 1), Level(0, 1, 1)]
+    assert ss.run(script).stats.levels == [GraphLevel(1, 1, 1), GraphLevel(0, 1, 1)]

@@ -14,12 +14,12 @@ from path_problems import CHANCES, COSTS, HARMLESS, MISLEADING, Edge, Problem, b
 from programs.drawn import amount
 
 import ss2sql
-from ss2sql.runtime.memorize import by_length as lengths_module
-from ss2sql.runtime.memorize import by_weight as weights_module
-from ss2sql.runtime.memorize import careful as careful_module
-from ss2sql.runtime.memorize.by_length import PATIENCE, ByLength
-from ss2sql.runtime.memorize.by_weight import ByWeight
-from ss2sql.runtime.memorize.graph import Graph
+from ss2sql.runtime.search import paths_by_length as lengths_module
+from ss2sql.runtime.search import paths_by_weight as weights_module
+from ss2sql.runtime.search import simple_paths as careful_module
+from ss2sql.runtime.search.graph import RowGraph
+from ss2sql.runtime.search.paths_by_length import PATIENCE_FACTOR, PathsByLength
+from ss2sql.runtime.search.paths_by_weight import PathsByWeight
 
 COUNT = amount(1 / 5)
 
@@ -35,9 +35,9 @@ RANKED: dict[str, Any] = {
     "chance": (CHANCES, lambda graph: by_total(graph, True)),
 }
 WORK: dict[str, Any] = {
-    "length": ByLength,
-    "cost": lambda graph: ByWeight(graph, False),
-    "chance": lambda graph: ByWeight(graph, True),
+    "length": PathsByLength,
+    "cost": lambda graph: PathsByWeight(graph, False),
+    "chance": lambda graph: PathsByWeight(graph, True),
 }
 
 
@@ -52,9 +52,9 @@ def test_the_paths_are_those_of_brute_force_whenever_care_begins(
     ss: ss2sql.Session, order: str, engine: Any, patience: Any, kept: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if patience is not None:
-        monkeypatch.setattr(lengths_module, "PATIENCE", patience)
-        monkeypatch.setattr(weights_module, "PATIENCE", patience)
-        monkeypatch.setattr(careful_module, "KEPT", kept)
+        monkeypatch.setattr(lengths_module, "PATIENCE_FACTOR", patience)
+        monkeypatch.setattr(weights_module, "PATIENCE_FACTOR", patience)
+        monkeypatch.setattr(careful_module, "MAX_KEPT", kept)
     graph = Problem([], set(), set(), None)
     ss.function("near", lambda node: [list(edge) for edge in graph.edges[node]], volatility="stable")
     ss.function("is_goal", lambda node: node in graph.goals, volatility="stable")
@@ -145,18 +145,18 @@ def test_functions_are_asked_once_for_a_row() -> None:
 # --- how much work it is -----------------------------------------------------------------------------------------
 
 
-def most_steps(graph: Graph, paths: int) -> int:
+def most_steps(graph: RowGraph, paths: int) -> int:
     """For each path, and for the end, what patience allows and a search of the whole graph for each of its nodes."""
     size = len(graph.rows) + len(graph.targets)
-    return (paths + 1) * (PATIENCE + len(graph.rows)) * size
+    return (paths + 1) * (PATIENCE_FACTOR + len(graph.rows)) * size
 
 
-def weigh(graph: Graph, order: str) -> None:
+def weigh(graph: RowGraph, order: str) -> None:
     dice = random.Random(1)
     graph.weights = [dice.choice({"cost": [0.1, 0.2, 0.7], "chance": [0.1, 0.5, 0.9]}[order]) for _ in graph.weights]
 
 
-def check_order(graph: Graph, order: str, found: list[tuple[int, ...]]) -> None:
+def check_order(graph: RowGraph, order: str, found: list[tuple[int, ...]]) -> None:
     if order == "length":
         assert found == sorted(found, key=lambda path: (len(path), path))
     else:
@@ -191,7 +191,7 @@ def test_ways_that_are_cheap_but_too_long() -> None:
     graph = graph_of([*edges, []], {2 * places}, limit)
     graph.weights = [5 if node % 2 == 0 and target == node + 2 else 0 for node in range(2 * places)
                      for target in edges[node]]  # fmt: skip
-    search = ByWeight(graph, False)
+    search = PathsByWeight(graph, False)
     found = [tuple(path) for path in islice(search.paths(), 100)]
     # Four of the places are passed at no cost.
     assert {sum(graph.weights[edge] for edge in path) for path in found} == {36 * 5}
@@ -206,7 +206,7 @@ def test_ways_that_are_cheap_but_too_long() -> None:
 def test_steps_to_the_first_paths_do_not_depend_on_how_many_there_are() -> None:
     side = 40
     edges = [[1], *([target + 1 for target, _ in outward] for outward in grid(side, {1: 1, side: 1}))]
-    walk = ByLength(graph_of(edges, {side * side}))
+    walk = PathsByLength(graph_of(edges, {side * side}))
     steps = [walk.steps for _ in islice(walk.paths(), 50)]
     # The first path is walked straight; each of the others leaves the one before it somewhere.
     assert steps[0] == 0

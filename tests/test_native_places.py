@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from native_host import FakeHost, place
 
-from ss2sql.runtime.native.locate import EVAL_LABEL
+from ss2sql.runtime.run.error_locations import EVAL_LABEL
 
 
 def raising(error: BaseException) -> Callable[..., Any]:
@@ -98,10 +98,10 @@ def test_errors_inside_of_eval_have_all_places(script: str, expected: str, relat
 
 
 def test_without_columns_in_tracebacks_the_line_is_still_known(monkeypatch: pytest.MonkeyPatch) -> None:
-    from ss2sql.runtime.native import locate
+    from ss2sql.runtime.run import error_locations
 
-    whole = locate.Page.span
-    monkeypatch.setattr(locate.Page, "span", lambda page, at: whole(page, (at[0], at[1], None, None)))
+    whole = error_locations.CodePage.span
+    monkeypatch.setattr(error_locations.CodePage, "span", lambda page, at: whole(page, (at[0], at[1], None, None)))
     error = FakeHost().error("1 +\n2;\n3 / 0")
     assert error.span is not None
     assert error.span.line == 3

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from native_host import FakeHost
 
-from ss2sql.frontend.parser import parse
+from ss2sql.frontend.syntax.parser import parse
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_how_often_functions_are_called(script: str, value: Any, calls: int) -> 
 
 def test_a_text_is_read_once_per_run(monkeypatch: pytest.MonkeyPatch) -> None:
     read: list[Any] = []
-    monkeypatch.setattr("ss2sql.runtime.host.parse", lambda source: read.append(source) or parse(source))
+    monkeypatch.setattr("ss2sql.session.host.parse", lambda source: read.append(source) or parse(source))
     host = FakeHost(texts=["rows.n", "1", "rows.n"], rows=[{"n": number} for number in range(20)])
     assert host.run("SELECT eval(t.this) FROM rows, t = texts AS list")[:3] == [0, 1, 0]
     assert len(read) == 2

@@ -8,11 +8,11 @@ import pytest
 from native_host import FakeHost
 
 import ss2sql
-from ss2sql.runtime.native.pace import SHORT
+from ss2sql.runtime.python.loop_cancellation import TURNS_PER_CHECK
 
 ORDERS = ["DEPTH FIRST", "BREADTH FIRST", "COST 1", "COST 1 HEURISTIC 0", "PROBABILITY 0.5"]
 REPEATS = ["", "NO CYCLE", "UNIQUE"]
-MANY = 3 * SHORT + 5  # elements, so that they are walked in several parts
+MANY = 3 * TURNS_PER_CHECK + 5  # elements, so that they are walked in several parts
 orders = pytest.mark.parametrize("order", ORDERS)
 repeated = pytest.mark.parametrize("repeats", REPEATS)
 
@@ -31,7 +31,7 @@ def counts(result: ss2sql.Result) -> tuple[int, int, int]:
 @repeated
 @pytest.mark.parametrize("order", ["DEPTH FIRST", "BREADTH FIRST"])
 def test_only_steps_up_to_the_last_result_are_counted(ss: ss2sql.Session, order: str, repeats: str) -> None:
-    for place in (0, SHORT - 1, SHORT, MANY - 1):
+    for place in (0, TURNS_PER_CHECK - 1, TURNS_PER_CHECK, MANY - 1):
         script = f"""SELECT this FROM numbers WHERE this == {place} START WITH n = 0
             CONNECT BY {order} {repeats} MAXIMUM 1 n = this STOP WITH True AS list;"""
         result = native(ss, script, numbers=list(range(MANY)))

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 import ss2sql
-from ss2sql.runtime.native import single_calls
-from ss2sql.runtime.run import Run
+from ss2sql.runtime.python import single_calls
+from ss2sql.runtime.run.run_state import Run
 
 
 def test_equal_arguments_of_other_kinds_are_other_arguments(ss: ss2sql.Session, engine: Any) -> None:
@@ -107,7 +107,7 @@ def forgotten(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     """How many calls of each function are made without a memory."""
     counts: Counter[str] = Counter()
 
-    @wraps(single_calls.ways_to_call)
+    @wraps(single_calls.make_call_variants)
     def ways_to_call(run: Run, function: Any, *given: Any) -> Any:
         once, remembered, count = made(run, function, *given)
 
@@ -117,8 +117,8 @@ def forgotten(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
         return noted if once is not remembered else once, remembered, count
 
-    made = single_calls.ways_to_call
-    monkeypatch.setattr(single_calls, "ways_to_call", ways_to_call)
+    made = single_calls.make_call_variants
+    monkeypatch.setattr(single_calls, "make_call_variants", ways_to_call)
     return counts
 
 

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 
 import ss2sql
 from ss2sql.cli import main
+from ss2sql.language.step_identity import describe_unnamed
 from ss2sql.shell.shell import Shell
-from ss2sql.told import unnamed
 
 ROADS = [["A", "B"], ["B", "C"], ["C", "D"], ["B", "A"], ["A", "C"], ["X", "D"]]
 WALK = (
@@ -77,7 +77,9 @@ def test_rows_that_tell_all_are_reached(session) -> None:
             script = script.replace("town = dst", "town = dst, n = n + 1")
             plain, unique = session.run(script.replace("{}", "")), session.run(script.replace("{}", "UNIQUE"))
             tried += 1
-            if set(unnamed(session.compile(script.replace("{}", "UNIQUE")).plan.statements[0].expr.query)) - {"n"}:
+            if set(describe_unnamed(session.compile(script.replace("{}", "UNIQUE")).plan.statements[0].expr.query)) - {
+                "n"
+            }:
                 open_ends += 1
             else:
                 assert {p[-1] for p in map(tuple, unique.paths)} == {p[-1] for p in map(tuple, plain.paths)}, script

@@ -23,7 +23,7 @@ from random_values import Thing
 
 import ss2sql
 from ss2sql.errors import ExecutionError
-from ss2sql.kinds import ANY, Kind, Type, covers, type_of, union
+from ss2sql.language.kinds import ANY, Kind, Type, covers, type_of, union
 from ss2sql.language.operations import GROUPS
 from ss2sql.language.operations import WRITTEN as OPERATIONS
 

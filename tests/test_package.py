@@ -1,11 +1,13 @@
 """The package as a whole: what is shipped, what is imported, and that the plan of the house is true."""
 
+import ast
 import os
 import re
 import subprocess
 import sys
 import tomllib
 import zipfile
+from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
 
@@ -51,7 +53,11 @@ def test_the_wheel_has_everything(wheel):
     with zipfile.ZipFile(wheel) as archive:
         names = set(archive.namelist())
         (metadata,) = (archive.read(name).decode() for name in names if name.endswith("/METADATA"))
-    assert {"ss2sql/py.typed", "ss2sql/frontend/grammar.lark", "ss2sql/frontend/grammar_table.json"} <= names
+    assert {
+        "ss2sql/py.typed",
+        "ss2sql/frontend/syntax/grammar.lark",
+        "ss2sql/frontend/syntax/grammar_table.json",
+    } <= names
     assert {str(path.relative_to(ROOT)) for path in sources(PACKAGE)} <= names
     assert not [name for name in names if name.startswith(("tests", "examples", "docs", "benchmarks"))]
     assert any(name.endswith("licenses/LICENSE") for name in names)
@@ -128,11 +134,12 @@ run("SELECT this FROM [1, 2] WHERE this > 1;")
 run("SELECT this FROM [1] START WITH x = 0 CONNECT BY UNIQUE x = x + this STOP WITH x > 1;")
 """
 PARTS = {  # of what is loaded, and what nothing of it is needed for
-    "sqlglot numpy sqlite3 hashlib difflib importlib.resources ss2sql.lowering.lower ss2sql.lowering.sql": 2,
-    "ss2sql.runtime.search ss2sql.runtime.native.search_code ss2sql.runtime.memorize ss2sql.runtime.remembered": 4,
-    "ss2sql.runtime.duck ss2sql.runtime.levels ss2sql.race ss2sql.scenes ss2sql.shell ss2sql.cli lark numpy": 4,
-    "ss2sql.frontend.purity ss2sql.frontend.inline ss2sql.frontend.syntax_errors ss2sql.results.show": 4,
-    "ss2sql.explained.collect ss2sql.runtime.workers.processes asyncio": 4,
+    "sqlglot numpy sqlite3 hashlib difflib importlib.resources ss2sql.lowering.lower ss2sql.lowering.sql_builder": 2,
+    "ss2sql.runtime.search ss2sql.runtime.python.search_compiler ss2sql.runtime.graph_cache": 4,
+    "ss2sql.runtime.external ss2sql.bench ss2sql.scenes ss2sql.shell ss2sql.cli lark numpy": 4,
+    "ss2sql.frontend.volatility.inference ss2sql.frontend.inlining.function_bodies ss2sql.results.show": 4,
+    "ss2sql.frontend.syntax.syntax_errors": 4,
+    "ss2sql.results.explain.collector ss2sql.runtime.parallel.process_pool asyncio": 4,
 }
 
 
@@ -175,6 +182,43 @@ def test_every_name_of_all_exists():
 def test_files_stay_small():
     large = [path for path in PACKAGE.rglob("*.py") if len(path.read_text("utf-8").splitlines()) > 600]
     assert [str(path.relative_to(PACKAGE)) for path in large] == []
+
+
+def test_imports_run_downwards():
+    text = (PACKAGE / "ARCHITECTURE.md").read_text("utf-8")
+    order = re.search(r"Imports\*\* run downwards.*?\n  `([a-z ]+)`", text)[1].split()
+    assert set(order) == {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
+    rank = {"fast_dataclasses": -1, "extras": -1, "package_data": -1} | {
+        room: place for place, room in enumerate(order)
+    }
+    upward = []
+    for path in PACKAGE.rglob("*.py"):
+        room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+        if room not in rank:
+            continue  # what users import
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            names += [one.name for one in node.names] if isinstance(node, ast.Import) else []
+            for name in names:
+                parts = name.split(".")
+                if parts[0] == "ss2sql" and len(parts) > 1 and rank.get(parts[1], len(order)) > rank[room]:
+                    upward.append(f"{path.relative_to(PACKAGE)}: {name}")
+    assert upward == []
+
+
+def test_a_file_name_stands_for_one_concept():
+    """These stand twice: one concept as the database has it and as Python has it, or as a strategy and in the race."""
+    twice = {"element_calls.py", "from_clause.py", "level_counts.py", "strategies.py"}
+    names = Counter(path.name for path in PACKAGE.rglob("*.py") if not path.name.startswith("__"))
+    assert {name for name, count in names.items() if count > 1} == twice
+    assert max(names.values()) == 2
+
+
+def test_rooms_stay_small():
+    lines = Counter()
+    for path in PACKAGE.rglob("*.py"):
+        lines["/".join(path.relative_to(PACKAGE).parts[:2])] += len(path.read_text("utf-8").splitlines())
+    assert {room: count for room, count in lines.items() if count > 6000} == {}
 
 
 def test_the_stages_of_the_architecture_are_functions():

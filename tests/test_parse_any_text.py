@@ -13,11 +13,11 @@ from listings import HANOI, ROBOT, SPACE
 from trees import calls_of
 
 from ss2sql.errors import ParseError, Source
-from ss2sql.frontend import text
-from ss2sql.frontend.parser import parse
+from ss2sql.frontend.syntax import tokenizer
+from ss2sql.frontend.syntax.parser import parse
 
 WORDS = [
-    *(word.lower() for word in sorted(text.RESERVED | text.CONTEXTUAL)),
+    *(word.lower() for word in sorted(tokenizer.RESERVED | tokenizer.CONTEXTUAL)),
     *"()[]{},;:.=<>+-*/%^", "==", "!=", "<>", "<=", ">=",
     "is", "like", "between", "distinct", "join", "union", "case", "when", "mod", "null", "insert", "selct", "wher",
     "||", "&&", "!", "--", "**", "$", "`", "@", "?", "#", "/*", "*/", "\\", "→", "²", "\u200b",
@@ -59,7 +59,7 @@ def test_the_words_of_the_language_in_any_order(words: list[str], gap: str) -> N
 
 
 def words_of(source: str) -> list[str]:
-    return [token.text for token in text.tokens(Source(source))]
+    return [token.text for token in tokenizer.tokenize(Source(source))]
 
 
 @settings(max_examples=120)

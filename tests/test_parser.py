@@ -19,7 +19,7 @@ from trees import (  # isort: skip
 )  # fmt: skip
 
 from ss2sql.errors import ParseError, Span
-from ss2sql.frontend import ast, text
+from ss2sql.frontend.syntax import ast, tokenizer
 
 EXPRESSIONS: dict[str, ast.Expr] = {
     "7": lit(7), "007": lit(7), "1.": lit(1.0), ".5": lit(0.5), "1e3": lit(1000.0), "1.5E-3": lit(0.0015),
@@ -258,7 +258,7 @@ def test_spans_of_the_other_nodes() -> None:
 
 # --- names and keywords ----------------------------------------------------------------------------------
 
-WORDS = [*sorted(text.CONTEXTUAL), "LIST", "VALUE", "LEVEL", "SET", "RATIO", "INDEX"]
+WORDS = [*sorted(tokenizer.CONTEXTUAL), "LIST", "VALUE", "LEVEL", "SET", "RATIO", "INDEX"]
 POSITIONS = [
     "{0}", "{0} = 1", "{0} == {0}", "{0} + {0}({0}, {0} = {0})[{0}:{0}]", "{0}.{0} + {0}.this",
     "{0}{{}} + {0}{{{0}}}", "{0}{{5.0}} = {0}", "[{0}, -{0}, NOT {0}, ({0})]", "IF({0}; {0}, {0} = {0}; {0})",
@@ -300,7 +300,7 @@ def test_other_keywords_are_names_wherever_a_name_can_stand(word: str) -> None:
             same(script(position.format(written)), rename(plain, "zz", written))
 
 
-@pytest.mark.parametrize("word", sorted(text.RESERVED))
+@pytest.mark.parametrize("word", sorted(tokenizer.RESERVED))
 def test_reserved_words_are_no_names_in_any_case(word: str) -> None:
     for written in (word, word.lower(), word.capitalize()):
         for position in ("{} = 1", "SELECT a FROM b AS {}"):

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from trees import calls_of, failure, script
 
-from ss2sql.frontend import table, text
+from ss2sql.frontend.syntax import parse_table, tokenizer
 
 KIB = 1024
 # Texts with the code of their error, and its place where that is a matter of the limit; "" where there is none.
@@ -77,29 +77,31 @@ def test_nested_calls_cost_what_they_are_long() -> None:
 
 
 def test_a_table_of_another_grammar_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shipped = table.load()
-    for content in (None, {"format": 0}, {"format": table.FORMAT, "grammar": "of another time"}):
+    shipped = parse_table.load_table()
+    for content in (None, {"format": 0}, {"format": parse_table.FORMAT, "grammar": "of another time"}):
         stale = tmp_path / "table.json"
         if content is not None:
             stale.write_text(json.dumps(content), encoding="utf-8")
-        monkeypatch.setattr(table, "TABLE", stale)
-        assert table.load.__wrapped__() == shipped
+        monkeypatch.setattr(parse_table, "TABLE", stale)
+        assert parse_table.load_table.__wrapped__() == shipped
 
 
 def test_the_module_writes_the_table_that_is_shipped(monkeypatch: pytest.MonkeyPatch) -> None:
     written: list[str] = []
     monkeypatch.setattr(Path, "write_text", lambda _, content, **__: written.append(content))
-    monkeypatch.delitem(sys.modules, "ss2sql.frontend.table")
-    runpy.run_module("ss2sql.frontend.table", run_name="__main__")
+    monkeypatch.delitem(sys.modules, "ss2sql.frontend.syntax.parse_table")
+    runpy.run_module("ss2sql.frontend.syntax.parse_table", run_name="__main__")
     monkeypatch.undo()
-    shipped = json.loads(table.TABLE.read_text(encoding="utf-8"))
+    shipped = json.loads(parse_table.TABLE.read_text(encoding="utf-8"))
     # another release of lark may build the same table
     assert [json.loads(content) | {"lark": ""} for content in written] == [shipped | {"lark": ""}], (
-        "run python -m ss2sql.frontend.table"
+        "run python -m ss2sql.frontend.syntax.parse_table"
     )
 
 
 def test_the_scanner_knows_the_words_of_the_grammar() -> None:
-    kinds = {kind for row in table.load().rows for kind in row if not kind.islower() and not kind.startswith("_")}
+    kinds = {
+        kind for row in parse_table.load_table().rows for kind in row if not kind.islower() and not kind.startswith("_")
+    }
     words = {kind for kind in kinds if kind.isalpha()} - {"NAME", "INTEGER", "FLOAT", "STRING"}
-    assert words == text.RESERVED | text.CONTEXTUAL
+    assert words == tokenizer.RESERVED | tokenizer.CONTEXTUAL

@@ -10,13 +10,13 @@ import pytest
 from sessions import ENGINES, Clock
 
 import ss2sql
-from ss2sql import plan
-from ss2sql.runtime import executing, progress
-from ss2sql.runtime.memorize.graph import Graph
-from ss2sql.runtime.paths import Paths
-from ss2sql.runtime.progress import DEEPEST, Progress, depth_of
-from ss2sql.runtime.rows import Rows
-from ss2sql.runtime.run import Level, Run, Sink
+from ss2sql.language import plan
+from ss2sql.language.rows import Rows
+from ss2sql.runtime.run.run_state import GraphLevel, ResultSink, Run
+from ss2sql.runtime.run.search_paths import SearchPaths
+from ss2sql.runtime.search.graph import RowGraph
+from ss2sql.session import execution, progress
+from ss2sql.session.progress import MAX_DEPTH_LOOKS, Progress, measure_depth
 
 SEARCH = "SELECT n FROM [1] WHERE n == 4 START WITH n = 1 CONNECT BY MEMORIZE 5 n = n + 1;"
 
@@ -92,16 +92,16 @@ def query_of(script: str) -> plan.Query:
 
 
 def test_what_it_says_also_of_a_native_search() -> None:
-    run = run_of(generated=3000, levels=[Level(3, 4), Level(1, 5)])
-    run.graph = Graph(run.check, None)
+    run = run_of(generated=3000, levels=[GraphLevel(3, 4), GraphLevel(1, 5)])
+    run.graph = RowGraph(run.check, None)
     for number in range(7):
         run.graph.add_node((number,), False)
-    run.sink = Sink(Rows(("n",), None, []), "native")
+    run.sink = ResultSink(Rows(("n",), None, []), "native")
     assert said(run, 1.5) == "2 s | 2 levels of MEMORIZE | 7 rows | 3,000 steps, 2,000/s | 0 results"
     run = run_of()
-    run.sink = Sink(Rows(("n",), [(1,)] * 3000), "database")
+    run.sink = ResultSink(Rows(("n",), [(1,)] * 3000), "database")
     assert said(run, 2.0) == "2 s | 3,000 results, 1,500/s"
-    run.sink = Sink(Rows(("n",), [(1,)]), "database")
+    run.sink = ResultSink(Rows(("n",), [(1,)]), "database")
     assert said(run, 2.0) == "2 s | 1 result, 0/s"
     run = run_of(generated=10)
     line, _, _ = line_of(run)
@@ -110,7 +110,7 @@ def test_what_it_says_also_of_a_native_search() -> None:
     line.reached = (((None, (1,)), (2,)), (3,))  # the way back
     assert line.text(1.0) == "1 s | 10 steps, 10/s | depth 4"
     way = None
-    for number in range(DEEPEST + 5):
+    for number in range(MAX_DEPTH_LOOKS + 5):
         way = (way, (number,))
     line.reached = way
     assert "depth 100,001+" in line.text(1.0)
@@ -119,7 +119,7 @@ def test_what_it_says_also_of_a_native_search() -> None:
 def test_a_bar_where_the_total_is_known_and_for_the_first_list() -> None:
     run = run_of(generated=100)
     search = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY {} n = n + 1"
-    run.sink = Sink(Rows(("this",), None, [[]] * 4), "native", query_of(search.format("MAXIMUM 8") + ";"))
+    run.sink = ResultSink(Rows(("this",), None, [[]] * 4), "native", query_of(search.format("MAXIMUM 8") + ";"))
     assert said(run, 1.0) == "1 s | [#####.....] 50% | 100 steps, 100/s | 4 results"
     run.maximum = 5
     assert said(run, 1.0).startswith("1 s | [########..] 80% | ")
@@ -128,9 +128,11 @@ def test_a_bar_where_the_total_is_known_and_for_the_first_list() -> None:
     run.maximum = None
     run.sink = run.sink._replace(query=query_of(search.format("") + ";"))
     assert said(run, 1.0) == "1 s | 100 steps, 100/s | 4 results"
-    run.sink = Sink(Rows(("this",), [(1,)]), "native", query_of("SELECT this FROM [1, 2] LIMIT 10;"))
+    run.sink = ResultSink(Rows(("this",), [(1,)]), "native", query_of("SELECT this FROM [1, 2] LIMIT 10;"))
     assert "[#.........] 10%" in said(run, 1.0)
-    run.sink = Sink(Rows(("this",), [(1,)]), "native", query_of("SELECT this FROM [1, 2] ORDER BY this LIMIT 10;"))
+    run.sink = ResultSink(
+        Rows(("this",), [(1,)]), "native", query_of("SELECT this FROM [1, 2] ORDER BY this LIMIT 10;")
+    )
     assert "[" not in said(run, 1.0)
     line, _, _ = line_of(run_of())
     outer, inner = [1] * 200, [1] * 3
@@ -155,10 +157,13 @@ KEPT = [(1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3)]  # steps, each with the 
 )
 def test_how_deep_a_search_of_the_database_is(steps: list[tuple[int, int]], depth: int) -> None:
     """By the last result, or by the steps that are kept."""
-    paths = Paths(None, tuple, [(number, parent, "row") for number, parent in steps])
+    paths = SearchPaths(None, tuple, [(number, parent, "row") for number, parent in steps])
     assert (paths.depth(100), paths.depth(0)) == ((depth, True), (0, not steps))
-    assert depth_of({number: (parent, ()) for number, parent in steps}) == (depth, True)
-    assert depth_of([(max(number - 1, 0), ()) for number in range(DEEPEST + 5)]) == (DEEPEST, False)
+    assert measure_depth({number: (parent, ()) for number, parent in steps}) == (depth, True)
+    assert measure_depth([(max(number - 1, 0), ()) for number in range(MAX_DEPTH_LOOKS + 5)]) == (
+        MAX_DEPTH_LOOKS,
+        False,
+    )
 
 
 @pytest.fixture
@@ -166,8 +171,8 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     """Standard error as a terminal, on which lines appear at once."""
     terminal = Terminal()
     monkeypatch.setattr(progress, "sys", SimpleNamespace(stderr=terminal))
-    monkeypatch.setattr(progress, "FIRST", 0.0)
-    monkeypatch.setattr(progress, "AGAIN", 0.0)
+    monkeypatch.setattr(progress, "FIRST_SECONDS", 0.0)
+    monkeypatch.setattr(progress, "REPEAT_SECONDS", 0.0)
     monkeypatch.delenv("TERM", raising=False)
     return terminal
 
@@ -225,7 +230,7 @@ def test_auto_needs_a_terminal(terminal: Terminal, monkeypatch: pytest.MonkeyPat
 
 def test_a_run_inside_of_another_shows_no_line_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
-    monkeypatch.setattr(executing, "progress_of", lambda run, wanted: asked.append(run))
+    monkeypatch.setattr(execution, "make_progress", lambda run, wanted: asked.append(run))
     with ss2sql.connect() as ss:
         ss.function("inner", lambda n: ss.run(SEARCH).value and n, volatility="volatile")
         ss.run("SELECT inner(this) FROM [1, 2];")

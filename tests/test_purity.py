@@ -23,7 +23,7 @@ import pytest
 from purity_samples import Load, load
 from sessions import samples
 
-from ss2sql.frontend.purity import Purity, infer, tables
+from ss2sql.frontend.volatility import Purity, infer_purity, known_functions
 
 __all__ = ["load"]  # the fixture
 IMMUTABLE = samples("immutable")
@@ -36,7 +36,7 @@ TRIED: list[tuple[Any, ...]] = [
 @pytest.mark.parametrize("text", IMMUTABLE.values(), ids=IMMUTABLE.keys())
 def test_immutable(load: Load, text: str) -> None:
     function = load(text).f
-    found = infer(function)
+    found = infer_purity(function)
     assert found.volatility == "immutable", found
     for arguments in [] if found.changes else TRIED:  # what changes nothing leaves its arguments alone
         given = copy.deepcopy(arguments)
@@ -59,7 +59,7 @@ VOLATILE |= samples("volatile")
 @pytest.mark.parametrize("text", VOLATILE.values(), ids=VOLATILE.keys())
 def test_volatile(load: Load, text: str) -> None:
     source, _, words = text.partition("=>")
-    purity = infer(load(source).f)
+    purity = infer_purity(load(source).f)
     assert purity.volatility == "volatile"
     for word in words.strip().split(" | "):
         assert word in purity.reason
@@ -68,11 +68,11 @@ def test_volatile(load: Load, text: str) -> None:
 def test_modules_of_the_users_own_are_followed_and_constants_named(load: Load) -> None:
     load("SIZE = 3\ndef double(x): return 2 * x")
     module = load("import purity_sample_0 as constants\ndef f(x): return constants.double(x) + constants.SIZE")
-    assert infer(module.f).volatility == "immutable"
+    assert infer_purity(module.f).volatility == "immutable"
     module = load("import math\nSIZE, DEPTH = 8, 3\n"
                   "def f(x): return g(x) * SIZE + math.pi * SIZE\ndef g(x): return x + DEPTH")  # fmt: skip
     names = "'DEPTH', 'SIZE', 'math.pi'"
-    assert infer(module.f).reason == f"has a source that uses only its arguments and the constants {names}"
+    assert infer_purity(module.f).reason == f"has a source that uses only its arguments and the constants {names}"
 
 
 CHANGES = [
@@ -91,7 +91,7 @@ CHANGES_NOTHING = [
 
 @pytest.mark.parametrize("text", [*CHANGES, *CHANGES_NOTHING])
 def test_whether_a_function_may_change_its_arguments(load: Load, text: str) -> None:
-    found = infer(load(text).f)
+    found = infer_purity(load(text).f)
     assert found.changes is (text in CHANGES)
     assert found.volatility == "immutable" or found.changes
 
@@ -120,10 +120,10 @@ def test_the_line_is_that_of_the_culprit(load: Load) -> None:
     lines = linecache.getlines(str(module.__file__))
     for name in ("loud", "caller", "keeps", "noisy", "several"):
         function = getattr(module, name)
-        line = infer(getattr(function, "__func__", function)).line
+        line = infer_purity(getattr(function, "__func__", function)).line
         assert line is not None
         assert lines[line - 1].rstrip().endswith(f"# {name}")
-    assert infer(module.pure) == Purity("immutable", "has a source that uses only its arguments", None)
+    assert infer_purity(module.pure) == Purity("immutable", "has a source that uses only its arguments", None)
 
 
 KNOWN = [abs, len, min, max, sorted, round, int, float, str, list, dict, set, tuple, bool, math.sqrt, math.dist,
@@ -139,12 +139,12 @@ UNKNOWN = [
 
 @pytest.mark.parametrize("function", KNOWN)
 def test_functions_without_source_that_are_known(function: Callable[..., object]) -> None:
-    assert infer(function) == Purity("immutable", "is known to be pure")
+    assert infer_purity(function) == Purity("immutable", "is known to be pure")
 
 
 @pytest.mark.parametrize(("function", "words"), UNKNOWN, ids=range(len(UNKNOWN)))
 def test_functions_without_source_that_are_not(function: Any, words: str) -> None:
-    purity = infer(function)
+    purity = infer_purity(function)
     assert purity.volatility == "volatile"
     assert any(word in purity.reason for word in words.split("|"))
 
@@ -160,19 +160,19 @@ def test_cells_of_a_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
         name = f"<cell {number}>"
         linecache.cache[name] = (len(text), None, text.splitlines(True), name)
         exec(compile(text, name, "exec"), namespace)
-    assert infer(namespace["f"]).volatility == "immutable"
+    assert infer_purity(namespace["f"]).volatility == "immutable"
     # Another cell may assign it again, and nothing would show it.
-    assert "'SIZE', which may change" in infer(namespace["g"]).reason
+    assert "'SIZE', which may change" in infer_purity(namespace["g"]).reason
 
 
 def test_a_file_that_changed_since_is_not_taken_for_the_source(load: Load) -> None:
     module = load("def noisy(x):\n    print(x)\n    return x\ndef still(x): return x\n")
     path = Path(str(module.__file__))
     path.write_text(path.read_text(encoding="utf-8").replace("print(x)", "abs(x)  # quiet"), encoding="utf-8")
-    assert infer(module.noisy) == Purity("volatile", "is not in its source file as it runs")
-    assert infer(module.still).volatility == "immutable"
+    assert infer_purity(module.noisy) == Purity("volatile", "is not in its source file as it runs")
+    assert infer_purity(module.still).volatility == "immutable"
     path.unlink()
-    assert infer(module.still) == Purity("volatile", "has no Python source")
+    assert infer_purity(module.still) == Purity("volatile", "has no Python source")
 
 
 CLOSURE = "def g(n):\n    def f(x): return x + n\n    return f\nf = g(1)\n"
@@ -188,15 +188,15 @@ ANOTHER_PROGRAM = [
 def test_a_file_that_is_another_program_now(load: Load, text: str, now: str, reason: str) -> None:
     module = load(text)
     Path(str(module.__file__)).write_text(now, encoding="utf-8")
-    assert (infer(module.f).volatility, infer(module.f).reason) == ("volatile", reason)
+    assert (infer_purity(module.f).volatility, infer_purity(module.f).reason) == ("volatile", reason)
 
 
 def test_every_lambda_of_a_line_is_told_from_the_others(load: Load) -> None:
     module = load("fs = [lambda x: x + 1, lambda x: x.name, lambda x: print(x), (lambda x: lambda: x), lambda x: x]")
-    found = [infer(f).volatility for f in module.fs]
+    found = [infer_purity(f).volatility for f in module.fs]
     assert found == ["immutable", "volatile", "volatile", "volatile", "immutable"]
-    assert infer(module.fs[3](1)).volatility == "immutable"
-    assert infer(module.fs[3]([])).volatility == "volatile"
+    assert infer_purity(module.fs[3](1)).volatility == "immutable"
+    assert infer_purity(module.fs[3]([])).volatility == "volatile"
 
 
 logged: list[object] = []
@@ -210,28 +210,28 @@ def logged_length(value: list[object]) -> int:
 def test_what_was_replaced_before_it_was_looked_at_is_not_known() -> None:
     module = ModuleType("other")
     vars(module)["length"] = logged_length
-    tables._add(module, "length")
-    assert tables.known(logged_length) is None
+    known_functions._add(module, "length")
+    assert known_functions.find_known(logged_length) is None
 
 
 def test_what_is_replaced_is_noticed(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
     module = load("import math\ndef f(x): return len(x)\ndef g(x): return math.sqrt(x)")
-    assert infer(module.f).volatility == infer(module.g).volatility == "immutable"
+    assert infer_purity(module.f).volatility == infer_purity(module.g).volatility == "immutable"
     with monkeypatch.context() as patch:
         patch.setattr(math, "sqrt", logged_length)
-        assert "math.sqrt" in infer(module.g).reason
+        assert "math.sqrt" in infer_purity(module.g).reason
         patch.setattr(builtins, "len", logged_length)
-        purity = infer(module.f)
+        purity = infer_purity(module.f)
     assert "calls len, which reads the global name 'logged'" in purity.reason
     module = load("import time\ndef helper(x): return x\n"
                   "def other(x): return time.time()\ndef f(x): return helper(x)")  # fmt: skip
-    assert infer(module.f).volatility == "immutable"
+    assert infer_purity(module.f).volatility == "immutable"
     module.helper = module.other
-    assert "calls helper, which calls time.time" in infer(module.f).reason
+    assert "calls helper, which calls time.time" in infer_purity(module.f).reason
     module.helper = time.time
-    assert "calls helper" in infer(module.f).reason
+    assert "calls helper" in infer_purity(module.f).reason
     del module.helper
-    assert infer(module.f).volatility == "volatile"
+    assert infer_purity(module.f).volatility == "volatile"
 
 
 def test_proofs_of_large_sources_end(load: Load) -> None:
@@ -239,5 +239,5 @@ def test_proofs_of_large_sources_end(load: Load) -> None:
     module = load(f"def f(x):\n    def g0(): return set(x)\n{chain}    return list(g40())\n"
                   f"def deep(x): return {' + '.join(['x'] * 800)}\n")  # fmt: skip
     # Followed to its end, the first would take 2 ** 40 calls.
-    assert infer(module.f).reason == "is too long to be followed"
-    assert infer(module.deep).reason == "is nested too deeply to be followed"
+    assert infer_purity(module.f).reason == "is too long to be followed"
+    assert infer_purity(module.deep).reason == "is nested too deeply to be followed"

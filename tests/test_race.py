@@ -17,18 +17,18 @@ from programs import ProgramCase, programs
 from programs.drawn import amount, drawn
 
 import ss2sql
-from ss2sql import plan
+from ss2sql.bench import BenchRules, StatementRuns, make_runs, parse_strategy
+from ss2sql.bench import compare as deciding
+from ss2sql.bench.compare import find_variation
+from ss2sql.bench.laws import Answer, Verdict, compare_answers, compare_rows
+from ss2sql.bench.strategies import list_strategies
 from ss2sql.errors import Source
-from ss2sql.frontend import ast
-from ss2sql.frontend.parser import parse
-from ss2sql.race import Heat, Rules, heats, strategy_of
-from ss2sql.race import jury as deciding
-from ss2sql.race.jury import whims
-from ss2sql.race.lineup import lineup
-from ss2sql.race.promises import Answer, Verdict, compared, compared_rows
-from ss2sql.told import unnamed
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.parser import parse
+from ss2sql.language import plan
+from ss2sql.language.step_identity import describe_unnamed
 
-QUICK = Rules(repeat=1)
+QUICK = BenchRules(repeat=1)
 
 
 def search(options: str = "", tail: str = "") -> ast.Query:
@@ -39,7 +39,7 @@ def search(options: str = "", tail: str = "") -> ast.Query:
 
 
 def names(options: str = "", longest: int | None = 3, tail: str = "") -> list[str]:
-    return [strategy.name for strategy in lineup(search(options, tail), longest)]
+    return [strategy.name for strategy in list_strategies(search(options, tail), longest)]
 
 
 ROWS_ONCE = ["UNIQUE", "DEPTH FIRST UNIQUE"]
@@ -74,14 +74,14 @@ def test_memorize_takes_part_without_a_heuristic_and_needs_a_longest_path_for_it
 
 
 def test_strategies_that_a_user_writes() -> None:
-    assert strategy_of("unique cost km  heuristic 2*x", ()).name == "COST km HEURISTIC 2*x UNIQUE"
-    assert strategy_of("NO CYCLE UNIQUE", ()).repeats == "UNIQUE"
+    assert parse_strategy("unique cost km  heuristic 2*x", ()).name == "COST km HEURISTIC 2*x UNIQUE"
+    assert parse_strategy("NO CYCLE UNIQUE", ()).repeats == "UNIQUE"
     own = search("MAXIMUM 4").options
-    assert strategy_of("BREADTH FIRST", own).name == "BREADTH FIRST MAXIMUM 4"
-    assert strategy_of("MAXIMUM 2", own).name == "DEPTH FIRST MAXIMUM 2"
+    assert parse_strategy("BREADTH FIRST", own).name == "BREADTH FIRST MAXIMUM 4"
+    assert parse_strategy("MAXIMUM 2", own).name == "DEPTH FIRST MAXIMUM 2"
     for wrong in ("NO", "UNIQUE x = 1", "UNIQUE x = 2; 7", "UNIQUE x = 1 STOP WITH True; 3"):
         with pytest.raises(ss2sql.Error):
-            strategy_of(wrong, ())
+            parse_strategy(wrong, ())
 
 
 def query(script: str) -> plan.Query:
@@ -116,18 +116,18 @@ TOLD = "WHERE step(at, this) == 2 START WITH at = 0 CONNECT BY at = step(at, thi
     ],
 )  # fmt: skip
 def test_what_clauses_read_and_select_does_not_name(script: str, missing: set[str]) -> None:
-    assert set(unnamed(query(script))) == missing
+    assert set(describe_unnamed(query(script))) == missing
 
 
 def test_whims() -> None:
-    assert whims(query("SELECT this FROM [1] WHERE roll() < 1")) == "roll is volatile"
-    assert whims(query("SELECT this FROM [1] WHERE (n = this) > 0")) == "it assigns n"
-    assert whims(query("SELECT this FROM [1]")) is None
+    assert find_variation(query("SELECT this FROM [1] WHERE roll() < 1")) == "roll is volatile"
+    assert find_variation(query("SELECT this FROM [1] WHERE (n = this) > 0")) == "it assigns n"
+    assert find_variation(query("SELECT this FROM [1]")) is None
 
 
 def answer(options: str, *paths: str, cut: bool = False, bound: int | None = None) -> Answer:
     """An answer whose paths are words, each letter a row."""
-    return Answer(strategy_of(options, ()), [[(row,) for row in path] for path in paths], bound, cut)
+    return Answer(parse_strategy(options, ()), [[(row,) for row in path] for path in paths], bound, cut)
 
 
 ALL = answer("DEPTH FIRST", "aba", "ab", "b", "bc")
@@ -160,7 +160,7 @@ THREE = answer("DEPTH FIRST MAXIMUM 3", "aba", "ab", "b", cut=True)
     ],
 )  # fmt: skip
 def test_promised_differences(one: Answer, other: Answer, unnamed: tuple[str, ...], words: str) -> None:
-    verdict = compared(one, other, unnamed)
+    verdict = compare_answers(one, other, unnamed)
     assert (verdict.words, verdict.forbidden) == (words, False)
     assert verdict.same == words.startswith("same")
 
@@ -189,19 +189,19 @@ def test_promised_differences(one: Answer, other: Answer, unnamed: tuple[str, ..
     ],
 )
 def test_forbidden_differences(one: Answer, other: Answer, unnamed: tuple[str, ...]) -> None:
-    assert compared(one, other, unnamed).forbidden
+    assert compare_answers(one, other, unnamed).forbidden
 
 
 def test_rows_of_groups() -> None:
-    assert compared_rows([("a", 1)], [("a", 1)]).words == "same"
-    assert compared_rows([("a", 1), ("b", 2)], [("b", 2), ("a", 1)]).words == "same, other order"
-    assert compared_rows([("a", 1)], [("a", 2)]).forbidden
-    assert not compared_rows([("a", 0.1)], [("a", 0.2)]).forbidden
+    assert compare_rows([("a", 1)], [("a", 1)]).words == "same"
+    assert compare_rows([("a", 1), ("b", 2)], [("b", 2), ("a", 1)]).words == "same, other order"
+    assert compare_rows([("a", 1)], [("a", 2)]).forbidden
+    assert not compare_rows([("a", 0.1)], [("a", 0.2)]).forbidden
 
 
-def raced(ss: ss2sql.Session, script: str, rules: Rules = QUICK) -> list[Heat]:
+def raced(ss: ss2sql.Session, script: str, rules: BenchRules = QUICK) -> list[StatementRuns]:
     found = []
-    for heat in heats(ss, Source(script), rules):
+    for heat in make_runs(ss, Source(script), rules):
         for _ in heat.run():
             pass
         found.append(heat)
@@ -220,7 +220,7 @@ def test_two_engines_have_to_agree_to_the_last_bit(given: dict[str, Any], answer
     answers = {"database": 1, **given}
     with ss2sql.connect() as ss:
         ss.function("roll", lambda x: answers[now[-1]], volatility="immutable")
-        (heat,) = heats(ss, Source("SELECT roll(this) FROM [1];"), QUICK)
+        (heat,) = make_runs(ss, Source("SELECT roll(this) FROM [1];"), QUICK)
         for cell in heat.run():  # each is told of when it begins
             now.append(cell.engine)
     assert [(cell.answer, cell.forbidden) for cell in heat.cells[1:]] == [(answer, forbidden)]
@@ -236,7 +236,7 @@ def test_statements_between_the_searches_run_as_they_are() -> None:
     """
     with ss2sql.connect() as ss:
         ss.function("missing", lambda x: x / 0)  # what comes behind the last search is not run
-        first, second = raced(ss, script, Rules(repeat=1, strategies=("UNIQUE",)))
+        first, second = raced(ss, script, BenchRules(repeat=1, strategies=("UNIQUE",)))
         assert ss.get("x") == [[1], [1, 1], [1, 2], [2], [2, 1], [2, 2]]  # not what UNIQUE gives
         assert ss.get("y") == 6
     assert [cell.name for cell in first.cells] == [
@@ -248,7 +248,7 @@ def test_statements_between_the_searches_run_as_they_are() -> None:
 def test_runs_find_the_variables_as_the_first_one_did() -> None:
     script = "n = 0; SELECT this FROM [1, 2, 3] WHERE (n = n + 1) < 3;"
     with ss2sql.connect() as ss:
-        (heat,) = raced(ss, script, Rules(repeat=4))
+        (heat,) = raced(ss, script, BenchRules(repeat=4))
     assert [cell.rows for cell in heat.cells if cell.missing is None] == [2]
     assert len(heat.cells[1].seconds) == 4
 
@@ -264,7 +264,7 @@ def test_a_reference_that_did_not_finish_gives_way() -> None:
     script = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1;"
     with ss2sql.connect() as ss:
         (heat,) = raced(
-            ss, script, Rules(engines=("native",), strategies=("NO CYCLE", "UNIQUE"), repeat=1, timeout=0.1)
+            ss, script, BenchRules(engines=("native",), strategies=("NO CYCLE", "UNIQUE"), repeat=1, timeout=0.1)
         )
     assert (heat.cells[0].missing or "").startswith("over 0.1 s")
     assert heat.reference == "NO CYCLE"
@@ -279,7 +279,7 @@ def test_what_comes_up_against_a_limit_of_the_session_is_out_of_the_race(limits:
     stop = "STOP WITH n >= 12" if "max_steps" in limits else ""
     script = f"SELECT n FROM [1, 2] START WITH n = 0 CONNECT BY n = n + this {stop};"
     with ss2sql.connect(**limits) as ss:
-        (heat,) = raced(ss, script, Rules(engines=("native",), strategies=("DEPTH FIRST", "UNIQUE"), repeat=1))
+        (heat,) = raced(ss, script, BenchRules(engines=("native",), strategies=("DEPTH FIRST", "UNIQUE"), repeat=1))
     assert (heat.cells[0].missing or "").startswith(missing)
     if "max_steps" in limits:
         assert [cell.paths for cell in heat.cells] == [None, 12]
@@ -294,7 +294,7 @@ def test_random_programs_keep_their_promises(case: ProgramCase) -> None:
         return
     with session_for(case) as ss:
         try:
-            found = raced(ss, case.script, Rules(repeat=1, timeout=0.5))
+            found = raced(ss, case.script, BenchRules(repeat=1, timeout=0.5))
         except Exception:  # the script itself fails
             return
     for heat in found:
@@ -380,7 +380,7 @@ def test_figures_as_json_and_a_picture(folder: Path) -> None:
 
 
 def test_an_answer_that_the_language_forbids_is_loud(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(deciding, "compared", lambda *answers: Verdict("1 path too many", True))
+    monkeypatch.setattr(deciding, "compare_answers", lambda *answers: Verdict("1 path too many", True))
     answer = bench("roads.ss", "--strategy", "NO CYCLE", "--engine", "native", "--repeat", "1")
     assert answer.exit_code == 1
     assert "FORBIDDEN" in answer.stdout

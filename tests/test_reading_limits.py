@@ -11,7 +11,7 @@ import pytest
 from sessions import both
 
 import ss2sql
-from ss2sql.runtime.paths import Paths
+from ss2sql.runtime.run.search_paths import SearchPaths
 
 # A chain of n steps, each of which is a result, has n * n / 2 rows: no computer has room for those of 100,000 steps.
 CHAIN = "SELECT {select} FROM {source} START WITH i = 1 CONNECT BY i = i + 1 STOP WITH i == {steps} {end}"
@@ -80,10 +80,10 @@ def test_what_a_run_has_left_is_for_each_reading() -> None:
     with session() as ss:
         result = ss.run(chain("AS list", steps=50), timeout=5)
         assert result.answer is not None
-        result.answer.begin = ss2sql.runtime.run.BoundsLeft(0.0).begin
+        result.answer.begin = ss2sql.runtime.run.run_state.RemainingBounds(0.0).begin
         long = ss.run(chain("AS list", steps=500), timeout=5)
         assert long.answer is not None
-        long.answer.begin = ss2sql.runtime.run.BoundsLeft(0.0).begin
+        long.answer.begin = ss2sql.runtime.run.run_state.RemainingBounds(0.0).begin
         assert len(result.value) == 49  # so little is looked at never
         for _ in range(2):
             with pytest.raises(ss2sql.Timeout, match="the run with the reading of its result") as caught:
@@ -108,7 +108,7 @@ def test_paths_read_one_by_one_cost_their_differences(all_results: bool, order: 
     steps = 2000
     kept = Counted([(0, ()), *((number - 1, (number,)) for number in range(1, steps + 1))])
     ends = [(number, number - 1, number) for number in range(1, steps + 1)]
-    paths = Paths(None if all_results else kept, tuple, ends)
+    paths = SearchPaths(None if all_results else kept, tuple, ends)
     looked = paths._step
 
     def count(step: int) -> Any:

@@ -1,4 +1,4 @@
-"""Dataclasses of `ss2sql.records` behave as those of the standard library."""
+"""Dataclasses of `ss2sql.fast_dataclasses` behave as those of the standard library."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import pytest
 
-from ss2sql.records import dataclass
+from ss2sql.fast_dataclasses import dataclass
 
 
 def classes(decorator: Any, **options: bool) -> tuple[type, type]:

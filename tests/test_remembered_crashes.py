@@ -26,7 +26,8 @@ KNOWN = '''{KNOWN}'''
 """
     + """
 import os, random, signal, sqlite3, time
-import ss2sql.runtime.remembered.keeper, ss2sql.runtime.session  # else each child would begin with importing them
+import ss2sql.runtime.graph_cache.cache_policy, ss2sql.session.session  # else each child would begin with importing
+them
 
 dice, longest, before = random.Random(1), 0.4, 0
 for number in range(10):

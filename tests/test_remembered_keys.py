@@ -16,9 +16,9 @@ from remembering import calls, session
 from sessions import write
 
 import ss2sql
-from ss2sql.runtime.remembered.functions import fingerprint
-from ss2sql.runtime.remembered.texts import NotKept
-from ss2sql.vtables.base import Column, Table, World, function
+from ss2sql.runtime.graph_cache.function_fingerprint import fingerprint_function
+from ss2sql.runtime.graph_cache.value_json import NotCacheable
+from ss2sql.vtables.contract import Column, Table, World, function
 
 SCRIPT = "SELECT f(n) FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 3 n = f(n) AS list"
 
@@ -186,8 +186,8 @@ def imports(n: int) -> int:
     ],
 )
 def test_what_cannot_be_compared(file: Path, function: Any, reason: str) -> None:
-    with pytest.raises(NotKept, match=reason):
-        fingerprint(function)
+    with pytest.raises(NotCacheable, match=reason):
+        fingerprint_function(function)
     with session(file, f=function) as ss:
         with pytest.raises(NameError) if "no value yet" in reason else nullcontext():
             (note,) = ss.run("SELECT n FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 1 n = f(n)").stats.notes

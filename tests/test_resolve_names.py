@@ -16,9 +16,9 @@ from listings import MOVES
 from sessions import both, wrong_scripts
 
 import ss2sql
-from ss2sql import plan
-from ss2sql.frontend.suggestions import OF_PYTHON
-from ss2sql.plan_tree import type_text
+from ss2sql.frontend.resolve.suggestions import PYTHON_FUNCTIONS
+from ss2sql.language import plan
+from ss2sql.language.plan_printer import format_type
 
 
 @pytest.fixture(name="ss")
@@ -76,7 +76,7 @@ def test_errors_have_code_place_reason_and_cure(more: ss2sql.Session, marked: st
 
 def test_what_hints_name(ss: ss2sql.Session) -> None:
     names = {"str": str, "math": math, "random": random}
-    for name, path in OF_PYTHON.items():
+    for name, path in PYTHON_FUNCTIONS.items():
         owner, function = path.split(".")
         ss.function(name, getattr(names[owner], function))
     assert ss.eval("upper('a') + ltrim(' b') + str(gcd(4, 6));") == "Ab2"
@@ -183,7 +183,7 @@ def test_types_of_expressions(ss: ss2sql.Session) -> None:
     ss.function("f", lambda x: x, volatility="stable")
     ss.function("g", lambda x: x + 1)
     columns = {text: query_of(ss, f"SELECT ({text}) FROM t;").columns[0].expr.type for text in EXPRESSIONS}
-    assert {text: type_text(found) for text, found in columns.items()} == EXPRESSIONS
+    assert {text: format_type(found) for text, found in columns.items()} == EXPRESSIONS
 
 
 @both

@@ -16,7 +16,7 @@ import pytest
 from matplotlib import pyplot
 
 import ss2sql
-from ss2sql.results.graph_plot import MOST_NODES, tree
+from ss2sql.results.graph_plot import MOST_NODES, build_tree
 
 matplotlib.use("Agg")
 
@@ -83,19 +83,19 @@ def test_costs_that_nobody_selected(ss: ss2sql.Session, columns: str, options: s
 
 def test_paths_share_their_beginnings_in_a_tree_of_which_no_branches_cross(ss: ss2sql.Session) -> None:
     result = ss.run(BINARY.format(3))
-    made, drawn = tree(networkx, result.paths, None)
+    made, drawn = build_tree(networkx, result.paths, None)
     assert drawn == 8
     assert networkx.is_arborescence(made)
     assert len(made) == 1 + 2 + 4 + 8
     assert sum(goal for _, goal in made.nodes(data="goal")) == 8
     assert result.plot(kind="tree").get_title() == "the tree of 8 paths, 14 steps"
     result = ss.run(BINARY.format(10))  # of which as many as fit
-    made, drawn = tree(networkx, result.paths, None)
+    made, drawn = build_tree(networkx, result.paths, None)
     assert 1 < drawn < 1024
     assert len(made) <= MOST_NODES
     assert result.plot(kind="tree", most=2).get_title() == "the tree of the first 2 of 1024 paths, 11 steps"
     result = ss.run("SELECT this FROM [0] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 4;")
-    made, drawn = tree(networkx, result.paths, None)
+    made, drawn = build_tree(networkx, result.paths, None)
     assert (len(made), drawn, [goal for _, goal in made.nodes(data="goal")]) == (4, 3, [False, True, True, True])
     result = ss.run(BINARY.format(4))
     ax = result.plot(kind="tree")

@@ -18,7 +18,7 @@ from rich.console import Console
 from sessions import ENGINES, both
 
 import ss2sql
-from ss2sql.runtime.paths import Paths
+from ss2sql.runtime.run.search_paths import SearchPaths
 
 TREE = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 1"
 # A step with n == 1 stops and is no goal, so its paths have one step more: here they are goals.
@@ -271,7 +271,7 @@ def test_rows_are_counted_without_the_paths(monkeypatch: pytest.MonkeyPatch, tai
     script = f"SELECT this, n FROM [1, 2, 3] {tail}{search}{end};"
     with ss2sql.connect() as ss:
         result = ss.run(script, engine="database")
-        monkeypatch.setattr(Paths, "__iter__", None)
+        monkeypatch.setattr(SearchPaths, "__iter__", None)
         count = len(result)
         monkeypatch.undo()
         assert count == sum(map(len, result.paths))

@@ -22,8 +22,8 @@ from pybullet_utils.bullet_client import BulletClient
 import ss2sql
 from ss2sql import scenes
 from ss2sql.scenes import Scene, View
-from ss2sql.scenes.particles import BOUNCE, INSIDE
-from ss2sql.vtables.pybullet import loader as bullet
+from ss2sql.scenes.chaos_scene import BOUNCE, INSIDE
+from ss2sql.vtables.pybullet import pybullet_loader as bullet
 from ss2sql.vtables.pybullet.solids import Sphere
 
 DIRECTIONS = [(x, y) for x, y in product((-1, 0, 1), repeat=2) if (x, y) != (0, 0)]
@@ -93,7 +93,7 @@ def test_an_explosion_keeps_the_mass_and_the_splinters_vanish(client):
 def test_bodies_bounce_at_walls(client):
     scene = scenes.chaos(bodies=0, client=client)
     ball = scene.add("ball", Sphere(0.3), (0, 0, 0), (1, 0, 0), mass=5.0)
-    scene._bouncy(ball)
+    scene._make_bouncy(ball)
     client.resetBaseVelocity(ball, (4, 0, 0))
     scene.step(80 + 240)  # it has 4.7 m to go
     velocity, _ = client.getBaseVelocity(ball)
@@ -272,7 +272,7 @@ def test_wrong_use_has_clear_errors(client):
 
 def test_scenes_are_imported_when_they_are_asked_for(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
-    bullet.pybullet.cache_clear()
+    bullet.import_pybullet.cache_clear()
     bullet._client_type.cache_clear()
     with pytest.raises(ss2sql.SessionError, match=r"S003[\s\S]*pip install pybullet"):
         scenes.hall()

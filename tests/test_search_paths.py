@@ -12,7 +12,7 @@ from reference import Reference
 from sessions import both
 
 import ss2sql
-from ss2sql.runtime.pool import Pool
+from ss2sql.runtime.sqlite.interning import Interning
 
 TREE = """SELECT level, this FROM [1, 2] {where} START WITH level = 1
     CONNECT BY {option} level = level + 1 STOP WITH level == 4"""
@@ -76,7 +76,7 @@ LISTS = """SELECT at FROM [0, 1] START WITH at = [], level = 1 CONNECT BY {optio
 
 def pools() -> int:
     gc.collect()
-    return sum(isinstance(known, Pool) for known in gc.get_objects())
+    return sum(isinstance(known, Interning) for known in gc.get_objects())
 
 
 @both

@@ -295,7 +295,7 @@ NUMBERS = [-FAR - 1, FAR, 0, -7, 3, FAR - 1]
 
 @pytest.mark.parametrize("table", ["whole numbers", "descending", "without rowid", "descending key", "other key"])
 def test_numbers_come_as_arrays_in_the_order_of_the_table(table: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ss2sql.runtime.tables.MANY", 1)
+    monkeypatch.setattr("ss2sql.runtime.sqlite.database_tables.MANY_ROWS", 1)
     session = ss2sql.connect(engine="native")
     session.host.connection.execute(TABLES[table])
     edges = [(NUMBERS[src % 6], NUMBERS[dst % 6]) for src, dst in EDGES]

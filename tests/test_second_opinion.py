@@ -22,7 +22,7 @@ from sessions import ENGINES
 
 import ss2sql
 from ss2sql.lowering.dialects import DUCKDB
-from ss2sql.runtime.translated import translated
+from ss2sql.session.translation import translate_script
 
 COUNT = amount(3 / 10)
 duckdb = pytest.importorskip("duckdb")
@@ -50,7 +50,7 @@ def becomes(case: ProgramCase) -> str | None:
         for name, rows in case.tables.items():
             ss.set(name, rows)
         try:
-            return str(translated(ss.compile(case.script).statements(), DUCKDB))
+            return str(translate_script(ss.compile(case.script).statements(), DUCKDB))
         except ss2sql.UnsupportedError:
             return None
 

@@ -12,7 +12,7 @@ import pytest
 
 import ss2sql
 from ss2sql.errors import Error, ExecutionError, ResolveError
-from ss2sql.errors.render import visible
+from ss2sql.errors.renderer import escape_controls
 
 REFUSED = (
     "ATTACH 'x' AS y", "PRAGMA user_version = 3", "CREATE TABLE u(a)", "CREATE TEMP VIEW u AS SELECT 1",
@@ -114,9 +114,9 @@ BAD = "\x1b]0;title\x07\r\x9b\u202e\x00"
 
 
 def test_text_for_terminals_shows_what_a_terminal_would_obey() -> None:
-    assert visible(BAD) == r"\x1b]0;title\x07\r\x9b\u202e\x00"
-    assert visible("a\tb\nä \u4e2d") == "a\tb\nä \u4e2d"
-    assert visible("\ud800") == r"\ud800"
+    assert escape_controls(BAD) == r"\x1b]0;title\x07\r\x9b\u202e\x00"
+    assert escape_controls("a\tb\nä \u4e2d") == "a\tb\nä \u4e2d"
+    assert escape_controls("\ud800") == r"\ud800"
 
 
 SHOWN = (

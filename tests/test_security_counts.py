@@ -9,8 +9,8 @@ from command_lines import bad, call, good
 from sessions import ENGINES
 
 import ss2sql
-from ss2sql.runtime.native import pace
-from ss2sql.runtime.sizes import LEAST
+from ss2sql.runtime.python import loop_cancellation
+from ss2sql.runtime.run.value_sizes import MIN_REMEMBERED_LIMIT
 
 # Each ends, and its steps are counted on both engines.
 SEARCHES = {
@@ -48,7 +48,7 @@ def test_whether_a_search_has_too_many_steps_is_a_matter_of_their_number(
     monkeypatch: pytest.MonkeyPatch, engine: Any, name: str, turns: int
 ) -> None:
     """Not of the moments at which somebody looks."""
-    monkeypatch.setattr(pace, "MOST_TURNS", turns)
+    monkeypatch.setattr(loop_cancellation, "MAX_TURNS", turns)
     with ss2sql.connect() as free:
         expected = free.run(SEARCHES[name], engine=engine)
     steps = expected.stats.generated
@@ -146,7 +146,7 @@ def test_limits_are_whole_numbers(name: str, value: Any) -> None:
         ss2sql.connect(**{name: value})
 
 
-@pytest.mark.parametrize("size", [LEAST - 1, 10**9 + 1, None, "1"])
+@pytest.mark.parametrize("size", [MIN_REMEMBERED_LIMIT - 1, 10**9 + 1, None, "1"])
 def test_sizes_that_are_no_limits(size: Any) -> None:
     with pytest.raises(ss2sql.SessionError):
         ss2sql.connect(max_size=size)

@@ -1,4 +1,5 @@
-"""What a script makes is bounded: how large one value is, how many rows, how much memory in all, see runtime/sizes.py.
+"""What a script makes is bounded: how large one value is, how many rows, how much memory in all, see
+runtime/run/value_sizes.py.
 
 Each script grows what it makes at every step; without a limit it takes all memory, or the value that it gives takes for
 ever to look at.
@@ -20,8 +21,10 @@ import pytest
 from reference import Failure, Reference, values
 
 import ss2sql
-from ss2sql.runtime import executing, run, shaping
-from ss2sql.runtime.sizes import CELL, FEW, LEAST, Sizes
+from ss2sql.runtime.representations import shape
+from ss2sql.runtime.run import run_state
+from ss2sql.runtime.run.value_sizes import CELL_SIZE, MIN_REMEMBERED_LIMIT, SMALL_LENGTH, ValueSizes
+from ss2sql.session import execution
 
 STEPS = 40  # doublings
 
@@ -65,7 +68,7 @@ def engine(request: pytest.FixtureRequest) -> Any:
 
 @pytest.fixture
 def small() -> Iterator[ss2sql.Session]:
-    with ss2sql.connect(max_size=LEAST, progress=False) as session:
+    with ss2sql.connect(max_size=MIN_REMEMBERED_LIMIT, progress=False) as session:
         yield session
 
 
@@ -104,7 +107,7 @@ def test_the_result_of_a_script_is_a_value(small: ss2sql.Session, engine: Any) -
 
 @pytest.mark.parametrize("unit", ["a", "é", "€"])
 def test_a_text_has_so_many_bytes_and_no_more(small: ss2sql.Session, engine: Any, unit: str) -> None:
-    most = LEAST // len(unit.encode())
+    most = MIN_REMEMBERED_LIMIT // len(unit.encode())
     small.set("t", unit * (most - 1))
     script = "SELECT len(t + this) FROM ['a', 'aaaaaaaa'] WHERE len(this) == {} AS value"
     assert small.run(script.format(1), engine=engine).value == most
@@ -112,7 +115,7 @@ def test_a_text_has_so_many_bytes_and_no_more(small: ss2sql.Session, engine: Any
 
 
 def test_a_list_has_so_many_bytes_and_no_more(small: ss2sql.Session, engine: Any) -> None:
-    most = LEAST // CELL
+    most = MIN_REMEMBERED_LIMIT // CELL_SIZE
     small.set("l", [0] * (most - 3))
     script = "SELECT len(uniq([l, this])) FROM [1, 'a'] WHERE this == {} AS value"
     assert small.run(script.format(1), engine=engine).value == 2
@@ -122,10 +125,10 @@ def test_a_list_has_so_many_bytes_and_no_more(small: ss2sql.Session, engine: Any
 
 
 def test_few_values_have_room(small: ss2sql.Session, engine: Any) -> None:
-    small.set("t", "a" * (LEAST - 1))
+    small.set("t", "a" * (MIN_REMEMBERED_LIMIT - 1))
     script = "SELECT len(uniq([t, [t, this, {}]])) FROM [1, 'a'] AS list"
     assert small.run(script.format("t, t"), engine=engine).value == [2, 2]
-    assert refused(small, script.format(", ".join("t" * FEW)), engine=engine) == "X014"
+    assert refused(small, script.format(", ".join("t" * SMALL_LENGTH)), engine=engine) == "X014"
 
 
 def test_a_value_of_python_may_be_larger(small: ss2sql.Session, engine: Any) -> None:
@@ -208,9 +211,9 @@ SEARCH = "SELECT n FROM [1, 2] WHERE n % 1000 == 0 START WITH n = 1 CONNECT BY {
 def test_max_memory_ends_a_run_that_grows(monkeypatch: pytest.MonkeyPatch, engine: Any, options: str) -> None:
     """Each look at the memory finds a megabyte more."""
     looks = iter(range(10**9))
-    monkeypatch.setattr(run, "LOOK_EVERY", 0.0)
-    for module in (run, executing):
-        monkeypatch.setattr(module, "memory_in_use", lambda: next(looks) * 2**20)
+    monkeypatch.setattr(run_state, "LOOK_SECONDS", 0.0)
+    for module in (run_state, execution):
+        monkeypatch.setattr(module, "measure_memory", lambda: next(looks) * 2**20)
     with ss2sql.connect(max_memory=20 * 2**20) as session:
         with pytest.raises(ss2sql.OutOfMemory) as stopped:
             session.run(SEARCH.format(options), engine=engine)
@@ -220,14 +223,14 @@ def test_max_memory_ends_a_run_that_grows(monkeypatch: pytest.MonkeyPatch, engin
     assert 20 < next(looks) < 100
 
 
-@pytest.mark.skipif(run.memory_in_use() is None, reason="the system does not say how much memory a process has")
+@pytest.mark.skipif(run_state.measure_memory() is None, reason="the system does not say how much memory a process has")
 def test_memory_in_use_is_that_of_the_process() -> None:
     """Of a process that does nothing else: this one may be large, and give back something at the same time."""
     code = """if True:
-        from ss2sql.runtime.run import memory_in_use
-        before = memory_in_use()
+        from ss2sql.runtime.run.run_state import measure_memory
+        before = measure_memory()
         kept = bytearray(100_000_000)
-        print(memory_in_use() - before, len(kept))"""
+        print(measure_memory() - before, len(kept))"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     more, kept = map(int, done.stdout.split())
     assert 90_000_000 < more < 200_000_000
@@ -237,8 +240,8 @@ def test_memory_in_use_is_that_of_the_process() -> None:
 def test_a_run_inside_of_another_has_no_more_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[int | None] = []
     used = iter(range(10**6, 10**9, 10**6))
-    for module in (run, executing):
-        monkeypatch.setattr(module, "memory_in_use", lambda: next(used))
+    for module in (run_state, execution):
+        monkeypatch.setattr(module, "measure_memory", lambda: next(used))
     with ss2sql.connect(max_memory=10**9) as session:
 
         def inner(x: int) -> int:
@@ -252,9 +255,9 @@ def test_a_run_inside_of_another_has_no_more_memory(monkeypatch: pytest.MonkeyPa
 
 
 def test_max_memory_needs_a_system_that_knows_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    from ss2sql.runtime import option_checks
+    from ss2sql.runtime.run import option_checks
 
-    monkeypatch.setattr(option_checks, "memory_in_use", lambda: None)
+    monkeypatch.setattr(option_checks, "measure_memory", lambda: None)
     with pytest.raises(ss2sql.SessionError):
         ss2sql.connect(max_memory=10**9)
     ss2sql.connect().close()
@@ -266,13 +269,13 @@ def test_max_memory_needs_a_system_that_knows_it(monkeypatch: pytest.MonkeyPatch
 def test_where_python_has_no_memory_the_run_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     def full(rows: Any) -> Any:
         # The frame that raises it has to be one of ss2sql, as where its code joins two texts.
-        exec("raise MemoryError", {"__name__": "ss2sql.runtime.values"})
+        exec("raise MemoryError", {"__name__": "ss2sql.language.values"})
 
     search = "SELECT [n, [this]] FROM [1] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 3"
     with ss2sql.connect() as session:
         result = session.run(f"{search} AS list")  # whose paths are made when they are read
         with monkeypatch.context() as patch:
-            patch.setattr(shaping, "fresh_rows", full)
+            patch.setattr(shape, "copy_rows_for_python", full)
             assert refused(session, f"SELECT len(({search} GROUP BY n AS list)) FROM [1]", engine="native") == "T003"
             with pytest.raises(ss2sql.OutOfMemory):
                 result.value  # noqa: B018
@@ -349,7 +352,7 @@ def test_one_step_that_makes_many_values_is_broken_off(engine: Any) -> None:
         assert refused(session, queries_in_each_other(20), engine=engine, timeout=timeout) == code
 
 
-class Watched(run.Run):
+class Watched(run_state.Run):
     """A run that a weak reference can tell of."""
 
     __slots__ = ("__weakref__",)
@@ -364,7 +367,7 @@ def test_a_run_is_free_at_its_end(monkeypatch: pytest.MonkeyPatch, engine: Any) 
         made.append(weakref.ref(one))
         return one
 
-    monkeypatch.setattr(executing, "Run", noted)
+    monkeypatch.setattr(execution, "Run", noted)
     with ss2sql.connect() as session:
         gc.disable()
         try:
@@ -376,9 +379,9 @@ def test_a_run_is_free_at_its_end(monkeypatch: pytest.MonkeyPatch, engine: Any) 
 
 def test_lists_that_were_measured_are_not_walked_again() -> None:
     """A list of a million parts in a thousand others: to walk it each time would take a thousand times as long."""
-    sizes = Sizes()
+    sizes = ValueSizes()
     big = sizes.checked([[0] * 1000] * 1000)
-    unknown, size, depth = sizes._without_known([big, [1]])
+    unknown, size, depth = sizes._find_unknown([big, [1]])
     assert unknown == [[1]]
-    assert (size, depth) == (CELL * (1000 + 1000 * 1000), 2)
-    assert sizes._measure([[big, big]]) == (2 * size + 2 * CELL, 3)
+    assert (size, depth) == (CELL_SIZE * (1000 + 1000 * 1000), 2)
+    assert sizes._measure([[big, big]]) == (2 * size + 2 * CELL_SIZE, 3)

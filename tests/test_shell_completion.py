@@ -10,9 +10,9 @@ from sessions import write
 
 import ss2sql
 from ss2sql.editor.keywords import keywords
-from ss2sql.shell.commands import COMMANDS
-from ss2sql.shell.completion import Suggestion, signature, suggestions
-from ss2sql.shell.known import Known
+from ss2sql.shell.completion import Suggestion, complete, find_signature
+from ss2sql.shell.dot_commands import COMMANDS
+from ss2sql.shell.symbols import SymbolTable
 
 SEARCH = "SELECT this FROM moves START WITH tower = start, level = 1 CONNECT BY"
 
@@ -34,15 +34,15 @@ def known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
             """Moves a disk."""
             return tower
 
-        yield Known(session)
+        yield SymbolTable(session)
 
 
-def found(marked: str, known: Known) -> list[Suggestion]:
+def found(marked: str, known: SymbolTable) -> list[Suggestion]:
     cursor = marked.index("|")
-    return suggestions(marked.replace("|", "", 1), cursor, known)
+    return complete(marked.replace("|", "", 1), cursor, known)
 
 
-def texts(marked: str, known: Known, kind: str = "") -> list[str]:
+def texts(marked: str, known: SymbolTable, kind: str = "") -> list[str]:
     return [one.text for one in found(marked, known) if kind in ("", one.kind)]
 
 
@@ -59,7 +59,7 @@ def texts(marked: str, known: Known, kind: str = "") -> list[str]:
         ("SELECT a |", {"FROM", "AS"}), ("|", {"SELECT"}), ("1; |", {"SELECT"}),
     ],
 )  # fmt: skip
-def test_clauses_stand_in_their_order_and_once(marked: str, expected: set[str], known: Known) -> None:
+def test_clauses_stand_in_their_order_and_once(marked: str, expected: set[str], known: SymbolTable) -> None:
     clauses = {keyword.text for keyword in keywords().values() if keyword.sort == "clause"}
     assert set(texts(marked, known)) & clauses == expected
 
@@ -70,7 +70,7 @@ def test_clauses_stand_in_their_order_and_once(marked: str, expected: set[str], 
      ("BREADTH FIRST", "DEPTH FIRST BREADTH FIRST COST PROBABILITY"), ("MAXIMUM 3", "MAXIMUM"),
      ("COST 1 HEURISTIC 2", "DEPTH FIRST BREADTH FIRST COST PROBABILITY HEURISTIC")],
 )  # fmt: skip
-def test_options_that_contradict_each_other_are_not_offered(written: str, gone: str, known: Known) -> None:
+def test_options_that_contradict_each_other_are_not_offered(written: str, gone: str, known: SymbolTable) -> None:
     options = {keyword.text for keyword in keywords().values() if keyword.sort == "option"}
     offered = set(texts(f"{SEARCH} {written} |", known, "keyword")) & options
     assert offered == {one for one in options if one not in gone}
@@ -121,11 +121,11 @@ def test_options_that_contradict_each_other_are_not_offered(written: str, gone: 
         (".help CONN|", "", ["CONNECT BY"]), (".sql SELECT n| FROM people", "column", ["name"]), (".nothing |", "", []),
     ],
 )  # fmt: skip
-def test_what_is_offered(marked: str, kind: str, expected: list[str], known: Known) -> None:
+def test_what_is_offered(marked: str, kind: str, expected: list[str], known: SymbolTable) -> None:
     assert texts(marked, known, kind) == expected
 
 
-def test_what_is_offered_first_and_what_is_said_about_it(known: Known) -> None:
+def test_what_is_offered_first_and_what_is_said_about_it(known: SymbolTable) -> None:
     assert texts("SELECT NO|", known)[0] == "NOT"  # keywords come first in capitals
     assert texts("SELECT no|", known)[0] == "norm("
     assert [one.length for one in found("SELECT no|", known)] == [2] * len(texts("SELECT no|", known))
@@ -139,12 +139,12 @@ def test_what_is_offered_first_and_what_is_said_about_it(known: Known) -> None:
     assert about["x"] == "s: float  m  how far from the left"
 
 
-def test_columns_of_values_and_their_types(known: Known) -> None:
+def test_columns_of_values_and_their_types(known: SymbolTable) -> None:
     pandas = pytest.importorskip("pandas")
     session = known.session
     session.attach("frame", pandas.DataFrame({"size": [1.5, 2.5], "word": ["a", "b"]}))
     session.attach("columns", {"left": [1, 2], "right": [[3], [4]]})
-    known = Known(session)
+    known = SymbolTable(session)
     for source, kinds in (
         ("frame", {"size": "float", "word": "str"}), ("columns", {"left": "int", "right": "list of int"}),
         ("people", {"name": "str", "age": "int"}),
@@ -154,7 +154,7 @@ def test_columns_of_values_and_their_types(known: Known) -> None:
     assert known.variables["frame"] == "data frame of 2 rows"
 
 
-def test_long_lists_are_not_read_for_their_columns(known: Known) -> None:
+def test_long_lists_are_not_read_for_their_columns(known: SymbolTable) -> None:
     read = []
 
     class Watched(dict[str, int]):
@@ -163,25 +163,25 @@ def test_long_lists_are_not_read_for_their_columns(known: Known) -> None:
             return super().items()
 
     known.session.attach("long", [Watched(a=1) for _ in range(10_000)])
-    assert texts("SELECT | FROM long", Known(known.session), "column") == ["a"]
+    assert texts("SELECT | FROM long", SymbolTable(known.session), "column") == ["a"]
     assert len(read) < 1000
 
 
 def test_a_view_that_is_broken_does_not_end_the_shell(file: Path) -> None:
     write(file, "CREATE TABLE a(x); CREATE VIEW broken AS SELECT * FROM a; DROP TABLE a")
     with ss2sql.connect(file) as session:
-        assert texts("SELECT | FROM broken", Known(session), "column") == []
-        assert texts("SELECT a FROM bro|", Known(session)) == ["broken"]
+        assert texts("SELECT | FROM broken", SymbolTable(session), "column") == []
+        assert texts("SELECT a FROM bro|", SymbolTable(session)) == ["broken"]
 
 
-def test_any_cut_of_a_script_can_be_completed(known: Known) -> None:
+def test_any_cut_of_a_script_can_be_completed(known: SymbolTable) -> None:
     script = (
         "/* a */ SELECT x.y, 'b', [1, {2] FROM (SELECT * FROM people), p = f(1) WHERE 1. START WITH a = 3; .sql (\n.a"
     )
     for cursor in range(len(script) + 1):
-        suggestions(script, cursor, known)
-        suggestions(script[:cursor], cursor, known)
-        signature(script[:cursor], cursor, known)
+        complete(script, cursor, known)
+        complete(script[:cursor], cursor, known)
+        find_signature(script[:cursor], cursor, known)
 
 
 @pytest.mark.parametrize(
@@ -192,7 +192,7 @@ def test_any_cut_of_a_script_can_be_completed(known: Known) -> None:
      ("SELECT a FROM b AS plane(0, |", ("plane(plane, start, size, blur=0)", 1)), ("move(len(|", ("len(x)", 0)),
      ("move(1, 2)|", None), ("(|", None), ("unknown(|", None)],
 )  # fmt: skip
-def test_the_call_around_the_cursor(marked: str, expected: tuple[str, int] | None, known: Known) -> None:
+def test_the_call_around_the_cursor(marked: str, expected: tuple[str, int] | None, known: SymbolTable) -> None:
     cursor = marked.index("|")
-    around = signature(marked.replace("|", "", 1), cursor, known)
+    around = find_signature(marked.replace("|", "", 1), cursor, known)
     assert (around and (around[0].call, around[1])) == expected

@@ -30,7 +30,7 @@ from prompt_toolkit.input import PipeInput, create_pipe_input
 from prompt_toolkit.output import DummyOutput
 
 from ss2sql.shell.colors import ShellLexer, TranscriptLexer
-from ss2sql.shell.terminal import Terminal, _Remembered
+from ss2sql.shell.terminal import Terminal, _SelectiveHistory
 
 ENTER, TAB, CTRL_C, CTRL_D, UP, ESCAPE = "\r", "\t", "\x03", "\x04", "\x1b[A", "\x1b"
 
@@ -214,32 +214,32 @@ def test_a_history_that_cannot_be_written(keys: PipeInput, folder: Path, capsys)
 def test_the_history_is_for_its_owner_alone(folder: Path, monkeypatch) -> None:
     before = os.umask(0)
     try:
-        path = history.history_file()
+        path = history.open_history_file()
     finally:
         os.umask(before)
     assert path == folder / "state" / "ss2sql" / "history"
     assert (stat.S_IMODE(path.stat().st_mode), stat.S_IMODE(path.parent.stat().st_mode)) == (0o600, 0o700)
-    assert list(_Remembered(str(path.parent)).load_history_strings()) == []  # nothing where it cannot be read
+    assert list(_SelectiveHistory(str(path.parent)).load_history_strings()) == []  # nothing where it cannot be read
     path.chmod(0o644)
-    assert stat.S_IMODE(history.history_file().stat().st_mode) == 0o600
+    assert stat.S_IMODE(history.open_history_file().stat().st_mode) == 0o600
     path.unlink()  # it follows no link
     (folder / "other").write_text("precious")
     path.symlink_to(folder / "other")
     with pytest.raises(OSError, match="history"):
-        history.history_file()
+        history.open_history_file()
     assert (folder / "other").read_text() == "precious"
     monkeypatch.setenv("HOME", str(folder))
     for value in ("", "relative/folder"):
         monkeypatch.setenv("XDG_STATE_HOME", value)
-        assert history.state_folder() == folder / ".local" / "state" / "ss2sql"
+        assert history.find_state_folder() == folder / ".local" / "state" / "ss2sql"
 
 
 def test_the_history_does_not_grow_for_ever(monkeypatch) -> None:
-    monkeypatch.setattr(history, "KEPT", 10)
-    path = history.history_file()
+    monkeypatch.setattr(history, "MAX_ENTRIES", 10)
+    path = history.open_history_file()
     for number in range(25):
         FileHistory(str(path)).store_string(f"{number};\n{number} again;")
-    kept = list(FileHistory(str(history.history_file())).load_history_strings())
+    kept = list(FileHistory(str(history.open_history_file())).load_history_strings())
     assert kept == [f"{number};\n{number} again;" for number in range(24, 14, -1)]
 
 

@@ -11,8 +11,8 @@ from listings import HANOI, MOVES, move
 from sql_calls import python_calls
 
 import ss2sql
-from ss2sql.plan_tree import plan_tree
-from ss2sql.runtime.run import Run
+from ss2sql.language.plan_printer import format_plan
+from ss2sql.runtime.run.run_state import Run
 
 
 def double(x):
@@ -55,7 +55,7 @@ def test_the_text_gives_the_same_rows_in_another_connection_with_the_same_functi
 ) -> None:
     result = staff.run(script, engine="database")
     other = session()
-    assert other.host.database.paste(result.sql, Run(other.host)) == list(result)
+    assert other.host.database.run_shown_sql(result.sql, Run(other.host)) == list(result)
     assert len(list(result)) > 0
 
 
@@ -65,7 +65,7 @@ def test_the_text_of_a_search_gives_the_same_last_rows(staff: ss2sql.Session, op
     script = listing.replace("NO CYCLE # or UNIQUE", "").replace("CONNECT BY", f"CONNECT BY {option}")
     result = staff.run(script, engine="database")
     other = session()
-    pasted = other.host.database.paste(result.sql, Run(other.host))
+    pasted = other.host.database.run_shown_sql(result.sql, Run(other.host))
     assert [row[2:] for row in pasted] == [path[-1] for path in result.paths]
     assert len(pasted) > 0
 
@@ -144,7 +144,7 @@ def test_a_text_that_was_read_early_is_read_again_without_its_variable(ss: ss2sq
 
 
 def test_a_plan_names_its_parameters(ss: ss2sql.Session) -> None:
-    assert plan_tree(ss.compile("SELECT this FROM [1] WHERE this == wanted").plan).startswith("parameters wanted\n")
+    assert format_plan(ss.compile("SELECT this FROM [1] WHERE this == wanted").plan).startswith("parameters wanted\n")
 
 
 def test_rows_of_a_query_that_gives_a_list_are_not_collected(ss: ss2sql.Session) -> None:

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from programs.drawn import amount, drawn
 
 import ss2sql
-from ss2sql.frontend.drift import STEPS
-from ss2sql.kinds import Kind, Type, covers, type_of
-from ss2sql.plan_tree import type_text
+from ss2sql.frontend.resolve.widening import STEPS
+from ss2sql.language.kinds import Kind, Type, covers, type_of
+from ss2sql.language.plan_printer import format_type
 
 MOVES = [[-1, 0, 1.5], [1, 0, 1], [2, -3, 0.5]]
 STEPS_AS_DICTS = [{"dx": -1, "dy": 0, "c": 1.5}, {"dx": 1, "dy": 3, "c": 1}]
@@ -38,7 +38,7 @@ def states_of(ss: ss2sql.Session, script: str) -> dict[str, Type]:
 def shown(kind: Type) -> str:
     """A type in words, of a short list one by one."""
     if kind.positions is None or kind.kinds != Kind.LIST:
-        return type_text(kind)
+        return format_type(kind)
     return f"[{', '.join(map(shown, kind.positions))}]"
 
 

@@ -9,9 +9,9 @@ import pytest
 from listings import move
 
 import ss2sql
-from ss2sql.runtime.frozen import Shapes, freeze_any, freeze_flat, freeze_nested, thaw
-from ss2sql.runtime.native import search_code
-from ss2sql.runtime.native.fragments import copied
+from ss2sql.language.frozen_values import FrozenShapes, freeze_any, freeze_flat, freeze_nested, thaw_value
+from ss2sql.runtime.python import search_compiler
+from ss2sql.runtime.python.code_templates import copy_tree
 
 ORDERS = ["", "BREADTH FIRST", "DEPTH FIRST", "COST w", "PROBABILITY w / 4", "COST w HEURISTIC IF(dst == 2; 3; 0)"]
 REPEATS = ["", "NO CYCLE", "UNIQUE", "MEMORIZE 4"]
@@ -62,7 +62,7 @@ def test_the_loop_with_the_function_put_in_does_what_the_loop_does(
     script = f"{SEARCHES[search].format(f'{order} {repeats}')} AS list;"
     inlined = outcome(script, [])
     without_memory = outcome(script, ["memo"])
-    monkeypatch.setattr(search_code, "INLINES", False)
+    monkeypatch.setattr(search_compiler, "INLINE_STEPS", False)
     assert outcome(script, []) == inlined
     other = outcome(script, ["memo"])
     assert other == without_memory
@@ -101,7 +101,7 @@ def test_a_step_to_a_row_on_the_path_may_fail() -> None:
 @pytest.mark.parametrize("value", [1, "a", None, [], [1, 2.0], [[1], []], [[1], 2], {"a": [1]}, [{"a": 1}], [[[1]]]])
 def test_frozen_values_come_back_as_they_were(value: Any) -> None:
     for freezer in (freeze_any, freeze_flat, freeze_nested):
-        assert repr(thaw(freezer(value))) == repr(value)
+        assert repr(thaw_value(freezer(value))) == repr(value)
         hash(freezer(value))
 
 
@@ -116,14 +116,14 @@ def test_frozen_values_are_equal_where_values_are(freezer: Any) -> None:
 
 
 def test_paths_share_the_rows_that_they_have_in_common() -> None:
-    thawing = Shapes(("flat",), ("flat",)).thawing()
+    thawing = FrozenShapes(("flat",), ("flat",)).make_row_thaw()
     assert thawing is not None
     first, second = ((1, 2),), ((3, 4),)
     thawing([first])  # often there is no other path
     one, other = thawing([first]), thawing([first, second])
     assert other == (([1, 2],), ([3, 4],))
     assert one[0] is other[0]
-    assert Shapes(("flat",), ("scalar",)).thawing() is None
+    assert FrozenShapes(("flat",), ("scalar",)).make_row_thaw() is None
 
 
 def test_a_list_that_contains_itself_is_refused_at_once() -> None:
@@ -184,7 +184,7 @@ def test_what_others_note_in_syntax_trees_is_no_part_of_them() -> None:
     load = ast.parse("a").body[0].value.ctx  # type: ignore[attr-defined]
     load.parent = ast.parse("b").body[0].value  # type: ignore[attr-defined]
     try:
-        copy = copied(ast.parse("c + 1"))
+        copy = copy_tree(ast.parse("c + 1"))
     finally:
         del load.parent
     assert ast.unparse(copy) == "c + 1"

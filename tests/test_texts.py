@@ -18,8 +18,8 @@ from programs.drawn import amount
 from test_program_laws import SEED, agree, pool
 
 from ss2sql.errors import Source
-from ss2sql.frontend import ast
-from ss2sql.frontend.parser import parse
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.parser import parse
 
 COUNT = amount(1 / 5)
 PARTS = 4

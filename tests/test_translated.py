@@ -15,7 +15,7 @@ from sqlglot.generator import Generator
 import ss2sql
 from ss2sql.cli import main
 from ss2sql.lowering.dialects import DIALECTS, DUCKDB
-from ss2sql.runtime.translated import translated
+from ss2sql.session.translation import translate_script
 
 duckdb = pytest.importorskip("duckdb")
 
@@ -36,7 +36,7 @@ def ss() -> Iterator[ss2sql.Session]:
 
 
 def in_dialect(ss: ss2sql.Session, script: str, dialect: str = "duckdb") -> str:
-    return str(translated(ss.compile(script).statements(), DIALECTS[dialect]))
+    return str(translate_script(ss.compile(script).statements(), DIALECTS[dialect]))
 
 
 def in_line(ss: ss2sql.Session, script: str) -> str:

@@ -24,8 +24,17 @@ from random_values import ALIKE, NUMBERS, REFUSED, VALUES, Thing, Unhashable, la
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.runtime.pool import Pool
-from ss2sql.runtime.values import Opaque, compare, freeze, fresh, normalise, show, sort_rows, truth
+from ss2sql.language.values import (
+    Opaque,
+    compare_values,
+    convert_value,
+    copy_for_python,
+    format_value,
+    get_truth,
+    make_hashable,
+    sort_rows,
+)
+from ss2sql.runtime.sqlite.interning import Interning
 
 lt, le, gt, ge = (OPERATIONS[name].value for name in ("lt", "le", "gt", "ge"))
 GIVER = "the function 'f'"
@@ -50,10 +59,10 @@ def nested(depth: int, leaf: Any = 1) -> Any:
 
 @given(VALUES)
 def test_values_and_their_copies_are_the_same(value: Any) -> None:
-    assert same(normalise(value, GIVER), value)
-    assert same(normalise((1, [(value, value)]), GIVER), [1, [[value, value]]])
-    copy = fresh(value)
-    assert same(normalise(copy, GIVER), value)
+    assert same(convert_value(value, GIVER), value)
+    assert same(convert_value((1, [(value, value)]), GIVER), [1, [[value, value]]])
+    copy = copy_for_python(value)
+    assert same(convert_value(copy, GIVER), value)
     assert not _shares_structure(copy, value)
 
 
@@ -68,14 +77,14 @@ def _shares_structure(left: Any, right: Any) -> bool:
 def test_parts_that_were_shared_are_copied_apart() -> None:
     part = [1]
     for shared in ([part, part], [part, part, Thing()]):
-        first, second, *_ = fresh(shared)
+        first, second, *_ = copy_for_python(shared)
         first.append(2)
         assert second == [1]
 
 
 def test_truth() -> None:
-    assert not any(map(truth, [None, 0, 0.0, -0.0, False, "", [], {}, b""]))
-    assert all(map(truth, [True, -1, 0.5, "0", [[]], [0], {"a": 0}, b"0"]))
+    assert not any(map(get_truth, [None, 0, 0.0, -0.0, False, "", [], {}, b""]))
+    assert all(map(get_truth, [True, -1, 0.5, "0", [[]], [0], {"a": 0}, b"0"]))
 
     class Empty(Unhashable):
         def __len__(self) -> int:
@@ -85,9 +94,9 @@ def test_truth() -> None:
         def __bool__(self) -> bool:
             raise ValueError("ambiguous")
 
-    assert truth(normalise(Empty(), GIVER)) is False
-    assert truth(normalise(Refusing(), GIVER)) is True
-    assert truth(Refusing()) is True
+    assert get_truth(convert_value(Empty(), GIVER)) is False
+    assert get_truth(convert_value(Refusing(), GIVER)) is True
+    assert get_truth(Refusing()) is True
 
 
 # --- equality as keys ----------------------------------------------------------------------------------
@@ -96,9 +105,9 @@ def test_truth() -> None:
 @given(st.one_of(st.tuples(ALIKE, ALIKE), st.tuples(VALUES, VALUES)))
 def test_keys_are_equal_exactly_where_values_are(pair: tuple[Any, Any]) -> None:
     left, right = pair
-    assert (freeze(left) == freeze(right)) is (left == right)
-    assert left != right or hash(freeze(left)) == hash(freeze(right))
-    assert freeze(left) == freeze(normalise(fresh(left), GIVER))
+    assert (make_hashable(left) == make_hashable(right)) is (left == right)
+    assert left != right or hash(make_hashable(left)) == hash(make_hashable(right))
+    assert make_hashable(left) == make_hashable(convert_value(copy_for_python(left), GIVER))
 
 
 def test_keys_of_chosen_values() -> None:
@@ -107,24 +116,24 @@ def test_keys_of_chosen_values() -> None:
         ({"a": 1, "b": [1.0]}, {"b": [True], "a": 1}),
         ([b"a", 1.0], [b"a", 1]), (2**53, 2.0**53),
     ]  # fmt: skip
-    pool = Pool()
+    pool = Interning()
     for left, right in equal:
         assert left == right
-        assert freeze(left) == freeze(right)
+        assert make_hashable(left) == make_hashable(right)
         assert pool.key(pool.encode(left)) == pool.key(pool.encode(right))
     different = [
         [], [[]], {}, [{}], "", "[]", 0, "0", None, [None], "1", 1, b"", b"1", [b"1"], ["1"], [1], [[1]], [1, 1],
         {"a": 1}, {"a": "1"}, [["a", 1]], 2**53 + 1, 2.0**53, [2**53 + 1], [2.0**53], 2.0**63, [Decimal("0.1")], [0.1],
-        freeze([1]),
+        make_hashable([1]),
     ]  # fmt: skip
     for left, right in itertools.combinations(different, 2):
-        assert freeze(left) != freeze(right), (left, right)
+        assert make_hashable(left) != make_hashable(right), (left, right)
         assert pool.key(pool.encode(left)) != pool.key(pool.encode(right)), (left, right)
 
 
 def test_values_that_a_script_nested_too_deeply_have_no_key() -> None:
-    assert failure(freeze, nested(1500, 0.5)).message == "cannot compare a value nested deeper than 500 levels"
-    assert "deeper than 500 levels" in failure(Pool().encode, nested(3000)).message
+    assert failure(make_hashable, nested(1500, 0.5)).message == "cannot compare a value nested deeper than 500 levels"
+    assert "deeper than 500 levels" in failure(Interning().encode, nested(3000)).message
 
 
 # --- order ---------------------------------------------------------------------------------------------
@@ -148,7 +157,7 @@ def test_order_is_pythons(pair: tuple[Any, Any]) -> None:
     assert le(left, right) is (left <= right)
     assert gt(left, right) is (left > right)
     assert ge(left, right) is (left >= right)
-    assert compare(left, right) == (left > right) - (left < right)
+    assert compare_values(left, right) == (left > right) - (left < right)
 
 
 @pytest.mark.parametrize("left", [1, True, 0.5, "a", None, [1], {"a": 1}, b"a", Decimal(1), Opaque([])], ids=label)
@@ -161,7 +170,7 @@ def test_other_kinds_have_no_order(left: Any, right: Any) -> None:
     for function, symbol in ((lt, "<"), (le, "<="), (gt, ">"), (ge, ">=")):
         error = failure(function, left, right)
         assert error.code == "X001"
-        assert error.message.startswith(f"cannot compare {show(left)} {symbol} {show(right)}")
+        assert error.message.startswith(f"cannot compare {format_value(left)} {symbol} {format_value(right)}")
 
 
 def test_what_is_without_order_in_a_list_is_named() -> None:
@@ -173,8 +182,8 @@ def test_what_is_without_order_in_a_list_is_named() -> None:
 
 @given(values(st.one_of(st.none(), NUMBERS, st.text(max_size=9))))
 def test_short_values_are_shown_whole(value: Any) -> None:
-    assert show(value, 10_000) == repr(value)
-    shown = show(value, 20)
+    assert format_value(value, 10_000) == repr(value)
+    shown = format_value(value, 20)
     assert shown == repr(value) if len(repr(value)) <= 20 else shown.endswith("...") and len(shown) == 20
 
 
@@ -183,10 +192,10 @@ def test_values_in_messages() -> None:
         def __repr__(self) -> str:
             raise ValueError
 
-    assert show([Opaque(Thing()), Silent()]) == "[Thing, <Silent>]"
-    assert show(np.zeros((2, 2))) == "array([[0., 0.], [0., 0.]])"
-    assert len(show(list(range(10**6)))) == 60
-    assert show(-(10**5000)) == "<integer of 16610 bits>"
+    assert format_value([Opaque(Thing()), Silent()]) == "[Thing, <Silent>]"
+    assert format_value(np.zeros((2, 2))) == "array([[0., 0.], [0., 0.]])"
+    assert len(format_value(list(range(10**6)))) == 60
+    assert format_value(-(10**5000)) == "<integer of 16610 bits>"
 
 
 # --- the border: what Python hands over becomes values, or is refused -----------------------------------
@@ -194,35 +203,35 @@ def test_values_in_messages() -> None:
 
 def test_python_values_become_plain_values() -> None:
     clean = [1, [2.5, "a", None], {"b": [True]}]
-    assert normalise(clean, GIVER) is clean
-    pool = Pool()
+    assert convert_value(clean, GIVER) is clean
+    pool = Interning()
     raw = np.float64(1.5).tobytes()  # which marshal would also make of the number
-    assert [pool.decode(pool.encode_foreign([x], GIVER)) for x in (raw, np.float64(1.5))] == [[raw], [1.5]]
+    assert [pool.decode(pool.encode_object([x], GIVER)) for x in (raw, np.float64(1.5))] == [[raw], [1.5]]
     thrice = [python_values() for _ in range(3)]  # some can be read once
     for (one, expected), (two, _), (three, _) in zip(*thrice, strict=True):
-        assert same(normalise(one, GIVER), expected)
-        assert same(pool.decode(pool.encode_foreign(two, GIVER)), expected)
-        assert pool.encode_foreign(three, GIVER) == pool.encode(expected)
+        assert same(convert_value(one, GIVER), expected)
+        assert same(pool.decode(pool.encode_object(two, GIVER)), expected)
+        assert pool.encode_object(three, GIVER) == pool.encode(expected)
 
 
 def test_objects_stay_themselves() -> None:
     """Also buffers, code, and what looks like a container."""
-    pool = Pool()
+    pool = Interning()
     dates = [datetime.datetime(2020, 1, 1), np.datetime64("2020-01-01"), np.datetime64(1, "s")]
     red = enum.Enum("Colour", "RED")["RED"]
     objects = [Decimal("1.5"), Fraction(1, 3), pathlib.PurePath("a"), red, Thing(), Unhashable(), UserList([1])]
     for thing in (*dates, *objects, len, Thing, Ellipsis, memoryview(b"abc"), (lambda: 0).__code__):
-        value = normalise([thing], GIVER)
-        assert truth(value[0]) is True
-        assert fresh(value)[0] is fresh(normalise(thing, GIVER)) is thing
-        assert value == normalise([thing], GIVER)
-        alone, inside = pool.encode_foreign(thing, GIVER), pool.encode_foreign({"a": [thing]}, GIVER)
+        value = convert_value([thing], GIVER)
+        assert get_truth(value[0]) is True
+        assert copy_for_python(value)[0] is copy_for_python(convert_value(thing, GIVER)) is thing
+        assert value == convert_value([thing], GIVER)
+        alone, inside = pool.encode_object(thing, GIVER), pool.encode_object({"a": [thing]}, GIVER)
         assert pool.fresh(alone) is pool.fresh(inside)["a"][0] is thing
-        assert pool.encode_foreign(thing, GIVER) == alone
-        assert pool.encode_foreign({"a": [thing]}, GIVER) == inside == pool.encode(pool.decode(inside))
-    assert fresh(normalise(np.array(dates[1:2]), GIVER)) == dates[1:2]
-    assert normalise(b"bytes", GIVER) == b"bytes"
-    assert truth(b"bytes") is True
+        assert pool.encode_object(thing, GIVER) == alone
+        assert pool.encode_object({"a": [thing]}, GIVER) == inside == pool.encode(pool.decode(inside))
+    assert copy_for_python(convert_value(np.array(dates[1:2]), GIVER)) == dates[1:2]
+    assert convert_value(b"bytes", GIVER) == b"bytes"
+    assert get_truth(b"bytes") is True
 
 
 class Vague(Thing):
@@ -234,23 +243,23 @@ class Vague(Thing):
 
 def test_objects_that_do_not_equal_themselves_compare_by_identity() -> None:
     missing = np.datetime64("NaT")
-    value = normalise([missing, missing], GIVER)
+    value = convert_value([missing, missing], GIVER)
     assert value[0] == value[1]
     assert value[0].object is missing
-    assert normalise(Decimal("NaN"), GIVER) != normalise(Decimal("NaN"), GIVER)
+    assert convert_value(Decimal("NaN"), GIVER) != convert_value(Decimal("NaN"), GIVER)
     vague = Vague()
-    assert normalise([vague], GIVER) == normalise([vague], GIVER)
-    assert normalise([vague], GIVER) != normalise([Vague()], GIVER)
+    assert convert_value([vague], GIVER) == convert_value([vague], GIVER)
+    assert convert_value([vague], GIVER) != convert_value([Vague()], GIVER)
 
 
 @pytest.mark.parametrize(("bad", "message"), REFUSED, ids=label)
 def test_values_that_the_language_does_not_have(bad: Any, message: str) -> None:
-    error = failure(normalise, bad, GIVER)
+    error = failure(convert_value, bad, GIVER)
     assert (error.code, error.message) == ("X004", f"the function 'f' returned {message}")
-    pool = Pool()
+    pool = Interning()
     for value in (bad, [bad], [[1], [bad]], (bad,), ((bad,),), {"a": bad}, [[[bad]]]):
         for _ in range(2):  # it is refused every time
-            refused = failure(pool.encode_foreign, value, GIVER)
+            refused = failure(pool.encode_object, value, GIVER)
             assert (refused.code, refused.message[:25]) == ("X004", "the function 'f' returned")
 
 
@@ -262,7 +271,7 @@ def test_lists_that_contain_themselves() -> None:
     parent: dict[str, Any] = {}
     parent["children"] = [{"parent": parent}, {"parent": parent}]
     for value in (once, [1, once], (once,), twice, [[twice, 1.0]], parent, [parent], {"a": twice}):
-        for border in (normalise, Pool().encode_foreign):
+        for border in (convert_value, Interning().encode_object):
             error = failure(border, value, GIVER)
             assert error.code == "X004"
             assert error.message == "the function 'f' returned a value nested deeper than 500 levels"
@@ -271,27 +280,28 @@ def test_lists_that_contain_themselves() -> None:
 def test_deep_lists_work_or_are_refused() -> None:
     deep = nested(500)
     for value in (deep, nested(500, b"bytes"), nested(499, (1,))):
-        clean = normalise(value, GIVER)
-        assert fresh(clean) == clean
-        assert freeze(clean) == freeze(fresh(clean))
-        assert show(clean) == "[" * 57 + "..."
-        assert compare(clean, fresh(clean)) == 0
+        clean = convert_value(value, GIVER)
+        assert copy_for_python(clean) == clean
+        assert make_hashable(clean) == make_hashable(copy_for_python(clean))
+        assert format_value(clean) == "[" * 57 + "..."
+        assert compare_values(clean, copy_for_python(clean)) == 0
     record: Any = 1
     for _ in range(250):
         record = {"a": [record, Decimal(1)]}
-    record = normalise(record, GIVER)
-    assert freeze(record) == freeze(normalise(fresh(record), GIVER))
+    record = convert_value(record, GIVER)
+    assert make_hashable(record) == make_hashable(convert_value(copy_for_python(record), GIVER))
     for depth in (501, 1001, 100_000):
         for value in (nested(depth), nested(depth, float("nan")), nested(depth, (1,))):
-            assert failure(normalise, value, GIVER).code == "X004"
+            assert failure(convert_value, value, GIVER).code == "X004"
             while value and isinstance(value, list):  # Python would free it recursively
                 value = value.pop()
 
 
 def test_sets_have_the_same_order_under_every_hash_seed() -> None:
     script = (
-        "from ss2sql.runtime.values import normalise; from pathlib import PurePath; from decimal import Decimal\n"
-        "print(normalise([{'b', 'a', 'c', 'd'}, {1, 'x', None, (2, 'y'), 2.5}, {PurePath('b'), PurePath('a'), 'c'},\n"
+        "from pathlib import PurePath; from decimal import Decimal; from ss2sql.language.values import convert_value\n"
+        "print(convert_value([{'b', 'a', 'c', 'd'}, {1, 'x', None, (2, 'y'), 2.5},\n"
+        "    {PurePath('b'), PurePath('a'), 'c'},\n"
         "    {(1, 'a'), (1, 2), 'q'}, {Decimal(2), Decimal(1), 3}, {frozenset({1}), (1.0,)}], 'x'))"
     )
     outputs = set()
@@ -324,27 +334,27 @@ THROUGH_SQLITE = (
 
 @given(VALUES)
 def test_values_come_back_exactly(value: Any) -> None:
-    pool = Pool()
+    pool = Interning()
     handle = pool.encode(value)
     assert type(handle) in (type(None), int, float, str, bytes)
     if value is None or type(value) in (int, float):  # SQLite computes with them
         assert same(handle, value)
     assert same(pool.decode(handle), value)
-    assert same(normalise(pool.fresh(handle), GIVER), value)
+    assert same(convert_value(pool.fresh(handle), GIVER), value)
     assert not _shares_structure(pool.fresh(handle), pool.decode(handle))
     assert (pool.encode(value), pool.encode(pool.decode(handle))) == (handle, handle)
     assert same(pool.decode(table(handle).execute(THROUGH_SQLITE).get), value)
-    foreign = Pool()
-    handle = foreign.encode_foreign(fresh(value), GIVER)
+    foreign = Interning()
+    handle = foreign.encode_object(copy_for_python(value), GIVER)
     assert same(foreign.decode(handle), value)
-    assert foreign.encode_foreign(fresh(value), GIVER) == handle == foreign.encode(value)
+    assert foreign.encode_object(copy_for_python(value), GIVER) == handle == foreign.encode(value)
 
 
 def test_objects_live_as_long_as_the_pool() -> None:
-    pool = Pool()
+    pool = Interning()
     thing = Thing()
     watch = weakref.ref(thing)
-    handle = pool.encode_foreign([thing], GIVER)
+    handle = pool.encode_object([thing], GIVER)
     del thing
     gc.collect()
     assert pool.fresh(handle) == [watch()]
@@ -355,7 +365,7 @@ def test_objects_live_as_long_as_the_pool() -> None:
 
 @given(st.lists(ALIKE, max_size=6))
 def test_keys_agree_with_equality_in_any_order_of_meeting(met: list[Any]) -> None:
-    pool = Pool()
+    pool = Interning()
     handles = [pool.encode(value) for value in met]
     for left, one in zip(met, handles, strict=True):
         for right, two in zip(met, handles, strict=True):
@@ -370,7 +380,7 @@ def test_keys_agree_with_equality_in_any_order_of_meeting(met: list[Any]) -> Non
 
 @given(ALIKE, ALIKE)
 def test_sqlite_compares_keys_as_the_language_compares_values(left: Any, right: Any) -> None:
-    pool = Pool()
+    pool = Interning()
     keys = [pool.key(pool.encode(value)) for value in (left, right)]
     connection = apsw.Connection(":memory:")
     equal = connection.execute("SELECT ? IS ?", keys).get
@@ -383,13 +393,13 @@ def test_sqlite_compares_keys_as_the_language_compares_values(left: Any, right: 
 
 @pytest.mark.parametrize("blob", [b"", b"a", b"gTF{", b"1\0~", b"\x00" * 13, bytes(range(256))])
 def test_blobs_of_tables_are_bytes_objects(blob: bytes) -> None:
-    pool = Pool()
+    pool = Interning()
     assert pool.decode(blob) == pool.fresh(blob) == blob
     handle = pool.encode(blob)
     assert pool.decode(handle) == pool.fresh(handle) == blob
-    assert pool.encode_foreign(blob, GIVER) == handle
+    assert pool.encode_object(blob, GIVER) == handle
     assert [pool.equal(blob, other) for other in (handle, pool.encode([1]))] == [True, False]
-    strange = Pool().encode([1])  # the handle of another pool
+    strange = Interning().encode([1])  # the handle of another pool
     assert pool.decode(strange) == strange
 
 
@@ -400,6 +410,6 @@ def test_sqlite_sees_the_truth_of_handles(encoding: str, value: Any) -> None:
         "SELECT CASE WHEN value THEN 1 ELSE 0 END, NOT value, value AND 1, value OR 0,"
         " (SELECT count(*) FROM one WHERE value) FROM one"
     )
-    expected = int(truth(value))
-    found = table(Pool().encode(value), encoding).execute(query).get
+    expected = int(get_truth(value))
+    found = table(Interning().encode(value), encoding).execute(query).get
     assert found == (expected, 1 - expected, expected, expected, expected)

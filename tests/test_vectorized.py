@@ -16,18 +16,18 @@ from hypothesis import strategies as st
 from sessions import both
 
 import ss2sql
-from ss2sql.runtime.ahead import FIRST
+from ss2sql.runtime.sqlite.coming_arguments import FIRST
 
 BLOCK, ROOM = 256, 4096  # instead of 8,192 and 131,072, which would take long
 
 
 @pytest.fixture(autouse=True)
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ss2sql.runtime.ahead.BLOCK", BLOCK)
-    monkeypatch.setattr("ss2sql.runtime.ahead.SCAN", 4 * BLOCK)
-    monkeypatch.setattr("ss2sql.runtime.host.MEMO_LIMIT", ROOM)
-    for module in ("ahead", "vectorized", "database"):
-        monkeypatch.setattr(f"ss2sql.runtime.{module}.ROOM", ROOM)
+    monkeypatch.setattr("ss2sql.runtime.sqlite.coming_arguments.BLOCK", BLOCK)
+    monkeypatch.setattr("ss2sql.runtime.sqlite.coming_arguments.SCAN", 4 * BLOCK)
+    monkeypatch.setattr("ss2sql.session.host.MEMO_LIMIT", ROOM)
+    for module in ("coming_arguments", "vectorized_functions", "executor"):
+        monkeypatch.setattr(f"ss2sql.runtime.sqlite.{module}.ROOM", ROOM)
 
 
 class Blocks:

@@ -22,16 +22,16 @@ import worker_functions
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.workers import foretelling, processes
+from ss2sql.runtime.parallel import block_calls, process_pool
 
 GRAPH = """SELECT onward(n, this) FROM [1, 2, 3] {where}
 START WITH n = 1 CONNECT BY MEMORIZE {bound} {options} n = onward(n, this) {stop};"""
 # How a program in a process of its own begins, so that all calls are worth other processes.
 EAGER = """
 import ss2sql
-from ss2sql.runtime.workers import foretelling
-foretelling.SAMPLES, foretelling.CHEAP, foretelling.LEAST, foretelling.START = 0, 0.0, 0.0, 0.0
-foretelling.PATIENCE = 30.0
+from ss2sql.runtime.parallel import block_calls
+block_calls.SAMPLES, block_calls.CHEAP, block_calls.LEAST, block_calls.START = 0, 0.0, 0.0, 0.0
+block_calls.PATIENCE = 30.0
 """
 
 
@@ -65,7 +65,7 @@ def same(session: ss2sql.Session, script: str, **named: Any) -> int:
 
 def processes_of(session: ss2sql.Session) -> list[subprocess.Popen[bytes]]:
     processes = session.host.processes
-    crew = processes._crew if processes is not None else None
+    crew = process_pool._crew if processes is not None else None
     return list(crew.processes) if crew is not None else []
 
 
@@ -123,7 +123,7 @@ def test_small_blocks_and_all_kinds_of_results(
     ss: ss2sql.Session, name: str, most: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """A call that ends the interpreter is made here."""
-    monkeypatch.setattr(foretelling, "BLOCK", most)
+    monkeypatch.setattr(block_calls, "BLOCK", most)
     declare(ss, onward=getattr(worker_functions, name))
     script = "SELECT onward(n, this), this FROM range(7) START WITH n = 1 CONNECT BY MEMORIZE 2 n = n + this;"
     same(ss, script)
@@ -400,8 +400,8 @@ def test_runs_without_anything_to_do_for_workers(ss: ss2sql.Session, script: str
 def test_until_the_others_are_ready_this_process_makes_the_calls(
     ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(foretelling, "PATIENCE", 0.0)
-    monkeypatch.setattr(processes, "_serve", lambda process, *_: (process.stdin.close(), process.stdout.close()))
+    monkeypatch.setattr(block_calls, "PATIENCE", 0.0)
+    monkeypatch.setattr(process_pool, "_serve", lambda process, *_: (process.stdin.close(), process.stdout.close()))
     for name, calls in {"onward": 6, "failing": 12}.items():  # which calls `onward` itself
         declare(ss, "is_far", onward=getattr(worker_functions, name))
         assert same(ss, "SELECT onward(n, this) FROM range(6) START WITH n = 1 CONNECT BY MEMORIZE 1 n = n;") == calls
@@ -410,12 +410,12 @@ def test_until_the_others_are_ready_this_process_makes_the_calls(
 def test_cheap_calls_and_little_work_stay_here(monkeypatch: pytest.MonkeyPatch) -> None:
     with ss2sql.connect() as session:
         declare(session, "onward")
-        monkeypatch.setattr(foretelling, "CHEAP", 60.0)
+        monkeypatch.setattr(block_calls, "CHEAP", 60.0)
         found = session.run(graph(), workers=2)
         assert found.stats.notes == ["workers: a call of 'onward' is too short to be made by another process"]
         assert found.stats.notes[0] in found.explain()
-        monkeypatch.setattr(foretelling, "CHEAP", 0.0)
-        monkeypatch.setattr(foretelling, "START", 60.0)
+        monkeypatch.setattr(block_calls, "CHEAP", 0.0)
+        monkeypatch.setattr(block_calls, "START", 60.0)
         assert same(session, graph()) > 0
         assert processes_of(session) == []
 

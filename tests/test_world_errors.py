@@ -15,7 +15,7 @@ pytest.importorskip("pybullet")
 from bullet_rooms import ENGINES, ball
 
 from ss2sql import scenes
-from ss2sql.vtables.pybullet.loader import connect
+from ss2sql.vtables.pybullet.pybullet_loader import connect
 
 
 @pytest.fixture

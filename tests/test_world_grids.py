@@ -15,7 +15,7 @@ from little_scenes import fixture_scene as fixture_scene
 
 import ss2sql
 from ss2sql import scenes
-from ss2sql.vtables.pybullet.occupancy import GAP, THIN
+from ss2sql.vtables.pybullet.occupancy_grid import GAP, THIN
 from ss2sql.vtables.pybullet.scene import Scene, Sensor
 from ss2sql.vtables.pybullet.solids import Box, Capsule, Cylinder, Sphere
 

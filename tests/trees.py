@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from ss2sql.errors import ParseError, Source, Span
-from ss2sql.frontend import ast
-from ss2sql.frontend.parser import parse
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.parser import parse
 
 NOWHERE = Span(Source(""), 0, 0)
 

@@ -22,7 +22,7 @@ from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColor
 
 import ss2sql
 from ss2sql import scenes
-from ss2sql.runtime.representations.grid import Grid
+from ss2sql.language.area_grid import Grid
 from ss2sql.scenes import Scene
 
 HERE = Path(__file__).parent

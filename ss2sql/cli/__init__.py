@@ -1,8 +1,8 @@
 """The command line, one module per command, imported when the command is run.
 
 Results go to stdout, everything else to stderr. Exit codes: 0 for success, 1 for an error of the script, 2 for wrong
-usage, 124 for a timeout, 130 for Ctrl-C. cli/given.py has the options that select a script and makes its session,
-cli/endings.py turns errors into messages and exit codes, cli/output.py prints results.
+usage, 124 for a timeout, 130 for Ctrl-C. script_options says which script is meant and makes the session for it,
+exit_codes turns errors into messages and exit codes, output prints results.
 """
 
 from __future__ import annotations
@@ -19,24 +19,27 @@ import click
 # One row per command: its name, its module, and its line in `ss2sql --help`, where importing the modules would take
 # half a second. A test compares the lines with those of the commands.
 COMMANDS = {
-    "run": ("ss2sql.cli.run", "Runs a script: FILE, - for standard input, or -e TEXT."),
-    "sql": ("ss2sql.cli.sql", "Shows what a script becomes: its syntax tree, its plan, or the SQL that runs."),
+    "run": ("ss2sql.cli.run_command", "Runs a script: FILE, - for standard input, or -e TEXT."),
+    "sql": ("ss2sql.cli.sql_command", "Shows what a script becomes: its syntax tree, its plan, or the SQL that runs."),
     "explain": (
-        "ss2sql.cli.explain",
+        "ss2sql.cli.explain_command",
         "Tells how a script is run: engines, rewrites, calls, SQLite's plan in words, the SQL.",
     ),
     "repl": (
-        "ss2sql.cli.repl",
+        "ss2sql.shell.repl_command",
         "Runs statements as they are typed. Without a terminal it reads them from standard input.",
     ),
-    "plot": ("ss2sql.cli.plot", "Runs a script and draws its result as a picture."),
+    "plot": ("ss2sql.cli.plot_command", "Runs a script and draws its result as a picture."),
     "play": (
-        "ss2sql.cli.play",
+        "ss2sql.cli.play_command",
         "Runs a script and writes a page that plays its search, to be opened in a browser.",
     ),
-    "bench": ("ss2sql.cli.bench", "Races engines and search strategies on a script, and compares their answers."),
-    "list": ("ss2sql.cli.listing", "Lists functions, representations, strategies, worlds, errors, rewrites."),
-    "completion": ("ss2sql.cli.completion", "Prints what makes bash, zsh or fish complete commands of ss2sql."),
+    "bench": (
+        "ss2sql.cli.bench_command",
+        "Races engines and search strategies on a script, and compares their answers.",
+    ),
+    "list": ("ss2sql.cli.list_command", "Lists functions, representations, strategies, worlds, errors, rewrites."),
+    "completion": ("ss2sql.cli.completion_command", "Prints what makes bash, zsh or fish complete commands of ss2sql."),
 }
 
 
@@ -80,30 +83,30 @@ class Commands(click.Group):
 
     def main(self, args: Sequence[str] | None = None, *others: Any, **named: Any) -> Any:
         """Runs a command line and ends the process, with the exit codes and the messages of `endings`."""
-        given = list(sys.argv[1:] if args is None else args)
+        arguments = list(sys.argv[1:] if args is None else args)
         _open_streams()
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")  # what an encoding lacks is written as an escape
         try:
             try:
-                self._run(given, *others, **named)
+                self._run(arguments, *others, **named)
             finally:
                 sys.stdout.flush()  # at the end of the process errors could not be reported
         except OSError as error:
-            from ss2sql.cli import endings
+            from ss2sql.cli import exit_codes
 
-            endings.end_of_output(error, given)
+            exit_codes.end_failed_output(error, arguments)
 
-    def _run(self, given: list[str], *others: Any, **named: Any) -> NoReturn:
+    def _run(self, arguments: list[str], *others: Any, **named: Any) -> NoReturn:
         try:
-            code = super().main(given, *others, **{**named, "standalone_mode": False})
+            code = super().main(arguments, *others, **{**named, "standalone_mode": False})
         except (click.Abort, click.ClickException) as error:
-            from ss2sql.cli import endings
+            from ss2sql.cli import exit_codes
 
             if isinstance(error, click.ClickException):
-                endings.end_of_usage(error, given)
-            endings.end_by_hand()
+                exit_codes.end_wrong_usage(error, arguments)
+            exit_codes.end_interrupted()
         sys.exit(code if isinstance(code, int) else 0)
 
 

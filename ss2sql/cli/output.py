@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import click
 
-from ss2sql.cli.endings import note, wants_color
+from ss2sql.cli.exit_codes import print_note, wants_color
 from ss2sql.errors import SessionError
-from ss2sql.errors.render import visible
-from ss2sql.records import dataclass
+from ss2sql.errors.renderer import escape_controls
+from ss2sql.fast_dataclasses import dataclass
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ss2sql.runtime.result import Result
+    from ss2sql.results.result import Result
 
     _OfRows = click.ParamType[int]
 else:
@@ -86,30 +86,30 @@ class Output:
         try:
             _write(result, self.form, self.path, self.shown)
         except OSError as error:
-            raise not_written(self.path, error) from error
-        note(f"written to {self.path}: {counted(result)}")
+            raise make_write_error(self.path, error) from error
+        print_note(f"written to {self.path}: {describe_size(result)}")
 
 
-def output_of(form: str | None, path: Path | None, shown: int = SHOWN) -> Output:
+def make_output(form: str | None, path: Path | None, shown: int = SHOWN) -> Output:
     """The output that the options request, checked before anything runs."""
     if path is not None:
         check_folder(path)
     if form is None:
         if path is not None and path.suffix.lower() not in FILE_ENDINGS:
-            endings = ", ".join(FILE_ENDINGS)
-            _refuse(f"{path} does not say which format it is to have: name it with --format, or end it in {endings}")
+            suffixes = ", ".join(FILE_ENDINGS)
+            _refuse(f"{path} does not say which format it is to have: name it with --format, or end it in {suffixes}")
         form = "table" if path is None else FILE_ENDINGS[path.suffix.lower()]
     if form == "table":
         import rich.console
         import rich.table  # noqa: F401 - 0.1 s that nobody should wait for after Ctrl-C
     if form in BINARY:
-        from ss2sql.results import package
+        from ss2sql.results import require_package
 
         if path is None and sys.stdout.isatty():
             _refuse(
                 f"{form} is not for terminals: write it to a file, --output FILE.{form}, or on into another program"
             )
-        package("pyarrow", "df", f"--format {form}")  # raises before the script runs
+        require_package("pyarrow", "df", f"--format {form}")  # raises before the script runs
     return Output(form, path, shown)
 
 
@@ -123,11 +123,11 @@ def check_folder(path: Path) -> None:
         raise SessionError("S002", f"{path} cannot be written: there is no folder {path.parent}")
 
 
-def not_written(path: Path, error: OSError) -> SessionError:
+def make_write_error(path: Path, error: OSError) -> SessionError:
     return SessionError("S002", f"{path} cannot be written: {error.strerror or error}")
 
 
-def counted(result: Result) -> str:
+def describe_size(result: Result) -> str:
     """The numbers of rows and paths of a result."""
     rows = f"{len(result):,} row{'' if len(result) == 1 else 's'}"
     if result.answer is None or result.answer.rows.paths is None:
@@ -136,12 +136,12 @@ def counted(result: Result) -> str:
     return f"{paths:,} path{'' if paths == 1 else 's'}, {rows}"
 
 
-def echo(text: str) -> None:
+def print_line(text: str) -> None:
     """Prints a line of a result."""
-    click.echo(visible(text))
+    click.echo(escape_controls(text))
 
 
-def console() -> Console:
+def make_console() -> Console:
     """The console for tables on stdout, with colors where these are wanted."""
     from rich.console import Console
 
@@ -152,54 +152,54 @@ def console() -> Console:
 
 def _print(result: Result, form: str, shown: int) -> None:
     if form == "table":
-        _table(result, shown, console())
+        _print_table(result, shown, make_console())
         return
     sys.stdout.flush()
-    left = memoryview(_bytes(result, form, stream=True))
+    left = memoryview(_encode_result(result, form, stream=True))
     while left:  # a stream without a buffer, as under PYTHONUNBUFFERED, may take a part only
         left = left[sys.stdout.buffer.write(left) :]
     sys.stdout.buffer.flush()
 
 
-def _table(result: Result, shown: int, target: Console) -> None:
+def _print_table(result: Result, shown: int, target: Console) -> None:
     """Prints a table, or the value of a script that does not end with a query."""
     if result.answer is None:
-        target.file.write(visible(f"{result.value}\n"))
+        target.file.write(escape_controls(f"{result.value}\n"))
     else:
-        from ss2sql.results.show import show
+        from ss2sql.results.show import print_result
 
-        show(result, shown, target, noted=False)  # notes go to stderr
+        print_result(result, shown, target, noted=False)  # notes go to stderr
 
 
-def _bytes(result: Result, form: str, stream: bool) -> bytes:
+def _encode_result(result: Result, form: str, stream: bool) -> bytes:
     """Writes a result in a data format for other programs, always in UTF-8."""
     if form == "json":
-        return _encoded(f"{result.json()}\n")
+        return _encode_text(f"{result.json()}\n")
     if form == "csv":
-        return _encoded(str(result.csv()))
-    from ss2sql.results import package
+        return _encode_text(str(result.csv()))
+    from ss2sql.results import require_package
 
     file = io.BytesIO()
     if form == "parquet":
-        package("pyarrow.parquet", "df", "--format parquet").write_table(result.arrow(), file)
+        require_package("pyarrow.parquet", "df", "--format parquet").write_table(result.arrow(), file)
     else:
         table = result.arrow()
-        ipc = package("pyarrow.ipc", "df", "--format arrow")
+        ipc = require_package("pyarrow.ipc", "df", "--format arrow")
         make = ipc.new_stream if stream else ipc.new_file
         with make(file, table.schema) as writer:
             writer.write_table(table)
     return file.getvalue()
 
 
-def _encoded(text: str) -> bytes:
+def _encode_text(text: str) -> bytes:
     return text.encode("utf-8", "backslashreplace")
 
 
 def _write(result: Result, form: str, path: Path, shown: int) -> None:
     if form != "table":
-        path.write_bytes(_bytes(result, form, stream=path.suffix.lower() == ".arrows"))
+        path.write_bytes(_encode_result(result, form, stream=path.suffix.lower() == ".arrows"))
         return
     from rich.console import Console
 
     with path.open("w", encoding="utf-8", errors="backslashreplace") as file, redirect_stdout(file):
-        _table(result, shown, Console(file=file, width=FILE_WIDE, color_system=None))
+        _print_table(result, shown, Console(file=file, width=FILE_WIDE, color_system=None))

@@ -1,5 +1,5 @@
-"""SelectScript in editors, in the order in which one file needs the other.
+"""SelectScript in editors.
 
-editor/keywords.py is the table of keywords; editor/marks.py finds the words of a text that are keywords in their place;
-editor/lexer.py is the lexer for Pygments, editor/textmate.py writes the grammar for editors that read TextMate's.
+keywords is the table of keywords, read from the grammar's; keyword_tokens says which words of a text are keywords;
+lexer gives that to Pygments, textmate writes the grammar for editors that read TextMate's.
 """

@@ -5,11 +5,11 @@ from __future__ import annotations
 from functools import cache
 from typing import Literal, TypeAlias
 
-from ss2sql.frontend.options import ORDERS, REPEATS
-from ss2sql.frontend.table import load
-from ss2sql.frontend.text import RESERVED
-from ss2sql.frontend.trouble import ALONE, CLAUSES, OPTIONS, PAIRS, VALUES
-from ss2sql.records import dataclass
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.resolve.search_options import ORDERS, REPEATS
+from ss2sql.frontend.syntax.parse_failure import ALONE, CLAUSES, OPTIONS, PAIRS, VALUES
+from ss2sql.frontend.syntax.parse_table import load_table
+from ss2sql.frontend.syntax.tokenizer import RESERVED
 
 Sort: TypeAlias = Literal["clause", "option", "operator", "constant", "other"]
 
@@ -83,9 +83,9 @@ class Keyword:
 
 
 @cache
-def words() -> frozenset[str]:
+def list_words() -> frozenset[str]:
     """Every word of the grammar, in capitals."""
-    kinds = {symbol for row in load().rows for symbol in row if symbol.isalpha() and symbol.isupper()}
+    kinds = {symbol for row in load_table().rows for symbol in row if symbol.isalpha() and symbol.isupper()}
     return frozenset(kinds - (VALUES - RESERVED))
 
 
@@ -93,15 +93,15 @@ def words() -> frozenset[str]:
 def keywords() -> dict[str, Keyword]:
     """The keywords by their first word, in capitals, in alphabetical order."""
     seconds = set(PAIRS.values()) - ALONE
-    return {word: _keyword(word) for word in sorted(words() - seconds)}
+    return {word: _make_keyword(word) for word in sorted(list_words() - seconds)}
 
 
-def _keyword(word: str) -> Keyword:
+def _make_keyword(word: str) -> Keyword:
     text = f"{word} {PAIRS[word]}" if word in PAIRS else _SPELLED.get(word, word)
-    return Keyword(text, _sort(word), TEXTS.get(text, ""), word in RESERVED)
+    return Keyword(text, _find_sort(word), TEXTS.get(text, ""), word in RESERVED)
 
 
-def _sort(word: str) -> Sort:
+def _find_sort(word: str) -> Sort:
     if word in CLAUSES:
         return "clause"
     if word in OPTIONS:

@@ -11,9 +11,9 @@ from pygments.lexers.sql import SqlLexer
 from pygments.token import Comment, Error, Keyword, Name, Number, Operator, Punctuation, String, Text, Whitespace
 from pygments.token import _TokenType as Type
 
-from ss2sql.editor.keywords import keywords, words
-from ss2sql.editor.marks import comments, marked
-from ss2sql.frontend.text import Token
+from ss2sql.editor.keyword_tokens import find_comments, mark_keywords
+from ss2sql.editor.keywords import keywords, list_words
+from ss2sql.frontend.syntax.tokenizer import Token
 
 _KINDS: dict[str, Type] = {
     "INTEGER": Number.Integer, "FLOAT": Number.Float, "STRING": String, "OPEN_STRING": String,
@@ -35,7 +35,7 @@ class SelectScriptLexer(Lexer):
     def get_tokens_unprocessed(self, text: str) -> Iterator[tuple[int, Type, str]]:
         """Every token of the text with its place and its kind."""
         position = 0
-        tokens = marked(text)
+        tokens = mark_keywords(text)
         for index, token in enumerate(tokens):
             yield from _between(text, position, token.start)
             yield token.start, _kind(tokens, index), text[token.start : token.end]
@@ -55,7 +55,7 @@ def _kind(tokens: list[Token], index: int) -> Type:
     kind = token.kind
     if kind in _KINDS:
         return _KINDS[kind]
-    if kind in words():
+    if kind in list_words():
         keyword = keywords().get(kind)
         return Keyword if keyword is None else _SORTS.get(keyword.sort, Keyword)
     if kind != "NAME":
@@ -70,7 +70,7 @@ def _kind(tokens: list[Token], index: int) -> Type:
 
 def _between(text: str, start: int, end: int) -> Iterator[tuple[int, Type, str]]:
     """Blanks and comments."""
-    for begin, stop in comments(text, start, end):
+    for begin, stop in find_comments(text, start, end):
         if begin > start:
             yield start, Whitespace, text[start:begin]
         yield begin, Comment.Single if text[begin] in "#-" else Comment.Multiline, text[begin:stop]

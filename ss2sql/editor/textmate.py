@@ -21,27 +21,27 @@ _SCOPES = {
 }  # fmt: skip
 
 
-def grammar() -> dict[str, Any]:
+def build_grammar() -> dict[str, Any]:
     """The grammar as JSON data."""
     return {
         "$schema": "https://raw.githubusercontent.com/martinring/tmlanguage/master/tmlanguage.json",
         "name": "SelectScript",
         "scopeName": "source.selectscript",
         "fileTypes": ["ss"],
-        "patterns": [*_comments(), *_strings(), *_numbers(), *_keywords(), *_others()],
+        "patterns": [*_match_comments(), *_match_strings(), *_match_numbers(), *_match_keywords(), *_match_others()],
     }
 
 
-def text() -> str:
+def format_grammar() -> str:
     """The contents of the file."""
-    return json.dumps(grammar(), indent=2, ensure_ascii=False) + "\n"
+    return json.dumps(build_grammar(), indent=2, ensure_ascii=False) + "\n"
 
 
 def _scope(name: str) -> str:
     return f"{name}.selectscript"
 
 
-def _comments() -> list[dict[str, Any]]:
+def _match_comments() -> list[dict[str, Any]]:
     return [
         {"name": _scope("comment.line.number-sign"), "match": "#.*$"},
         {"name": _scope("comment.line.double-dash"), "match": r"--(?:\s.*)?$"},
@@ -49,11 +49,11 @@ def _comments() -> list[dict[str, Any]]:
     ]
 
 
-def _strings() -> list[dict[str, Any]]:
-    return [_string('"', "double"), _string("'", "single")]
+def _match_strings() -> list[dict[str, Any]]:
+    return [_match_string('"', "double"), _match_string("'", "single")]
 
 
-def _string(quote: str, name: str) -> dict[str, Any]:
+def _match_string(quote: str, name: str) -> dict[str, Any]:
     """A string ends with its quote, or with a line without a backslash at its end."""
     escape = r"\\(?:x\h{2}|u\h{4}|U\h{8}|N\{[^}]*\}|.|$)"
     return {
@@ -64,7 +64,7 @@ def _string(quote: str, name: str) -> dict[str, Any]:
     }
 
 
-def _numbers() -> list[dict[str, Any]]:
+def _match_numbers() -> list[dict[str, Any]]:
     point = r"(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+"
     return [
         {"name": _scope("constant.numeric.float"), "match": rf"(?<!\w)(?:{point})"},
@@ -72,25 +72,25 @@ def _numbers() -> list[dict[str, Any]]:
     ]
 
 
-def _keywords() -> list[dict[str, Any]]:
+def _match_keywords() -> list[dict[str, Any]]:
     found = [{"name": _scope("support.type.representation"),
               "match": rf"(?i)(?<=\b{keywords()['AS'].text}\s)\s*[^\W\d]\w*"}]  # fmt: skip
     for reserved in (True, False):
-        ahead, behind = (r"(?<!\w)", "") if reserved else (r"(?<![\w.])", r"(?![.\[{]|\s*=(?!=))")
+        ahead, following = (r"(?<!\w)", "") if reserved else (r"(?<![\w.])", r"(?![.\[{]|\s*=(?!=))")
         for sort, scope in _SCOPES.items():
-            chosen = [word for word in keywords().values() if word.sort == sort and word.reserved == reserved]
-            if chosen:
-                found.append({"name": _scope(scope), "match": rf"(?i){ahead}(?:{_either(chosen)})(?!\w){behind}"})
+            selected = [word for word in keywords().values() if word.sort == sort and word.reserved == reserved]
+            if selected:
+                found.append({"name": _scope(scope), "match": rf"(?i){ahead}(?:{_join(selected)})(?!\w){following}"})
     return found
 
 
-def _either(chosen: Iterable[Keyword]) -> str:
+def _join(selected: Iterable[Keyword]) -> str:
     """One of the keywords. ORDER comes before SIBLINGS BY, too."""
-    texts = [word.text.replace(" ", r"\s+") for word in chosen]
+    texts = [word.text.replace(" ", r"\s+") for word in selected]
     return "|".join(r"ORDER(?=\s+SIBLINGS)|" + text if text.startswith("ORDER") else text for text in texts)
 
 
-def _others() -> list[dict[str, Any]]:
+def _match_others() -> list[dict[str, Any]]:
     return [
         {"name": _scope("entity.name.function"), "match": r"[^\W\d]\w*(?=\s*\()"},
         {"name": _scope("variable.other"), "match": r"[^\W\d]\w*"},
@@ -100,4 +100,4 @@ def _others() -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
-    FILE.write_text(text(), encoding="utf-8")
+    FILE.write_text(format_grammar(), encoding="utf-8")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ss2sql.records import dataclass
+from ss2sql.fast_dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,14 @@ from collections.abc import Iterable
 from typing import TypeAlias
 from unicodedata import normalize
 
-from ss2sql.errors.family import Error
+from ss2sql.errors.exceptions import Error
 
 Spellings: TypeAlias = tuple[tuple[re.Pattern[str], str], ...]
 
 FEW = 8  # up to so many names are all shown
 
 
-def similar(name: str, known: Iterable[str]) -> list[str]:
+def suggest(name: str, known: Iterable[str]) -> list[str]:
     """The known names, three at most, with a similar spelling; a name that differs only in case is returned alone."""
     from difflib import get_close_matches
 
@@ -31,15 +31,15 @@ def did_you_mean(name: str, known: Iterable[str]) -> tuple[str, ...]:
     """Hints with the closest known names, or with all names where there are few."""
     names = sorted(set(known))
     if twins := [one for one in names if one != name and normalize("NFKC", one) == normalize("NFKC", name)]:
-        return tuple(f"did you mean '{one}', which is written with {_code_points(one)}?" for one in twins)
-    if close := similar(name, names):
+        return tuple(f"did you mean '{one}', which is written with {_spell_code_points(one)}?" for one in twins)
+    if close := suggest(name, names):
         return ("did you mean " + " or ".join(f"'{one}'" for one in close) + "?",)
     if 0 < len(names) <= FEW:
         return ("known here: " + ", ".join(names),)
     return ()
 
 
-def _code_points(name: str) -> str:
+def _spell_code_points(name: str) -> str:
     """A name with the code points of its characters beyond ASCII, for names that look the same."""
     return ", ".join(f"U+{ord(char):04X}" if not char.isascii() else char for char in name)
 

@@ -1,8 +1,5 @@
-"""From text to plan, in the order of control flow:
+"""From a script to its plan: `Source` in, `plan.Program` out.
 
-- frontend/text.py: tokens, and the limits on size and nesting; frontend/table.py: the precomputed LALR table
-- frontend/parser.py runs the table, frontend/builder.py and frontend/query_builder.py make the tree of frontend/ast.py
-- frontend/trouble.py, frontend/syntax_errors.py, frontend/sql_spellings.py, frontend/python_spellings.py: messages
-- frontend/catalog.py: what exists; frontend/scope.py: what a name means
-- frontend/resolve.py (expressions), frontend/queries.py, frontend/sources.py, frontend/options.py, frontend/groups.py
+`syntax/` makes the tree, `resolve/` binds its names and computes types, `volatility/` reads what Python functions may
+do, `inlining/` turns their bodies into expressions of the plan.
 """

@@ -1,11 +1,8 @@
-"""From plan to SQL, in the order of control flow:
+"""From the plan to SQL: one `plan.Query` in, one `SqlQuery` out, or an `UnsupportedError` with the reason.
 
-- `rewrites/`: what makes a query cheaper before it is lowered or compiled, each with a name and an off switch
-- `unsupported.py`: the table of what is not lowered and runs natively
-- `lower.py`: one query of the plan becomes one `SqlQuery`
-- `select.py`: flat queries; `sources.py`: FROM; `search.py`: WITH RECURSIVE, with `on_entering.py`;
-  `strategies/`: searches as data
-- `expressions.py`, `forms.py` and `operators.py`: expressions, by their types
-- `parameters.py`: what a statement needs beside its text; `sql.py`: constructors for sqlglot trees
-- `dialects.py`: how the tree is printed
+In order of control flow: `rewrites/` come first; unsupported decides; lower makes the statement: flat and join with
+from_clause, materialize and expression_index for flat queries; recursive_query, search, search_step, step_lookup,
+union_branches and strategies for searches; evaluation_order for both. Expressions: sqlite_expressions, sqlite_forms,
+equality, storage_class, element_calls, aggregate_subqueries, blob_index, blob_encoding, scalar_replacement. The text:
+statement_needs, sql_query, sql_builder, sql_names, dialects, sql_string. `portable/` writes SQL for other databases.
 """

@@ -17,76 +17,76 @@ from typing import TYPE_CHECKING
 
 from sqlglot import exp
 
-from ss2sql import plan
-from ss2sql.lowering import sql
-from ss2sql.lowering.entering_step import certain
-from ss2sql.lowering.expressions import Env
-from ss2sql.lowering.names import free_name, sql_names
-from ss2sql.lowering.sql import Node
+from ss2sql.language import plan
+from ss2sql.language.plan_traversal import has_query, list_sources, list_states, walk
+from ss2sql.lowering import sql_builder
+from ss2sql.lowering.search_step import find_certain_parts
+from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sql_names import choose_column_names, choose_free_name
 from ss2sql.lowering.sql_query import ElementCall, ListTable
-from ss2sql.walk import has_query, sources_read, states_read, walk
+from ss2sql.lowering.sqlite_expressions import SqlScope
 
 if TYPE_CHECKING:
-    from ss2sql.lowering.select import Selects
+    from ss2sql.lowering.flat import FlatLowering
 
 
-def element_calls(query: plan.Query) -> tuple[plan.Call, ...]:
+def find_element_calls(query: plan.Query) -> tuple[plan.Call, ...]:
     """The calls that every step makes with an element of the last source, and with nothing else that it reads."""
     source = query.sources[-1]
-    if not isinstance(source, plan.ValueSource) or sources_read(source.value) or states_read(source.value):
+    if not isinstance(source, plan.ValueSource) or list_sources(source.value) or list_states(source.value):
         return ()
     if isinstance(source.value, plan.Variable) and source.value.frame:
         return ()
     found: list[plan.Call] = []
-    for expr in _asked_of_every_step(query):
-        if isinstance(expr, plan.Call) and _is_of_element(expr, source) and expr not in found:
+    for expr in _iterate_step_expressions(query):
+        if isinstance(expr, plan.Call) and _takes_element(expr, source) and expr not in found:
             found.append(expr)
     # A function that is called with other arguments, too, has one memory of calls for all of them.
     calls = [node for node in walk(query) if isinstance(node, plan.Call)]
     return tuple(call for call in found if all(call == other for other in calls if other.function == call.function))
 
 
-def _asked_of_every_step(query: plan.Query) -> Iterator[plan.Expr]:
+def _iterate_step_expressions(query: plan.Query) -> Iterator[plan.Expr]:
     """What is evaluated for each step that is generated, whatever the clauses before it say."""
     search = query.search
     assert search is not None
     if search.made is not None or search.first is not None:  # which come before all else
-        yield from certain(search.made if search.first is None else None)
+        yield from find_certain_parts(search.made if search.first is None else None)
         return
-    clauses = [*certain(search.stop), *certain(query.where)]
+    clauses = [*find_certain_parts(search.stop), *find_certain_parts(query.where)]
     if search.repeats in ("unique", "no cycle") and search.by == "row":
         row = search.key or tuple(output.expr for output in query.columns)
-        yield from (part for expr in row for part in certain(expr))
+        yield from (part for expr in row for part in find_certain_parts(expr))
         # The clauses are asked of rows that are new. A row that repeats has been asked where it says what they read.
-        clauses = [part for part in clauses if all(read in row for read in _arguments_read(part))]
+        clauses = [part for part in clauses if all(read in row for read in _iterate_element_arguments(part))]
     yield from clauses
     if search.stop is None and query.where is None:
         for output in query.columns:
-            yield from certain(output.expr)
+            yield from find_certain_parts(output.expr)
         for _, expr in search.connect:
-            yield from certain(expr)
+            yield from find_certain_parts(expr)
 
 
-def _arguments_read(part: plan.Expr) -> Iterator[plan.Expr]:
+def _iterate_element_arguments(part: plan.Expr) -> Iterator[plan.Expr]:
     """The arguments of a call that read the element or the state."""
     for argument in part.arguments if isinstance(part, plan.Call) else ():
-        if sources_read(argument) or states_read(argument):
+        if list_sources(argument) or list_states(argument):
             yield argument
 
 
-def _is_of_element(call: plan.Call, source: plan.ValueSource) -> bool:
+def _takes_element(call: plan.Call, source: plan.ValueSource) -> bool:
     """Whether a call of the user's function takes parts of the element as they are, and has another argument."""
     function = call.function
     if function.builtin or function.vectorized or function.of_world:
         return False
-    whole = [argument for argument in call.arguments if _is_read(argument, source)]
-    others = [argument for argument in call.arguments if not _is_read(argument, source)]
-    if not whole or not any(states_read(other) or sources_read(other) for other in others):
+    whole = [argument for argument in call.arguments if _reads_element(argument, source)]
+    others = [argument for argument in call.arguments if not _reads_element(argument, source)]
+    if not whole or not any(list_states(other) or list_sources(other) for other in others):
         return False
-    return all(source.id not in sources_read(other) and not has_query(other) for other in others)
+    return all(source.id not in list_sources(other) and not has_query(other) for other in others)
 
 
-def _is_read(argument: plan.Expr, source: plan.ValueSource) -> bool:
+def _reads_element(argument: plan.Expr, source: plan.ValueSource) -> bool:
     match argument:
         case plan.Element(source=number):
             return number == source.id
@@ -96,41 +96,41 @@ def _is_read(argument: plan.Expr, source: plan.ValueSource) -> bool:
             return False
 
 
-def with_calls(
-    selects: Selects, query: plan.Query, calls: tuple[plan.Call, ...], item: Node, env: Env
-) -> tuple[Node, Env]:
+def add_call_columns(
+    selects: FlatLowering, query: plan.Query, calls: tuple[plan.Call, ...], item: Node, env: SqlScope
+) -> tuple[Node, SqlScope]:
     """The item of FROM for the last source with columns for these calls, and the sight in which they are known."""
     source = query.sources[-1]
     assert isinstance(source, plan.ValueSource)
     assert isinstance(item, exp.Table)
     columns = tuple(name for name, _ in source.columns or ())
-    taken = {"this", *(name.lower() for name in sql_names(columns).values())}
+    taken = {"this", *(name.lower() for name in choose_column_names(columns).values())}
     given: list[plan.Expr] = []
     made: list[ElementCall] = []
     for call in calls:
         arguments: list[str | int] = []
         for argument in call.arguments:
             match argument:
-                case plan.Column(name=name) if _is_read(argument, source):
+                case plan.Column(name=name) if _reads_element(argument, source):
                     arguments.append(name)
-                case plan.Element() if _is_read(argument, source):
+                case plan.Element() if _reads_element(argument, source):
                     arguments.append("this")
                 case _:
                     if argument not in given:
                         given.append(argument)
                     arguments.append(given.index(argument) + 1)
         selects.needs.function(call.function.name, call.place)
-        made.append(ElementCall(free_name(call.function.name, taken), call.function.name, tuple(arguments)))
-    module = selects.needs.list_table(ListTable(columns, tuple(made)))
+        made.append(ElementCall(choose_free_name(call.function.name, taken), call.function.name, tuple(arguments)))
+    module = selects.needs.name_list_table(ListTable(columns, tuple(made)))
     if module is None:
         return item, env
     selects.needs.applied["calls"] = None
     label = item.alias_or_name
     known = [
-        (call, selects.expressions.unboxed(sql.column(column.name, label), call.type))
+        (call, selects.expressions.unbox_value(sql_builder.column(column.name, label), call.type))
         for call, column in zip(calls, made, strict=True)
     ]
-    table = sql.table_function(
+    table = sql_builder.table_function(
         module, [*item.this.expressions, *(selects.expressions.value(argument, env) for argument in given)], label
     )
     return table, replace(env, known=(*env.known, *known))

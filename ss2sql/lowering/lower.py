@@ -7,23 +7,23 @@ from dataclasses import replace
 
 from sqlglot import exp
 
-from ss2sql import plan
-from ss2sql.kinds import Kind, is_flag
-from ss2sql.lowering import sql
-from ss2sql.lowering.copies import Copies
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind, is_flag
+from ss2sql.language.plan_traversal import walk
+from ss2sql.lowering import sql_builder
 from ss2sql.lowering.dialects import SQLITE, Dialect
-from ss2sql.lowering.expressions import Env
-from ss2sql.lowering.on_entering import OnEntering
-from ss2sql.lowering.parameters import Needs
-from ss2sql.lowering.positions import by_position
-from ss2sql.lowering.select import Selects
-from ss2sql.lowering.sql_query import Bookkeeping, Shown, SqlQuery
-from ss2sql.lowering.unsupported import check
-from ss2sql.vtables.late import Late, late, late_columns
-from ss2sql.vtables.snapshots import NO_SNAPSHOT, snapshot_for
-from ss2sql.walk import walk
+from ss2sql.lowering.flat import FlatLowering
+from ss2sql.lowering.materialize import MaterializedTables
+from ss2sql.lowering.scalar_replacement import replace_items_by_columns
+from ss2sql.lowering.search import EagerSearch
+from ss2sql.lowering.sql_query import Bookkeeping, OutputColumn, SqlQuery
+from ss2sql.lowering.sqlite_expressions import SqlScope
+from ss2sql.lowering.statement_needs import StatementNeeds
+from ss2sql.lowering.unsupported import check_supported
+from ss2sql.vtables.late_materialization import LateColumns, find_late_columns, plan_late_columns
+from ss2sql.vtables.snapshots import NO_SNAPSHOT, plan_snapshot
 
-PLAIN = Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE
+SCALAR_KINDS = Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE
 
 
 def lower(
@@ -44,24 +44,26 @@ def lower(
 
     Raises UnsupportedError with the reason where the query has to run natively.
     """
-    check(query)
-    needs = Needs(function_names, by_value=by_value, disabled=disabled)
+    check_supported(query)
+    needs = StatementNeeds(function_names, by_value=by_value, disabled=disabled)
     if "positions" not in disabled:
-        query, needs.written = by_position(query)
+        query, needs.written = replace_items_by_columns(query)
         if needs.written is not None:
             needs.applied["positions"] = None
-    selects = Selects(needs)
-    selects.copies = Copies() if query.search is None else None
+    selects = FlatLowering(needs)
+    selects.copies = MaterializedTables() if query.search is None else None
     is_sorted = is_limited = False
     bookkeeping = Bookkeeping()
-    shown_late: dict[plan.Column, sql.Node] = {}
+    shown_late: dict[plan.Column, sql_builder.Node] = {}
     if query.search is not None:
         cut = cut or query.search.maximum is not None or (query.limit is not None and not query.aggregated)
-        search = OnEntering(selects, query, cut)
+        search = EagerSearch(selects, query, cut)
         select = search.statement()
         if query.aggregated:
             is_sorted = is_limited = True
-            select = sql.sorted_query(search.grouped(select, _names(query)), (), *needs.limits(query))
+            select = sql_builder.sort_query(
+                search.grouped(select, _choose_column_names(query)), (), *needs.limits(query)
+            )
         # Of tables' BLOBs, and of bools that SQL makes, the pool hears nothing.
         quiet = any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in walk(query))
         quiet = quiet or any(
@@ -69,61 +71,67 @@ def lower(
         )
         sources = tuple(needs.walked[source.id] for source in query.sources if source.id in needs.walked)
         book, members = search.bookkeeping(), frozenset(needs.members)
-        bookkeeping = replace(book, trusts=not (quiet or by_value), sources=sources, members=members)
+        bookkeeping = replace(book, compares_raw_rows=not (quiet or by_value), sources=sources, members=members)
         keys, orders = ((), ()) if query.aggregated else (query.group, query.order)
     elif query.aggregated:
-        is_sorted, is_limited = True, _cut_by_sql(query)
-        select = selects.rows(query if is_limited else replace(query, limit=None, offset=None), Env(), _names(query))
+        is_sorted, is_limited = True, _can_limit_in_sql(query)
+        select = selects.rows(
+            query if is_limited else replace(query, limit=None, offset=None), SqlScope(), _choose_column_names(query)
+        )
         keys, orders = (), ()
     else:
-        flat = selects.flat(query, Env())
+        flat = selects.flat(query, SqlScope())
         order = selects.order(query, flat)
         keys = query.group
         orders = query.order if order is None else ()
-        outputs = selects.outputs(query, flat.env, _names(query))
+        outputs = selects.outputs(query, flat.env, _choose_column_names(query))
         outputs += [selects.expressions.lower(key, flat.env) for key in keys]
         outputs += [selects.expressions.lower(key.expr, flat.env) for key in orders]
-        is_sorted, is_limited = order is not None, order is not None and _cut_by_sql(query)
+        is_sorted, is_limited = order is not None, order is not None and _can_limit_in_sql(query)
         limits = needs.limits(query) if is_limited else (None, None)
-        select = sql.select(outputs, flat.items, sql.conjunction(flat.terms), order or (), *limits)
+        select = sql_builder.select(outputs, flat.items, sql_builder.conjunction(flat.terms), order or (), *limits)
         if "late" not in disabled and not keys and not orders:
-            shown_late = {key: selects.expressions.lower(key, flat.env) for key in late_columns(query)}
-    read_late: Late | None = None
+            shown_late = {key: selects.expressions.lower(key, flat.env) for key in find_late_columns(query)}
+    read_late: LateColumns | None = None
     if shown_late:
-        select = sql.with_outputs(select, [_key_alone(query, key, node) for key, node in shown_late.items()])
-        read_late = late(query, tuple(shown_late))
+        select = sql_builder.replace_outputs(
+            select, [_build_key_column(query, key, node) for key, node in shown_late.items()]
+        )
+        read_late = plan_late_columns(query, tuple(shown_late))
         needs.applied["late"] = None
-    if selects.copies and (tables := [*needs.collected.values(), *selects.copies.tables_of(select)]):
+    if selects.copies and (
+        tables := [*needs.materialized_ctes.values(), *selects.copies.add_materialized_tables(select)]
+    ):
         select.set("with_", exp.With(expressions=tables))
-    truths = frozenset[str]() if by_value else _without_truth(select, needs)
+    truths = frozenset[str]() if by_value else _strip_truth_calls(select, needs)
     columns = [output.expr for output in query.columns]
     compared = (query.search.key if query.search else ()) or query.rows or columns
-    only_walked = frozenset() if query.search is not None else _only_walked(select, needs)
+    only_walked = frozenset() if query.search is not None else _find_iterated_parameters(select, needs)
     return SqlQuery(
         query,
         dialect.print(select),
         tuple(needs.parameters.values()),
-        _shown(columns),
-        _shown(keys),
-        _shown([key.expr for key in orders]),
+        _describe_columns(columns),
+        _describe_columns(keys),
+        _describe_columns([key.expr for key in orders]),
         is_sorted,
         is_limited,
         {name: tuple(sorted(spans, key=lambda span: span.start)) for name, spans in needs.calls.items()},
         dict(needs.modules),
         frozenset(needs.plain),
-        plain_rows=all(output.expr.type.only(PLAIN) for output in query.columns),
-        plain_keys=all(expr.type.only(PLAIN) for expr in compared),
+        plain_rows=all(output.expr.type.only(SCALAR_KINDS) for output in query.columns),
+        plain_keys=all(expr.type.only(SCALAR_KINDS) for expr in compared),
         bookkeeping=bookkeeping,
-        snapshot=snapshot_for((query,)) if needs.worlds else NO_SNAPSHOT,
+        snapshot=plan_snapshot((query,)) if needs.worlds else NO_SNAPSHOT,
         late=read_late,
         applied=tuple(needs.applied),
-        only_walked=only_walked,
+        only_iterated=only_walked,
         truths=truths,
-        told_apart=frozenset(name for name in needs.calls if _are_told_apart(query, name)),
+        told_apart=frozenset(name for name in needs.calls if _distinguishes_arguments(query, name)),
     )
 
 
-def _without_truth(select: exp.Select, needs: Needs) -> frozenset[str]:
+def _strip_truth_calls(select: exp.Select, needs: StatementNeeds) -> frozenset[str]:
     """Takes `truth` away from calls of functions of the user that are conditions, and gives the functions' names.
 
     SQLite takes numbers and handles for true or false as Python does, but not texts and None. The run notices when one
@@ -141,20 +149,20 @@ def _without_truth(select: exp.Select, needs: Needs) -> frozenset[str]:
     return frozenset(found)
 
 
-def _is_condition(node: sql.Node) -> bool:
+def _is_condition(node: sql_builder.Node) -> bool:
     """Whether of a node nothing but the truth counts."""
     parent = node.parent
     condition = isinstance(parent, exp.If) and parent.this is node
     return condition or isinstance(parent, (exp.And, exp.Or, exp.Not, exp.Where, exp.Having))
 
 
-def _are_told_apart(query: plan.Query, name: str) -> bool:
+def _distinguishes_arguments(query: plan.Query, name: str) -> bool:
     """Whether the arguments of all calls of a function are such that equal ones are the same: 1.0 equals 1."""
     calls = [node for node in walk(query) if isinstance(node, plan.Call) and node.function.name == name]
     return not any(argument.type.may(Kind.FLOAT) for call in calls for argument in call.arguments)
 
 
-def _only_walked(select: exp.Select, needs: Needs) -> frozenset[str]:
+def _find_iterated_parameters(select: exp.Select, needs: StatementNeeds) -> frozenset[str]:
     """The parameters whose value as a whole nobody asks for: it is walked, and need not be compared with others."""
     asked: set[str] = set()
     for node in select.find_all(exp.Placeholder):
@@ -164,29 +172,31 @@ def _only_walked(select: exp.Select, needs: Needs) -> frozenset[str]:
     return frozenset(needs.parameters) - asked
 
 
-def _key_alone(query: plan.Query, key: plan.Column, node: sql.Node) -> sql.Node:
+def _build_key_column(query: plan.Query, key: plan.Column, node: sql_builder.Node) -> sql_builder.Node:
     """The column of a key, with what is read of it afterwards as a comment."""
     exprs = [output.expr for output in query.columns]
-    read = [expr.name if isinstance(expr, plan.Column) else "this" for expr in exprs if _source_of(expr) == key.source]
+    read = [
+        expr.name if isinstance(expr, plan.Column) else "this" for expr in exprs if _find_source(expr) == key.source
+    ]
     names = ", ".join(name for name in dict.fromkeys(read) if name != key.name)
     if names:  # of columns of worlds, which are names of scripts and end no comment
         node.add_comments([f"then {names if len(names) <= 60 else names[:57] + '...'}"])
     return node
 
 
-def _source_of(expr: plan.Expr) -> int | None:
+def _find_source(expr: plan.Expr) -> int | None:
     return expr.source if isinstance(expr, (plan.Column, plan.Element)) else None
 
 
-def _cut_by_sql(query: plan.Query) -> bool:
+def _can_limit_in_sql(query: plan.Query) -> bool:
     """Whether LIMIT may stand in the SQL; a partition is cut before it is made."""
     return query.limit is not None and not (query.group and not query.aggregated)
 
 
-def _names(query: plan.Query) -> list[str | None]:
+def _choose_column_names(query: plan.Query) -> list[str | None]:
     """Names for the columns of the statement; a name that is the column's own text is not repeated."""
     return [None if output.name == output.expr.span.text else output.name for output in query.columns]
 
 
-def _shown(exprs: Sequence[plan.Expr]) -> tuple[Shown, ...]:
-    return tuple(Shown(is_flag(expr.type)) for expr in exprs)
+def _describe_columns(exprs: Sequence[plan.Expr]) -> tuple[OutputColumn, ...]:
+    return tuple(OutputColumn(is_flag(expr.type)) for expr in exprs)

@@ -1,328 +1,413 @@
-"""Hierarchical queries as WITH RECURSIVE.
+"""A search whose steps are evaluated before they enter the queue.
 
-SQLite takes the rows of the recursive table from a queue, in the order of the recursive term's ORDER BY,
-hands each to the outer query and then runs the recursive term on it. So one statement is a best-first search:
-a row is a step, the queue's order is the strategy.
+The recursive term evaluates a step while it is made: the guard, STOP WITH and WHERE decide in its WHERE
+whether the step enters at all, and what enters carries the state after it. So most steps never wait, and the
+state is made once per step instead of once per child. Of the 3,462 steps of the paper's Towers of Hanoi 577 enter.
 
-A step is evaluated before it enters the queue (on_entering.py): what leads nowhere never waits, and a row carries what
-its children need.
-
-What SQL has no words for are functions of the run (runtime/search_functions.py): they number the steps, keep
-the rows of those that go on, so that a path can be walked back from its last step at a cost that does not
-depend on its length, and know the rows that were met.
+All steps from a state are evaluated when it is expanded. Where MAXIMUM or LIMIT ends a search, breadth first and by
+weight, a goal waits at the head of the queue, as a result only; if it goes on, the second recursive term lets it wait
+again at its own place.
 """
 
 from __future__ import annotations
 
-import re
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 
 from sqlglot import exp
 
-from ss2sql import plan
-from ss2sql.kinds import is_flag
-from ss2sql.lowering import sql
-from ss2sql.lowering.arms import arms_of, as_list
-from ss2sql.lowering.copies import asked_equal, by_index, keep_columns, materialized, rows_in_order
-from ss2sql.lowering.expressions import Env
-from ss2sql.lowering.names import free_name, sql_names
-from ss2sql.lowering.select import Selects
-from ss2sql.lowering.sources import Opened, open_sources
-from ss2sql.lowering.sql import Node
-from ss2sql.lowering.sql_query import Bookkeeping
-from ss2sql.lowering.strategies import guard_of, order_of
-from ss2sql.vtables.names import PLACE
-from ss2sql.walk import rebuild, sources_read, states_read, walk
+from ss2sql.language import plan
+from ss2sql.language.kinds import is_flag
+from ss2sql.language.plan_traversal import find_direct_assignments, has_query, list_parts, list_states, walk
+from ss2sql.lowering import sql_builder
+from ss2sql.lowering.element_calls import add_call_columns, find_element_calls
+from ss2sql.lowering.flat import FlatLowering, find_aggregate_inputs, select_group_inputs
+from ss2sql.lowering.recursive_query import RecursiveQuery, iterate_element_reads, shorten_column_name
+from ss2sql.lowering.search_step import SearchStep, find_certain_parts, find_fallible_parts, split_stop_conditions
+from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sql_names import choose_free_name
+from ss2sql.lowering.sql_query import Bookkeeping, StepCounting
+from ss2sql.lowering.sqlite_expressions import SqlScope
+from ss2sql.lowering.step_lookup import find_step_equalities, simplify_by_equalities
 
-TABLE = "search"
-
-
-def short(name: str) -> str:
-    """The name of a variable as a column; those that the search carries have names such as `prior(id)`."""
-    return re.sub(r"\W+", "_", name).strip("_") or "value" if not name.isidentifier() else name
+MAX_WEIGHT = 2**40  # costs up to here do not add up to 64 bits: 2^23 steps on one path would be needed
 
 
-Read = plan.Element | plan.Column | plan.State
+class EagerSearch(RecursiveQuery):
+    """The terms of the recursion and the query around it.
 
+    The columns of the recursive table, each where it is needed: `depth`; the total of COST or PROBABILITY and
+    the estimate of HEURISTIC; the flags `goal` and `goes_on`; `waits`, 0 for a goal that waits as a result
+    only; `rank`, which sorts the queue; the state after the step; parts of the state before it; elements.
+    """
 
-def element_reads(query: plan.Query, places: Iterable[object]) -> Iterator[plan.Element | plan.Column]:
-    """What these parts of a query read of its sources."""
-    own = {source.id for source in query.sources}
-    for place in places:
-        for node in walk(place) if place is not None else ():
-            if isinstance(node, (plan.Element, plan.Column)) and node.source in own:
-                yield _whole(node)
+    def __init__(self, selects: FlatLowering, query: plan.Query, cut: bool) -> None:
+        self.looked_up = [] if "lookup" in selects.needs.disabled else find_step_equalities(query)
+        query = simplify_by_equalities(query, self.looked_up)
+        super().__init__(selects, query, cut)
+        search = self.search
+        self.aggregate_inputs = (
+            tuple(dict.fromkeys(find_aggregate_inputs(query))) if query.aggregated else ()
+        )  # what aggregates are computed of
+        if self.looked_up:
+            selects.needs.applied["lookup"] = None
+        # Then no goal is ever expanded, for the first one that comes out is the last step that is taken.
+        self.one_result = isinstance(search.maximum, plan.Constant) and search.maximum.value == 1
+        # A goal that comes out before its turn to be expanded waits as a result first.
+        self.ahead = (search.order == "breadth first" and cut) or search.heuristic is not None
+        self.shared = find_element_calls(query) if "calls" not in selects.needs.disabled else ()
+        self.stops = split_stop_conditions(query, self.shared)
+        self.counted = self.counts == "steps" and not self.shared  # the table of a list with calls counts by itself
+        self.depth = self._named("depth") if search.order == "depth first" else None
+        self.states = {name: self._named(shorten_column_name(name)) for name in self.variables}
+        self.at_once = find_direct_assignments(query)
+        self.known = self._find_column_calls()
+        self.goal = self._named("goal") if query.where is not None and not self.ahead else None
+        self.continues_column = self._named("goes_on") if self.admits_stopping_goals and not self.one_result else None
+        self.total = None if self.order.total is None else self._named(self.order.total)
+        self.estimate = None if search.heuristic is None else self._named("estimate")
+        self.later = None if search.heuristic is None or self.one_result else self._named("estimate_later")
+        self.waits = self._named("waits") if self.ahead else None
+        self.rank = self._named("rank") if search.heuristic is not None and self.total is not None else None
+        self.before: dict[str, str] = {}
+        self.siblings = [self._named("sibling") for _ in search.siblings]
 
+    def _named(self, name: str) -> str:
+        return choose_free_name(name, self.taken)
 
-def _whole(node: plan.Element | plan.Column) -> plan.Element | plan.Column:
-    """What is carried for it: of a column that may be missing the element, for only who reads it may fail."""
-    missing = isinstance(node, plan.Column) and not node.declared
-    return plan.Element(node.source, span=node.span) if missing else node
+    @property
+    def most(self) -> int:
+        """The greatest weight of a step that is not looked at."""
+        return 1 if self.search.order == "probability" else MAX_WEIGHT
 
+    @property
+    def weight_calls_functions(self) -> bool:
+        """Whether COST, PROBABILITY or HEURISTIC call functions of the user, which rows that are closed spare."""
+        return bool(_find_user_calls(self.search.weight) or _find_user_calls(self.search.heuristic))
 
-class SearchLowering(ABC):
-    """What is the same in all searches: the terms' sources, the START WITH state, and the statement."""
+    @property
+    def all_results(self) -> bool:
+        """Whether every step that enters is a result, so that the results hold the rows of all paths."""
+        plain = self.query.where is None and not self.ahead and self.order.total is None and not self.query.aggregated
+        return plain and self.search.repeats == "allowed"
 
-    def __init__(self, selects: Selects, query: plan.Query, cut: bool) -> None:
-        search = query.search
-        assert search is not None
-        self.selects = selects
-        self.expressions = selects.expressions
-        self.query = query
-        self.search = search
-        self.cut = cut  # whether the search may end before its steps are used up, so that their order shows
-        self.guard = guard_of(search)
-        self.order = order_of(search)
-        self.table = selects.needs.label(TABLE)
-        self.taken: set[str] = {"step", "parent"}  # names of the recursive table's columns
-        self.reads: list[tuple[str, plan.Element | plan.Column]] = []  # elements that it holds
-        self.flags = {name: is_flag(kind) for name, kind in search.states}
-        # What is compared is not the row, so that the run keeps it beside the row.
-        self.keyed = bool(search.key) and search.repeats != "allowed"
-        self.outputs = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
-        self.compared = search.key or self.outputs
-        self.starts: Node | None = None  # the table of START WITH states, where there is one
-        last = {name: number for number, (name, _) in enumerate(search.connect)}
-        self.variables = sorted((name for name, _ in search.start), key=lambda name: last.get(name, -1))
-        self.assigned = set(last)
-        self.tables: list[exp.CTE] = []
-        self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
-        self.copied: dict[str, Node] = {}  # the lists and worlds that are read once, by the names of their copies
-        self.arms = None if "arms" in selects.needs.disabled else arms_of(query)
+    @property
+    def steps_unkept(self) -> bool:
+        """Whether nobody asks for the steps before one, so that steps need no more than numbers."""
+        return not self.query.gives_paths and self.search.repeats == "allowed"
 
-    @abstractmethod
+    @property
+    def all_go_on(self) -> bool:
+        """Whether every step that enters has children."""
+        flags = self.cut or self.waits is not None or self.continues_column is not None
+        return not flags and (self.search.repeats != "unique" or self.search.order == "breadth first")
+
     def bookkeeping(self) -> Bookkeeping:
-        """What the run has to know of the statement to keep its steps and to count them."""
+        book = Bookkeeping(
+            self.counts,
+            self.all_go_on,
+            self.all_results,
+            keyed=self.keyed,
+            steps_unkept=self.steps_unkept,
+            starts=int(not self.has_special_first_steps),
+        )
+        if self.arms is None:
+            return book
+        parts = tuple(len(self.parts(output.expr)) for output in self.query.columns)
+        return replace(book, arms=len(self.arms.items), parts=parts)
 
-    @abstractmethod
+    @property
+    def counts(self) -> StepCounting:
+        """How it is known how many steps were generated: see `SearchState.count`."""
+        query = self.query
+        if self.shared:
+            return "steps"
+        if self.arms is not None:
+            return "product"
+        if not self.search.each and all(map(self.is_constant_source, query.sources)) and not has_query(query):
+            return "product"
+        stops = self.stops
+        drops = bool(stops.others) or stops.pruning_condition is not None or self.search.order == "probability"
+        return "steps" if drops else "entered"
+
+    # --- what is known of a step when it is taken ------------------------------------------------------
+
+    def _find_column_calls(self) -> list[tuple[plan.Expr, str]]:
+        """Calls, and what is chosen, whose values are the state after the step, with the column that holds it."""
+        return [
+            (expr, self.states[name])
+            for name, expr in self.at_once.items()
+            if isinstance(expr, plan.Call | plan.If)
+            and self.assigns_when_stopped(name)
+            and is_flag(expr.type) == self.flags[name]
+        ]
+
+    @property
+    def admits_stopping_goals(self) -> bool:
+        """Whether a step may enter that stops: a goal."""
+        return self.stops.goals is not None
+
+    def assigns_when_stopped(self, name: str) -> bool:
+        """Whether CONNECT BY may set a variable for each step that enters, also for one that stops."""
+        if not self.admits_stopping_goals:
+            return True
+        if name not in self.at_once:  # it may contain all that is set before it, and of that state nothing was asked
+            return not any(find_fallible_parts(expr) for _, expr in self.search.connect)
+        done = find_certain_parts(self.query.where) + find_certain_parts(self.search.stop)
+        return all(any(part == other for other in done) for part in find_fallible_parts(self.at_once[name]))
+
+    def now(self) -> SqlScope:
+        """Reads a step that was taken: its elements, the state before it, and the calls that became columns."""
+        before = {(self.query.id, name): self.column(short) for name, short in self.before.items()}
+        known = tuple((expr, self.column(short)) for expr, short in self.known)
+        return replace(self.reading().with_states(before), known=known)
+
+    def _carry_columns(self, places: list[object]) -> None:
+        """Makes the recursive table carry what these parts read of the state before the step, and of elements."""
+        left = [
+            place if place is None else _remove_known_calls(place, [expr for expr, _ in self.known]) for place in places
+        ]
+        read = {name for place in left for part in place or () for query, name in list_states(part)
+                if query == self.query.id}  # fmt: skip
+        for name, _ in self.search.start:
+            if name in read and name not in self.before:
+                self.before[name] = self._named(f"{shorten_column_name(name)}_before")
+        for node in iterate_element_reads(self.query, [part for place in left for part in place or ()]):
+            for part in self.parts(node) or (node,):
+                self.carry(part)
+
+    # --- the statement ---------------------------------------------------------------------------------
+
     def statement(self) -> exp.Select:
-        """The whole statement."""
+        query = self.query
+        places: list[object] = (
+            list(self.aggregate_inputs) if query.aggregated else [output.expr for output in query.columns]
+        )
+        places += [*query.group, *(() if query.aggregated else (key.expr for key in query.order))]
+        self._carry_columns(places)
+        labels = set(self.selects.needs.labels)
+        start = SqlScope().with_states(self.start())
+        # First steps of their own are those under another condition, or from one of several starts.
+        terms = self.steps(start, True) if self.has_special_first_steps else [self.write_start_row(start)]
+        self.selects.needs.labels = labels
+        after = {(query.id, name): self.column(short) for name, short in self.states.items()}
+        terms += self.steps(SqlScope().with_states(after), False)
+        if self.ahead and not self.one_result:
+            terms.append(self.again())
+        return self.build_recursive_query(self.all_column_names, terms, self.results())
 
-    # --- the recursive table ---------------------------------------------------------------------------
+    def write_start_row(self, env: SqlScope) -> exp.Select:
+        """The state of START WITH as the row with the number 0, which is no step: its children are the first steps."""
+        known: dict[str | None, Node] = {"step": sql_builder.number(0), "parent": sql_builder.number(0)}
+        known |= dict.fromkeys((self.depth, self.goal, self.estimate, self.rank), sql_builder.number(0))
+        known |= dict.fromkeys((self.continues_column, self.waits), sql_builder.number(1))
+        known[self.total] = sql_builder.number(1 if self.search.order == "probability" else 0)
+        for name, short_name in self.states.items():
+            known[short_name] = env.states[(self.query.id, name)]
+        outputs = [known.get(name, sql_builder.null()).copy() for name in self.all_column_names]
+        return sql_builder.select(outputs, [], sql_builder.conjunction(self.visited(env)))
+
+    @property
+    def all_column_names(self) -> list[str]:
+        """The columns, in the order in which the language evaluates them, for the first that fails shows."""
+        made = (
+            self.depth,
+            self.goal,
+            self.continues_column,
+            self.total,
+            self.estimate,
+            self.later,
+            self.waits,
+            self.rank,
+        )
+        names = ["step", "parent", *(name for name in made if name is not None), *self.siblings]
+        return [*names, *self.states.values(), *self.before.values(), *(name for name, _ in self.reads)]
+
+    def queue(self) -> Iterable[tuple[str, bool]]:
+        if self.search.order == "greedy":
+            assert self.waits is not None
+            assert self.estimate is not None
+            return ((self.waits, False), (self.estimate, False), ("step", False))
+        if self.rank is not None:
+            assert self.estimate is not None
+            return ((self.rank, False), (self.estimate, False), ("step", False))
+        if self.siblings:  # depth first, where steps of one depth that wait have one parent
+            keys = [(name, key.descending) for name, key in zip(self.siblings, self.search.siblings, strict=True)]
+            return (*self.order.queue[:1], *keys, *self.order.queue[1:])
+        if self.waits is not None:
+            return ((self.waits, False), ("step", False))
+        return self.order.queue
+
+    def grouped(self, results: exp.Select, names: list[str | None]) -> exp.Select:
+        """The groups of the results; the limit keeps SQLite from asking for them twice."""
+        if results.args.get("limit") is None:
+            results = sql_builder.sort_query(results, (), sql_builder.unlimited())
+        return self.selects.group_numbered_rows(self.query, results, self.aggregate_inputs, SqlScope(), names)
+
+    # --- the recursive terms ---------------------------------------------------------------------------
+
+    def steps(self, env: SqlScope, first: bool) -> list[exp.Select]:
+        """The steps from the START WITH state, or those from a step that goes on."""
+        if self.arms is not None:
+            return [self._lower_branch(item, env, first, item is self.arms.items[0]) for item in self.arms.items]
+        sources, conditions, env, witnesses = self.open(env)
+        if self.shared:
+            sources[-1], env = add_call_columns(self.selects, self.query, self.shared, sources[-1], env)
+        items: list[Node] = [sql_builder.table(self.table, self.table)]
+        if first:
+            items = [] if self.starts is None else [self.starts]
+        step = SearchStep(self, env, first)
+        conditions += step.lookups()
+        sources = self.order_items(sources, conditions)
+        entering = [self._evaluate_for_each_step(node, witnesses) for node in step.enters()]
+        if self.counted:
+            entering.insert(0, sql_builder.call("count_step", witnesses[-1].copy()))
+        where = [*([] if first else self.check_parent_continues()), *conditions, *entering]
+        outputs = step.outputs(self.find_indexed_positions(sources, conditions))
+        return [sql_builder.select(outputs, items + sources, sql_builder.conjunction(where))]
+
+    def _lower_branch(self, item: plan.Expr, env: SqlScope, first: bool, expands: bool) -> exp.Select:
+        """The step with one item of the list from a state, which the first of the items `expands`."""
+        assert self.arms is not None
+        self.selects.needs.applied["arms"] = None
+        inner = env.with_source(self.arms.source.id, self.arms.reader(self.expressions, item, env))
+        step = SearchStep(self, inner, first, item)
+        where = [*([] if first else self.check_parent_continues(expands)), *step.lookups(), *step.enters()]
+        return sql_builder.select(
+            step.outputs([]),
+            [] if first else [sql_builder.table(self.table, self.table)],
+            sql_builder.conjunction(where),
+        )
 
     def carry(self, node: plan.Element | plan.Column) -> str:
-        """The column of the recursive table that holds what is read of an element."""
-        for name, known in self.reads:
-            if known == node:
-                return name
-        source = next(source for source in self.query.sources if source.id == node.source)
-        name = free_name(node.name if isinstance(node, plan.Column) else source.name, self.taken)
-        self.reads.append((name, node))
-        return name
+        """The column that holds what is read of an element; it may be that of a variable which CONNECT BY gives it."""
+        for name, expr in self.at_once.items() if self.arms is not None else ():
+            if expr == node and self.assigns_when_stopped(name) and is_flag(expr.type) == self.flags[name]:
+                return self.states[name]
+        return super().carry(node)
 
-    def parts(self, expr: plan.Expr) -> tuple[plan.Column, ...]:
-        """The columns of the parts as which an element travels, if it does."""
-        return () if self.arms is None else self.arms.parts(expr)
+    def _evaluate_for_each_step(self, node: Node, witnesses: list[Node]) -> Node:
+        """A condition on entering, evaluated for every step where it may change from step to step.
 
-    def column(self, name: str) -> Node:
-        return sql.column(name, self.table)
-
-    def reading(self) -> Env:
-        """Reads elements from a row of the recursive table."""
-        env = Env()
-        for source in self.query.sources:
-            env = env.with_source(source.id, self._carried)
-        return env
-
-    def _carried(self, expr: plan.Element | plan.Column) -> Node:
-        if parts := self.parts(expr):
-            return as_list(self.expressions, [(self.column(self.carry(part)), part) for part in parts])
-        carried = self.column(self.carry(_whole(expr)))
-        if isinstance(expr, plan.Column) and not expr.declared:
-            return self.expressions.field(carried, expr)
-        return carried
-
-    def recursive_query(self, names: list[str], terms: list[exp.Select], results: exp.Select) -> exp.Select:
-        """`WITH RECURSIVE table(names) AS (first UNION ALL others ORDER BY ...) results`."""
-        union = sql.union(terms)
-        keys = [
-            exp.Ordered(this=sql.number(names.index(column) + 1), desc=descending, nulls_first=not descending)
-            for column, descending in self.queue()
-        ]
-        union.set("order", exp.Order(expressions=keys))
-        columns = [sql.identifier(name) for name in names]
-        cte = exp.CTE(this=union, alias=exp.TableAlias(this=sql.identifier(self.table), columns=columns))
-        for copied in self.tables:
-            keep_columns(copied, union)
-        tables = [*self.selects.needs.collected.values(), *self.tables, cte]
-        results.set("with_", exp.With(expressions=tables, recursive=True))
-        return results
-
-    @abstractmethod
-    def queue(self) -> Iterable[tuple[str, bool]]:
-        """The columns that sort the queue."""
-
-    # --- the START WITH state --------------------------------------------------------------------------
-
-    def start(self) -> dict[tuple[int, str], Node]:
-        """The START WITH variables as parameters, or as literals where they are plain.
-
-        Where EACH walks a list, or the first steps of a search BY the state reached differ, the starts are a table:
-
-            starts(town) AS MATERIALIZED (SELECT this FROM elements(:towns) WHERE visit(this))
-
-        All of it is made before the first step is, so that every start counts as visited then.
+        SQLite evaluates a condition as soon as all columns are known that it mentions; `witnesses` are a column of each
+        source.
         """
-        needs, values = self.selects.needs, dict[str, plan.Expr]()
-        for name, expr in self.search.start:
-            values[name] = self._with_starts(expr, values)
-        each = tuple(replace(source, value=self._with_starts(source.value, values)) for source in self.search.each)
-        opened, env = open_sources(self.selects, each, Env())
-        moved = {source.id for source in each}
-        states: dict[tuple[int, str], Node] = {}
-        for name, value in values.items():
-            flag = self.flags[name]
-            plain = isinstance(value, plan.Constant) and not isinstance(value.value, (list, bool))
-            if sources_read(value) & moved:
-                states[(self.query.id, name)] = (self.expressions.lower if flag else self.expressions.value)(value, env)
-            else:
-                known = self.expressions.lower(value, Env()) if plain else needs.bind(value, name, flag)
-                states[(self.query.id, name)] = known
-        return self._started(opened, states) if self.has_first_steps and (each or self.visits) else states
+        last = witnesses[-1]
+        changing = any(call.name in _STATEFUL_FUNCTIONS for call in node.find_all(exp.Anonymous))
+        if not (changing or self.counted) or any(
+            column.table == _get_table_label(last) for column in node.find_all(exp.Column)
+        ):
+            return node
+        return sql_builder.call("in_turn", last.copy(), node)
 
-    @property
-    def has_first_steps(self) -> bool:
-        """Whether first steps are made otherwise than those that follow."""
-        return bool(self.search.each) or self.search.first is not None
-
-    @property
-    def visits(self) -> bool:
-        """Whether the state of a start counts as visited."""
-        return self.keyed and self.search.by == "state"
-
-    def visited(self, env: Env) -> list[Node]:
-        """What lets the state of a start count as visited, where it does."""
-        if not self.visits:
+    def check_parent_continues(self, expands: bool = True) -> list[Node]:
+        """What is asked of the step that was taken, before its children are made; one SELECT counts that it expands."""
+        asked: list[Node] = []
+        if self.waits is not None:
+            asked.append(self.column(self.waits))
+        if self.continues_column is not None:
+            asked.append(self.column(self.continues_column))
+        still = self.check_still_best()
+        if self.all_go_on:
             return []
-        return [sql.call("visit", *(self.expressions.value(part, env) for part in self.compared))]
-
-    def _started(self, opened: list[Opened], states: dict[tuple[int, str], Node]) -> dict[tuple[int, str], Node]:
-        """The START WITH variables as columns of a table, where they are another value in each start."""
-        name = self.selects.needs.table("starts")
-        moved = {state: node for state, node in states.items() if node.find(exp.Column)}
-        taken: set[str] = set()
-        columns = {state: free_name(short(state[1]), taken) for state in moved}
-        shown = [sql.alias(node, columns[state]) for state, node in moved.items()] or [
-            sql.alias(sql.number(1), "start")
-        ]
-        items = [item for part in opened for item in part.items]
-        self._copy(name, sql.select(shown, items, sql.conjunction(self.visited(Env().with_states(states)))))
-        self.starts = sql.table(name, name)
-        return states | {state: sql.column(column, name) for state, column in columns.items()}
-
-    def _with_starts(self, expr: plan.Expr, values: dict[str, plan.Expr]) -> plan.Expr:
-        """The expression with the values of the START WITH variables before it in place of their names."""
-        if isinstance(expr, plan.State) and expr.query == self.query.id:
-            return values[expr.name]
-        return rebuild(expr, lambda part: self._with_starts(part, values))
-
-    def following(self, env: Env) -> dict[tuple[int, str], Node]:
-        """The state after CONNECT BY. A later assignment sees an earlier one: its expression stands for the name.
-
-        Where the columns are made in the order of `variables`, all that may fail is evaluated in the order of the text.
-        """
-        states = dict(env.states)
-        for name, expr in self.search.connect:
-            lower = self.expressions.lower if self.flags[name] else self.expressions.value
-            states[(self.query.id, name)] = lower(expr, env.with_states(states))
-        return states
-
-    # --- sources ---------------------------------------------------------------------------------------
-
-    def open(self, env: Env) -> tuple[list[Node], list[Node], Env, list[Node]]:
-        """The items of FROM for the children of a state, their conditions, the sight on them, a column of each."""
-        opened, env = open_sources(self.selects, self.query.sources, env, self.query.id)
-        items = [item for part in opened for item in part.items]
-        conditions = [condition for part in opened for condition in part.conditions]
-        return items, conditions, env, [part.witness for part in opened]
-
-    def arranged(self, items: list[Node], conditions: list[Node]) -> list[Node]:
-        """The items of FROM, read so that their rows come in order under these conditions, which may become more."""
-        conditions += rows_in_order(items, conditions, self.selects.needs.collected.values())
-        labels = [item.alias_or_name for item in items]
-        return [self._in_order(item, conditions, labels[index:]) for index, item in enumerate(items)]
-
-    def positions_of(self, items: list[Node], conditions: list[Node]) -> list[Node]:
-        """The positions of rows that SQLite may look up: it indexes copies that a condition asks for equality."""
-        asked = {table for table, _, _ in asked_equal(conditions)}
+        if self.total is not None and still:
+            return [*asked, *still]  # which counts the steps that go on
+        if not expands:
+            return [*asked, *still]
+        counted: Node = sql_builder.call("expand", *self.estimate_total())
         return [
-            sql.column(self.positions[item.name], item.alias_or_name)
-            for item in items
-            if isinstance(item, exp.Table) and item.name in self.positions and item.alias_or_name in asked
+            *asked,
+            sql_builder.case([(exp.Not(this=still[0]), sql_builder.number(0))], counted) if still else counted,
         ]
 
-    def _in_order(self, item: Node, conditions: list[Node], unknown: list[str]) -> Node:
-        """An item of FROM; a table, and a list that is the same for all states, is read from a copy in its own order.
+    def check_still_best(self) -> list[Node]:
+        """Whether the step that was taken still counts: another may have reached its row meanwhile."""
+        if self.search.repeats != "unique":
+            return []
+        if self.total is not None:
+            return [
+                sql_builder.call(
+                    "still_best", self.column("step"), self.rank_total(self.column(self.total)), *self.estimate_total()
+                )
+            ]
+        if self.search.order == "depth first":
+            return [sql_builder.call("arrive", self.column("step"))]
+        return []
 
-        A table needs no copy where conditions ask for all columns of an index that gives its rows in their order,
-        and the items from this one on, which are `unknown` as yet, have no say in it.
-        Steps are numbered as they are walked, so the walk must be in order. SQLite keeps a materialised copy
-        in the order of its making. Where a condition asks for equality it builds an index on the copy, so that
-        a step costs its neighbours, not the table. That index holds the key and then the columns that are
-        read, in their order: `position`, the first, keeps equal keys in the order of the table.
+    def estimate_total(self) -> list[Node]:
+        """The total that A* expects of paths through the step that was taken."""
+        return [] if self.rank is None else [self.column(self.rank)]
 
-        A list costs three Python calls per element each time it is walked, 0.5 us, its copy 0.04 us.
-        """
-        assert isinstance(item, exp.Table), "queries in FROM of a search are tables of WITH"
-        needs = self.selects.needs
-        if item.alias_or_name in needs.worlds:
-            return self._copied_once(item, (name for name, _ in needs.worlds[item.alias_or_name].columns), PLACE)
-        if isinstance(item.this, exp.Anonymous):
-            walked = needs.modules[item.this.name]
-            return item if walked.calls else self._copied_once(item, walked.columns, "rowid")
-        if any(item.name == table.alias for table in needs.collected.values()):
-            return item
-        source = self.selects.tables[item.alias_or_name]
-        asked = {
-            column
-            for table, column, others in asked_equal(conditions)
-            if table == item.alias_or_name and others.isdisjoint(unknown)
-        }
-        if by_index(item, source, asked):
-            return item
-        name = f"{item.alias_or_name}_in_order"
-        if name not in self.positions:
-            self.positions[name] = free_name("position", {column.lower() for column, _ in source.columns})
-            shown: list[Node] = [sql.column(column) for column, _ in source.columns]
-            order = [(sql.column(key), False) for key in source.order]
-            position: Node = sql.column("rowid") if source.order == ("rowid",) else sql.row_number(order)
-            copied = sql.table(source.table, source.table, source.schema)
-            select = sql.select([sql.alias(position, self.positions[name]), *shown], [copied], order=order)
-            self._copy(name, select)
-        return sql.table(name, item.alias_or_name)
+    def rank_total(self, total: Node) -> Node:
+        """A total as a number that is the smaller the better it is."""
+        return exp.Neg(this=sql_builder.wrap_operand(total)) if self.search.order == "probability" else total
 
-    def _copied_once(self, item: exp.Table, columns: Iterable[str], place: str) -> Node:
-        """A list or a world's table that mentions no column is walked once; its copy has the columns that are read.
-
-        `place` numbers its rows. A source may be another list in the first step than later, where START WITH and
-        CONNECT BY give constants: so what is copied decides, not the name of the source.
-        """
-        if any(True for _ in item.find_all(exp.Column)):
-            return item
-        label = item.alias_or_name
-        name = next((name for name, known in self.copied.items() if known == item), None)
-        if name is None:
-            name = self.selects.needs.table(f"{label}_once")
-            self.copied[name] = item
-            names = ["this", *sql_names(tuple(columns)).values()]
-            self.positions[name] = free_name("position", {column.lower() for column in names})
-            shown: list[Node] = [sql.column(column) for column in (*names, place)]  # the last may be the witness
-            self._copy(name, sql.select([sql.alias(sql.column(place), self.positions[name]), *shown], [item.copy()]))
-        return sql.table(name, label)
-
-    def _copy(self, name: str, select: exp.Select) -> None:
-        self.tables.append(materialized(name, select))
+    def again(self) -> exp.Select:
+        """A goal that has come out waits again, to be expanded in its turn."""
+        assert self.waits is not None
+        changed: dict[str, Node] = {self.waits: sql_builder.number(1)}
+        if self.estimate is not None and self.later is not None:
+            changed[self.estimate] = self.column(self.later)
+        if self.rank is not None and self.total is not None and self.later is not None:
+            changed[self.rank] = sql_builder.binary(exp.Add, self.column(self.total), self.column(self.later))
+        outputs = [changed.get(name, self.column(name)) for name in self.all_column_names]
+        where: list[Node] = [exp.Not(this=self.column(self.waits))]
+        if self.continues_column is not None:
+            where.append(self.column(self.continues_column))
+        return sql_builder.select(outputs, [sql_builder.table(self.table, self.table)], sql_builder.conjunction(where))
 
     # --- results ---------------------------------------------------------------------------------------
 
-    def limit(self) -> Node | None:
-        maximum = self.search.maximum
-        return None if maximum is None else self.selects.needs.count(maximum, "maximum")
+    def results(self) -> exp.Select:
+        """The SELECT at the end, which picks the goals from the rows of `search`."""
+        now = self.now()
+        query = self.query
+        shown: list[Node] = [self.column("step"), self.column("parent")] if query.gives_paths else []
+        if query.aggregated:
+            shown += select_group_inputs(self.selects, self.aggregate_inputs, query.group, now)
+        else:
+            shown += [self.expressions.lower(output.expr, now) for output in query.columns]
+            shown += [self.expressions.lower(key, now) for key in query.group]
+            shown += [self.expressions.lower(key.expr, now) for key in query.order]
+        asked: list[Node] = []
+        if self.goal is not None:
+            asked.append(self.column(self.goal))
+        elif self.waits is not None:
+            asked.append(exp.Not(this=self.column(self.waits)))
+        elif not self.has_special_first_steps:
+            asked.append(sql_builder.binary(exp.GT, self.column("step"), sql_builder.number(0)))
+        still = self.check_still_best()
+        if self.search.repeats == "unique" and self.total is not None:
+            still = [sql_builder.call("give_once", self.column("step"), self.rank_total(self.column(self.total)))]
+        elif self.rank is not None:
+            still = [sql_builder.call("give", self.column(self.rank))]
+        goal = sql_builder.conjunction(asked)
+        if goal is not None and still:
+            # The guard is asked last, for it notes what it is asked about.
+            asked, still = [], [sql_builder.case([(goal, still[0])], sql_builder.number(0))]
+        asked += still
+        table = sql_builder.table(self.table, self.table)
+        return sql_builder.select(shown, [table], sql_builder.conjunction(asked), limit=self.limit())
 
-    def is_constant(self, source: plan.Source) -> bool:
-        """Whether a source is a list that is the same for every state."""
-        if not isinstance(source, plan.ValueSource):
-            return False
-        return not sources_read(source.value) and not states_read(source.value)
+
+def _find_user_calls(clause: object) -> list[plan.Call]:
+    if clause is None:
+        return []
+    return [node for node in walk(clause) if isinstance(node, plan.Call) and not node.function.builtin]
+
+
+def _get_table_label(witness: Node) -> str:
+    return witness.find(exp.Column).table  # type: ignore[union-attr]
+
+
+_STATEFUL_FUNCTIONS = frozenset({"reached", "improves"})
+
+
+def _remove_known_calls(place: object, known: list[plan.Expr]) -> list[object]:
+    """The parts of an expression that are left where these calls are columns."""
+    if any(place == call for call in known):
+        return []
+    hidden = [node for node in walk(place) if any(node == call for call in known)]
+    if not hidden:
+        return [place]
+    return [rest for part in list_parts(place) for rest in _remove_known_calls(part, known)]

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Literal, TypeAlias
 
-from ss2sql import plan
 from ss2sql.errors import Span
-from ss2sql.lowering.packing import Packing
-from ss2sql.records import dataclass
-from ss2sql.vtables.late import Late
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.lowering.blob_encoding import BlobEncoding
+from ss2sql.vtables.late_materialization import LateColumns
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
 
-Counts: TypeAlias = Literal["steps", "product", "entered"]
+StepCounting: TypeAlias = Literal["steps", "product", "entered"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,16 +55,16 @@ class Bookkeeping:
     SELECT of their own; `parts` says of each column of a row how many values are a list, 0 where it is one value.
     """
 
-    counts: Counts = "steps"
+    counts: StepCounting = "steps"
     all_go_on: bool = False
     all_results: bool = False
-    trusts: bool = False
+    compares_raw_rows: bool = False
     sources: tuple[str, ...] = ()
     members: frozenset[str] = frozenset()
     arms: int = 1
     parts: tuple[int, ...] = ()
     keyed: bool = False
-    unkept: bool = False
+    steps_unkept: bool = False
     starts: int = 0
 
 
@@ -78,15 +78,15 @@ class Parameter:
     name: str
     expr: plan.Expr
     flag: bool = False
-    packing: Packing | None = None
+    blob_encoding: BlobEncoding | None = None
 
     def bound(self, value: Any) -> Any:
         """What is bound for a value of the expression."""
-        return value if self.packing is None else self.packing.pack(value)
+        return value if self.blob_encoding is None else self.blob_encoding.pack(value)
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class OutputColumn:
     """One output column of a statement: whether a bool travels as 0 or 1 in it."""
 
     flag: bool
@@ -109,9 +109,9 @@ class SqlQuery:
     query: plan.Query
     text: str
     parameters: tuple[Parameter, ...]
-    outputs: tuple[Shown, ...]
-    keys: tuple[Shown, ...]
-    orders: tuple[Shown, ...]
+    outputs: tuple[OutputColumn, ...]
+    keys: tuple[OutputColumn, ...]
+    orders: tuple[OutputColumn, ...]
     sorted: bool
     limited: bool
     calls: Mapping[str, tuple[Span, ...]]
@@ -121,8 +121,8 @@ class SqlQuery:
     plain_keys: bool = False
     bookkeeping: Bookkeeping = Bookkeeping()
     snapshot: Snapshot = NO_SNAPSHOT
-    late: Late | None = None
+    late: LateColumns | None = None
     applied: tuple[str, ...] = ()
-    only_walked: frozenset[str] = frozenset()  # parameters whose value nobody asks for as a whole
+    only_iterated: frozenset[str] = frozenset()  # parameters whose value nobody asks for as a whole
     truths: frozenset[str] = frozenset()
     told_apart: frozenset[str] = frozenset()

@@ -6,8 +6,8 @@ and so does whoever lists or explains strategies.
 
 from __future__ import annotations
 
-from ss2sql import plan
-from ss2sql.records import dataclass
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +27,9 @@ class Order:
 
 
 @dataclass(frozen=True, slots=True)
-class Guard:
-    """What happens to a step whose row was reached before; the names are SQL functions of runtime/search_functions.py.
+class RepeatRule:
+    """What happens to a step whose row was reached before; the names are SQL functions of
+    runtime/sqlite/search_functions.py.
 
     `entering` tells whether a row was reached (None: rows are not compared), and `number` gives the step its number and
     notes the row. `lowered` is False for what only Python runs.
@@ -36,7 +37,7 @@ class Guard:
 
     name: str
     keyword: str
-    entering: str | None
+    repeat_test: str | None
     number: str
     lowered: bool
     promise: str
@@ -76,13 +77,15 @@ GREEDY_BEST_FIRST = Order(
     "Goes on from the step with the smallest estimate; the paths that it finds need not be the cheapest.",
 )
 
-TREE_SEARCH = Guard("allowed", "", None, "enter", True, "Every path, cycles included.")
-NO_CYCLE = Guard("no cycle", "NO CYCLE", "on_path", "enter", True, "Every path without a repeated row.")
-UNIQUE = Guard("unique", "UNIQUE", "reached", "enter_first", True, "One path to every row that can be reached at all.")
+TREE_SEARCH = RepeatRule("allowed", "", None, "enter", True, "Every path, cycles included.")
+NO_CYCLE = RepeatRule("no cycle", "NO CYCLE", "on_path", "enter", True, "Every path without a repeated row.")
+UNIQUE = RepeatRule(
+    "unique", "UNIQUE", "reached", "enter_first", True, "One path to every row that can be reached at all."
+)
 # With weights, the least known total of the row guards the queue, and a step that is no longer the best is dropped
 # when it is taken.
-UNIQUE_BEST = Guard("unique", "UNIQUE", "closed", "enter_best", True, UNIQUE.promise)
-MEMORIZE = Guard(
+UNIQUE_BEST = RepeatRule("unique", "UNIQUE", "closed", "enter_best", True, UNIQUE.promise)
+MEMORIZE = RepeatRule(
     "memorize",
     "MEMORIZE",
     None,
@@ -94,14 +97,14 @@ MEMORIZE = Guard(
 ORDERS: dict[str, Order] = {
     order.name: order for order in (DEPTH_FIRST, BREADTH_FIRST, UNIFORM_COST, MOST_LIKELY_FIRST, GREEDY_BEST_FIRST)
 }
-GUARDS: dict[str, Guard] = {guard.name: guard for guard in (TREE_SEARCH, NO_CYCLE, UNIQUE, MEMORIZE)}
+REPEAT_RULES: dict[str, RepeatRule] = {guard.name: guard for guard in (TREE_SEARCH, NO_CYCLE, UNIQUE, MEMORIZE)}
 
 
-def order_of(search: plan.Search) -> Order:
+def get_order(search: plan.Search) -> Order:
     return ORDERS[search.order]
 
 
-def guard_of(search: plan.Search) -> Guard:
+def get_repeat_rule(search: plan.Search) -> RepeatRule:
     """The guard of a search; UNIQUE has another one where steps have weights."""
     best = search.repeats == "unique" and search.weight is not None
-    return UNIQUE_BEST if best else GUARDS[search.repeats]
+    return UNIQUE_BEST if best else REPEAT_RULES[search.repeats]

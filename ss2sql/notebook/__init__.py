@@ -1,7 +1,7 @@
 """SelectScript in notebooks: `%load_ext ss2sql` gives the magics `%%ss` and `%ss`.
 
-notebook/magic.py has the magics, notebook/options.py parses their first line, notebook/names.py finds names of the
-notebook for scripts, notebook/endings.py shows errors as messages. Only this package imports IPython.
+magics are the magics, magic_options reads their first line, caller_names finds what a script means by names of the
+notebook, cell_errors shows errors. Only this room imports IPython.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from typing import Any
 
 def load_ipython_extension(shell: Any) -> None:
     """Called by `%load_ext ss2sql`."""
-    from ss2sql.notebook.magic import ScriptMagics
+    from ss2sql.notebook.magics import ScriptMagics
 
     shell.register_magics(ScriptMagics(shell))
 
 
 def unload_ipython_extension(shell: Any) -> None:
     """Called by `%unload_ext ss2sql`: removes the magics and closes their session."""
-    from ss2sql.notebook.magic import ScriptMagics
+    from ss2sql.notebook.magics import ScriptMagics
 
     magics = shell.magics_manager.registry.pop(ScriptMagics.__name__, None)
     for kind in ("line", "cell"):

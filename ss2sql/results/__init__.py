@@ -1,7 +1,8 @@
-"""Conversions of results: to text (`show`), frames (`kinds`, `frames`), files (`files`), graphs and plots.
+"""What comes back, and what it can become: text, frames, files, graphs, plots, explanations.
 
-All of them read the table of a result, its `columns` and the tuples of its iteration, or the paths of a search.
-Packages of the extras are imported by the functions that need them; `package` raises for a missing one.
+result is what users hold, result_notes what a person should know of it. show makes text, frames and files tables of
+other programs, networkx_graphs graphs; plots draws, with plot_style, path_plot and graph_plot. Packages of the extras
+are imported where they are needed, and `package` says so where one is missing.
 """
 
 from __future__ import annotations
@@ -12,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import SessionError
 from ss2sql.extras import install_line
-from ss2sql.runtime.checking import checked
-from ss2sql.runtime.rows import Row
-from ss2sql.runtime.values import fresh
+from ss2sql.language.cancellation import iterate_with_check
+from ss2sql.language.rows import Row
+from ss2sql.language.values import copy_for_python
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.result import Result
+    from ss2sql.results.result import Result
 
 
-def package(name: str, extra: str, user: str) -> Any:
+def require_package(name: str, extra: str, user: str) -> Any:
     """A package of an extra. Raises SessionError S003 with the install command; `user` is what needs it."""
     try:
         return import_module(name)
@@ -32,30 +33,30 @@ def package(name: str, extra: str, user: str) -> Any:
         ) from reason
 
 
-def rows_of(result: Result) -> Iterator[Row]:
+def get_rows(result: Result) -> Iterator[Row]:
     """Copies of the rows of a result as plain tuples."""
     if result.answer is None:
         yield (result.value,)
     elif result.answer.rows.paths is not None:
         for number, path in enumerate(result.answer.rows.paths, 1):
             for step, row in enumerate(path, 1):
-                yield (number, step, *fresh_row(row))
+                yield (number, step, *copy_row(row))
     else:
         rows = result.answer.rows.rows or ()
-        yield from rows if result.answer.rows.plain else map(fresh_row, rows)
+        yield from rows if result.answer.rows.plain else map(copy_row, rows)
 
 
-def all_rows_of(result: Result) -> list[Row]:
+def get_all_rows(result: Result) -> list[Row]:
     """All these rows at once. Raises Timeout or OutOfMemory beyond the remaining limits of the run."""
     with result.reading() as check:
-        return list(checked(rows_of(result), check))
+        return list(iterate_with_check(get_rows(result), check))
 
 
-def fresh_row(row: Row) -> Row:
+def copy_row(row: Row) -> Row:
     """A row with copies of its values."""
-    return tuple(map(fresh, row))
+    return tuple(map(copy_for_python, row))
 
 
-def found_paths(result: Result) -> Sequence[Sequence[Row]] | None:
+def get_paths(result: Result) -> Sequence[Sequence[Row]] | None:
     """The paths of a search without copies, not to be changed; None of other results."""
     return None if result.answer is None else result.answer.rows.paths

@@ -8,23 +8,23 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.results import package, rows_of
+from ss2sql.language.cancellation import iterate_with_check
+from ss2sql.results import get_rows, require_package
 from ss2sql.results.frames import to_arrow
-from ss2sql.runtime.checking import checked
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.result import Result
+    from ss2sql.results.result import Result
 
 MOMENTS = (datetime.date, datetime.time)  # a datetime is a date
 
 
-def csv_text(result: Result) -> str:
+def format_csv(result: Result) -> str:
     """A line of names and one for each row; None is empty, lists and dicts are JSON."""
     lines = _Lines()
     writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(result.columns)
     with result.reading() as check:
-        writer.writerows([_field(value) for value in row] for row in checked(rows_of(result), check))
+        writer.writerows([_format_field(value) for value in row] for row in iterate_with_check(get_rows(result), check))
     return "".join(lines)
 
 
@@ -36,44 +36,44 @@ class _Lines(list[str]):
         self.append(line.removesuffix("\r\n") + "\n")
 
 
-def _field(value: Any) -> Any:
+def _format_field(value: Any) -> Any:
     if value is None or type(value) in (int, float, str):
         return value
     if isinstance(value, MOMENTS):
         return value.isoformat()
-    return json_text(value) if isinstance(value, (bool, list, dict)) else str(value)
+    return format_json(value) if isinstance(value, (bool, list, dict)) else str(value)
 
 
-def json_text(value: Any) -> str:
+def format_json(value: Any) -> str:
     """A value as JSON on one line; see `plain`."""
-    return json.dumps(plain(value), ensure_ascii=False)
+    return json.dumps(make_json_value(value), ensure_ascii=False)
 
 
-def plain(value: Any) -> Any:
+def make_json_value(value: Any) -> Any:
     """The value for JSON: sets and arrays as lists, tuples as keys as JSON lists, dates in ISO 8601, others as text."""
     match value:
         case None | bool() | int() | float() | str():
             return value
         case list() | tuple():
-            return list(map(plain, value))
+            return list(map(make_json_value, value))
         case datetime.date() | datetime.time():
             return value.isoformat()
         case set():
-            return sorted(map(plain, value), key=repr)
+            return sorted(map(make_json_value, value), key=repr)
         case dict():
-            return {_key(key): plain(item) for key, item in value.items()}
+            return {_make_json_key(key): make_json_value(item) for key, item in value.items()}
         case _ if type(value).__module__.partition(".")[0] == "numpy" or hasattr(value, "__array_interface__"):
             return value.tolist()
         case _:
             return repr(value)
 
 
-def _key(key: Any) -> Any:
-    made = plain(key)
+def _make_json_key(key: Any) -> Any:
+    made = make_json_value(key)
     return json.dumps(made, ensure_ascii=False) if isinstance(made, list) else made
 
 
-def write(text: str, path: str | Path | None) -> str | None:
+def write_text(text: str, path: str | Path | None) -> str | None:
     """Writes the text to a file, or gives it back where there is no path.
 
     A lone surrogate, which cannot be encoded, becomes its escape, which JSON reads back.
@@ -86,5 +86,5 @@ def write(text: str, path: str | Path | None) -> str | None:
 
 def write_parquet(result: Result, path: str | Path) -> None:
     """Writes a Parquet file. Raises RepresentationError V001 for a column without a type in Arrow."""
-    parquet = package("pyarrow.parquet", "df", "parquet()")
+    parquet = require_package("pyarrow.parquet", "df", "parquet()")
     parquet.write_table(to_arrow(result), path)

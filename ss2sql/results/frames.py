@@ -6,35 +6,46 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ss2sql.errors import RepresentationError
-from ss2sql.results import all_rows_of, package
-from ss2sql.results.kinds import NONE, ListOf, Scalar, Shape, Struct, arrow_type, as_floats, holds_any, merged, shape_of
-from ss2sql.runtime.values import show
+from ss2sql.language.column_shapes import (
+    NONE,
+    ListOf,
+    Scalar,
+    Shape,
+    Struct,
+    arrow_type,
+    get_shape,
+    holds_any,
+    merge,
+    to_floats,
+)
+from ss2sql.language.values import format_value
+from ss2sql.results import get_all_rows, require_package
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.result import Result
+    from ss2sql.results.result import Result
 
 
-def columns_of(result: Result) -> list[tuple[str, list[Any], Shape]]:
+def read_columns(result: Result) -> list[tuple[str, list[Any], Shape]]:
     """The columns of a result: names, values and shapes."""
-    rows = all_rows_of(result)
+    rows = get_all_rows(result)
     parts = zip(*rows, strict=True) if rows else [()] * len(result.columns)
     types = {} if result.answer is None else result.answer.types
     return [
-        (name, list(values), shape_of(values, types.get(name)))
+        (name, list(values), get_shape(values, types.get(name)))
         for name, values in zip(result.columns, parts, strict=True)
     ]
 
 
 def to_pandas(result: Result) -> Any:
     """A pandas DataFrame: bool, int64, float64 and text for columns without None, Int64 and boolean with None."""
-    pandas = package("pandas", "df", "df()")
-    columns = [_pandas_series(pandas, values, shape) for _, values, shape in columns_of(result)]
+    pandas = require_package("pandas", "df", "df()")
+    columns = [_make_pandas_series(pandas, values, shape) for _, values, shape in read_columns(result)]
     frame = pandas.DataFrame(dict(enumerate(columns)), index=pandas.RangeIndex(len(columns[0])))
     frame.columns = list(result.columns)
     return frame
 
 
-def _pandas_series(pandas: Any, values: list[Any], shape: Shape) -> Any:
+def _make_pandas_series(pandas: Any, values: list[Any], shape: Shape) -> Any:
     missing = any(value is None for value in values)
     match shape:
         case Scalar("bool"):
@@ -48,10 +59,10 @@ def _pandas_series(pandas: Any, values: list[Any], shape: Shape) -> Any:
         case Scalar("datetime"):
             return pandas.Series(values, dtype="datetime64[us]")
         case _:
-            return _objects(pandas, values)
+            return _make_object_series(pandas, values)
 
 
-def _objects(pandas: Any, values: Sequence[Any]) -> Any:
+def _make_object_series(pandas: Any, values: Sequence[Any]) -> Any:
     """A series of objects, each in its cell: pandas looks into none of them."""
     import numpy
 
@@ -63,25 +74,25 @@ def _objects(pandas: Any, values: Sequence[Any]) -> Any:
 
 def to_polars(result: Result) -> Any:
     """A Polars DataFrame; columns without a type in Polars get its type Object."""
-    polars = package("polars", "df", "pl()")
+    polars = require_package("polars", "df", "pl()")
     columns = []
-    for name, values, shape in columns_of(result):
-        kind = _polars_type(polars, shape)
-        made = [as_floats(value, shape) for value in values] if kind != polars.Object else values
+    for name, values, shape in read_columns(result):
+        kind = _choose_polars_type(polars, shape)
+        made = [to_floats(value, shape) for value in values] if kind != polars.Object else values
         columns.append(polars.Series(name, made, dtype=kind, strict=True))
     return polars.DataFrame(columns)
 
 
-def _polars_type(polars: Any, shape: Shape) -> Any:
-    return polars.Object if holds_any(shape) or _has_empty_struct(shape) else _polars_own(polars, shape)
+def _choose_polars_type(polars: Any, shape: Shape) -> Any:
+    return polars.Object if holds_any(shape) or _has_empty_struct(shape) else _has_polars_type(polars, shape)
 
 
-def _polars_own(polars: Any, shape: Shape) -> Any:
+def _has_polars_type(polars: Any, shape: Shape) -> Any:
     match shape:
         case ListOf(item):
-            return polars.List(_polars_own(polars, item))
+            return polars.List(_has_polars_type(polars, item))
         case Struct(fields):
-            return polars.Struct({name: _polars_own(polars, field) for name, field in fields})
+            return polars.Struct({name: _has_polars_type(polars, field) for name, field in fields})
         case Scalar("datetime"):
             return polars.Datetime("us")
         case Scalar(name):
@@ -102,30 +113,30 @@ def _has_empty_struct(shape: Shape) -> bool:
 
 def to_arrow(result: Result) -> Any:
     """A table of pyarrow. Raises RepresentationError V001 for a column without a type in Arrow."""
-    arrow = package("pyarrow", "df", "arrow()")
+    arrow = require_package("pyarrow", "df", "arrow()")
     arrays, fields = [], []
-    for name, values, shape in columns_of(result):
+    for name, values, shape in read_columns(result):
         if holds_any(shape):
-            refuse(name, values)
+            make_type_error(name, values)
         kind = arrow_type(arrow, shape)
-        arrays.append(arrow.array([as_floats(value, shape) for value in values], type=kind))
+        arrays.append(arrow.array([to_floats(value, shape) for value in values], type=kind))
         fields.append(arrow.field(name, kind))
     return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
 
 
-def refuse(name: str, values: Sequence[Any]) -> NoReturn:
+def make_type_error(name: str, values: Sequence[Any]) -> NoReturn:
     """The error for a column without a type in Arrow; it shows the first value that does not fit."""
     hint = "select what can be told of it, such as its name, or take df(), whose columns hold any object"
     so_far: Shape = NONE
     first = next(value for value in values if value is not None)
     for value in values:
-        own = shape_of([value])
+        own = get_shape([value])
         if holds_any(own):
-            message = f"Arrow has no type for {show(value)} in the column '{name}'"
+            message = f"Arrow has no type for {format_value(value)} in the column '{name}'"
             raise RepresentationError("V001", message, hints=(hint,))
-        so_far = merged(so_far, own)
+        so_far = merge(so_far, own)
         if holds_any(so_far):
-            kinds = f"values of several kinds, such as {show(first)} and {show(value)}"
+            kinds = f"values of several kinds, such as {format_value(first)} and {format_value(value)}"
             message = f"the column '{name}' has {kinds}; a column of Arrow has one"
             raise RepresentationError(
                 "V001", message, hints=("make them alike in SELECT, with str(...) or float(...)", hint)

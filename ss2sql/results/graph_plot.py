@@ -8,13 +8,13 @@ from itertools import islice
 from statistics import mean
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.results import found_paths, graphs, package
-from ss2sql.results.looks import BLUE, FRAME, ORANGE, PALE, ended, paths_drawn, short
-from ss2sql.results.show import cell
-from ss2sql.runtime.rows import Row
+from ss2sql.language.rows import Row
+from ss2sql.results import get_paths, networkx_graphs, require_package
+from ss2sql.results.plot_style import BLUE, FRAME, ORANGE, PALE, count_drawn_paths, describe_status, shorten
+from ss2sql.results.show import format_cell
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.result import Result
+    from ss2sql.results.result import Result
 
 MOST_NODES = 150
 MOST_NAMED = 40  # nodes with labels
@@ -32,81 +32,85 @@ def draw_graph(result: Result, ax: Any, most: int | None, own: bool) -> str:
 
     The figure gets the size that the graph needs where it is our own.
     """
-    networkx = package("networkx", "plot", "plot()")
-    paths = found_paths(result)
+    networkx = require_package("networkx", "plot", "plot()")
+    paths = get_paths(result)
     assert paths is not None
-    made, drawn = _fitting(result, len(paths)) if most is None else (graphs.graph(result, most), min(most, len(paths)))
-    layers = layers_of(networkx, made)
-    places = layered(made, layers)
-    texts = {node: _text(made.nodes[node]["row"]) for node in places}
+    graph, drawn = (
+        _fit_graph(result, len(paths))
+        if most is None
+        else (networkx_graphs.build_graph(result, most), min(most, len(paths)))
+    )
+    layers = assign_layers(networkx, graph)
+    places = place_layers(graph, layers)
+    texts = {node: _label_row(graph.nodes[node]["row"]) for node in places}
     tall = 1 + 0.7 * max(map(len, layers))
-    _draw(networkx, made, places, texts, ax, (len(layers), tall) if own else None)
-    rows = f"{len(made)} row{'' if len(made) == 1 else 's'}"
-    return f"{rows} on {paths_drawn(len(paths), drawn)}{ended(result)}"
+    _draw(networkx, graph, places, texts, ax, (len(layers), tall) if own else None)
+    rows = f"{len(graph)} row{'' if len(graph) == 1 else 's'}"
+    return f"{rows} on {count_drawn_paths(len(paths), drawn)}{describe_status(result)}"
 
 
 def draw_tree(result: Result, ax: Any, most: int | None, own: bool) -> str:
     """Draws the tree of the first paths, with common beginnings shared; gives the title."""
-    networkx = package("networkx", "plot", "plot()")
-    paths = found_paths(result)
+    networkx = require_package("networkx", "plot", "plot()")
+    paths = get_paths(result)
     assert paths is not None
-    made, drawn = tree(networkx, paths, most)
-    places = branched(made, [0])
-    texts = {number: _text(row) if row is not None else "start" for number, row in made.nodes(data="row")}
+    graph, drawn = build_tree(networkx, paths, most)
+    places = place_trees(graph, [0])
+    texts = {number: _label_row(row) if row is not None else "start" for number, row in graph.nodes(data="row")}
     layers = max(int(across) for across, _ in places.values())
-    tall = 1 + TALL * sum(1 for number in made if not made.out_degree(number))
-    _draw(networkx, made, places, texts, ax, (layers, tall) if own else None, arrows=False)
-    return f"the tree of {paths_drawn(len(paths), drawn)}, {len(made) - 1} steps{ended(result)}"
+    tall = 1 + TALL * sum(1 for number in graph if not graph.out_degree(number))
+    _draw(networkx, graph, places, texts, ax, (layers, tall) if own else None, arrows=False)
+    return f"the tree of {count_drawn_paths(len(paths), drawn)}, {len(graph) - 1} steps{describe_status(result)}"
 
 
-def tree(networkx: Any, paths: Sequence[Sequence[Row]], most: int | None) -> tuple[Any, int]:
+def build_tree(networkx: Any, paths: Sequence[Sequence[Row]], most: int | None) -> tuple[Any, int]:
     """A graph whose nodes are numbers, 0 the start, with the number of its paths: `most`, or as many as fit."""
-    made = networkx.DiGraph()
-    made.add_node(0, row=None, start=False, goal=False)
+    graph = networkx.DiGraph()
+    graph.add_node(0, row=None, start=False, goal=False)
     known: dict[tuple[int, Any], int] = {}
     drawn = 0
     for path in islice(paths, most):
-        if most is None and drawn and len(made) + len(path) > MOST_NODES:
+        if most is None and drawn and len(graph) + len(path) > MOST_NODES:
             break
         drawn += 1
-        here = 0
+        layer = 0
         for step, row in enumerate(path):
-            key = (here, graphs.node(row))
+            key = (layer, networkx_graphs.make_node(row))
             if key not in known:
-                known[key] = len(made)
-                made.add_node(known[key], row=row, start=step == 0, goal=False)
-                made.add_edge(here, known[key])
-            here = known[key]
-        made.nodes[here]["goal"] = True
-    return made, drawn
+                known[key] = len(graph)
+                graph.add_node(known[key], row=row, start=step == 0, goal=False)
+                graph.add_edge(layer, known[key])
+            layer = known[key]
+        graph.nodes[layer]["goal"] = True
+    return graph, drawn
 
 
-def branched(made: Any, roots: list[int]) -> dict[Any, tuple[int, float]]:
+def place_trees(graph: Any, roots: list[int]) -> dict[Any, tuple[int, float]]:
     """A position for each node of trees: leaves one under the other, others in the middle of their children."""
     places: dict[Any, tuple[int, float]] = {}
     ends = 0
     depths = dict.fromkeys(roots, 1)
-    for number in made:  # parents come before their children
-        for child in made.successors(number):
+    for number in graph:  # parents come before their children
+        for child in graph.successors(number):
             depths[child] = depths[number] + 1
     order, stack = [], roots[::-1]
     while stack:
         order.append(stack.pop())
-        stack.extend(reversed(list(made.successors(order[-1]))))
+        stack.extend(reversed(list(graph.successors(order[-1]))))
     for number in order:
-        if not made.out_degree(number):
+        if not graph.out_degree(number):
             places[number] = (depths[number], float(-ends))
             ends += 1
     for number in reversed(order):
         if number not in places:
-            heights = [places[child][1] for child in made.successors(number)]
+            heights = [places[child][1] for child in graph.successors(number)]
             places[number] = (depths[number], (heights[0] + heights[-1]) / 2)
     return places
 
 
 def _draw(
     networkx: Any,
-    made: Any,
+    graph: Any,
     places: Mapping[Any, tuple[int, float]],
     texts: dict[Any, str],
     ax: Any,
@@ -117,10 +121,10 @@ def _draw(
     layers = size[0] if size else max(across for across, _ in places.values())
     widest = max(len(line) for text in texts.values() for line in text.splitlines())
     wide = 1.5 + layers * max(0.7, 0.09 * widest)  # inches
-    named = len(made) <= MOST_NAMED and wide <= WIDEST
+    named = len(graph) <= MOST_NAMED and wide <= WIDEST
     if size:
         ax.figure.set_size_inches(max(6.0, min(WIDEST, wide)), max(3.0, min(WIDEST * 0.75, size[1])))
-    _draw_nodes(networkx, made, places, ax, 160 if named else 40, arrows)
+    _draw_nodes(networkx, graph, places, ax, 160 if named else 40, arrows)
     for number, text in texts.items() if named else ():
         ax.annotate(text, places[number], xytext=(0, 9), textcoords="offset points", ha="center", fontsize=8, zorder=3,
                     bbox={"boxstyle": "square,pad=0", "facecolor": "white", "alpha": 0.7, "linewidth": 0})  # fmt: skip
@@ -135,67 +139,67 @@ def _draw(
 
 
 def _draw_nodes(
-    networkx: Any, made: Any, places: Mapping[Any, tuple[int, float]], ax: Any, size: int, arrows: bool
+    networkx: Any, graph: Any, places: Mapping[Any, tuple[int, float]], ax: Any, size: int, arrows: bool
 ) -> None:
     """Draws nodes and edges: straight ones to the next layer, others bent around the nodes between."""
-    told = [data for _, data in made.nodes(data=True)]
+    hidden = [data for _, data in graph.nodes(data=True)]
     networkx.draw_networkx_nodes(
-        made, places, ax=ax, node_size=size,
-        node_color=[ORANGE if data["goal"] else PALE for data in told],
-        edgecolors=[BLUE if data["start"] else FRAME for data in told],
-        linewidths=[RING if data["start"] else 0.7 for data in told],
+        graph, places, ax=ax, node_size=size,
+        node_color=[ORANGE if data["goal"] else PALE for data in hidden],
+        edgecolors=[BLUE if data["start"] else FRAME for data in hidden],
+        linewidths=[RING if data["start"] else 0.7 for data in hidden],
     )  # fmt: skip
-    straight = [edge for edge in made.edges if places[edge[1]][0] - places[edge[0]][0] == 1]
-    bent = [edge for edge in made.edges if places[edge[1]][0] - places[edge[0]][0] != 1]
+    straight = [edge for edge in graph.edges if places[edge[1]][0] - places[edge[0]][0] == 1]
+    bent = [edge for edge in graph.edges if places[edge[1]][0] - places[edge[0]][0] != 1]
     for edges, rad in ((straight, 0.0), (bent, 0.25)):
         networkx.draw_networkx_edges(
-            made, places, edgelist=edges, ax=ax, node_size=size, edge_color="#888888", arrowsize=9, width=0.9,
+            graph, places, edgelist=edges, ax=ax, node_size=size, edge_color="#888888", arrowsize=9, width=0.9,
             arrowstyle="-|>" if arrows else "-", connectionstyle=f"arc3,rad={rad}",
         )  # fmt: skip
 
 
-def _fitting(result: Result, total: int) -> tuple[Any, int]:
+def _fit_graph(result: Result, total: int) -> tuple[Any, int]:
     """The graph of all paths, or of as many as leave it readable."""
     most = total
-    made = graphs.graph(result, min(most, MOST_NODES))
-    while len(made) > MOST_NODES and most > 1:
+    graph = networkx_graphs.build_graph(result, min(most, MOST_NODES))
+    while len(graph) > MOST_NODES and most > 1:
         most = min(most, MOST_NODES) // 2
-        made = graphs.graph(result, most)
-    return made, min(most, total)
+        graph = networkx_graphs.build_graph(result, most)
+    return graph, min(most, total)
 
 
-def layers_of(networkx: Any, made: Any) -> list[list[Any]]:
+def assign_layers(networkx: Any, graph: Any) -> list[list[Any]]:
     """The layers from left to right: if possible with all edges to the right, else by least steps."""
     steps: defaultdict[int, list[Any]] = defaultdict(list)
-    for node, data in made.nodes(data=True):
+    for node, data in graph.nodes(data=True):
         steps[data["step"]].append(node)
-    if networkx.is_directed_acyclic_graph(made):
-        layers = [list(nodes) for nodes in networkx.topological_generations(made)]
+    if networkx.is_directed_acyclic_graph(graph):
+        layers = [list(nodes) for nodes in networkx.topological_generations(graph)]
         if len(layers) <= LONGER * len(steps):
             return layers
     return [steps[step] for step in sorted(steps)]
 
 
-def layered(made: Any, layers: list[list[Any]]) -> dict[Any, tuple[int, float]]:
+def place_layers(graph: Any, layers: list[list[Any]]) -> dict[Any, tuple[int, float]]:
     """A position for each node: its layer's x, and a y near its neighbours."""
     heights: dict[Any, float] = {}
     for nodes in layers:
-        heights.update(_spread(nodes))
+        heights.update(_spread_nodes(nodes))
     for sweep in range(SWEEPS):
         forward = sweep % 2 == 0
-        near = made.predecessors if forward else made.successors
+        near = graph.predecessors if forward else graph.successors
         for nodes in layers if forward else reversed(layers):
             wanted = {node: mean([heights[other] for other in near(node)] or [heights[node]]) for node in nodes}
             nodes.sort(key=wanted.__getitem__)
             nodes.reverse()
-            heights.update(_spread(nodes))
+            heights.update(_spread_nodes(nodes))
     return {node: (across, heights[node]) for across, nodes in enumerate(layers, 1) for node in nodes}
 
 
-def _spread(nodes: list[Any]) -> dict[Any, float]:
+def _spread_nodes(nodes: list[Any]) -> dict[Any, float]:
     """The nodes of a layer one over the other, around the middle."""
     return {node: (len(nodes) - 1) / 2 - index for index, node in enumerate(nodes)}
 
 
-def _text(row: tuple[Any, ...]) -> str:
-    return "\n".join(short(cell(value), MOST_TEXT) for value in row[:MOST_LINES])
+def _label_row(row: tuple[Any, ...]) -> str:
+    return "\n".join(shorten(format_cell(value), MOST_TEXT) for value in row[:MOST_LINES])

@@ -10,27 +10,27 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ss2sql import plan
-from ss2sql.records import dataclass
-from ss2sql.results.looks import (
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.rows import Row
+from ss2sql.results.plot_style import (
     BLUE,
     FEW,
-    counted,
-    ended,
-    ends,
-    legend,
-    open_frame,
-    paths_drawn,
-    plain,
-    refuse,
-    styles,
-    whole_numbers,
+    choose_style,
+    count_drawn_paths,
+    describe_status,
+    draw_legend,
+    escape,
+    hide_spines,
+    make_plot_error,
+    mark_ends,
+    set_integer_ticks,
+    write_path_title,
 )
-from ss2sql.runtime.paths import lengths_of
-from ss2sql.runtime.rows import Row
+from ss2sql.runtime.run.search_paths import measure_lengths
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.result import Result
+    from ss2sql.results.result import Result
 
 Found: TypeAlias = Sequence[Sequence[Row]]
 
@@ -39,7 +39,7 @@ MOST_BARS = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Places:
+class Coordinates:
     """The coordinates of rows: the function that reads them, the names of the axes, and whether these have one unit."""
 
     of: Callable[[Row], Sequence[float]]
@@ -47,7 +47,7 @@ class Places:
     alike: bool = True
 
 
-def places(columns: Sequence[str], rows: Sequence[Row]) -> Places | None:
+def find_coordinates(columns: Sequence[str], rows: Sequence[Row]) -> Coordinates | None:
     """The coordinates of rows; None where they have none.
 
     They are the only list of two or three numbers in the rows, or else two or three columns of numbers. Rows with other
@@ -59,13 +59,13 @@ def places(columns: Sequence[str], rows: Sequence[Row]) -> Places | None:
     structured = [i for i in indexes if any(isinstance(row[i], (list, dict)) for row in rows)]
     if structured:
         (index, *others) = structured
-        return None if others or not all(is_point(row[index]) for row in rows) else Places(lambda row: row[index])
+        return None if others or not all(is_point(row[index]) for row in rows) else Coordinates(lambda row: row[index])
     numbers = [i for i in indexes if all(is_number(row[i]) for row in rows)]
     if len(numbers) not in (2, 3):
         return None
     names = tuple(columns[i] for i in numbers)
     alike = tuple(name.lower()[-1:] for name in names[:2]) == ("x", "y")
-    return Places(lambda row: tuple(row[i] for i in numbers), names, alike)
+    return Coordinates(lambda row: tuple(row[i] for i in numbers), names, alike)
 
 
 def is_point(value: Any) -> bool:
@@ -76,30 +76,30 @@ def is_number(value: Any) -> bool:
     return type(value) in (int, float)
 
 
-def draw_paths(result: Result, paths: Found, where: Places, ax: Any, most: int | None) -> str:
+def draw_paths(result: Result, paths: Found, where: Coordinates, ax: Any, most: int | None) -> str:
     """Draws a line for each path over the contents of the Axes; the first one and all ends are on top."""
     drawn = [np.array([where.of(row) for row in path], dtype=float) for path in islice(paths, most or MOST_PATHS)]
     solid = getattr(ax, "name", "") == "3d" and all(line.shape[1] == 3 for line in drawn)
     width = 3 if solid else 2
     over = bool(ax.images)  # a map is there already: its labels and its area stay
-    _lines(ax, [line.T[:width] for line in drawn], wider=1.5)
+    _draw_lines(ax, [line.T[:width] for line in drawn], wider=1.5)
     starts, goals = (np.unique([line[end] for line in drawn], axis=0) for end in (0, -1))
-    ends(ax, starts, goals, width)
+    mark_ends(ax, starts, goals, width)
     if not over:
         for axis, name in zip("xyz"[:width], where.names or "xyz", strict=False):
-            getattr(ax, f"set_{axis}label")(plain(name))
+            getattr(ax, f"set_{axis}label")(escape(name))
         if where.alike:
             ax.set_aspect("equal", adjustable="datalim")
         ax.grid(alpha=0.25)
-    legend(ax)
-    return counted(result, len(paths), [len(line) for line in drawn])
+    draw_legend(ax)
+    return write_path_title(result, len(paths), [len(line) for line in drawn])
 
 
-def _lines(ax: Any, lines: Sequence[Any], wider: float = 0.0) -> None:
+def _draw_lines(ax: Any, lines: Sequence[Any], wider: float = 0.0) -> None:
     """Draws the lines, the first one on top, with a white border on a map, which may have their colours."""
     total = len(lines)
     for number, line in reversed(list(enumerate(lines, 1))):
-        style = styles(number, total, wider)
+        style = choose_style(number, total, wider)
         marks = {"marker": "o", "markersize": 4 + wider * (number - 1)} if total <= FEW else {}
         if ax.images:
             ax.plot(*line, color="white", lw=style["lw"] + 2, alpha=style.get("alpha"), zorder=2)
@@ -107,7 +107,7 @@ def _lines(ax: Any, lines: Sequence[Any], wider: float = 0.0) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Weights:
+class StepWeights:
     """The column with the cost or the probability of a step."""
 
     index: int
@@ -115,10 +115,10 @@ class Weights:
     likely: bool
 
 
-def weights(result: Result, paths: Found) -> Weights | str:
+def find_weights(result: Result, paths: Found) -> StepWeights | str:
     """The weights of steps: the column with the expression of COST or PROBABILITY, or named `cost`; else a hint."""
     names = result.columns[2:]
-    query = _query(result)
+    query = _find_query(result)
     search = None if query is None else query.search
     expr = None if search is None else search.weight
     likely = search is not None and search.order == "probability"
@@ -127,55 +127,55 @@ def weights(result: Result, paths: Found) -> Weights | str:
         found = [index for index, output in enumerate(query.columns) if output.expr == expr] + found
     for index in found:
         if all(is_number(row[index]) for path in paths for row in path):
-            return Weights(index, "probability" if likely else "cost", likely)
+            return StepWeights(index, "probability" if likely else "cost", likely)
     if expr is not None and expr.span.text:
         return f"select what a step costs: SELECT ..., to({expr.span.text}, {'probability' if likely else 'cost'})"
     return "select a column with the name cost that says what a step costs: SELECT ..., to(length, cost)"
 
 
-def _query(result: Result) -> plan.Query | None:
+def _find_query(result: Result) -> plan.Query | None:
     """The query that the paths are from, as it is written."""
     queries = [query.written for statement in result.outline[-1:] for query in statement.queries]
     return queries[-1] if queries else None
 
 
-def draw_costs(result: Result, paths: Found, given: Weights, ax: Any, most: int | None) -> str:
+def draw_costs(result: Result, paths: Found, given: StepWeights, ax: Any, most: int | None) -> str:
     """Draws for each path, step by step, the sum of its costs or the product of its probabilities."""
     rows = [[row[given.index] for row in path] for path in islice(paths, most or MOST_PATHS)]
     totals = [
         list(accumulate(steps, mul, initial=1.0) if given.likely else accumulate(steps, initial=0)) for steps in rows
     ]
-    _lines(ax, [(range(len(line)), line) for line in totals])
-    ends(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
-    whole_numbers(ax.xaxis)
+    _draw_lines(ax, [(range(len(line)), line) for line in totals])
+    mark_ends(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
+    set_integer_ticks(ax.xaxis)
     ax.set_xlabel("step")
     ax.set_ylabel(f"{given.name} so far")
     ax.grid(alpha=0.25)
-    open_frame(ax)
-    legend(ax)
+    hide_spines(ax)
+    draw_legend(ax)
     least, greatest = (f"{end(line[-1] for line in totals):.4g}" for end in (min, max))
     spread = least if least == greatest else f"{least} to {greatest}"
-    return f"{paths_drawn(len(paths), len(totals))}, {given.name} {spread}{ended(result)}"
+    return f"{count_drawn_paths(len(paths), len(totals))}, {given.name} {spread}{describe_status(result)}"
 
 
-def chosen_weights(result: Result, paths: Found) -> Weights:
+def require_weights(result: Result, paths: Found) -> StepWeights:
     """The weights. Raises the error with a hint where there are none."""
-    found = weights(result, paths)
+    found = find_weights(result, paths)
     if isinstance(found, str):
-        refuse("plot() does not find what the steps cost", found)
+        make_plot_error("plot() does not find what the steps cost", found)
     return found
 
 
 def draw_lengths(result: Result, paths: Found, ax: Any) -> str:
-    counts = Counter(lengths_of(paths))
+    counts = Counter(measure_lengths(paths))
     if len(counts) <= MOST_BARS:
         ax.bar_label(ax.bar(list(counts), list(counts.values()), color=BLUE), padding=2)
     else:  # a bar takes 0.2 ms and 10 KB, and an endless search has a length for each path
         ax.hist(list(counts), MOST_BARS, weights=list(counts.values()), color=BLUE)
-    whole_numbers(ax.xaxis)
-    whole_numbers(ax.yaxis)
+    set_integer_ticks(ax.xaxis)
+    set_integer_ticks(ax.yaxis)
     ax.set_xlabel("steps of a path")
     ax.set_ylabel("paths")
     ax.margins(y=0.1)
-    open_frame(ax)
-    return counted(result, len(paths), [length for length, count in counts.items() for _ in range(count)])
+    hide_spines(ax)
+    return write_path_title(result, len(paths), [length for length, count in counts.items() for _ in range(count)])

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from ss2sql import plan
-from ss2sql.results import found_paths, package
+from ss2sql.language import plan
+from ss2sql.language.rows import Row
+from ss2sql.results import get_paths, require_package
 from ss2sql.results.graph_plot import draw_graph, draw_tree
-from ss2sql.results.looks import BLUE, PALETTE, open_frame, plain, refuse, short, whole_numbers
-from ss2sql.results.path_plot import chosen_weights, draw_costs, draw_lengths, draw_paths, is_point, places
-from ss2sql.results.show import cell
-from ss2sql.runtime.rows import Row
-from ss2sql.watching.picture import draw_search
+from ss2sql.results.path_plot import draw_costs, draw_lengths, draw_paths, find_coordinates, is_point, require_weights
+from ss2sql.results.plot_style import BLUE, PALETTE, escape, hide_spines, make_plot_error, set_integer_ticks, shorten
+from ss2sql.results.show import format_cell
+from ss2sql.results.watching.search_plot import draw_search
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.result import Result
+    from ss2sql.results.result import Result
 
-OF_SEARCHES = ("paths", "graph", "tree", "costs", "lengths", "search")
-KINDS = ("auto", *OF_SEARCHES, "heat", "bars", "line", "points")
+SEARCH_KINDS = ("paths", "graph", "tree", "costs", "lengths", "search")
+KINDS = ("auto", *SEARCH_KINDS, "heat", "bars", "line", "points")
 MOST_BARS = 40
 MOST_TEXT = 24  # characters beside a bar or a point
 
@@ -31,9 +31,9 @@ Draw: TypeAlias = Callable[[Any, int | None], str]  # on Axes, at most so many p
 def plot(result: Result, ax: Any, kind: str, most: int | None, title: str | None) -> Any:
     """Draws a result and gives the Axes, see `Result.plot`."""
     if kind not in KINDS:
-        refuse(f"plot() knows no kind {kind!r}", f"the kinds are {', '.join(KINDS)}")
-    pyplot = package("matplotlib.pyplot", "plot", "plot()")
-    draw = _chosen(result, kind, own=ax is None)
+        make_plot_error(f"plot() knows no kind {kind!r}", f"the kinds are {', '.join(KINDS)}")
+    pyplot = require_package("matplotlib.pyplot", "plot", "plot()")
+    draw = _choose_drawing(result, kind, own=ax is None)
     if ax is None:
         _, ax = pyplot.subplots(layout="constrained")
     heading = draw(ax, most)
@@ -41,30 +41,30 @@ def plot(result: Result, ax: Any, kind: str, most: int | None, title: str | None
     return ax
 
 
-def _chosen(result: Result, kind: str, own: bool) -> Draw:
+def _choose_drawing(result: Result, kind: str, own: bool) -> Draw:
     """The function that draws the plot; `own`: on our own figure."""
     if kind == "search":
         return lambda ax, most: draw_search(result, ax, most, own)
-    paths = found_paths(result)
+    paths = get_paths(result)
     if paths is not None:
-        return _of_search(result, paths, kind, own)
-    if kind in OF_SEARCHES:
-        refuse(f"plot() draws {kind} of a search only", "a query is a search with CONNECT BY")
+        return _choose_search_drawing(result, paths, kind, own)
+    if kind in SEARCH_KINDS:
+        make_plot_error(f"plot() draws {kind} of a search only", "a query is a search with CONNECT BY")
     if kind in ("auto", "heat") and isinstance(result.value, np.ndarray) and result.value.ndim == 2:
-        return lambda ax, most: _heat(result, ax)
-    return _flat(result, kind)
+        return lambda ax, most: _draw_heat_map(result, ax)
+    return _choose_flat_drawing(result, kind)
 
 
-def _of_search(result: Result, paths: Sequence[Sequence[Row]], kind: str, own: bool) -> Draw:
+def _choose_search_drawing(result: Result, paths: Sequence[Sequence[Row]], kind: str, own: bool) -> Draw:
     if not paths:
-        refuse("plot() found no path to draw", "the search has no result")
-    where = places(result.columns[2:], [row for path in islice(paths, 50) for row in path])
+        make_plot_error("plot() found no path to draw", "the search has no result")
+    where = find_coordinates(result.columns[2:], [row for path in islice(paths, 50) for row in path])
     if kind == "auto":
         kind = "graph" if where is None else "paths"
     match kind:
         case "paths":
             if where is None:
-                return refuse(
+                return make_plot_error(
                     "plot() cannot find places in the rows",
                     "select a list of two or three numbers, or columns with the coordinates, and no other lists",
                 )
@@ -74,30 +74,30 @@ def _of_search(result: Result, paths: Sequence[Sequence[Row]], kind: str, own: b
         case "tree":
             return lambda ax, most: draw_tree(result, ax, most, own)
         case "costs":
-            weights = chosen_weights(result, paths)
+            weights = require_weights(result, paths)
             return lambda ax, most: draw_costs(result, paths, weights, ax, most)
         case "lengths":
             return lambda ax, most: draw_lengths(result, paths, ax)
-    return refuse(f"plot() draws no search as {kind}", f"the kinds for a search are {', '.join(OF_SEARCHES)}")
+    return make_plot_error(f"plot() draws no search as {kind}", f"the kinds for a search are {', '.join(SEARCH_KINDS)}")
 
 
-def _heat(result: Result, ax: Any) -> str:
+def _draw_heat_map(result: Result, ax: Any) -> str:
     value = result.value
     extent = getattr(value, "extent", None)
     marks = value.dtype == bool
     image = ax.imshow(
         np.asarray(value), origin="lower" if extent else "upper", extent=extent, cmap="Greys" if marks else "viridis"
     )
-    name = plain(result.columns[-1])
+    name = escape(result.columns[-1])
     if not marks:
         ax.figure.colorbar(image, ax=ax, label=name, shrink=0.9)
-    across, up = _axes(result) if extent else ("column", "row")
+    across, up = _name_axes(result) if extent else ("column", "row")
     ax.set_xlabel(across)
     ax.set_ylabel(up)
     return f"{name}, {value.shape[1]} x {value.shape[0]} cells"
 
 
-def _axes(result: Result) -> tuple[str, str]:
+def _name_axes(result: Result) -> tuple[str, str]:
     """The names of the axes of an area: `AS plane` names its plane, other grids are on the floor."""
     for query in (query for statement in result.outline[-1:] for query in statement.queries):
         arguments = query.written.representation.arguments
@@ -107,9 +107,9 @@ def _axes(result: Result) -> tuple[str, str]:
     return "x in m", "y in m"
 
 
-def _flat(result: Result, kind: str) -> Draw:
+def _choose_flat_drawing(result: Result, kind: str) -> Draw:
     """The function that draws bars, lines or points, by the columns."""
-    columns, rows = list(map(plain, result.columns)), list(result)
+    columns, rows = list(map(escape, result.columns)), list(result)
     kinds = [{type(row[index]) for row in rows} - {type(None)} for index in range(len(columns))]
     numbers = [index for index, found in enumerate(kinds) if found and found <= {int, float}]
     labels = [index for index, found in enumerate(kinds) if index not in numbers]
@@ -117,15 +117,15 @@ def _flat(result: Result, kind: str) -> Draw:
         index for index in labels if any(row[index] for row in rows) and all(is_point(row[index]) for row in rows)
     ]
     if kind == "heat":
-        refuse("plot() has no array of two dimensions to draw", "AS plane gives one")
+        make_plot_error("plot() has no array of two dimensions to draw", "AS plane gives one")
     label = labels[0] if len(labels) == 1 else None
     if kind == "bars" or (kind == "auto" and label is not None and len(numbers) == 1 and not pointed):
         if len(numbers) == 1 and len(labels) <= 1:
-            return lambda ax, most: _bars(columns, rows, label, numbers[0], ax, most or MOST_BARS)
+            return lambda ax, most: _draw_bars(columns, rows, label, numbers[0], ax, most or MOST_BARS)
     elif kind in ("auto", "points") and pointed:
         own = pointed[0]
         names = next((index for index in labels if index != own), None)
-        return lambda ax, most: _points(("x", "y"), [row[own] for row in rows], _texts(rows, names), ax)
+        return lambda ax, most: _draw_points(("x", "y"), [row[own] for row in rows], _find_texts(rows, names), ax)
     elif numbers:
         xs = [row[numbers[0]] for row in rows]
         rising = None not in xs and all(a < b for a, b in pairwise(xs))
@@ -133,38 +133,38 @@ def _flat(result: Result, kind: str) -> Draw:
             if len(numbers) >= 2:
                 pair = numbers[:2]
                 spots = [[row[index] for index in pair] for row in rows]
-                return lambda ax, most: _points([columns[i] for i in pair], spots, _texts(rows, label), ax)
+                return lambda ax, most: _draw_points([columns[i] for i in pair], spots, _find_texts(rows, label), ax)
         elif kind in ("auto", "line") and (len(numbers) == 1 or rising):
-            return lambda ax, most: _lines(columns, rows, numbers, ax)
+            return lambda ax, most: _draw_lines(columns, rows, numbers, ax)
     wanted = "" if kind == "auto" else f" as {kind}"
-    return refuse(
+    return make_plot_error(
         f"plot() cannot draw the columns {', '.join(result.columns)}{wanted}",
         "it draws a label and a number as bars, numbers as lines or points, lists of two numbers as points",
     )
 
 
-def _texts(rows: Sequence[Row], index: int | None) -> list[str]:
-    return [] if index is None else [cell(row[index]) for row in rows]
+def _find_texts(rows: Sequence[Row], index: int | None) -> list[str]:
+    return [] if index is None else [format_cell(row[index]) for row in rows]
 
 
-def _bars(columns: Sequence[str], rows: Sequence[Row], label: int | None, number: int, ax: Any, most: int) -> str:
+def _draw_bars(columns: Sequence[str], rows: Sequence[Row], label: int | None, number: int, ax: Any, most: int) -> str:
     shown = rows[:most]
-    names = _texts(shown, label) or [str(index) for index in range(1, len(shown) + 1)]
+    names = _find_texts(shown, label) or [str(index) for index in range(1, len(shown) + 1)]
     values = [row[number] or 0 for row in shown]
     bars = ax.barh(range(len(shown)), values, color=BLUE)
-    ax.bar_label(bars, [cell(row[number]) for row in shown], padding=3)
-    ax.set_yticks(range(len(shown)), [short(name, MOST_TEXT) for name in names])
+    ax.bar_label(bars, [format_cell(row[number]) for row in shown], padding=3)
+    ax.set_yticks(range(len(shown)), [shorten(name, MOST_TEXT) for name in names])
     ax.invert_yaxis()
     ax.margins(x=0.12)
     ax.set_xlabel(columns[number])
     if all(type(value) is int for value in values):
-        whole_numbers(ax.xaxis)
-    open_frame(ax)
+        set_integer_ticks(ax.xaxis)
+    hide_spines(ax)
     by = f"{columns[number]} by {columns[label]}" if label is not None else columns[number]
     return by if len(shown) == len(rows) else f"{by}, the first {len(shown)} of {len(rows)} rows"
 
 
-def _lines(columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[int], ax: Any) -> str:
+def _draw_lines(columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[int], ax: Any) -> str:
     first, *others = numbers
     colours = dict(zip(others or [first], cycle(PALETTE), strict=False))
     xs = [row[first] for row in rows] if others else list(range(1, len(rows) + 1))
@@ -181,7 +181,7 @@ def _lines(columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[int], 
     return f"{', '.join(names)} by {columns[first] if others else 'row'}"
 
 
-def _points(names: Sequence[str], spots: Sequence[Sequence[Any]], texts: Sequence[str], ax: Any) -> str:
+def _draw_points(names: Sequence[str], spots: Sequence[Sequence[Any]], texts: Sequence[str], ax: Any) -> str:
     there = [index for index, place in enumerate(spots) if None not in place]
     xs, ys = ([spots[index][axis] for index in there] for axis in (0, 1))
     ax.scatter(xs, ys, color=BLUE, s=25, alpha=0.8, edgecolor="none")
@@ -190,7 +190,7 @@ def _points(names: Sequence[str], spots: Sequence[Sequence[Any]], texts: Sequenc
         for index in there:
             named.setdefault(tuple(spots[index][:2]), []).append(texts[index])
         for place, names_there in named.items():
-            shown = short(", ".join(dict.fromkeys(names_there)), MOST_TEXT)
+            shown = shorten(", ".join(dict.fromkeys(names_there)), MOST_TEXT)
             ax.annotate(shown, place, xytext=(4, 4), textcoords="offset points", fontsize=8)
     ax.set_xlabel(names[0])
     ax.set_ylabel(names[1])

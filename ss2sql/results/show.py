@@ -9,15 +9,15 @@ from io import StringIO
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.records import dataclass
-from ss2sql.results import found_paths, rows_of
-from ss2sql.runtime.rows import Row
-from ss2sql.runtime.values import show as written
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.rows import Row
+from ss2sql.language.values import format_value as written
+from ss2sql.results import get_paths, get_rows
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ss2sql.runtime.result import Result
+    from ss2sql.results.result import Result
 
 MOST_ROWS = 20
 MOST_WIDE = 120  # characters of a table, however wide the terminal is
@@ -39,15 +39,15 @@ class Sheet:
     caption: str
 
 
-def show(result: Result, most: int, console: Console, noted: bool = True) -> None:
+def print_result(result: Result, most: int, console: Console, noted: bool = True) -> None:
     """Prints the table with its caption, and the notes if `noted`."""
     from rich.table import Table
     from rich.text import Text
 
     wide = min(console.width, MOST_WIDE)
     arrow = " -> " if console.options.ascii_only else " → "
-    made = sheet(result, most, wide, arrow)
-    widths = _fitted(_naturals(made), wide - 1 - FRAME * len(made.headings))
+    made = make_sheet(result, most, wide, arrow)
+    widths = _fit_widths(_measure_columns(made), wide - 1 - FRAME * len(made.headings))
     table = Table()
     for heading, width, right in zip(made.headings, widths, made.right, strict=True):
         table.add_column(
@@ -61,19 +61,19 @@ def show(result: Result, most: int, console: Console, noted: bool = True) -> Non
         console.print(line, markup=False, highlight=False)
 
 
-def text(result: Result, most: int = MOST_ROWS) -> str:
+def format_text(result: Result, most: int = MOST_ROWS) -> str:
     """The table as `repr` shows it."""
     from rich.console import Console
 
     # In a notebook rich would publish its output, whatever its destination.
     console = Console(width=REPR_WIDE, color_system=None, record=True, file=StringIO(), force_jupyter=False)
-    show(result, most, console)
+    print_result(result, most, console)
     return console.export_text().rstrip()
 
 
-def html(result: Result, most: int = MOST_ROWS) -> str:
+def format_html(result: Result, most: int = MOST_ROWS) -> str:
     """The table as notebooks show it."""
-    made = sheet(result, most, HTML_WIDE, " → ", HTML_COLUMNS)
+    made = make_sheet(result, most, HTML_WIDE, " → ", HTML_COLUMNS)
     aligned = [f' style="text-align: {"right" if right else "left"}"' for right in made.right]
     # Notebooks would show what is between two dollars as a formula.
     lines = ['<table class="ss2sql tex2jax_ignore mathjax_ignore">', "<thead><tr>"]
@@ -87,53 +87,53 @@ def html(result: Result, most: int = MOST_ROWS) -> str:
     return "\n".join(lines)
 
 
-def sheet(result: Result, most: int, wide: int, arrow: str, most_columns: int | None = None) -> Sheet:
+def make_sheet(result: Result, most: int, wide: int, arrow: str, most_columns: int | None = None) -> Sheet:
     """The table of a result, with no more columns than have room.
 
     A path of a search is one line. Where a line would have to omit steps although all paths together have at most
     `most` steps, there is one line for each step.
     """
-    paths = found_paths(result)
+    paths = get_paths(result)
     if paths is not None:
-        made = _paths(result, paths, most, wide, arrow)
+        made = _make_path_sheet(result, paths, most, wide, arrow)
         if made is not None:
             return made
-    table = list(islice(rows_of(result), most))
-    chosen = _chosen_columns(len(result.columns), most_columns or max(2, (wide - 1) // (LEAST_WIDE + FRAME)))
-    headings = tuple("…" if index is None else cell(result.columns[index]) for index in chosen)
-    rows = [tuple("…" if index is None else cell(row[index]) for index in chosen) for row in table]
+    table = list(islice(get_rows(result), most))
+    chosen = _choose_columns(len(result.columns), most_columns or max(2, (wide - 1) // (LEAST_WIDE + FRAME)))
+    headings = tuple("…" if index is None else format_cell(result.columns[index]) for index in chosen)
+    rows = [tuple("…" if index is None else format_cell(row[index]) for index in chosen) for row in table]
     right = tuple(index is not None and _are_numbers([row[index] for row in table]) for index in chosen)
     hidden = len(result.columns) - len(chosen) + 1 if None in chosen else 0
-    return Sheet(headings, rows, right, _caption(result, len(table), "", hidden))
+    return Sheet(headings, rows, right, _write_caption(result, len(table), "", hidden))
 
 
-def _paths(result: Result, paths: Sequence[Sequence[Row]], most: int, wide: int, arrow: str) -> Sheet | None:
+def _make_path_sheet(result: Result, paths: Sequence[Sequence[Row]], most: int, wide: int, arrow: str) -> Sheet | None:
     """The paths, one per line; None where one line per step is better."""
     first = list(islice(paths, most))
     number = len(str(len(first)))
     room = wide - 1 - 2 * FRAME - max(number, len("path"))
-    drawn = [_drawn(path, room, arrow) for path in first]
+    drawn = [_format_path(path, room, arrow) for path in first]
     if None in drawn and len(first) == len(paths) and sum(map(len, first)) <= most:
         return None
     rows: list[tuple[str, ...]] = [
-        (str(index), _shortened(path, room, arrow) if line is None else line)
+        (str(index), _shorten_path(path, room, arrow) if line is None else line)
         for index, (path, line) in enumerate(zip(first, drawn, strict=True), 1)
     ]
-    heading = _together(list(map(cell, result.columns[2:])))
-    return Sheet(("path", heading), rows, (True, False), _caption(result, len(first), "paths ", 0))
+    heading = _join_texts(list(map(format_cell, result.columns[2:])))
+    return Sheet(("path", heading), rows, (True, False), _write_caption(result, len(first), "paths ", 0))
 
 
-def _drawn(path: Sequence[Row], room: int, arrow: str) -> str | None:
+def _format_path(path: Sequence[Row], room: int, arrow: str) -> str | None:
     """The whole path as one line, None where it is too long."""
     from rich.cells import cell_len
 
     if len(path) * (1 + len(arrow)) > room + len(arrow):
         return None
-    line = arrow.join(map(_step, path))
+    line = arrow.join(map(_show_step, path))
     return line if cell_len(line) <= room and "..." not in line else None
 
 
-def _shortened(path: Sequence[Row], room: int, arrow: str) -> str:
+def _shorten_path(path: Sequence[Row], room: int, arrow: str) -> str:
     """The path without the middle steps that do not fit; the last step is always shown."""
     from rich.cells import cell_len
 
@@ -141,32 +141,32 @@ def _shortened(path: Sequence[Row], room: int, arrow: str) -> str:
     line = ""
     for kept in range(most, 0, -1):
         ahead, left = kept // 2, len(path) - kept
-        shown = [*map(_step, path[:ahead]), f"… {left} more …", *map(_step, path[len(path) - kept + ahead :])]
+        shown = [*map(_show_step, path[:ahead]), f"… {left} more …", *map(_show_step, path[len(path) - kept + ahead :])]
         line = arrow.join(shown)
         if cell_len(line) <= room:
             return line
-    return line or _step(path[-1])
+    return line or _show_step(path[-1])
 
 
-def _step(row: Row) -> str:
+def _show_step(row: Row) -> str:
     """The value of a row, or its values in parentheses."""
-    return _together([_cut(cell(value), MOST_STEP) for value in row])
+    return _join_texts([_cut_text(format_cell(value), MOST_STEP) for value in row])
 
 
-def _together(texts: Sequence[str]) -> str:
+def _join_texts(texts: Sequence[str]) -> str:
     return texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
 
 
-def cell(value: Any) -> str:
+def format_cell(value: Any) -> str:
     """A value as a string of one line, with control characters escaped."""
     if isinstance(value, (date, time)):
         return value.isoformat()
     if not isinstance(value, str):
         return written(value, MOST_TEXT)
-    return _cut(value, MOST_TEXT) if value.isprintable() else written(value, MOST_TEXT)
+    return _cut_text(value, MOST_TEXT) if value.isprintable() else written(value, MOST_TEXT)
 
 
-def _cut(text: str, most: int) -> str:
+def _cut_text(text: str, most: int) -> str:
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
@@ -174,12 +174,12 @@ def _are_numbers(values: Sequence[Any]) -> bool:
     return bool(values) and {type(value) for value in values if value is not None} in ({int}, {float}, {int, float})
 
 
-def _caption(result: Result, shown: int, unit: str, hidden: int) -> str:
+def _write_caption(result: Result, shown: int, unit: str, hidden: int) -> str:
     """The line under the table: the numbers of rows and paths, what is not shown, and the engine."""
-    total, paths = len(result), found_paths(result)
-    parts = [_counted(total, "row")]
+    total, paths = len(result), get_paths(result)
+    parts = [_count_words(total, "row")]
     if paths is not None:
-        parts.insert(0, _counted(len(paths), "path"))
+        parts.insert(0, _count_words(len(paths), "path"))
     if shown < (len(paths) if paths is not None and unit else total):
         parts.append(f"the first {shown} {unit}shown")
     if hidden:
@@ -190,18 +190,18 @@ def _caption(result: Result, shown: int, unit: str, hidden: int) -> str:
     return ", ".join(parts)
 
 
-def _counted(number: int, word: str) -> str:
+def _count_words(number: int, word: str) -> str:
     return f"{number} {word}{'' if number == 1 else 's'}"
 
 
-def _chosen_columns(count: int, most: int) -> list[int | None]:
+def _choose_columns(count: int, most: int) -> list[int | None]:
     """The positions of the columns that are shown; None stands for those between the first ones and the last."""
     if count <= most:
         return list(range(count))
     return [*range(most - 2), None, count - 1]
 
 
-def _naturals(made: Sheet) -> list[int]:
+def _measure_columns(made: Sheet) -> list[int]:
     """The natural width of each column."""
     from rich.cells import cell_len
 
@@ -210,7 +210,7 @@ def _naturals(made: Sheet) -> list[int]:
     ]
 
 
-def _fitted(naturals: Sequence[int], room: int) -> list[int]:
+def _fit_widths(naturals: Sequence[int], room: int) -> list[int]:
     """Widths that fit into the room: the widest columns shrink to a common width."""
     cap = max(naturals)
     while cap > 1 and sum(min(natural, cap) for natural in naturals) > room:

@@ -1,4 +1,6 @@
-"""Running plans, in the order of control flow: session.py is what users see, host.py what it holds, compiled.py
-decides query by query who runs it: database.py (SQLite) or native/ (Python). shaping.py and representations/
-make of the rows what AS asks for, result.py is what comes back. values.py, border.py, ordering.py and pool.py
-hold the value rules, functions.py the functions of the user; those of the language are rows of language/operations."""
+"""What runs: engines, and what they share.
+
+`run/` is one run: its state, limits, cancellation, the memory of calls. `sqlite/` runs a `SqlQuery`, `python/` compiles
+a query to Python, `search/` holds the loops of searches, `external/` DuckDB and Spark, `graph_cache/` graphs that
+outlive a run, `representations/` what AS makes of rows.
+"""

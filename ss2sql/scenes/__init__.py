@@ -1,17 +1,16 @@
-"""Simulations to query, and their pictures, without a window; they need the extra `sim`.
+"""Simulations to ask questions of, and their pictures, all without a window; they need the extra `sim`.
 
 `chaos` is a box of particles that fly, collide and explode, `hall` a factory floor with a robot; `render` makes a
-picture of either. In the order of a picture's creation: scenes/particles.py and scenes/drawn.py (chaos),
-scenes/layout.py and scenes/factory.py (hall), scenes/camera.py, scenes/strokes.py, scenes/picture.py (pictures). Scenes
-are built from the solids in `vtables/pybullet/`.
+picture of either. In order: random_particles, chaos_scene, mujoco_chaos, ode_chaos, hall_layout, hall_scene, then
+camera, overlay_lines, rendering.
 """
 
 from __future__ import annotations
 
 from ss2sql.errors import SessionError, did_you_mean
-from ss2sql.scenes.factory import hall
-from ss2sql.scenes.particles import chaos
-from ss2sql.scenes.picture import render
+from ss2sql.scenes.chaos_scene import chaos
+from ss2sql.scenes.hall_scene import hall
+from ss2sql.scenes.rendering import render
 from ss2sql.vtables.pybullet.scene import Scene, Sensor, View
 
 __all__ = ["Scene", "Sensor", "View", "chaos", "hall", "render"]

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ss2sql.records import dataclass
-from ss2sql.vtables.pybullet.loader import pybullet
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.vtables.pybullet.pybullet_loader import import_pybullet
 from ss2sql.vtables.pybullet.scene import View
 from ss2sql.vtables.pybullet.solids import Vector
 
@@ -41,7 +41,7 @@ class Camera:
 
     @cached_property
     def _matrices(self) -> tuple[list[float], list[float]]:
-        view, bullet = self.view, pybullet()
+        view, bullet = self.view, import_pybullet()
         return (
             list(bullet.computeViewMatrix(view.eye, view.target, view.up)),
             list(bullet.computeProjectionMatrixFOV(view.angle, self.width / self.height, self.near, self.far)),
@@ -58,7 +58,7 @@ class Camera:
             self.width, self.height, looking, seeing,
             shadow=0, lightDirection=LIGHT, lightColor=(1, 1, 1), lightDistance=1,
             lightAmbientCoeff=0.65, lightDiffuseCoeff=0.42, lightSpecularCoeff=0.05,
-            renderer=pybullet().ER_TINY_RENDERER,
+            renderer=import_pybullet().ER_TINY_RENDERER,
         )  # fmt: skip
         shape = (self.height, self.width)  # a build without NumPy gives flat tuples
         return Shot(
@@ -88,7 +88,7 @@ class Camera:
         return np.stack([part / found[3] for part in found[:3]], axis=-1)
 
 
-def sun(low: Vector, high: Vector, pixels: int) -> Camera:
+def make_sun_camera(low: Vector, high: Vector, pixels: int) -> Camera:
     """The camera at the light's position, far away, so that the rays are almost parallel."""
     middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
     around = dist(low, high) / 2
@@ -99,7 +99,7 @@ def sun(low: Vector, high: Vector, pixels: int) -> Camera:
     return Camera(view, pixels, pixels, away - around, away + around)
 
 
-def lit(shot: Shot, seen: Camera, light: Shot, source: Camera) -> Floats:
+def compute_light(shot: Shot, seen: Camera, light: Shot, source: Camera) -> Floats:
     """The light of each pixel: 1, or 0 in the shadow, with soft edges."""
     height, width = shot.depth.shape
     column, row, distance = source.project(seen.positions(shot.depth).reshape(-1, 3))

@@ -11,8 +11,8 @@ from typing import ClassVar
 from xml.sax.saxutils import quoteattr
 
 from ss2sql.extras import install_line
-from ss2sql.scenes.drawn import HALF, Draws, Particle, quaternion, simulator
-from ss2sql.scenes.particles import PUSH_EVERY, WALLS
+from ss2sql.scenes.chaos_scene import PUSH_EVERY, WALLS
+from ss2sql.scenes.random_particles import HALF, Particle, ParticleSource, import_sim, make_quaternion
 from ss2sql.vtables.mujoco import MuJoCoWorld
 from ss2sql.vtables.pybullet.scene import TIME_STEP
 from ss2sql.vtables.pybullet.solids import Box, Capsule, Cylinder, Solid, Sphere, Vector
@@ -33,12 +33,12 @@ class MuJoCoChaos:
     bounds: ClassVar[tuple[Vector, Vector]] = ((-HALF, -HALF, -HALF), (HALF, HALF, HALF))
 
     def __init__(self, seed: int, bodies: int) -> None:
-        self.mujoco = simulator("mujoco", install_line("mujoco"))
+        self.mujoco = import_sim("mujoco", install_line("mujoco"))
         self.seed = seed
         self.steps = 0
-        self._draws = Draws(Random(seed))
+        self._draws = ParticleSource(Random(seed))
         particles = list(self._draws.particles(bodies))
-        self.mjcf = mjcf(particles)
+        self.mjcf = write_mjcf(particles)
         self.model = self.mujoco.MjModel.from_xml_string(self.mjcf)
         self.data = self.mujoco.MjData(self.model)
         self.names = {number: self.model.body(number).name for number in range(self.model.nbody)}
@@ -76,7 +76,7 @@ class MuJoCoChaos:
         return f"<chaos in MuJoCo of seed {self.seed}: {self.model.nbody} bodies, {self.time:.2f} s>"
 
 
-def mjcf(particles: Iterable[Particle]) -> str:
+def write_mjcf(particles: Iterable[Particle]) -> str:
     """The model of a box with these particles in it."""
     lines = [
         '<mujoco model="chaos">',
@@ -86,24 +86,24 @@ def mjcf(particles: Iterable[Particle]) -> str:
     ]
     for name, normal in WALLS.items():
         place = (-HALF * part for part in normal)
-        plane = f'<geom type="plane" size="{HALF} {HALF} 0.1" zaxis="{_text(normal)}"/>'
-        lines.append(f'    <body name="{name}" pos="{_text(place)}">{plane}</body>')
-    lines += [f"    {_body(particle)}" for particle in particles]
+        plane = f'<geom type="plane" size="{HALF} {HALF} 0.1" zaxis="{_write(normal)}"/>'
+        lines.append(f'    <body name="{name}" pos="{_write(place)}">{plane}</body>')
+    lines += [f"    {_write_body(particle)}" for particle in particles]
     return "\n".join([*lines, "  </worldbody>", "</mujoco>", ""])
 
 
-def _body(particle: Particle) -> str:
-    kind, size = _shape(particle.solid)
-    x, y, z, w = quaternion(particle.turned)
+def _write_body(particle: Particle) -> str:
+    kind, size = _write_shape(particle.solid)
+    x, y, z, w = make_quaternion(particle.turned)
     name = quoteattr(particle.name)
-    colour = _text((*particle.colour, 1.0))
+    colour = _write((*particle.colour, 1.0))
     return (
-        f'<body name={name} pos="{_text(particle.position)}" quat="{_text((w, x, y, z))}"><freejoint name={name}/>'
-        f'<geom type="{kind}" size="{_text(size)}" mass="{particle.mass!r}" rgba="{colour}"/></body>'
+        f'<body name={name} pos="{_write(particle.position)}" quat="{_write((w, x, y, z))}"><freejoint name={name}/>'
+        f'<geom type="{kind}" size="{_write(size)}" mass="{particle.mass!r}" rgba="{colour}"/></body>'
     )
 
 
-def _shape(solid: Solid) -> tuple[str, tuple[float, ...]]:
+def _write_shape(solid: Solid) -> tuple[str, tuple[float, ...]]:
     """The type of a shape, and its size for MuJoCo: half edges, half lengths."""
     match solid:
         case Sphere(radius):
@@ -117,7 +117,7 @@ def _shape(solid: Solid) -> tuple[str, tuple[float, ...]]:
     raise ValueError(f"{solid} is no particle")
 
 
-def _text(numbers: Iterable[float]) -> str:
+def _write(numbers: Iterable[float]) -> str:
     return " ".join(repr(float(number)) for number in numbers)
 
 

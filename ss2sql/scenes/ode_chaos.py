@@ -6,8 +6,7 @@ from math import dist
 from random import Random
 from typing import Any, ClassVar
 
-from ss2sql.scenes.drawn import HALF, Draws, Particle, outside, quaternion, simulator
-from ss2sql.scenes.particles import (
+from ss2sql.scenes.chaos_scene import (  # fmt: skip
     BIRTH_EVERY,
     BOUNCE,
     EXPLODES,
@@ -17,7 +16,8 @@ from ss2sql.scenes.particles import (
     SPLINTER_STEPS,
     WALLS,
     WHITE,
-)  # fmt: skip
+)
+from ss2sql.scenes.random_particles import HALF, Particle, ParticleSource, import_sim, is_outside, make_quaternion
 from ss2sql.vtables.ode import OdeWorld
 from ss2sql.vtables.pybullet.scene import TIME_STEP
 from ss2sql.vtables.pybullet.solids import Box, Capsule, Cylinder, Solid, Sphere, Vector
@@ -36,7 +36,7 @@ class OdeChaos:
     bounds: ClassVar[tuple[Vector, Vector]] = ((-HALF, -HALF, -HALF), (HALF, HALF, HALF))
 
     def __init__(self, seed: int, bodies: int) -> None:
-        self.ode = simulator("ode", "apt-get install python3-pyode, and use the Python of the same release of Debian")
+        self.ode = import_sim("ode", "apt-get install python3-pyode, and use the Python of the same release of Debian")
         self.seed = seed
         self.steps = self.births = self.deaths = 0
         self.world, self.space = self.ode.World(), self.ode.HashSpace()
@@ -46,7 +46,7 @@ class OdeChaos:
         self._ends: dict[Any, int] = {}
         self._hit: list[Any] = []
         self._joints = self.ode.JointGroup()
-        self._draws = Draws(Random(seed))
+        self._draws = ParticleSource(Random(seed))
         for particle in self._draws.particles(bodies):
             self._forces[self._add(particle)] = self._draws.force(particle.mass)
         self._full = FULL * bodies
@@ -62,7 +62,7 @@ class OdeChaos:
                 for geom in self._forces:
                     self._forces[geom] = self._draws.force(geom.getBody().getMass().mass)
             if self.steps and self.steps % BIRTH_EVERY == 0 and len(self.particles) < self._full:
-                self._bear()
+                self._add_particle()
             for geom, force in self._forces.items():
                 geom.getBody().addForce(force)
             self.space.collide(None, self._touch)
@@ -112,9 +112,9 @@ class OdeChaos:
             )
             self._ends[self._add(splinter)] = self.steps + draws.random.randint(*SPLINTER_STEPS)
 
-    def _bear(self) -> None:
-        taken = [(geom.getPosition(), _reach(geom)) for geom in self.particles]
-        particle = self._draws.particle(outside(taken))
+    def _add_particle(self) -> None:
+        taken = [(geom.getPosition(), _measure_reach(geom)) for geom in self.particles]
+        particle = self._draws.particle(is_outside(taken))
         if particle is not None:
             self._forces[self._add(particle)] = self._draws.force(particle.mass)
 
@@ -143,7 +143,7 @@ class OdeChaos:
         mass.adjust(particle.mass)
         body.setMass(mass)
         geom.setBody(body)
-        x, y, z, w = quaternion(particle.turned)
+        x, y, z, w = make_quaternion(particle.turned)
         body.setPosition(particle.position)
         body.setQuaternion((w, x, y, z))
         body.setLinearVel(particle.velocity)
@@ -178,7 +178,7 @@ class OdeChaos:
         return f"<chaos in ODE of seed {self.seed}: {len(self.particles)} particles, {self.time:.2f} s>"
 
 
-def _reach(geom: Any) -> float:
+def _measure_reach(geom: Any) -> float:
     """The radius of a sphere around a geom."""
     low_x, high_x, low_y, high_y, low_z, high_z = geom.getAABB()
     return dist((low_x, low_y, low_z), (high_x, high_y, high_z)) / 2

@@ -1,7 +1,6 @@
-"""The shell, `ss2sql repl`, in the order in which one file needs the other.
+"""The shell, `ss2sql repl`.
 
-shell/pieces.py splits typed text into statements and dot commands; shell/shell.py runs them and prints the results, by
-shell/settings.py and shell/commands.py; shell/known.py, shell/sight.py and shell/completion.py suggest completions. All
-of these work without a terminal: shell/piped.py reads from a pipe, shell/terminal.py, with shell/history.py, uses
-prompt_toolkit, shell/colors.py colors the input.
+repl_command starts it. statement_splitter cuts what is typed into statements and dot commands; shell runs them and
+prints what they give, by settings and dot_commands; symbols, completion_context and completion say what could stand at
+the cursor. piped_input reads from a pipe; terminal, with history and colors, is what prompt_toolkit shows.
 """

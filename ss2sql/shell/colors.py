@@ -10,7 +10,7 @@ from pygments.token import Generic, Keyword, Text
 from pygments.token import _TokenType as Type
 
 from ss2sql.editor.lexer import SelectScriptLexer
-from ss2sql.shell.pieces import pieces
+from ss2sql.shell.statement_splitter import split_pieces
 
 STYLE = {
     "pygments.keyword": "ansiblue bold",
@@ -37,16 +37,16 @@ class ShellLexer(Lexer):
     def get_tokens_unprocessed(self, text: str) -> Iterator[tuple[int, Type, str]]:
         """Every token of the text with its place and its kind."""
         position = 0
-        for piece in pieces(text):
+        for piece in split_pieces(text):
             if piece.is_command:
-                yield from _statements(text[position : piece.start], position)
+                yield from _color_statements(text[position : piece.start], position)
                 name = piece.text.split()[0]
                 yield piece.start, Keyword.Pseudo, name
                 position = piece.start + len(name)
                 if name not in (".sql", ".explain"):
                     yield position, Text, text[position : piece.end]
                     position = piece.end
-        yield from _statements(text[position:], position)
+        yield from _color_statements(text[position:], position)
 
 
 class TranscriptLexer(Lexer):
@@ -74,6 +74,6 @@ class TranscriptLexer(Lexer):
             yield place, Generic.Prompt, "".join(prompts)
 
 
-def _statements(text: str, start: int) -> Iterator[tuple[int, Type, str]]:
+def _color_statements(text: str, start: int) -> Iterator[tuple[int, Type, str]]:
     for position, kind, part in SelectScriptLexer().get_tokens_unprocessed(text):
         yield start + position, kind, part

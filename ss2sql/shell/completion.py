@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Literal, TypeAlias
 
 from ss2sql.editor.keywords import ONE_OF, Keyword, keywords
-from ss2sql.records import dataclass
-from ss2sql.shell.commands import COMMANDS
-from ss2sql.shell.known import Function, Known
-from ss2sql.shell.pieces import piece_at
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.shell.completion_context import CompletionContext, find_context, find_open_call
+from ss2sql.shell.dot_commands import COMMANDS
 from ss2sql.shell.settings import SETTINGS
-from ss2sql.shell.sight import Sight, open_call, sight
+from ss2sql.shell.statement_splitter import find_piece
+from ss2sql.shell.symbols import Function, SymbolTable
 
 Kind: TypeAlias = Literal["keyword", "function", "variable", "table", "column", "representation", "command", "value"]
 
@@ -32,56 +32,58 @@ class Suggestion:
     shown: str = ""  # the text in the list, where it differs
 
 
-def suggestions(text: str, cursor: int, known: Known) -> list[Suggestion]:
+def complete(text: str, cursor: int, symbols: SymbolTable) -> list[Suggestion]:
     """The suggestions at the cursor of the text, the likeliest first."""
-    piece = piece_at(text, cursor)
+    piece = find_piece(text, cursor)
     if piece.is_command:
         head = piece.text.split(maxsplit=1)
         statement = COMMANDS[head[0]].takes == "script" if head[0] in COMMANDS else False
         begun = text[piece.start : cursor]
         if not (statement and " " in begun):
-            return list(_of_command(begun, known))
+            return list(_suggest_for_command(begun, symbols))
         start = piece.start + len(head[0])
-        return list(_of_statement(text[start : piece.end], cursor - start, known))
+        return list(_suggest_in_statement(text[start : piece.end], cursor - start, symbols))
     if not text[piece.start : cursor].strip("."):
         dots = cursor - piece.start
-        first = [] if dots else _of_statement("", 0, known)
+        first = [] if dots else _suggest_in_statement("", 0, symbols)
         return [*(Suggestion(name, dots, "command", entry.about) for name, entry in COMMANDS.items() if dots), *first]
-    return list(_of_statement(text[piece.start : max(piece.end, cursor)], cursor - piece.start, known))
+    return list(_suggest_in_statement(text[piece.start : max(piece.end, cursor)], cursor - piece.start, symbols))
 
 
-def signature(text: str, cursor: int, known: Known) -> tuple[Function, int] | None:
+def find_signature(text: str, cursor: int, symbols: SymbolTable) -> tuple[Function, int] | None:
     """The function or representation whose call the cursor is in, and which argument is being written."""
-    piece = piece_at(text, cursor)
-    call = open_call(text[piece.start : cursor], cursor - piece.start)
+    piece = find_piece(text, cursor)
+    call = find_open_call(text[piece.start : cursor], cursor - piece.start)
     if call is None:
         return None
-    found = known.representations.get(call.name.lower()) if call.is_representation else known.functions.get(call.name)
+    found = (
+        symbols.representations.get(call.name.lower()) if call.is_representation else symbols.functions.get(call.name)
+    )
     return None if found is None else (found, call.argument)
 
 
-def _of_statement(statement: str, cursor: int, known: Known) -> Iterable[Suggestion]:
-    here = sight(statement, cursor)
-    if here.in_text:
+def _suggest_in_statement(statement: str, cursor: int, symbols: SymbolTable) -> Iterable[Suggestion]:
+    here = find_context(statement, cursor)
+    if here.in_string:
         return []
     if here.owner or here.after == ".":
-        return _fitting(here.word, _of_owner(here, known))
-    words = list(_fitting(here.word, _keywords(here)))
-    names = list(_fitting(here.word, _names(here, known)))
+        return _filter_prefix(here.word, _suggest_members(here, symbols))
+    words = list(_filter_prefix(here.word, _suggest_keywords(here)))
+    names = list(_filter_prefix(here.word, _suggest_names(here, symbols)))
     first = here.word.isupper() or not here.wants_value or not here.after
     return [*words, *names] if first else [*names, *words]
 
 
-def _fitting(word: str, found: Iterable[Suggestion]) -> Iterator[Suggestion]:
+def _filter_prefix(word: str, found: Iterable[Suggestion]) -> Iterator[Suggestion]:
     """Suggestions that begin with the word in any case, each once, without the word itself."""
-    seen = set()
+    written = set()
     for one in found:
-        if one.text.lower().startswith(word.lower()) and one.text != word and one.text not in seen:
-            seen.add(one.text)
+        if one.text.lower().startswith(word.lower()) and one.text != word and one.text not in written:
+            written.add(one.text)
             yield Suggestion(one.text, len(word), one.kind, one.about, one.shown)
 
 
-def _keywords(here: Sight) -> Iterator[Suggestion]:
+def _suggest_keywords(here: CompletionContext) -> Iterator[Suggestion]:
     for word, keyword in sorted(keywords().items(), key=lambda item: SORTS.index(item[1].sort)):
         if (here.expected is None or word in here.expected) and not _is_spent(word, keyword, here.seen):
             text = f"{keyword.text}(" if word == "IF" else keyword.text
@@ -92,25 +94,25 @@ def _keywords(here: Sight) -> Iterator[Suggestion]:
             yield Suggestion(second, 0, "keyword", keyword.about)
 
 
-def _is_spent(word: str, keyword: Keyword, seen: tuple[str, ...]) -> bool:
+def _is_spent(word: str, keyword: Keyword, written: tuple[str, ...]) -> bool:
     """Whether this query cannot have the clause or option (again)."""
     if keyword.sort == "option":
-        return word in seen or any(keyword.text in group and _has_one(group, seen) for group in ONE_OF)
+        return word in written or any(keyword.text in group and _contains_any(group, written) for group in ONE_OF)
     if word in IN_ORDER:
         later = IN_ORDER[IN_ORDER.index(word) :] + ANY_ORDER
-        return any(clause in seen for clause in later) or (word == "STOP" and "CONNECT" not in seen)
-    return word in ANY_ORDER and word in seen
+        return any(clause in written for clause in later) or (word == "STOP" and "CONNECT" not in written)
+    return word in ANY_ORDER and word in written
 
 
-def _has_one(group: Iterable[str], seen: tuple[str, ...]) -> bool:
-    return any(text.split()[0] in seen for text in group)
+def _contains_any(group: Iterable[str], written: tuple[str, ...]) -> bool:
+    return any(text.split()[0] in written for text in group)
 
 
-def _names(here: Sight, known: Known) -> Iterator[Suggestion]:
+def _suggest_names(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
     if here.after == "AS" and here.clause == "SELECT":
         return  # a new name
     if here.after == "AS":
-        for entry in known.representations.values():
+        for entry in symbols.representations.values():
             bracket = "(" if entry.parameters else ""
             yield Suggestion(entry.name + bracket, 0, "representation", entry.about, entry.call)
         return
@@ -121,67 +123,67 @@ def _names(here: Sight, known: Known) -> Iterator[Suggestion]:
             yield from (Suggestion(name, 0, "variable", "of START WITH") for name in here.states)
         return
     if here.clause == "FROM":
-        yield from _tables(known)
-        yield from _variables(here, known)
+        yield from _suggest_tables(symbols)
+        yield from _suggest_variables(here, symbols)
     else:
-        yield from _columns(here, known)
-        yield from _variables(here, known)
-        yield from _aliases(here)
-    yield from _functions(known)
+        yield from _suggest_columns(here, symbols)
+        yield from _suggest_variables(here, symbols)
+        yield from _suggest_aliases(here)
+    yield from _suggest_functions(symbols)
     if here.clause != "FROM":
-        yield from _tables(known)
+        yield from _suggest_tables(symbols)
 
 
-def _columns(here: Sight, known: Known) -> Iterator[Suggestion]:
+def _suggest_columns(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
     for source in here.sources:
-        found = dict.fromkeys(source.columns, "") or known.columns(source.origin)
+        found = dict.fromkeys(source.columns, "") or symbols.columns(source.origin)
         for name, about in found.items():
             yield Suggestion(name, 0, "column", f"{source.name}: {about}" if about else f"of {source.name}")
 
 
-def _variables(here: Sight, known: Known) -> Iterator[Suggestion]:
+def _suggest_variables(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
     yield from (Suggestion(name, 0, "variable", "of START WITH") for name in here.states)
-    yield from (Suggestion(name, 0, "variable", about) for name, about in known.variables.items())
+    yield from (Suggestion(name, 0, "variable", about) for name, about in symbols.variables.items())
 
 
-def _aliases(here: Sight) -> Iterator[Suggestion]:
+def _suggest_aliases(here: CompletionContext) -> Iterator[Suggestion]:
     yield from (Suggestion(one.name, 0, "table", f"source {one.origin}".rstrip()) for one in here.sources if one.name)
 
 
-def _functions(known: Known) -> Iterator[Suggestion]:
-    for entry in known.functions.values():
+def _suggest_functions(symbols: SymbolTable) -> Iterator[Suggestion]:
+    for entry in symbols.functions.values():
         yield Suggestion(f"{entry.name}(", 0, "function", entry.about, entry.call)
 
 
-def _tables(known: Known) -> Iterator[Suggestion]:
-    for name, about in known.tables.items():
+def _suggest_tables(symbols: SymbolTable) -> Iterator[Suggestion]:
+    for name, about in symbols.tables.items():
         text, bracket, _ = name.partition("(")
         yield Suggestion(text + bracket, 0, "table", about, name)
 
 
-def _of_owner(here: Sight, known: Known) -> Iterator[Suggestion]:
+def _suggest_members(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
     """Suggestions after `owner.`: columns of a source, or tables of a world or file."""
     sources = [one for one in here.sources if one.name == here.owner]
     if here.owner.lower() == "this":
         sources = here.sources[:1]
-    if here.clause != "FROM" or here.owner not in known.owners:
+    if here.clause != "FROM" or here.owner not in symbols.owners:
         for source in sources:
-            found = dict.fromkeys(source.columns, "") or known.columns(source.origin)
+            found = dict.fromkeys(source.columns, "") or symbols.columns(source.origin)
             yield from (Suggestion(name, 0, "column", about) for name, about in found.items())
         if sources and here.owner.lower() != "this":
             yield Suggestion("this", 0, "keyword", f"the element of {here.owner}")
     if not sources or here.clause == "FROM":
-        for table in known.owners.get(here.owner, ()):
-            full = next((name for name in known.tables if name.partition("(")[0] == f"{here.owner}.{table}"), "")
+        for table in symbols.owners.get(here.owner, ()):
+            full = next((name for name in symbols.tables if name.partition("(")[0] == f"{here.owner}.{table}"), "")
             bracket = "(" if "(" in full else ""
-            yield Suggestion(table + bracket, 0, "table", known.tables.get(full, ""), full.partition(".")[2] or table)
+            yield Suggestion(table + bracket, 0, "table", symbols.tables.get(full, ""), full.partition(".")[2] or table)
 
 
-def _of_command(begun: str, known: Known) -> Iterator[Suggestion]:
+def _suggest_for_command(begun: str, symbols: SymbolTable) -> Iterator[Suggestion]:
     name, blank, rest = begun.partition(" ")
     if not blank:
         found = (Suggestion(one, 0, "command", entry.about) for one, entry in COMMANDS.items())
-        yield from _fitting(name, found)
+        yield from _filter_prefix(name, found)
         return
     command = COMMANDS.get(name)
     if command is None:
@@ -190,28 +192,30 @@ def _of_command(begun: str, known: Known) -> Iterator[Suggestion]:
     match command.takes:
         case "setting":
             entry = SETTINGS[name[1:]]
-            yield from _fitting(rest, (Suggestion(choice, 0, "value") for choice in entry.choices))
+            yield from _filter_prefix(rest, (Suggestion(choice, 0, "value") for choice in entry.choices))
         case "file":
-            yield from _files(rest.rpartition(" ")[2])
+            yield from _suggest_files(rest.rpartition(" ")[2])
         case "function":
-            every = {**known.functions, **known.representations}
-            yield from _fitting(rest, (Suggestion(one, 0, "function", every[one].about) for one in every))
+            every = {**symbols.functions, **symbols.representations}
+            yield from _filter_prefix(rest, (Suggestion(one, 0, "function", every[one].about) for one in every))
         case "table":
-            names = dict.fromkeys([*known.owners, *(name.partition("(")[0] for name in known.tables)])
-            yield from _fitting(rest, (Suggestion(one, 0, "table", known.tables.get(one, "")) for one in names))
+            names = dict.fromkeys([*symbols.owners, *(name.partition("(")[0] for name in symbols.tables)])
+            yield from _filter_prefix(rest, (Suggestion(one, 0, "table", symbols.tables.get(one, "")) for one in names))
         case "variable" if " " not in rest:
-            yield from _fitting(rest, (Suggestion(one, 0, "variable", text) for one, text in known.variables.items()))
+            yield from _filter_prefix(
+                rest, (Suggestion(one, 0, "variable", text) for one, text in symbols.variables.items())
+            )
         case "help":
-            every = {**known.functions, **known.representations}
+            every = {**symbols.functions, **symbols.representations}
             texts = {**{one: entry.about for one, entry in COMMANDS.items()},
                      **{word.text: word.about for word in keywords().values()},
                      **{one: every[one].about for one in every}}  # fmt: skip
-            yield from _fitting(rest, (Suggestion(one, 0, "value", text) for one, text in texts.items()))
+            yield from _filter_prefix(rest, (Suggestion(one, 0, "value", text) for one, text in texts.items()))
         case _:
             return
 
 
-def _files(begun: str) -> Iterator[Suggestion]:
+def _suggest_files(begun: str) -> Iterator[Suggestion]:
     """Files and folders whose paths begin so."""
     folder, slash, name = begun.rpartition("/")
     try:

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from ss2sql.cli.output import FORMATS, SHOWN
-from ss2sql.cli.run import ENGINES
-from ss2sql.records import dataclass
+from ss2sql.cli.run_command import ENGINES
+from ss2sql.fast_dataclasses import dataclass
 
 
 class CommandError(Exception):
@@ -22,7 +22,7 @@ class CommandError(Exception):
         return "\n".join([f"error: {self.args[0]}", *(f"  = help: {hint}" for hint in self.hints)])
 
 
-class Broken(Exception):  # noqa: N818 - the error itself has been told
+class FileFailed(Exception):  # noqa: N818 - the error itself has been told
     """A file that was read has failed."""
 
 
@@ -56,7 +56,7 @@ class Setting:
     choices: tuple[str, ...] = ()
 
 
-def _choice(*choices: str) -> Callable[[str], Any]:
+def _make_choice(*choices: str) -> Callable[[str], Any]:
     def read(text: str) -> str:
         if text.lower() not in choices:
             raise ValueError
@@ -65,7 +65,7 @@ def _choice(*choices: str) -> Callable[[str], Any]:
     return read
 
 
-def _whole(least: int, **words: Any) -> Callable[[str], Any]:
+def _integer(least: int, **words: Any) -> Callable[[str], Any]:
     """The parser of a number of at least `least`, or one of some words."""
 
     def read(text: str) -> Any:
@@ -79,7 +79,7 @@ def _whole(least: int, **words: Any) -> Callable[[str], Any]:
     return read
 
 
-def _seconds(text: str) -> float | None:
+def _parse_seconds(text: str) -> float | None:
     if text.lower() == "off":
         return None
     number = float(text)
@@ -88,7 +88,7 @@ def _seconds(text: str) -> float | None:
     return number
 
 
-def _switch(text: str) -> bool:
+def _parse_switch(text: str) -> bool:
     return {"on": True, "off": False}[text.lower()]
 
 
@@ -96,18 +96,18 @@ FORMS = tuple(form for form in FORMATS if form in ("table", "json", "csv"))  # o
 SETTINGS = {
     entry.name: entry
     for entry in (
-        Setting("engine", "|".join(ENGINES), "where queries run", _choice(*ENGINES), ENGINES),
-        Setting("format", "|".join(FORMS), "how results are printed", _choice(*FORMS), FORMS),
-        Setting("show", "N|all", "how many rows or paths of a table are shown", _whole(0, all=sys.maxsize), ("all",)),
-        Setting("timer", "on|off", "whether the time of a run is told", _switch, ("on", "off")),
-        Setting("timeout", "SECONDS|off", "when a run is broken off", _seconds, ("off",)),
-        Setting("maximum", "N|off", "at most so many results of a search", _whole(1, off=None), ("off",)),
-        Setting("workers", "N", "processes for the calls that MEMORIZE makes", _whole(1)),
+        Setting("engine", "|".join(ENGINES), "where queries run", _make_choice(*ENGINES), ENGINES),
+        Setting("format", "|".join(FORMS), "how results are printed", _make_choice(*FORMS), FORMS),
+        Setting("show", "N|all", "how many rows or paths of a table are shown", _integer(0, all=sys.maxsize), ("all",)),
+        Setting("timer", "on|off", "whether the time of a run is told", _parse_switch, ("on", "off")),
+        Setting("timeout", "SECONDS|off", "when a run is broken off", _parse_seconds, ("off",)),
+        Setting("maximum", "N|off", "at most so many results of a search", _integer(1, off=None), ("off",)),
+        Setting("workers", "N", "processes for the calls that MEMORIZE makes", _integer(1)),
     )
 }
 
 
-def shown(value: Any) -> str:
+def format_setting(value: Any) -> str:
     """A value in the notation of the command."""
     if value is None or value is False:
         return "off"
@@ -116,17 +116,17 @@ def shown(value: Any) -> str:
     return "all" if value == sys.maxsize else f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def change(settings: Settings, name: str, text: str) -> str:
+def change_setting(settings: Settings, name: str, text: str) -> str:
     """Changes a setting; gives the line with its new value."""
     entry = SETTINGS[name]
     try:
         setattr(settings, name, entry.read(text))
     except (ValueError, KeyError):
         raise CommandError(f".{name} takes {entry.form.replace('|', ' or ')}, not {text}") from None
-    return f"{name}: {shown(getattr(settings, name))}"
+    return f"{name}: {format_setting(getattr(settings, name))}"
 
 
-def told(settings: Settings, name: str) -> str:
+def describe_setting(settings: Settings, name: str) -> str:
     """The value of a setting, and its possible values."""
     entry = SETTINGS[name]
-    return f"{name}: {shown(getattr(settings, name))}   (.{name} {entry.form}: {entry.about})"
+    return f"{name}: {format_setting(getattr(settings, name))}   (.{name} {entry.form}: {entry.about})"

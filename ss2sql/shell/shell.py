@@ -9,33 +9,33 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ss2sql.cli.endings import UserError, note, told, wants_color, writes_json
-from ss2sql.cli.output import output_of
-from ss2sql.cli.run import as_data, run_script
+from ss2sql.cli.exit_codes import UserError, describe_found, print_note, wants_color, writes_json
+from ss2sql.cli.output import make_output
+from ss2sql.cli.run_command import make_data, run_script
 from ss2sql.errors import Cancelled, Error, Source, Stopped, render_all, respell
-from ss2sql.errors.render import visible
-from ss2sql.frontend import ast
-from ss2sql.frontend.parser import parse
-from ss2sql.records import dataclass
-from ss2sql.runtime.messages import show as written
-from ss2sql.shell.pieces import Piece, pieces
-from ss2sql.shell.settings import Broken, CommandError, Settings
+from ss2sql.errors.renderer import escape_controls
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.parser import parse
+from ss2sql.language.value_messages import format_value as written
+from ss2sql.shell.settings import CommandError, FileFailed, Settings
+from ss2sql.shell.statement_splitter import TypedPiece, split_pieces
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.result import Result
-    from ss2sql.runtime.session import Session
+    from ss2sql.results.result import Result
+    from ss2sql.session.session import Session
 
 TYPED = "<script>"  # the name of the input in errors
 MOST_ASSIGNED = 100  # characters of a value that was assigned
 MOST_VALUE = 4000  # characters of any other
 
 
-class Leave(Exception):  # noqa: N818 - no error
+class ExitRequest(Exception):  # noqa: N818 - no error
     """The user leaves the shell."""
 
 
 @dataclass(frozen=True, slots=True)
-class Ran:
+class StatementRun:
     """A statement that ran, with its result if it has one."""
 
     source: Source
@@ -48,7 +48,7 @@ class Shell:
     def __init__(self, session: Session, settings: Settings | None = None) -> None:
         self.session = session
         self.settings = settings or Settings()
-        self.last: Ran | None = None
+        self.last: StatementRun | None = None
         self.failed = False  # whether any statement has
         self.cancelled = False  # whether Ctrl-C has ended a statement
         self.reading = 0  # the depth of files that read each other
@@ -58,65 +58,65 @@ class Shell:
 
         Raises Leave where one of them is `.exit`.
         """
-        return all(self.run_piece(piece, text, name, lines_before) for piece in pieces(text))
+        return all(self.run_piece(piece, text, name, lines_before) for piece in split_pieces(text))
 
-    def run_piece(self, piece: Piece, text: str, name: str = TYPED, lines_before: int = 0) -> bool:
+    def run_piece(self, piece: TypedPiece, text: str, name: str = TYPED, lines_before: int = 0) -> bool:
         """Runs one of them, and prints its result or its error."""
         try:
             if piece.is_command:
-                from ss2sql.shell.commands import run_command  # which imports this module
+                from ss2sql.shell.dot_commands import run_command  # which imports this module
 
                 run_command(self, piece.text)
             else:
                 self._run_statement(piece.source(text, name, lines_before))
-        except Broken:  # which has been printed
+        except FileFailed:  # which has been printed
             return False
         except (Error, UserError, CommandError, click.ClickException, KeyboardInterrupt) as error:
-            self.complain(error)
+            self.print_error(error)
             return False
         return True
 
     def _run_statement(self, source: Source) -> None:
-        self.last = Ran(source, None)
+        self.last = StatementRun(source, None)
         try:
             result = run_script(self.session, source, **self.settings.for_run())
         except Stopped as stopped:
-            self.complain(stopped)  # first, because printing the partial result may take a while
+            self.print_error(stopped)  # first, because printing the partial result may take a while
             if stopped.partial is not None and len(stopped.partial):
                 table = self.settings.format == "table"
-                self.print(stopped.partial if table else as_data(self.session, stopped.partial))
-            raise Broken from None
-        self.last = Ran(source, result)
-        self.print(result, _assigned(source) if result.answer is None else None)
+                self.print(stopped.partial if table else make_data(self.session, stopped.partial))
+            raise FileFailed from None
+        self.last = StatementRun(source, result)
+        self.print(result, _find_assigned_name(source) if result.answer is None else None)
         if self.settings.timer:
-            self.say(_seconds(result))
+            self.say(_format_seconds(result))
 
     def print(self, result: Result, assigned: str | None = None) -> None:
         """Prints a result; for an assignment a note, since its value is in the variable."""
         settings = self.settings
         if assigned is not None:
-            note(f"{assigned} = {written(result.value, MOST_ASSIGNED)}")
+            print_note(f"{assigned} = {written(result.value, MOST_ASSIGNED)}")
         elif settings.format != "table" or result.answer is not None:
-            output_of(settings.format, None, settings.show).write(result)
+            make_output(settings.format, None, settings.show).write(result)
         elif result.value is not None:
-            self.say(_cut(str(result.value)))
+            self.say(_cut_text(str(result.value)))
 
     def say(self, text: str) -> None:
         """Prints a line of output."""
-        click.echo(visible(text))
+        click.echo(escape_controls(text))
 
-    def complain(self, error: BaseException) -> None:
+    def print_error(self, error: BaseException) -> None:
         """Prints an error."""
         self.failed = True
         self.cancelled |= isinstance(error, (Cancelled, KeyboardInterrupt))
         sys.stdout.flush()
         if isinstance(error, Error):
             respell(error, SPELLINGS)
-        click.echo(_message(error), err=True, color=wants_color(sys.stderr))
+        click.echo(_format_message(error), err=True, color=wants_color(sys.stderr))
 
-    def say_sql(self, text: str) -> None:
+    def print_sql(self, text: str) -> None:
         """Prints SQL, with colors where these are wanted."""
-        text = visible(text)
+        text = escape_controls(text)
         if wants_color(sys.stdout):
             from pygments import highlight
             from pygments.formatters import TerminalFormatter
@@ -139,24 +139,24 @@ SPELLINGS = (
 )
 
 
-def _message(error: BaseException) -> str:
+def _format_message(error: BaseException) -> str:
     match error:
         case Error() | UserError() if writes_json():
             found = error.errors if isinstance(error, Error) else (error,)
             return "\n".join(json.dumps(one.as_dict(), ensure_ascii=False) for one in found)
         case Cancelled() | KeyboardInterrupt():
-            return "cancelled" + (told(error) if isinstance(error, Cancelled) else "")
+            return "cancelled" + (describe_found(error) if isinstance(error, Cancelled) else "")
         case Stopped():
-            return f"{render_all(error, wants_color(sys.stderr))}{told(error)}"
+            return f"{render_all(error, wants_color(sys.stderr))}{describe_found(error)}"
         case Error():
             return render_all(error, wants_color(sys.stderr))
         case click.ClickException():
-            return f"error: {visible(error.format_message())}"
+            return f"error: {escape_controls(error.format_message())}"
         case _:
-            return visible(str(error))
+            return escape_controls(str(error))
 
 
-def _assigned(source: Source) -> str | None:
+def _find_assigned_name(source: Source) -> str | None:
     """The name that a statement assigns to, if it is an assignment."""
     (statement, *_) = parse(source).statements
     match statement:
@@ -166,13 +166,13 @@ def _assigned(source: Source) -> str | None:
             return None
 
 
-def _cut(text: str) -> str:
+def _cut_text(text: str) -> str:
     if len(text) <= MOST_VALUE:
         return text
     return f"{text[:MOST_VALUE]}...\n{len(text):,} characters, the first {MOST_VALUE:,} shown; `.format json` shows all"
 
 
-def _seconds(result: Result) -> str:
+def _format_seconds(result: Result) -> str:
     parts: dict[str, Any] = result.stats.seconds
     stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in parts.items())
     return f"{sum(parts.values()):.3f} s: {stages}"

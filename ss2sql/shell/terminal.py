@@ -20,20 +20,20 @@ from prompt_toolkit.styles import Style
 
 import ss2sql
 from ss2sql.shell.colors import PROMPTS, STYLE, ShellLexer
-from ss2sql.shell.commands import EXAMPLE
-from ss2sql.shell.completion import signature, suggestions
-from ss2sql.shell.history import history_file, is_kept
-from ss2sql.shell.known import Known
-from ss2sql.shell.pieces import is_ready, open_bracket
-from ss2sql.shell.settings import SETTINGS, Settings, shown
-from ss2sql.shell.shell import Leave, Shell
+from ss2sql.shell.completion import complete, find_signature
+from ss2sql.shell.dot_commands import EXAMPLE
+from ss2sql.shell.history import belongs_in_history, open_history_file
+from ss2sql.shell.settings import SETTINGS, Settings, format_setting
+from ss2sql.shell.shell import ExitRequest, Shell
+from ss2sql.shell.statement_splitter import find_open_bracket, is_ready
+from ss2sql.shell.symbols import SymbolTable
 
 PROMPT, MORE = PROMPTS
 # Words that newcomers type to leave or to get help, each alone on a line.
 PLAIN_WORDS = {"exit": ".exit", "quit": ".exit", "\\q": ".exit", "help": ".help", "?": ".help", "\\h": ".help"}
 
 
-def meant(text: str, shell: Shell) -> str:
+def interpret_input(text: str, shell: Shell) -> str:
     """The input, or the dot command that a newcomer most likely means by it."""
     word = text.strip().removesuffix(";").strip()
     return PLAIN_WORDS.get(word.lower(), text) if word not in shell.session.host.names else text
@@ -44,7 +44,7 @@ class Terminal:
 
     def __init__(self, shell: Shell, remembers: bool = True, **streams: Any) -> None:
         self.shell = shell
-        self.known = Known(shell.session)
+        self.known = SymbolTable(shell.session)
         if "output" not in streams:
             streams["output"] = create_output(always_prefer_tty=True)  # results may go to a file
         self.prompts: PromptSession[str] = PromptSession(
@@ -73,19 +73,19 @@ class Terminal:
         print(welcome, file=sys.stdout if sys.stdout.isatty() else sys.stderr)  # a file gets results only
         while True:
             try:
-                self.shell.run(meant(self.prompts.prompt(), self.shell))
-            except (EOFError, Leave):
+                self.shell.run(interpret_input(self.prompts.prompt(), self.shell))
+            except (EOFError, ExitRequest):
                 return
             except KeyboardInterrupt:
                 continue
             finally:
-                self.known = Known(self.shell.session)
+                self.known = SymbolTable(self.shell.session)
 
     def _history(self, remembers: bool) -> History:
         if not remembers:
             return InMemoryHistory()
         try:
-            return _Remembered(history_file())
+            return _SelectiveHistory(open_history_file())
         except (OSError, RuntimeError) as error:  # RuntimeError: no home folder
             print(f"what you type will not be remembered: {error}", file=sys.stderr)
             return InMemoryHistory()
@@ -118,32 +118,32 @@ class Terminal:
         return keys
 
     def _is_ready(self, text: str) -> bool:
-        return is_ready(text) or meant(text, self.shell) != text
+        return is_ready(text) or interpret_input(text, self.shell) != text
 
     def toolbar(self, document: Document) -> StyleAndTextTuples:
         """The call around the cursor, or a hint."""
-        found = signature(document.text, document.cursor_position, self.known)
+        found = find_signature(document.text, document.cursor_position, self.known)
         if found is not None:
             entry, argument = found
-            return list(_signature(entry.name, entry.parameters or (), argument, entry.about))
+            return list(_format_signature(entry.name, entry.parameters or (), argument, entry.about))
         return [("", self._hint(document.text))]
 
     def _hint(self, text: str) -> str:
-        bracket = open_bracket(text)
+        bracket = find_open_bracket(text)
         if "\n" in text and bracket:
             how = "Enter runs it all the same, and " if is_ready(text) else ""
             return f" {bracket} is open; {how}Ctrl-C clears"
         if "\n" in text and not is_ready(text):
             return " a statement ends with ;  Ctrl-C clears"
         changed = [
-            f"{name} {shown(getattr(self.shell.settings, name))}"
+            f"{name} {format_setting(getattr(self.shell.settings, name))}"
             for name in SETTINGS
             if getattr(self.shell.settings, name) != getattr(Settings(), name)
         ]
         return " " + "   ".join([*changed, ".help", "Tab completes", "Ctrl-D leaves"])
 
 
-def _signature(name: str, parameters: tuple[str, ...], argument: int, about: str) -> Iterator[tuple[str, str]]:
+def _format_signature(name: str, parameters: tuple[str, ...], argument: int, about: str) -> Iterator[tuple[str, str]]:
     """A call with its current argument marked, and the function's description."""
     yield "", f" {name}("
     for index, parameter in enumerate(parameters):
@@ -163,17 +163,17 @@ class _Completer(Completer):
         before = document.text_before_cursor
         if not complete_event.completion_requested and not (before[-1:].isalnum() or before[-1:] in ("_", ".")):
             return
-        for one in suggestions(document.text, document.cursor_position, self.terminal.known):
+        for one in complete(document.text, document.cursor_position, self.terminal.known):
             yield Completion(
                 one.text, -one.length, display=one.shown or one.text, display_meta=one.about, style=f"class:{one.kind}"
             )
 
 
-class _Remembered(FileHistory):
+class _SelectiveHistory(FileHistory):
     """A history that stores only some entries in its file, and works without the file."""
 
     def append_string(self, string: str) -> None:
-        if is_kept(string):
+        if belongs_in_history(string):
             super().append_string(string)
 
     def load_history_strings(self) -> Iterable[str]:

@@ -1,8 +1,9 @@
-"""Python objects as virtual tables of SQLite: lists (vtables/sequences.py), and worlds.
+"""Python's objects as tables: adapters of simulators, frames and other sources, and what a query reads of them.
 
-For worlds, in the order of reading: vtables/base.py is the contract of adapters, vtables/schema.py checks their
-declarations, vtables/attached.py holds the worlds of a session, vtables/reading.py reads for one query,
-vtables/module.py serves SQLite, vtables/conformance.py tests adapters. `adapter_of` finds an object's adapter.
+contract is what an adapter declares, schema checks it with declared_types; attached_worlds is what a session makes of
+it. reading is what one query reads, with checked_input, batch_fetching, column_layouts, late_materialization,
+query_cache, snapshots and content_digest; hidden_names are shared with the SQL. body_columns, body_functions and
+pose_columns serve all simulators. `adapter_of` finds the adapter of an object by its type.
 """
 
 from __future__ import annotations
@@ -17,23 +18,23 @@ from types import NoneType
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError, SessionError
-from ss2sql.vtables.base import Column as Column
-from ss2sql.vtables.base import Element as Element
-from ss2sql.vtables.base import Gone as Gone
-from ss2sql.vtables.base import Table as Table
-from ss2sql.vtables.base import TableFunction as TableFunction
-from ss2sql.vtables.base import Where as Where
-from ss2sql.vtables.base import World as World
-from ss2sql.vtables.base import function as function
-from ss2sql.vtables.files import ATTACHED, cure_for, ending_of
+from ss2sql.language.file_sources import ATTACHED, find_file_ending, suggest_cure
+from ss2sql.vtables.contract import Column as Column
+from ss2sql.vtables.contract import Element as Element
+from ss2sql.vtables.contract import Gone as Gone
+from ss2sql.vtables.contract import Table as Table
+from ss2sql.vtables.contract import TableFunction as TableFunction
+from ss2sql.vtables.contract import Where as Where
+from ss2sql.vtables.contract import World as World
+from ss2sql.vtables.contract import function as function
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-GROUP = "ss2sql.worlds"  # of entry points: the name is that of a type, "module.Class", the value its adapter
+ENTRY_POINTS = "ss2sql.worlds"  # of entry points: the name is that of a type, "module.Class", the value its adapter
 
 # Adapters that ship with the package, by the type that they serve, imported on demand.
-SHIPPED: dict[str, str] = {
+SHIPPED_ADAPTERS: dict[str, str] = {
     "pybullet_utils.bullet_client.BulletClient": "ss2sql.vtables.pybullet:PyBulletWorld",
     "ss2sql.vtables.pybullet.scene.Scene": "ss2sql.vtables.pybullet:PyBulletWorld",
     "mujoco._structs.MjData": "ss2sql.vtables.mujoco:MuJoCoWorld",
@@ -62,18 +63,18 @@ def register_world(adapter: type[World]) -> type[World]:
     return adapter
 
 
-def known_types() -> tuple[str, ...]:
+def list_known_types() -> tuple[str, ...]:
     """The names of the types that have adapters."""
-    return tuple(sorted({*_registered, *SHIPPED, *(point.name for point in _entry_points())}))
+    return tuple(sorted({*_registered, *SHIPPED_ADAPTERS, *(point.name for point in _entry_points())}))
 
 
 def _entry_points() -> Iterable[EntryPoint]:
     from importlib.metadata import entry_points  # 10 ms, for sessions with worlds only
 
-    return entry_points(group=GROUP)
+    return entry_points(group=ENTRY_POINTS)
 
 
-def adapter_of(source: Any) -> World | None:
+def find_adapter(source: Any) -> World | None:
     """The world for an object: itself, what its method `__world__` gives, or by the adapter for its type; else None."""
     if isinstance(source, World):
         return source
@@ -83,12 +84,12 @@ def adapter_of(source: Any) -> World | None:
         if not isinstance(world, World):
             raise SessionError("S002", f"{type(source).__name__}.__world__ gives a {type(world).__name__}, not a World")
         return world
-    names = _names_of(type(source))
+    names = _type_names(type(source))
     for name in names:
         if name in _registered:
             return _registered[name](source)
-        if name in SHIPPED:
-            return _loaded(SHIPPED[name])(source)
+        if name in SHIPPED_ADAPTERS:
+            return _load_adapter(SHIPPED_ADAPTERS[name])(source)
     if type(source).__module__ in ("builtins", "numpy"):
         return None
     for point in _entry_points():
@@ -98,7 +99,7 @@ def adapter_of(source: Any) -> World | None:
     return None
 
 
-def _loaded(place: str) -> type[World]:
+def _load_adapter(place: str) -> type[World]:
     module, _, name = place.partition(":")
     adapter: type[World] = getattr(import_module(module), name)
     return adapter
@@ -115,47 +116,47 @@ def _has_adapter(kind: type) -> bool:
     """The same for a type, cached: reading entry points takes 10 ms, and FROM may walk many objects."""
     if issubclass(kind, World) or hasattr(kind, "__world__"):
         return True
-    return kind.__module__ not in ("builtins", "numpy") and not set(known_types()).isdisjoint(_names_of(kind))
+    return kind.__module__ not in ("builtins", "numpy") and not set(list_known_types()).isdisjoint(_type_names(kind))
 
 
-def _names_of(kind: type) -> list[str]:
+def _type_names(kind: type) -> list[str]:
     """The names by which adapters say that they serve a type, its own first."""
     return [f"{one.__module__}.{one.__qualname__}" for one in kind.__mro__[:-1]]
 
 
-def attachable(name: str, source: Any) -> Any:
+def make_attachable(name: str, source: Any) -> Any:
     """The object to attach for `source`: an iterator becomes a list, a number may mean a client of PyBullet.
 
     Raises SessionError S002 for the path of a file that cannot be attached.
     """
-    ending = ending_of(source)
+    ending = find_file_ending(source)
     if ending is not None and ending not in ATTACHED:
         path = os.fspath(source)
-        raise SessionError("S002", f"a file {ending} cannot be attached by its path", hints=(cure_for(path, name),))
+        raise SessionError("S002", f"a file {ending} cannot be attached by its path", hints=(suggest_cure(path, name),))
     pybullet = sys.modules.get("pybullet")  # without this import there are no clients
     if pybullet is not None and (source is pybullet or (type(source) is int and 0 <= source < PYBULLET_CLIENTS)):
         number = 0 if source is pybullet else source  # the default client of its functions
         if pybullet.getConnectionInfo(number)["isConnected"]:
-            return _loaded(SHIPPED["ss2sql.vtables.pybullet.scene.Scene"])(number)
-    from ss2sql.runtime.border import is_read_once
+            return _load_adapter(SHIPPED_ADAPTERS["ss2sql.vtables.pybullet.scene.Scene"])(number)
+    from ss2sql.language.conversion import is_read_once
 
     return list(source) if is_read_once(source) else source
 
 
 def refuse_unknown(source: Any) -> None:
     """Raises SessionError S002 for an object that is no value and has no columns, as it probably lacks an adapter."""
-    from ss2sql.runtime.border import normalise
+    from ss2sql.language.conversion import convert_value
 
     kind = type(source)
     if kind in (list, tuple, dict) or is_dataclass(source):
         return
     try:
-        plain = normalise(source, "the source")
+        plain = convert_value(source, "the source")
     except ExecutionError:
         return  # reading it raises the error
     if isinstance(plain, (bool, int, float, str, list, dict, bytes, NoneType)):
         return
-    known = ", ".join(known_types())
+    known = ", ".join(list_known_types())
     hints = (
         "what can be attached: lists, dicts of columns, data frames, numbers, texts and other values, worlds, paths of"
         " SQLite files" + (f", objects of the types {known}" if known else ""),

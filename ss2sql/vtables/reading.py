@@ -11,24 +11,24 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, Span
-from ss2sql.kinds import INT_MAX, INT_MIN
-from ss2sql.runtime.values import freeze
-from ss2sql.vtables.base import Element, Filter, Table, TableFunction, Where
-from ss2sql.vtables.cleaning import Clean
-from ss2sql.vtables.fetching import Fetch, fetcher
-from ss2sql.vtables.given import listed, listed_keys
-from ss2sql.vtables.layouts import Place
-from ss2sql.vtables.memories import Remembered, Remembering
-from ss2sql.vtables.schema import Guarded, Schema, broken, schema_of
+from ss2sql.language.kinds import INT_MAX, INT_MIN
+from ss2sql.language.values import make_hashable
+from ss2sql.vtables.batch_fetching import Fetch, make_fetcher
+from ss2sql.vtables.checked_input import list_keys, list_rows
+from ss2sql.vtables.column_layouts import Place
+from ss2sql.vtables.contract import Element, Filter, Table, TableFunction, Where
+from ss2sql.vtables.declared_types import Cleaner
+from ss2sql.vtables.query_cache import CacheOfQuery, QueryCache
+from ss2sql.vtables.schema import AdapterGuard, Schema, get_schema, make_adapter_error
 
 if TYPE_CHECKING:
-    from ss2sql.vtables.attached import AttachedTable
+    from ss2sql.vtables.attached_worlds import AttachedTable
 
 Read = Callable[[Any], Any]
 MOST_KEPT = 10_000  # lists of keys, and of rows of table functions
 
 
-def never_ended() -> None:
+def never_ends() -> None:
     """The check for readings that nothing can end."""
 
 
@@ -41,16 +41,16 @@ class Readings:
 
     def __init__(
         self,
-        remembered: Remembered | None = None,
+        remembered: QueryCache | None = None,
         once: bool = False,
         places: Iterable[tuple[AttachedTable, Span | None]] = (),
-        check: Callable[[], None] = never_ended,
+        check: Callable[[], None] = never_ends,
     ) -> None:
         self.once = once
         self.check = check
         self.places = dict(places)
         self._tables: dict[Table | TableFunction, Reading] = {}
-        self._memories: Remembered = {} if remembered is None else remembered
+        self._memories: QueryCache = {} if remembered is None else remembered
 
     def of(self, table: Table | TableFunction, span: Span | None = None) -> Reading:
         """The reading of a table; a table function that gives keys shares the data of its table.
@@ -59,7 +59,7 @@ class Readings:
         """
         known = self._tables.get(table)
         if known is None:
-            schema = schema_of(table)
+            schema = get_schema(table)
             shared = self.of(schema.walked, span) if schema.walked is not None else None
             memory = self._memories.setdefault(table.world, {})
             known = self._tables[table] = Reading(schema, shared, memory, span, self.once, self.check)
@@ -76,7 +76,7 @@ class Reading:
         memory: dict[str, Any] | None = None,
         span: Span | None = None,
         once: bool = False,
-        check: Callable[[], None] = never_ended,
+        check: Callable[[], None] = never_ends,
     ) -> None:
         self.schema = schema
         self.check = check
@@ -112,7 +112,7 @@ class Reading:
                 self._keep(key, found)
             self.given = found
             return found
-        return self.keys(where_of(zip(demands, values, strict=True), self.schema))
+        return self.keys(merge_demands(zip(demands, values, strict=True), self.schema))
 
     def keys(self, where: Where) -> list[Any]:
         """The keys that `where` allows, and perhaps others, in the order of the table."""
@@ -136,11 +136,11 @@ class Reading:
             if not self._checked:
                 world.check()
                 self._checked = True
-            return listed_keys(table.keys(where), self.check, self.schema)
+            return list_keys(table.keys(where), self.check, self.schema)
         except Error as error:
             raise error.located(self.span) from error.__cause__
         except Exception as error:
-            raise broken(self.schema, error).located(self.span) from error
+            raise make_adapter_error(self.schema, error).located(self.span) from error
         finally:
             world.remembered = outer
 
@@ -150,20 +150,20 @@ class Reading:
 
     def rows(self, arguments: Sequence[Any]) -> list[Any]:
         """The rows of a table function for these arguments: keys of its table, or tuples of clean values."""
-        asked = (tuple(map(type, arguments)), tuple(map(freeze, arguments)))
+        asked = (tuple(map(type, arguments)), tuple(map(make_hashable, arguments)))
         found = self._lists.get(asked)
         if found is None:
             table, schema = self.table, self.schema
             assert isinstance(table, TableFunction)
-            given = [own_key(argument, table.world) for argument in arguments]
-            with Guarded(schema, span=self.span), Remembering(table.world, self.memory):
+            given = [unwrap_key(argument, table.world) for argument in arguments]
+            with AdapterGuard(schema, span=self.span), CacheOfQuery(table.world, self.memory):
                 table.world.check()
                 raw = table.rows(*given)
                 if self._shared is not None:
-                    found = listed_keys(raw, self.check, schema)
+                    found = list_keys(raw, self.check, schema)
                 else:
                     names = tuple(schema.kinds)
-                    found = [schema.cleaned(names, row, "a row") for row in listed(raw, self.check)]
+                    found = [schema.cleaned(names, row, "a row") for row in list_rows(raw, self.check)]
             self._keep(asked, found)
         if self._shared is not None:
             self._shared.given = found
@@ -205,7 +205,7 @@ class Reading:
             return schema.cleaners[name]
         group = schema.group_of[name]
         known = self._rows[group].get
-        return _reader(schema.groups[group].places[name])(known, self.fetch(group))
+        return _make_reader(schema.groups[group].places[name])(known, self.fetch(group))
 
     def fetch(self, group: str) -> Fetch:
         """The fetcher of a group; its columns share one, since blocks grow with what is read."""
@@ -214,7 +214,7 @@ class Reading:
         found = self._fetches.get(group)
         if found is None:
             assert isinstance(self.table, Table)
-            found = self._fetches[group] = fetcher(self, self.table, group, self._rows[group])
+            found = self._fetches[group] = make_fetcher(self, self.table, group, self._rows[group])
         return found
 
     def known(self, group: str) -> Callable[[Any], tuple[Any, ...] | None]:
@@ -229,16 +229,16 @@ class Reading:
         return (self if self._shared is None else self._shared)._handles.setdefault(name, {})
 
     @property
-    def clean_key(self) -> Clean | None:
+    def make_key_cleaner(self) -> Cleaner | None:
         """The function that converts a key to a value of the key column, if there is one."""
         return self.schema.cleaners.get(getattr(self.schema.keyed, "key", ""))
 
     # --- the snapshot ----------------------------------------------------------------------------------
 
-    def take(self, columns: Iterable[str]) -> None:
+    def freeze_columns(self, columns: Iterable[str]) -> None:
         """Reads all keys and these columns now; later reads see them as they were."""
         if self._shared is not None:
-            self._shared.take(columns)
+            self._shared.freeze_columns(columns)
             return
         if not isinstance(self.table, Table):
             return
@@ -251,7 +251,7 @@ class Reading:
 
 
 @cache
-def _reader(place: Place) -> Callable[[Callable[[Any], Any], Fetch], Read]:
+def _make_reader(place: Place) -> Callable[[Callable[[Any], Any], Fetch], Read]:
     """Generates the function that reads the column at a place, from known values or by a fetch."""
     lines = ["def make(known, fetch):", " def read(key):", "  values = known(key)", "  if values is None:"]
     lines += ["   values = fetch(key)", f"  return {place.code('values')}", " return read"]
@@ -260,7 +260,7 @@ def _reader(place: Place) -> Callable[[Callable[[Any], Any], Fetch], Read]:
     return made["make"]  # type: ignore[no-any-return]
 
 
-def own_key(value: Any, world: Any) -> Any:
+def unwrap_key(value: Any, world: Any) -> Any:
     """An argument as the adapter gets it: the key in place of an element of its own."""
     if isinstance(value, Element) and (value.world is world or value.world.source is world.source):
         return value.key
@@ -273,7 +273,7 @@ NOTHING = Where()
 _NUMBERS = (int, float)
 
 
-def where_of(demands: Iterable[tuple[tuple[str, str], Any]], schema: Schema) -> Where:
+def merge_demands(demands: Iterable[tuple[tuple[str, str], Any]], schema: Schema) -> Where:
     """The conjunction of comparisons ((column, operator), value).
 
     A value that cannot be compared with the column is ignored, since the row is tested again.

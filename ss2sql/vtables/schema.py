@@ -1,6 +1,6 @@
 """The schema of a table: the types of its columns, and the conversion of their values.
 
-Every value of a world passes through `schema_of(table)`, on both executors: NumPy's scalars become numbers, integers
+Every value of a world passes through `get_schema(table)`, on both executors: NumPy's scalars become numbers, integers
 in float columns floats, tuples lists. Values that do not fit are refused with the names of table and column.
 """
 
@@ -13,14 +13,14 @@ from math import hypot
 from typing import Any
 
 from ss2sql.errors import Error, ExecutionError, SessionError, Span, did_you_mean
-from ss2sql.kinds import Kind, Type
-from ss2sql.runtime.messages import show
-from ss2sql.vtables.base import LARGEST, OPERATORS, Column, Gone, Table, TableFunction, World, WorldFunction
-from ss2sql.vtables.cleaning import Clean, can_be_written, cleaner, kind_of, quick_test
-from ss2sql.vtables.layouts import Layout
+from ss2sql.language.kinds import Kind, Type
+from ss2sql.language.value_messages import format_value
+from ss2sql.vtables.column_layouts import Layout
+from ss2sql.vtables.contract import LARGEST, OPERATORS, Column, Gone, Table, TableFunction, World, WorldFunction
+from ss2sql.vtables.declared_types import Cleaner, find_declared_type, is_encodable, make_cleaner, make_quick_test
 
 
-def schema_of(table: Table | TableFunction) -> Schema:
+def get_schema(table: Table | TableFunction) -> Schema:
     """The schema of a table, made once. Raises SessionError S002 for declarations that contradict each other."""
     known: Schema | None = table.__dict__.get("_schema")
     if known is None:
@@ -48,12 +48,12 @@ class Schema:
         columns = table.columns if self.walked is None else self.walked.columns
         self.columns: tuple[Column, ...] = tuple(columns)
         self.kinds: dict[str, Type] = {}
-        self.cleaners: dict[str, Clean] = {}
+        self.cleaners: dict[str, Cleaner] = {}
         for column in self.columns:
             self._declare(column)
         self.texts = frozenset(name for name, kind in self.kinds.items() if kind.only(Kind.STR | Kind.NONE))
         self.groups: dict[str, Layout] = {}  # of each group its columns
-        self.quick_tests: dict[str, Callable[[Any], bool]] = {}  # of each group; see `quick_test` and `block_test`
+        self.quick_tests: dict[str, Callable[[Any], bool]] = {}  # of each group; see `make_quick_test` and `block_test`
         self.block_tests: dict[str, Callable[[Sequence[Any]], bool]] = {}
         self.arrays: frozenset[str] = frozenset()
         self.blocks: frozenset[str] = frozenset()
@@ -61,7 +61,7 @@ class Schema:
         self.places: dict[str, tuple[str, ...]] = {}  # of `this`, or of a column, the columns of its coordinates
         self.items: dict[str, tuple[str, ...]] = {}  # the columns that are the items of a list column
         if self.walked is not None:
-            walked = schema_of(self.walked)
+            walked = get_schema(self.walked)
             self.groups, self.group_of, self.places = walked.groups, walked.group_of, walked.places
             self.arrays, self.blocks, self.items = walked.arrays, walked.blocks, walked.items
         elif isinstance(table, Table):
@@ -80,11 +80,11 @@ class Schema:
         return SessionError("S002", f"the table '{self.title}' of {owner}: {message}", hints=hints)
 
     def _declare(self, column: Column) -> None:
-        from ss2sql.runtime.functions import check_name
+        from ss2sql.frontend.user_functions import check_name
 
         try:
             check_name(column.name)
-            kind = kind_of(column.type)
+            kind = find_declared_type(column.type)
         except (SessionError, TypeError) as error:
             raise self._refuse(f"the column '{column.name}' is declared wrongly: {error}") from None
         if column.name in self.kinds:
@@ -94,10 +94,10 @@ class Schema:
                 message = f"the column '{column.name}' cannot be filtered by '{operator}'"
                 raise self._refuse(message, f"choose from {' '.join(OPERATORS)}")
         self.kinds[column.name] = kind
-        self.cleaners[column.name] = cleaner(kind, f"the column '{column.name}' of {self.title}")
+        self.cleaners[column.name] = make_cleaner(kind, f"the column '{column.name}' of {self.title}")
 
     def _read_groups(self, table: Table) -> None:
-        from ss2sql.vtables.base import Table as Base
+        from ss2sql.vtables.contract import Table as Base
 
         if type(table).keys is Base.keys:
             raise self._refuse("it has no method keys(where)")
@@ -125,14 +125,14 @@ class Schema:
             if name in self.group_of or name == table.key or layout.names.count(name) > 1:
                 raise self._refuse(f"the column '{name}' is given twice")
             self.group_of[name] = group
-        wrong = layout.contradiction(self.kinds)
+        wrong = layout.find_contradiction(self.kinds)
         if wrong is None and group in self.arrays and not layout.is_flat:
             wrong = "it gives arrays, one for each column"
         if wrong is not None:
             raise self._refuse(f"the group '{group}': {wrong}")
         self.items.update(layout.items)
-        tested = quick_test(layout.tested(self.kinds)) if len(layout.parts) > 1 or group in self.blocks else None
-        self.quick_tests[group] = tested or _never
+        tested = make_quick_test(layout.tested(self.kinds)) if len(layout.parts) > 1 or group in self.blocks else None
+        self.quick_tests[group] = tested or _reject_all
         self.block_tests[group] = self._block_test(layout)
 
     def _read_places(self, table: Table) -> None:
@@ -165,7 +165,7 @@ class Schema:
         shown = (n if d is inspect.Parameter.empty else f"{n}={d!r}" for n, d in defaults.items())
         self.signature = f"{table.name}({', '.join(shown)})"
         if table.table:
-            walked = next((t for t in tables_of(table.world) if t.name == table.table), None)
+            walked = next((t for t in get_tables(table.world) if t.name == table.table), None)
             if not isinstance(walked, Table) or table.columns:
                 raise self._refuse(f"it gives keys of '{table.table}', and has no columns of its own")
             self.walked = walked
@@ -180,7 +180,7 @@ class Schema:
         try:
             return layout.cleaned(self.cleaners, raw)
         except (TypeError, ValueError):
-            raise self._miscounted(layout.heads, raw, f"the group '{group}'") from None
+            raise self._make_count_error(layout.heads, raw, f"the group '{group}'") from None
 
     def quick_test(self, group: str) -> Callable[[Any], bool]:
         """A test whether `row` would leave a tuple unchanged; False if unsure. It takes 0.2 us, `row` 1.1."""
@@ -197,8 +197,8 @@ class Schema:
         if all(isinstance(kind, tuple) and set(kind) <= _HAVE_SIZE for kind in kinds):
             return lambda rows: _within_limits(chain.from_iterable(rows))
         if kinds == (Kind.STR,):
-            return lambda rows: can_be_written("".join(chain.from_iterable(rows)))
-        fits = quick_test(kinds) or _never
+            return lambda rows: is_encodable("".join(chain.from_iterable(rows)))
+        fits = make_quick_test(kinds) or _reject_all
         return lambda rows: all(map(fits, rows))
 
     def cleaned(self, names: Sequence[str], raw: Any, giver: str) -> tuple[Any, ...]:
@@ -207,9 +207,9 @@ class Schema:
         try:
             return tuple([cleaners[name](value) for name, value in zip(names, raw, strict=True)])
         except (TypeError, ValueError):
-            raise self._miscounted(names, raw, giver) from None
+            raise self._make_count_error(names, raw, giver) from None
 
-    def _miscounted(self, names: Sequence[str], raw: Any, giver: str) -> ExecutionError:
+    def _make_count_error(self, names: Sequence[str], raw: Any, giver: str) -> ExecutionError:
         count = f"{len(raw)} values" if hasattr(raw, "__len__") else f"a {type(raw).__name__}"
         text = f"{giver} of {self.title} gives {count} for the {len(names)} columns {', '.join(names)}"
         return failure(text)
@@ -236,7 +236,7 @@ class Schema:
         if name == table.key:
             return self.cleaners[name](key)
         group = self.group_of[name]
-        with Guarded(self, key):
+        with AdapterGuard(self, key):
             raw = getattr(table, group)([key] if group in self.arrays or group in self.blocks else key)
             if group in self.blocks:
                 (raw,) = raw
@@ -252,11 +252,11 @@ def _within_limits(rows: Iterable[Any]) -> bool:
     return sum(starmap(hypot, rows)) <= LARGEST  # false where one is NaN
 
 
-def _never(values: Any) -> bool:
+def _reject_all(values: Any) -> bool:
     return False
 
 
-class Guarded:
+class AdapterGuard:
     """A context for calls of the adapter: its exceptions become errors of ours with the reason and a place."""
 
     __slots__ = ("key", "schema", "span")
@@ -273,20 +273,20 @@ class Guarded:
         if isinstance(error, Error):
             error.located(self.span)
         elif isinstance(error, Exception):
-            raise broken(self.schema, error, self.key).located(self.span) from error
+            raise make_adapter_error(self.schema, error, self.key).located(self.span) from error
 
 
-def broken(schema: Schema, error: Exception, key: Hashable = None) -> Error:
+def make_adapter_error(schema: Schema, error: Exception, key: Hashable = None) -> Error:
     """The error for an adapter's exception while it read the element with a key, or the keys."""
-    what = schema.title if key is None else f"{schema.title}[{show(key)}]"
-    reason = _said_by(error)
+    what = schema.title if key is None else f"{schema.title}[{format_value(key)}]"
+    reason = _quote_exception(error)
     if isinstance(error, Gone):
         return failure(f"{what} no longer exists{reason}", "ask for the elements anew: SELECT ... FROM the world")
     hint = "the adapter raised it: its traceback is that of error.__cause__"
     return failure(f"{what} cannot be read: {type(error).__name__}{reason}", hint)
 
 
-def _said_by(error: Exception) -> str:
+def _quote_exception(error: Exception) -> str:
     """An exception's message after a colon; empty where it has none, or raises itself."""
     try:
         text = str(error)
@@ -300,7 +300,7 @@ def failure(message: str, *hints: str) -> ExecutionError:
     return ExecutionError("X011", message, hints=hints)
 
 
-def tables_of(world: World) -> tuple[Table | TableFunction, ...]:
+def get_tables(world: World) -> tuple[Table | TableFunction, ...]:
     """The tables of a world, made once for each world. Raises SessionError S002 where it has none, or two of a name."""
     known: tuple[Table | TableFunction, ...] | None = world.__dict__.get("_tables")
     if known is None:

@@ -6,15 +6,15 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
-from ss2sql import plan
 from ss2sql.errors import Span
-from ss2sql.records import dataclass
-from ss2sql.vtables.memories import Remembered
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.plan_traversal import walk
+from ss2sql.vtables.query_cache import QueryCache
 from ss2sql.vtables.reading import Readings
-from ss2sql.walk import walk
 
 if TYPE_CHECKING:
-    from ss2sql.vtables.attached import AttachedTable
+    from ss2sql.vtables.attached_worlds import AttachedTable
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +29,14 @@ class Snapshot:
     once: bool = False
     places: tuple[tuple[AttachedTable, Span | None], ...] = ()
 
-    def begin(self, remembered: Remembered | None, check: Callable[[], None]) -> Readings:
+    def begin(self, remembered: QueryCache | None, check: Callable[[], None]) -> Readings:
         """The readings of a run of the query, with the copy made. `remembered` gets the caches of worlds.
 
         `check` raises where the run has to end.
         """
         readings = Readings(remembered, self.once, self.places, check)
         for table, place, columns in self.columns:
-            readings.of(table.table, place).take(columns)
+            readings.of(table.table, place).freeze_columns(columns)
         return readings
 
 
@@ -44,7 +44,7 @@ NO_SNAPSHOT = Snapshot()
 _SOURCES = (plan.ValueSource, plan.TableSource, plan.QuerySource, plan.WorldSource)
 
 
-def snapshot_for(roots: Collection[Any]) -> Snapshot:
+def plan_snapshot(roots: Collection[Any]) -> Snapshot:
     """The snapshot for these parts of a plan, which run together.
 
     Only functions of the user or of a world can move it. The string of an `eval` may call any, and read any column.
@@ -53,7 +53,7 @@ def snapshot_for(roots: Collection[Any]) -> Snapshot:
     sources = [node for node in nodes if isinstance(node, plan.WorldSource)]
     if not sources:
         return NO_SNAPSHOT
-    places = tuple((table, first_place(table, roots)) for table in {source.table: None for source in sources})
+    places = tuple((table, find_first_place(table, roots)) for table in {source.table: None for source in sources})
     if not any(map(_may_move, nodes)):
         return Snapshot((), _reads_once(nodes), places)
     texts = any(isinstance(node, plan.Eval) for node in nodes)
@@ -65,7 +65,7 @@ def snapshot_for(roots: Collection[Any]) -> Snapshot:
         for node in nodes:
             if isinstance(node, plan.Column) and node.source == source.id:
                 wanted[node.name] = None
-    copied = tuple((table, first_place(table, roots), tuple(wanted)) for table, wanted in columns.items())
+    copied = tuple((table, find_first_place(table, roots), tuple(wanted)) for table, wanted in columns.items())
     return Snapshot(copied, places=places)
 
 
@@ -81,7 +81,7 @@ def _reads_once(nodes: Sequence[Any]) -> bool:
     )
 
 
-def first_place(table: AttachedTable, roots: Iterable[Any]) -> Span | None:
+def find_first_place(table: AttachedTable, roots: Iterable[Any]) -> Span | None:
     """The first span of the table in FROM in these parts of a plan."""
     nodes = chain.from_iterable(walk(root) for root in roots if root is not None)
     return next((node.span for node in nodes if isinstance(node, plan.WorldSource) and node.table is table), None)

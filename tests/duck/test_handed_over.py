@@ -9,8 +9,8 @@ from agreement import exact
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.duck import joining
-from ss2sql.runtime.duck.tables import Reading
+from ss2sql.runtime.external import join_pushdown
+from ss2sql.runtime.external.duckdb_sources import DuckTransaction
 from ss2sql.vtables.frames.frame import Column
 
 duckdb = pytest.importorskip("duckdb")
@@ -164,7 +164,7 @@ def test_more_rows_than_the_tables_have(ss: ss2sql.Session, monkeypatch: pytest.
     result = ss.run(script)
     assert result.value == expected
     assert handed(result) == ["a, b with a.here == b.here AND a.there > 30"]
-    monkeypatch.setattr(joining, "FEW", 0)
+    monkeypatch.setattr(join_pushdown, "MAX_JOINED_ROWS", 0)
     assert ss.run(script).value == expected  # few enough with both conditions
     result = ss.run(script.replace(" AND a.there > 30", ""))
     assert len(result.value) == 270
@@ -188,15 +188,15 @@ def test_what_is_no_value_of_the_language(own: Any, ss: ss2sql.Session) -> None:
 
 @pytest.mark.parametrize("script", ["a.id == b.id AND turned(a.id) != '3'", "a.id > 9 AND turned(b.id) != '3'"])
 def test_what_duckdb_refuses(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
-    rows = Reading.rows
+    rows = DuckTransaction.rows
 
-    def full(reading: Reading, text: str, values: Any = None) -> Any:
+    def full(reading: DuckTransaction, text: str, values: Any = None) -> Any:
         if "towns" in text and "COUNT(*)" in text and "WHERE" in text:
             raise duckdb.OutOfMemoryException("no room")
         return rows(reading, text, values)
 
     for name in ("rows", "arrow"):
-        monkeypatch.setattr(Reading, name, full)
+        monkeypatch.setattr(DuckTransaction, name, full)
     with pytest.raises(ss2sql.ExecutionError, match="duckdb: no room") as caught:
         ss.run(f"SELECT b.id FROM a = towns, b = towns WHERE {script} AS list")
     assert caught.value.span is not None

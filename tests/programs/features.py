@@ -7,8 +7,8 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from ss2sql.errors import Source
-from ss2sql.frontend import ast
-from ss2sql.frontend.parser import parse
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.parser import parse
 
 AGGREGATES = frozenset({"count", "sum", "min", "max", "average"})
 

@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Any, assert_never
 
 from ss2sql.errors import Error, Source
-from ss2sql.frontend import ast
-from ss2sql.frontend.parser import parse
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.parser import parse
 
 from . import groups, paths, queries, sight
 from .functions import BUILTINS, aggregate

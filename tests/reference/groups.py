@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.frontend import ast
+from ss2sql.frontend.syntax import ast
 
 from . import queries
 from .functions import AGGREGATES

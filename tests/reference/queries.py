@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.frontend import ast
+from ss2sql.frontend.syntax import ast
 
 from . import groups, paths, search
 from .functions import BUILTINS

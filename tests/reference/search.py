@@ -9,7 +9,7 @@ from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.frontend import ast
+from ss2sql.frontend.syntax import ast
 
 from . import groups, paths, queries
 from .sight import Frame, elements_of, mentions

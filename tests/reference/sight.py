@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
-from ss2sql.frontend import ast
+from ss2sql.frontend.syntax import ast
 
 from .values import Failure, fresh
 

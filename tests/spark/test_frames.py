@@ -10,7 +10,7 @@ from agreement import exact
 from level_searches import SHORT, ended, may_fail
 
 import ss2sql
-from ss2sql.runtime.levels import beginning, spark_frame, spark_search
+from ss2sql.runtime.external import first_levels, spark_search
 
 pytestmark = pytest.mark.slow
 
@@ -40,9 +40,13 @@ def test_rows_are_those_of_the_list(
     ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, strategy: str, states: int
 ) -> None:
     """Whatever is searched here, in Python and in SQL; with goals in several levels, which are numbered in parts."""
-    monkeypatch.setattr(beginning, "STATES", states)
+    monkeypatch.setattr(first_levels, "MAX_STATES", states)
     if states == 0:
-        for module, name, number in ((spark_search, "FEW", 0), (spark_frame, "FEW", 0), (spark_frame, "JOINS", 1)):
+        for module, name, number in (
+            (spark_search, "FEW", 0),
+            (spark_dataframe, "FEW", 0),
+            (spark_dataframe, "JOINS", 1),
+        ):
             monkeypatch.setattr(module, name, number)
     ss.function("step", lambda n, more: [(n + more) % 9, str(n)], volatility="immutable")
     for row, n in (
@@ -62,7 +66,7 @@ def test_rows_are_those_of_the_list(
 def test_the_first_paths(
     ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, maximum: str, limit: str, given: Any, states: int
 ) -> None:
-    monkeypatch.setattr(beginning, "STATES", states)
+    monkeypatch.setattr(first_levels, "MAX_STATES", states)
     agree(ss, GROWING.format(maximum, f"STOP WITH n > 4 {limit}" if given is None else ""), maximum=given)
 
 

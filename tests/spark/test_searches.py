@@ -20,8 +20,8 @@ from level_searches import BY_LENGTH, FORMS, MOVES, SHORT, agree, by_sheet, fail
 from programs.drawn import PROGRAMS, drawn
 
 import ss2sql
-from ss2sql.runtime.levels import beginning, spark_search, spark_steps
-from ss2sql.runtime.levels.spark_store import Store
+from ss2sql.runtime.external import first_levels, spark_search, spark_steps
+from ss2sql.runtime.external.spark_store import SparkStore
 
 pytestmark = pytest.mark.slow
 
@@ -59,13 +59,13 @@ def test_large_levels_are_numbered_in_parts(ss: ss2sql.Session, monkeypatch: pyt
     for name, number in {"FEW": 0, "GOALS": 2, "AT_ONCE": 0, "TABLES": 2}.items():
         monkeypatch.setattr(spark_search, name, number)
     plans: list[str] = []
-    persisted = Store.persisted
+    persisted = SparkStore.persist_frame
 
-    def look(self: Store, frame: Any) -> Any:
+    def look(self: SparkStore, frame: Any) -> Any:
         plans.append(frame._jdf.queryExecution().executedPlan().toString())
         return persisted(self, frame)
 
-    monkeypatch.setattr(Store, "persisted", look)
+    monkeypatch.setattr(SparkStore, "persist_frame", look)
     agree(ss, script)
     large = [text for text in plans if "rangepartitioning(place" in text]
     assert large
@@ -143,9 +143,9 @@ def test_each_step_is_tried_once(
         return min(n + more, 5)
 
     if at_first:
-        monkeypatch.setattr(beginning, "STATES", 2000)
+        monkeypatch.setattr(first_levels, "MAX_STATES", 2000)
         ticks = count(0, 3600)
-        monkeypatch.setattr(beginning, "time", SimpleNamespace(monotonic=lambda: next(ticks)))
+        monkeypatch.setattr(first_levels, "time", SimpleNamespace(monotonic=lambda: next(ticks)))
     ss.function("noted", noted, volatility="immutable")
     script = "SELECT noted(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = noted(n, this) AS list;"
     result = ss.run(script)

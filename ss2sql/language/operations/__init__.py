@@ -1,45 +1,46 @@
-"""The table of operations: one row for each operator, built-in function and aggregate; row.py says what is in a row.
+"""The table of operations: a row for each operator, built-in function and aggregate.
 
-Read by the resolver (`result`, `can_fail`, `arity`), both engines and other databases (forms), completion, help and
-the docs (`call`, `about`, `example`), and tests/test_operations.py, which asks every row for its promises.
+The resolver reads types and arity, both engines and other databases read the forms, completion and documentation the
+texts. operation says what a row holds; argument_checks and intervals serve many rows; the rows stand in arithmetic,
+comparison, numbers, strings, lists, dates, generic, aggregates, linked_paths and special_forms.
 """
 
 from __future__ import annotations
 
 from ss2sql.language.operations import (
     aggregates,
-    anything,
     arithmetic,
     comparison,
     dates,
+    generic,
+    linked_paths,
     lists,
     numbers,
-    paths,
-    session,
+    special_forms,
     strings,
 )
-from ss2sql.language.operations.row import Check as Check
-from ss2sql.language.operations.row import Form as Form
-from ss2sql.language.operations.row import Group as Group
-from ss2sql.language.operations.row import Operation as Operation
+from ss2sql.language.operations.operation import Check as Check
+from ss2sql.language.operations.operation import Form as Form
+from ss2sql.language.operations.operation import Group as Group
+from ss2sql.language.operations.operation import Operation as Operation
 
-PAGES = (arithmetic, comparison, lists, aggregates, numbers, strings, anything, dates, session, paths)
+MODULES = (arithmetic, comparison, lists, aggregates, numbers, strings, generic, dates, special_forms, linked_paths)
 
-OPERATIONS: dict[str, Operation] = {row.name: row for page in PAGES for row in page.OPERATIONS}
+OPERATIONS: dict[str, Operation] = {row.name: row for page in MODULES for row in page.OPERATIONS}
 WRITTEN = {name: row for name, row in OPERATIONS.items() if " " not in name}  # the others are no names in scripts
 GROUPS: dict[str, Group] = {name: row.group for name, row in OPERATIONS.items() if row.group is not None}
 GROUPS["collect"] = aggregates.COLLECT
 # Those that always give a bool; in SQL they give a flag.
 PREDICATES = frozenset(name for name, row in OPERATIONS.items() if row.arity == (2, 2) and row.symbol and row.negated)
-OF_OPERATORS = frozenset(name for name, row in OPERATIONS.items() if row.symbol) | {"neg", "item", "slice"}
+OPERATOR_FUNCTIONS = frozenset(name for name, row in OPERATIONS.items() if row.symbol) | {"neg", "item", "slice"}
 
 
-def checked() -> None:
+def check_operations() -> None:
     """Raises AssertionError for a row that contradicts itself or another one."""
-    assert len(OPERATIONS) == sum(len(page.OPERATIONS) for page in PAGES), "two rows have one name"
+    assert len(OPERATIONS) == sum(len(page.OPERATIONS) for page in MODULES), "two rows have one name"
     for name, row in OPERATIONS.items():
         assert not row.negated or OPERATIONS[row.negated].negated == name
         assert not row.mirrored or OPERATIONS[row.mirrored].mirrored == name
 
 
-checked()
+check_operations()

@@ -9,11 +9,12 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.kinds import FLOAT, NONE, NOTHING, Kind, Type, union
-from ss2sql.language.operations.arguments import as_list, kinds_of_numbers, number, wrong
-from ss2sql.language.operations.intervals import INTEGER, fits, integers, is_nonnegative, numbers
+from ss2sql.language.cancellation import iterate_checked
+from ss2sql.language.kinds import FLOAT, NONE, NOTHING, Kind, Type, union
+from ss2sql.language.operations.argument_checks import check_list, check_number, check_numbers, misuse
+from ss2sql.language.operations.intervals import INTEGER, bound_integers, fits, is_nonnegative, make_numbers
 from ss2sql.language.operations.lists import LENGTH, are_not_lists, length_type
-from ss2sql.language.operations.row import (
+from ss2sql.language.operations.operation import (
     Check,
     Form,
     Group,
@@ -26,9 +27,8 @@ from ss2sql.language.operations.row import (
     exactly,
     operation,
 )
-from ss2sql.runtime.checking import watched
-from ss2sql.runtime.messages import CURES, check, show
-from ss2sql.runtime.values import freeze
+from ss2sql.language.value_messages import CURES, check_arithmetic, format_value
+from ss2sql.language.values import make_hashable
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -36,18 +36,18 @@ if TYPE_CHECKING:
 # --- sums ----------------------------------------------------------------------------------------------
 
 
-def total(values: list[Any]) -> Any:
+def compute_sum(values: list[Any]) -> Any:
     """The sum: exact of integers, of floats rounded once, so that the order does not matter."""
-    return total_of_floats(values) if any(type(value) is float for value in values) else total_of_integers(values)
+    return sum_floats(values) if any(type(value) is float for value in values) else sum_integers(values)
 
 
-def total_of_integers(values: list[int]) -> int:
-    return int(check(sum(values), CURES["sum"]))
+def sum_integers(values: list[int]) -> int:
+    return int(check_arithmetic(sum(values), CURES["sum"]))
 
 
-def total_of_floats(values: list[float]) -> float:
+def sum_floats(values: list[float]) -> float:
     """The sum of numbers, some of them floats."""
-    return float(check(_sum_of_floats(values)))
+    return float(check_arithmetic(_sum_of_floats(values)))
 
 
 def _sum_of_floats(values: list[float]) -> float:
@@ -60,7 +60,7 @@ def _sum_of_floats(values: list[float]) -> float:
 def _exact_sum(values: Iterable[float]) -> Fraction:
     from fractions import Fraction  # rarely needed, and slow to import
 
-    return sum(map(Fraction, watched(values)), Fraction())
+    return sum(map(Fraction, iterate_checked(values)), Fraction())
 
 
 def _float(value: Fraction) -> float:
@@ -94,7 +94,7 @@ def _items(kinds: Kind) -> When:
     return when
 
 
-def _are_floats(types: Types) -> bool:
+def _may_sum_floats(types: Types) -> bool:
     """Whether the values are floats: the sum of none is an integer."""
     return _items(Kind.FLOAT)(types) and bool(types[0].positions)
 
@@ -103,7 +103,7 @@ def _sum_of_list(types: Types) -> Type:
     item = element(types[0])
     kinds = Kind.INT | (item.kinds & Kind.FLOAT)
     if (sums := _known_sums(types[0])) is not None:
-        return numbers(kinds, sums)
+        return make_numbers(kinds, sums)
     negative = item.may(Kind.NUMBER) and not is_nonnegative(item)
     positive = item.may(Kind.NUMBER) and (item.high is None or item.high > 0)
     return Type(kinds, None if negative else 0, None if positive else 0)
@@ -121,7 +121,7 @@ def _sum_can_fail(types: Types) -> bool:
 
 def _known_sums(kind: Type) -> tuple[int, int] | None:
     """The bounds of the sums of lists whose elements are known one by one as integers."""
-    limits = [integers(part) for part in kind.positions or ()]
+    limits = [bound_integers(part) for part in kind.positions or ()]
     if not limits or None in limits or not all(part.only(INTEGER) for part in kind.positions or ()):
         return None
     known = [limit for limit in limits if limit is not None]
@@ -131,7 +131,7 @@ def _known_sums(kind: Type) -> tuple[int, int] | None:
 # --- means ---------------------------------------------------------------------------------------------
 
 
-def mean(values: list[Any]) -> float:
+def compute_mean(values: list[Any]) -> float:
     if not any(type(value) is float for value in values):
         return float(sum(values) / len(values))
     try:
@@ -140,7 +140,7 @@ def mean(values: list[Any]) -> float:
         return _float(_exact_sum(values) / len(values))
 
 
-def _averaged(types: Types) -> bool:
+def _is_averaged_exactly(types: Types) -> bool:
     """Integers so small that a float holds the sum of 2^32 of them."""
     return types[0].kinds & ~Kind.NONE == Kind.INT and types[0].bounded(2**21)
 
@@ -148,11 +148,11 @@ def _averaged(types: Types) -> bool:
 # --- counts --------------------------------------------------------------------------------------------
 
 
-def _different(values: list[Any]) -> int:
-    return len({freeze(value) for value in watched(values)})
+def _count_distinct(values: list[Any]) -> int:
+    return len({make_hashable(value) for value in iterate_checked(values)})
 
 
-def _one_of(*kinds: Kind) -> When:
+def _accept_kinds(*kinds: Kind) -> When:
     """Tests whether all values are of one of these kinds, or None."""
     return lambda types: types[0].kinds & ~Kind.NONE in kinds
 
@@ -161,9 +161,9 @@ def _variance(values: list[Any]) -> float | None:
     """The variance of a sample; None for fewer than two values."""
     if len(values) < 2:
         return None
-    middle = mean(values)
+    middle = compute_mean(values)
     squares = [(value - middle) * (value - middle) for value in values]
-    return float(check(_sum_of_floats(squares) / (len(values) - 1)))
+    return float(check_arithmetic(_sum_of_floats(squares) / (len(values) - 1)))
 
 
 def _deviation(values: list[Any]) -> float | None:
@@ -175,28 +175,28 @@ def _median(values: list[Any]) -> float:
     """The middle number, or the mean of the two in the middle."""
     ordered = sorted(values)
     half = len(ordered) // 2
-    return float(ordered[half]) if len(ordered) % 2 else mean(ordered[half - 1 : half + 1])
+    return float(ordered[half]) if len(ordered) % 2 else compute_mean(ordered[half - 1 : half + 1])
 
 
 def _percentile(values: Any, part: Any) -> float | None:
     """The number that has this part of the others below it, interpolated between two of them."""
-    kinds_of_numbers("percentile", as_list("percentile", values))
-    if not 0 <= number("percentile", part) <= 1:
-        raise wrong(f"percentile of {show(part)}", "the part is a number from 0 to 1: percentile(x, 0.9)")
+    check_numbers("percentile", check_list("percentile", values))
+    if not 0 <= check_number("percentile", part) <= 1:
+        raise misuse(f"percentile of {format_value(part)}", "the part is a number from 0 to 1: percentile(x, 0.9)")
     if not values:
         return None
     ordered = sorted(values)
     place = part * (len(ordered) - 1)
     below = math.floor(place)
     low, high = ordered[below], ordered[min(below + 1, len(ordered) - 1)]
-    return float(check(low * (1 - (place - below)) + high * (place - below)))
+    return float(check_arithmetic(low * (1 - (place - below)) + high * (place - below)))
 
 
-def _end(name: str, place: int, about: str, example: str) -> Operation:
+def _make_end_aggregate(name: str, place: int, about: str, example: str) -> Operation:
     """The row of `first` or `last`: an end of a list, None of an empty one."""
 
     def value(values: Any) -> Any:
-        return as_list(name, values)[place] if values or type(values) is not list else None
+        return check_list(name, values)[place] if values or type(values) is not list else None
 
     value.__name__ = name
     return operation(
@@ -206,7 +206,7 @@ def _end(name: str, place: int, about: str, example: str) -> Operation:
     )  # fmt: skip
 
 
-def _collect() -> Group:
+def _make_collect() -> Group:
     """The row of `collect`: the values of a group as a list, for functions that need their order or more arguments."""
 
     def result(kind: Type) -> Type:
@@ -215,7 +215,7 @@ def _collect() -> Group:
     return Group(list, [], result, lambda kind: False, lambda kind: False, python=(Form(list),))
 
 
-COLLECT = _collect()
+COLLECT = _make_collect()
 
 OPERATIONS: tuple[Operation, ...] = (
     aggregate(
@@ -225,31 +225,31 @@ OPERATIONS: tuple[Operation, ...] = (
         of_list={"result": length_type, "python": (Form("len({0})", each(Kind.LIST)),)},
     ),
     aggregate(
-        "count_distinct", _different, Type(Kind.INT, 0, LENGTH), nothing=0,
+        "count_distinct", _count_distinct, Type(Kind.INT, 0, LENGTH), nothing=0,
         about="the number of different elements of a list; of a group count(DISTINCT x)",
         example="SELECT count(DISTINCT this) FROM [4, 4.0, None, 5] AS value", accepts=None,
         can_fail=lambda kind: False, in_sql=lambda kind: True,
-        sqlite=(Form("count(DISTINCT {0})", _one_of(Kind.INT, Kind.FLOAT, Kind.STR)),),
-        portable=(Form("count(DISTINCT {0})", _one_of(Kind.INT, Kind.STR)),), of_list={"result": length_type},
+        sqlite=(Form("count(DISTINCT {0})", _accept_kinds(Kind.INT, Kind.FLOAT, Kind.STR)),),
+        portable=(Form("count(DISTINCT {0})", _accept_kinds(Kind.INT, Kind.STR)),), of_list={"result": length_type},
     ),
     aggregate(
-        "sum", total, _sum_of_kind, nothing=0, about="the sum of a list of numbers, 0 if it is empty",
+        "sum", compute_sum, _sum_of_kind, nothing=0, about="the sum of a list of numbers, 0 if it is empty",
         example="[sum([1, 2.5]), sum([])]", can_fail=lambda kind: True,
         sqlite=(Form("sum({0})", _bounded_floats),),
-        python=(Form(total_of_floats, exactly(Kind.FLOAT)), Form(total_of_integers, each(INTEGER))),
+        python=(Form(sum_floats, exactly(Kind.FLOAT)), Form(sum_integers, each(INTEGER))),
         portable=(Form("coalesce(cast(sum({0}) AS BIGINT), 0)", _small_integers),),
         of_floats=lambda values, count: math.fsum(values),
         of_list={
             "result": _sum_of_list, "can_fail": _sum_can_fail,
             "python": (
-                Form(total_of_integers, _items(INTEGER), Check.ITSELF),
-                Form(total_of_floats, _are_floats, Check.ITSELF),
+                Form(sum_integers, _items(INTEGER), Check.ITSELF),
+                Form(sum_floats, _may_sum_floats, Check.ITSELF),
             ),
         },
     ),
     aggregate(
-        "average", mean, FLOAT, about="the mean of a list of numbers", example="average([1, 2, 6])",
-        portable=(Form("cast(sum({0}) AS DOUBLE) / count({0})", _averaged),),
+        "average", compute_mean, FLOAT, about="the mean of a list of numbers", example="average([1, 2, 6])",
+        portable=(Form("cast(sum({0}) AS DOUBLE) / count({0})", _is_averaged_exactly),),
         of_floats=lambda values, count: math.fsum(values) / count,
     ),
     aggregate(
@@ -268,6 +268,6 @@ OPERATIONS: tuple[Operation, ...] = (
         "percentile", 2, _percentile, union((FLOAT, NONE)), True, call="percentile(list, part)", collects=True,
         about="the number below which this part of the others lies", example="percentile([1, 2, 3, 4], 0.5)",
     ),
-    _end("first", 0, "the first element of a list, None of an empty one", "first([3, 1, 2])"),
-    _end("last", -1, "the last element of a list, None of an empty one", "last([3, 1, 2])"),
+    _make_end_aggregate("first", 0, "the first element of a list, None of an empty one", "first([3, 1, 2])"),
+    _make_end_aggregate("last", -1, "the last element of a list, None of an empty one", "last([3, 1, 2])"),
 )  # fmt: skip

@@ -10,21 +10,21 @@ from datetime import date, timedelta
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type, union
+from ss2sql.language.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type, union
 from ss2sql.language.operations import intervals
-from ss2sql.language.operations.arguments import INTEGERS
+from ss2sql.language.operations.argument_checks import INTEGERS
 from ss2sql.language.operations.intervals import (
     INTEGER,
-    as_list,
-    as_text,
+    apply_bounds,
+    bound_floats,
+    bound_integers,
     fits,
-    floats,
-    integers,
     is_nonnegative,
-    numbers,
-    results,
+    keep_lists,
+    make_numbers,
+    make_text_type,
 )
-from ss2sql.language.operations.row import (
+from ss2sql.language.operations.operation import (
     Check,
     Form,
     Operation,
@@ -36,20 +36,20 @@ from ss2sql.language.operations.row import (
     sql_integers,
     sql_numbers,
 )
-from ss2sql.runtime.messages import check, complex_result, float_overflow, show
-from ss2sql.runtime.ordering import NUMBERS
+from ss2sql.language.ordering import NUMBERS
+from ss2sql.language.value_messages import build_complex_error, build_overflow_error, check_arithmetic, format_value
 
 TIMES = (date, timedelta)
 EXACT = 2**53  # integers up to here are exact as floats
 MOST_FACTORS = 4  # of a product that stands for a power in SQL
-MOST_OF_PYTHON = 8
+MOST_PYTHON_FACTORS = 8
 SMALL = 2**30 - 1  # Python compares integers up to here in half the time
 FINITE = f"-{sys.float_info.max!r} <= {{value}} <= {sys.float_info.max!r}"
 
 
-def misfit(left: Any, symbol: str, right: Any) -> ExecutionError:
+def make_operand_error(left: Any, symbol: str, right: Any) -> ExecutionError:
     """The error for operands that `symbol` does not work on."""
-    message = f"cannot compute {show(left)} {symbol} {show(right)}"
+    message = f"cannot compute {format_value(left)} {symbol} {format_value(right)}"
     if left is None or right is None:
         hint = "None is not a number: test for it first, for example IF(x == None; ...; ...)"
     elif symbol == "+" and (type(left) is list or type(right) is list):
@@ -61,42 +61,44 @@ def misfit(left: Any, symbol: str, right: Any) -> ExecutionError:
     return ExecutionError("X001", message, hints=(hint,))
 
 
-def of_times(left: Any, symbol: str, right: Any, compute: Callable[[Any, Any], Any]) -> Any:
+def compute_with_times(left: Any, symbol: str, right: Any, compute: Callable[[Any, Any], Any]) -> Any:
     """The sum, difference or ratio of times and timedeltas. Raises the error for operands that do not fit."""
     if not isinstance(left, TIMES) or not isinstance(right, TIMES) or symbol not in "+-/":
-        raise misfit(left, symbol, right)
+        raise make_operand_error(left, symbol, right)
     try:
         return compute(left, right)
     except TypeError:
-        raise misfit(left, symbol, right) from None
+        raise make_operand_error(left, symbol, right) from None
     except ZeroDivisionError:
-        raise _by_zero(left, symbol, right) from None
+        raise _make_zero_division_error(left, symbol, right) from None
     except OverflowError:
-        message = f"{show(left)} {symbol} {show(right)} is beyond the years 1 to 9999"
+        message = f"{format_value(left)} {symbol} {format_value(right)} is beyond the years 1 to 9999"
         raise ExecutionError("X004", message, hints=("dates have a year from 1 to 9999",)) from None
 
 
-def _by_zero(left: Any, symbol: str, right: Any) -> ExecutionError:
+def _make_zero_division_error(left: Any, symbol: str, right: Any) -> ExecutionError:
     hint = "test the divisor first, for example IF(x != 0; ...; ...)"
-    return ExecutionError("X002", f"division by zero: {show(left)} {symbol} {show(right)}", hints=(hint,))
+    return ExecutionError(
+        "X002", f"division by zero: {format_value(left)} {symbol} {format_value(right)}", hints=(hint,)
+    )
 
 
-def _binary(name: str, symbol: str, compute: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+def _make_binary_operator(name: str, symbol: str, compute: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """The value of an operator on two numbers."""
 
     def value(left: Any, right: Any) -> Any:
         if type(left) in NUMBERS and type(right) in NUMBERS:
             try:
-                return check(compute(left, right))
+                return check_arithmetic(compute(left, right))
             except ZeroDivisionError:
-                raise _by_zero(left, symbol, right) from None
-        return of_times(left, symbol, right, compute)
+                raise _make_zero_division_error(left, symbol, right) from None
+        return compute_with_times(left, symbol, right, compute)
 
     value.__name__ = name  # in tracebacks and in generated code
     return value
 
 
-def integers_of_sql(types: Types) -> bool:
+def are_sql_integers(types: Types) -> bool:
     """Integers within 64 bits: BIGINT."""
     return all(kind.kinds == Kind.INT and kind.bounded(2**63 - 1) for kind in types)
 
@@ -107,10 +109,10 @@ def reals(types: Types) -> bool:
 
 
 def integers_or_reals(types: Types) -> bool:
-    return integers_of_sql(types) or reals(types)
+    return are_sql_integers(types) or reals(types)
 
 
-def some_numbers(types: Types) -> bool:
+def have_numbers(types: Types) -> bool:
     return all(kind.may(Kind.INT | Kind.FLOAT) for kind in types)
 
 
@@ -121,80 +123,80 @@ def _are_numbers(types: Types) -> bool:
 # --- sums and products ---------------------------------------------------------------------------------
 
 
-def _of_numbers(name: str, symbol: str, compute: intervals.Operation, about: str, example: str) -> Operation:
+def _make_operator(name: str, symbol: str, compute: intervals.Operation, about: str, example: str) -> Operation:
     """The row of an operator that is monotonic, so that its extremes lie at the ends of the intervals."""
 
     def result(types: Types) -> Type:
         times = Type(Kind.OBJECT) if name != "mul" and all(kind.may(Kind.OBJECT) for kind in types) else NOTHING
-        return union((times, *(numbers(kind, corners) for kind, corners in results(compute, types))))
+        return union((times, *(make_numbers(kind, corners) for kind, corners in apply_bounds(compute, types))))
 
     def can_fail(types: Types) -> bool:
-        return not _are_numbers(types) or not all(fits(kind, corners) for kind, corners in results(compute, types))
+        return not _are_numbers(types) or not all(fits(kind, corners) for kind, corners in apply_bounds(compute, types))
 
     text = f"{{0}} {symbol} {{1}}"
     return operation(
-        name, 2, _binary(name, symbol, compute), result, can_fail,
+        name, 2, _make_binary_operator(name, symbol, compute), result, can_fail,
         symbol=symbol, call=f"a {symbol} b", about=about, example=example, cheap=True,
         sqlite=(Form(text, sql_numbers, Check.SIZE),),
-        python=(Form(text, _are_numbers, Check.SIZE), Form(text, some_numbers, Check.NUMBERS)),
+        python=(Form(text, _are_numbers, Check.SIZE), Form(text, have_numbers, Check.NUMBERS)),
         portable=(Form(text, integers_or_reals),),
     )  # fmt: skip
 
 
-def add(left: Any, right: Any) -> Any:
+def add_values(left: Any, right: Any) -> Any:
     """The sum of numbers; the concatenation of strings or lists."""
     kind, other = type(left), type(right)
     if kind in NUMBERS and other in NUMBERS:
-        return check(left + right)
+        return check_arithmetic(left + right)
     if kind is other and (kind is str or kind is list):
         return left + right
-    return of_times(left, "+", right, operator.add)
+    return compute_with_times(left, "+", right, operator.add)
 
 
-def _add() -> Operation:
-    row = _of_numbers("add", "+", operator.add, "a + b: the sum; joins strings and lists",
+def _make_addition() -> Operation:
+    row = _make_operator("add", "+", operator.add, "a + b: the sum; joins strings and lists",
                       "[2 + 3, 'ab' + 'c', [1] + [2]]")  # fmt: skip
     strings, lists = exactly(Kind.STR), exactly(Kind.LIST)
 
     def result(types: Types) -> Type:
         a, b = types
-        joined = union((as_list(a), as_list(b))) if a.may(Kind.LIST) and b.may(Kind.LIST) else NOTHING
-        return union((row.result(types), as_text(types), joined))
+        joined = union((keep_lists(a), keep_lists(b))) if a.may(Kind.LIST) and b.may(Kind.LIST) else NOTHING
+        return union((row.result(types), make_text_type(types), joined))
 
     def can_fail(types: Types) -> bool:
         return not any(each(kind)(types) for kind in (Kind.STR, Kind.LIST)) and row.can_fail(types)
 
     text = "{0} + {1}"
     return replace(
-        row, value=add, result=result, can_fail=can_fail, grows=True,
+        row, value=add_values, result=result, can_fail=can_fail, grows=True,
         sqlite=(Form("{0} || {1}", strings), *row.sqlite),
         python=(Form(text, strings, Check.ROOM), Form(text, lists, Check.ROOM), *row.python),
         portable=(Form("{0} || {1}", strings), Form("list_concat({0}, {1})", lists), *row.portable),
     )  # fmt: skip
 
 
-def _neg(value: Any) -> Any:
+def _negate(value: Any) -> Any:
     if type(value) in NUMBERS:
-        return check(-value)
-    raise ExecutionError("X001", f"cannot compute -{show(value)}", hints=("- works on numbers",))
+        return check_arithmetic(-value)
+    raise ExecutionError("X001", f"cannot compute -{format_value(value)}", hints=("- works on numbers",))
 
 
-def _negated(types: Types) -> Type:
-    return union(numbers(kind, (-low, -high)) for kind, low, high in parts(types[0]))
+def _negated_type(types: Types) -> Type:
+    return union(make_numbers(kind, (-low, -high)) for kind, low, high in split_type(types[0]))
 
 
 def sign_can_fail(types: Types) -> bool:
     """Whether unary minus or `abs` can fail: there is one integer more below zero than above."""
-    return not _are_numbers(types) or any(kind is Kind.INT and low == INT_MIN for kind, low, _ in parts(types[0]))
+    return not _are_numbers(types) or any(kind is Kind.INT and low == INT_MIN for kind, low, _ in split_type(types[0]))
 
 
-def parts(t: Type) -> list[tuple[Kind, float, float]]:
+def split_type(t: Type) -> list[tuple[Kind, float, float]]:
     """The integers and the floats among the values with their bounds; bools count as integers."""
     found: list[tuple[Kind, float, float]] = []
-    if bounds := integers(t):
+    if bounds := bound_integers(t):
         found.append((Kind.INT, *bounds))
     if t.may(Kind.FLOAT):
-        found.append((Kind.FLOAT, *floats(t)))
+        found.append((Kind.FLOAT, *bound_floats(t)))
     return found
 
 
@@ -205,15 +207,15 @@ def _quotients(types: Types) -> list[float] | None:
     """The corners of `/`; None if the divisor may be zero."""
     a, b = types
     corners: list[float] = []
-    if (first := integers(a)) and (second := integers(b)):
+    if (first := bound_integers(a)) and (second := bound_integers(b)):
         if second[0] <= 0 <= second[1]:
             return None
         corners += [x / y for x in first for y in second]
     if a.may(Kind.FLOAT) or b.may(Kind.FLOAT):
-        low, high = floats(b)
+        low, high = bound_floats(b)
         if low <= 0 <= high:
             return None
-        corners += [x / y for x in floats(a) for y in (low, high)]
+        corners += [x / y for x in bound_floats(a) for y in (low, high)]
     return corners
 
 
@@ -223,7 +225,11 @@ def _quotient(types: Types) -> Type:
     if not all(t.may(Kind.NUMBER) for t in types):
         return NOTHING
     corners = _quotients(types)
-    return numbers(Kind.FLOAT, corners) if corners else Type(Kind.FLOAT, 0 if all(map(is_nonnegative, types)) else None)
+    return (
+        make_numbers(Kind.FLOAT, corners)
+        if corners
+        else Type(Kind.FLOAT, 0 if all(map(is_nonnegative, types)) else None)
+    )
 
 
 def _quotient_can_fail(types: Types) -> bool:
@@ -234,10 +240,10 @@ def _quotient_can_fail(types: Types) -> bool:
 def _remainder(types: Types) -> Type:
     a, b = types
     found = []
-    if (first := integers(a)) and (second := integers(b)):
-        found.append(numbers(Kind.INT, _remainders(first, second, 1)))
+    if (first := bound_integers(a)) and (second := bound_integers(b)):
+        found.append(make_numbers(Kind.INT, _remainders(first, second, 1)))
     if a.may(Kind.NUMBER) and b.may(Kind.NUMBER) and (a.may(Kind.FLOAT) or b.may(Kind.FLOAT)):
-        found.append(numbers(Kind.FLOAT, _remainders(floats(a), floats(b), 0)))
+        found.append(make_numbers(Kind.FLOAT, _remainders(bound_floats(a), bound_floats(b), 0)))
     return union(found)
 
 
@@ -260,7 +266,7 @@ def _is_exact(kind: Type) -> bool:
     return kind.bounded(EXACT) or not kind.may(Kind.INT)
 
 
-def _divided(*exact: bool, whole_divisor: bool = False) -> When:
+def _can_divide(*exact: bool, whole_divisor: bool = False) -> When:
     """Tests that floats hold the operands exactly; otherwise SQLite would round twice."""
 
     def when(types: Types) -> bool:
@@ -287,7 +293,7 @@ _INSIDE = _between("{value}", 1e308)
 def _power(base: Any, exponent: Any) -> Any:
     """An integer for integers and an exponent of at least 0, else a float."""
     if type(base) not in NUMBERS or type(exponent) not in NUMBERS:
-        raise misfit(base, "^", exponent)
+        raise make_operand_error(base, "^", exponent)
     if type(base) in INTEGERS and type(exponent) in INTEGERS and exponent > 63 and not -1 <= base <= 1:
         # Certainly too large, and Python would compute it slowly.
         message = f"integer overflow: {base} ^ {exponent} does not fit into 64 bits"
@@ -295,39 +301,39 @@ def _power(base: Any, exponent: Any) -> Any:
     try:
         result = base**exponent
     except ZeroDivisionError:
-        raise _by_zero(base, "^", exponent) from None
+        raise _make_zero_division_error(base, "^", exponent) from None
     except OverflowError:
-        raise float_overflow() from None
+        raise build_overflow_error() from None
     if type(result) is complex:
-        raise complex_result(f"{show(base)} ^ {show(exponent)}")
-    return check(result)
+        raise build_complex_error(f"{format_value(base)} ^ {format_value(exponent)}")
+    return check_arithmetic(result)
 
 
 def _power_type(types: Types) -> Type:
     base, exponent = types
     found = []
     least: float | None = 0 if is_nonnegative(base) or _is_even(exponent) else None
-    if integers(base) and (times := integers(exponent)):
+    if bound_integers(base) and (times := bound_integers(exponent)):
         if times[1] >= 0:
             corners = _powers(types)
-            found.append(numbers(Kind.INT, corners) if corners else Type(Kind.INT, least))
+            found.append(make_numbers(Kind.INT, corners) if corners else Type(Kind.INT, least))
         if times[0] < 0:
             found.append(Type(Kind.FLOAT, -1 if least is None else 0, 1))
     if all(t.may(Kind.NUMBER) for t in types) and any(t.may(Kind.FLOAT) for t in types):
         bounds = _float_powers(types)
-        found.append(numbers(Kind.FLOAT, bounds) if bounds else Type(Kind.FLOAT, least))
+        found.append(make_numbers(Kind.FLOAT, bounds) if bounds else Type(Kind.FLOAT, least))
     return union(found)
 
 
 def _is_even(exponent: Type) -> bool:
     """Whether the exponent is one even integer."""
-    times = integers(exponent)
+    times = bound_integers(exponent)
     return exponent.only(INTEGER) and times is not None and times[0] == times[1] and times[0] % 2 == 0
 
 
 def _powers(types: Types) -> list[int] | None:
     """Bounds of integers raised to exponents that are not negative; None if they are beyond all values."""
-    base, exponent = integers(types[0]), integers(types[1])
+    base, exponent = bound_integers(types[0]), bound_integers(types[1])
     if base is None or exponent is None or exponent[1] > 63:
         return None
     size, highest = max(abs(base[0]), abs(base[1])), exponent[1]
@@ -347,7 +353,7 @@ def _float_powers(types: Types) -> list[float] | None:
     base, exponent = types
     if not _are_numbers(types) or exponent.low is None or exponent.low != exponent.high:
         return None
-    times, (low, high) = exponent.low, floats(base)
+    times, (low, high) = exponent.low, bound_floats(base)
     is_whole = exponent.only(INTEGER) and times >= 0
     if not is_whole and not (low >= 0 and 0 <= times <= 1):
         return None
@@ -371,7 +377,7 @@ def _power_can_fail(types: Types) -> bool:
     return False
 
 
-def _times(count: int, base: When) -> When:
+def _match_power(count: int, base: When) -> When:
     """Tests for this integer as exponent, and for such a base."""
     known = Type(Kind.INT, count, count)
     return lambda types: types[1] == known and base(types[:1])
@@ -379,24 +385,24 @@ def _times(count: int, base: When) -> When:
 
 _WHOLE = each(INTEGER)
 # 3037000499 ^ 2 is the greatest square within 64 bits. The text of a limit of floats makes a float of the power.
-_LIMITS = {count: min(int(INT_MAX ** (1 / count)) - 1, SMALL) for count in range(2, MOST_OF_PYTHON + 1)}
+_LIMITS = {count: min(int(INT_MAX ** (1 / count)) - 1, SMALL) for count in range(2, MOST_PYTHON_FACTORS + 1)}
 
 
-def _product(count: int) -> str:
+def _write_product(count: int) -> str:
     return " * ".join(["{0}"] * count)
 
 
 OPERATIONS = (
-    _add(),
-    _of_numbers("sub", "-", operator.sub, "a - b: the difference", "5 - 7"),
-    _of_numbers("mul", "*", operator.mul, "a * b: the product", "1.5 * 4"),
+    _make_addition(),
+    _make_operator("sub", "-", operator.sub, "a - b: the difference", "5 - 7"),
+    _make_operator("mul", "*", operator.mul, "a * b: the product", "1.5 * 4"),
     operation(
-        "div", 2, _binary("div", "/", operator.truediv), _quotient, _quotient_can_fail,
+        "div", 2, _make_binary_operator("div", "/", operator.truediv), _quotient, _quotient_can_fail,
         symbol="/", call="a / b", about="a / b: the quotient, a float", example="7 / 2", cheap=True,
         sqlite=(
-            Form("cast({0} AS REAL) / {1}", _divided(True, True, whole_divisor=True), Check.NOT_NULL),  # 1 or more
-            Form("cast({0} AS REAL) / {1}", _divided(True, True), _INSIDE),
-            *(Form("cast({0} AS REAL) / {1}", _divided(*exact),
+            Form("cast({0} AS REAL) / {1}", _can_divide(True, True, whole_divisor=True), Check.NOT_NULL),  # 1 or more
+            Form("cast({0} AS REAL) / {1}", _can_divide(True, True), _INSIDE),
+            *(Form("cast({0} AS REAL) / {1}", _can_divide(*exact),
                    only=" AND ".join([_INSIDE, *(_between(f"{{{n}}}", EXACT) for n in (0, 1) if not exact[n])]))
               for exact in ((True, False), (False, True), (False, False))),
         ),
@@ -407,7 +413,7 @@ OPERATIONS = (
         portable=(Form("cast({0} AS DOUBLE) / {1}", reals),),
     ),
     operation(
-        "mod", 2, _binary("mod", "%", operator.mod), _remainder, _remainder_can_fail,
+        "mod", 2, _make_binary_operator("mod", "%", operator.mod), _remainder, _remainder_can_fail,
         symbol="%", call="a % b", about="a % b: the remainder, with the sign of b", example="[-7 % 3, 7 % -3]",
         cheap=True,
         sqlite=(
@@ -419,30 +425,30 @@ OPERATIONS = (
         ),
         python=(Form("{0} % {1}", _are_numbers, "{1}"),),
         portable=(
-            Form("{0} % {1}", lambda types: integers_of_sql(types) and _nonnegative(types)),
-            Form("({0} % {1} + {1}) % {1}", lambda types: integers_of_sql(types) and types[1].bounded(2**61)),
+            Form("{0} % {1}", lambda types: are_sql_integers(types) and _nonnegative(types)),
+            Form("({0} % {1} + {1}) % {1}", lambda types: are_sql_integers(types) and types[1].bounded(2**61)),
         ),
     ),
     operation(
         "pow", 2, _power, _power_type, _power_can_fail,
         symbol="^", call="a ^ b", about="a ^ b: a to the power of b", example="[2 ^ 10, 2 ^ -1]",
         sqlite=(
-            *(Form(_product(n), _times(n, sql_integers), Check.SIZE) for n in range(1, MOST_FACTORS + 1)),
+            *(Form(_write_product(n), _match_power(n, sql_integers), Check.SIZE) for n in range(1, MOST_FACTORS + 1)),
             # Of floats the function of C that Python calls, too: a product may round otherwise.
-            *(Form("pow({0}, {1})", _times(n, each(Kind.FLOAT)), Check.SIZE) for n in range(2, MOST_FACTORS + 1)),
+            *(Form("pow({0}, {1})", _match_power(n, each(Kind.FLOAT)), Check.SIZE) for n in range(2, MOST_FACTORS + 1)),
         ),
         python=(
-            Form("{0} * {0}", _times(2, _WHOLE), f"{-_LIMITS[2]} < {{0}} < {_LIMITS[2]}"),  # a third of the time
-            *(Form("{0} ** {1}", _times(n, each(Kind.FLOAT)), f"{-limit:.1f} < {{0}} < {limit:.1f}")
+            Form("{0} * {0}", _match_power(2, _WHOLE), f"{-_LIMITS[2]} < {{0}} < {_LIMITS[2]}"),  # a third of the time
+            *(Form("{0} ** {1}", _match_power(n, each(Kind.FLOAT)), f"{-limit:.1f} < {{0}} < {limit:.1f}")
               for n, limit in _LIMITS.items()),
-            *(Form("{0} ** {1}", _times(n, _are_numbers), f"{-limit} < {{0}} < {limit}")
+            *(Form("{0} ** {1}", _match_power(n, _are_numbers), f"{-limit} < {{0}} < {limit}")
               for n, limit in _LIMITS.items()),
             Form("{0} ** {1}", _are_numbers),
         ),
-        portable=tuple(Form(_product(n), _times(n, integers_of_sql)) for n in range(1, MOST_FACTORS + 1)),
+        portable=tuple(Form(_write_product(n), _match_power(n, are_sql_integers)) for n in range(1, MOST_FACTORS + 1)),
     ),
     operation(
-        "neg", 1, _neg, _negated, sign_can_fail,
+        "neg", 1, _negate, _negated_type, sign_can_fail,
         call="neg(a)", about="-a: the number with the other sign", example="-(3)", cheap=True,
         # Subtracting from 0 gives 0.0 for 0.0 in place of -0.0; a product has the right sign.
         sqlite=(
@@ -450,6 +456,6 @@ OPERATIONS = (
             Form("{0} * -1", sql_numbers, Check.SIZE),
         ),
         python=(Form("-{0}", _are_numbers, Check.SIZE),),
-        portable=(Form("-{0}", integers_of_sql), Form("{0} * cast(-1 AS DOUBLE)", exactly(Kind.FLOAT))),
+        portable=(Form("-{0}", are_sql_integers), Form("{0} * cast(-1 AS DOUBLE)", exactly(Kind.FLOAT))),
     ),
 )  # fmt: skip

@@ -7,16 +7,26 @@ from collections.abc import Callable
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.kinds import BOOL, Kind
-from ss2sql.language.operations.arithmetic import integers_or_reals, some_numbers
-from ss2sql.language.operations.intervals import comparable
-from ss2sql.language.operations.row import Check, Form, Operation, Types, alike, each, exactly, one_sql_class, operation
-from ss2sql.runtime.messages import show
-from ss2sql.runtime.ordering import decisive
-from ss2sql.runtime.values import as_key, is_key
+from ss2sql.language.kinds import BOOL, Kind
+from ss2sql.language.operations.arithmetic import have_numbers, integers_or_reals
+from ss2sql.language.operations.intervals import are_comparable
+from ss2sql.language.operations.operation import (
+    Check,
+    Form,
+    Operation,
+    Types,
+    each,
+    exactly,
+    one_sql_class,
+    operation,
+    ordered,
+)
+from ss2sql.language.ordering import find_deciding_pair
+from ss2sql.language.value_messages import format_value
+from ss2sql.language.values import has_key, make_dict_key
 
 
-def _equality(name: str, symbol: str, negated: str, about: str, example: str) -> Operation:
+def _make_equality(name: str, symbol: str, negated: str, about: str, example: str) -> Operation:
     """The row of `==` or `!=`, for any two values; the SQL compiler has code of its own for handles and worlds."""
     values: dict[str, Callable[[Any, Any], bool]] = {
         "eq": lambda left, right: bool(left == right),
@@ -29,27 +39,27 @@ def _equality(name: str, symbol: str, negated: str, about: str, example: str) ->
     )  # fmt: skip
 
 
-def _order(
+def _make_order(
     name: str, symbol: str, compute: Callable[[Any, Any], bool], negated: str, mirrored: str, example: str
 ) -> Operation:
     """The row of `< <= > >=`, within numbers, within strings and within lists."""
 
     def value(left: Any, right: Any) -> bool:
-        return compute(*decisive(left, right, symbol))
+        return compute(*find_deciding_pair(left, right, symbol))
 
     value.__name__ = name
     text = f"{{0}} {symbol} {{1}}"
     return operation(
-        name, 2, value, BOOL, lambda types: not comparable(*types),
+        name, 2, value, BOOL, lambda types: not are_comparable(*types),
         symbol=symbol, call=f"a {symbol} b", about=f"a {symbol} b", example=example, cheap=True,
         negated=negated, mirrored=mirrored,
         sqlite=(Form(text, one_sql_class, Check.NOT_NULL),),  # None has no order
-        python=(Form(text, alike), Form(text, some_numbers, Check.NUMBERS)),
-        portable=(Form(text, _ordered),),
+        python=(Form(text, ordered), Form(text, have_numbers, Check.NUMBERS)),
+        portable=(Form(text, _can_be_ordered),),
     )  # fmt: skip
 
 
-def _ordered(types: Types) -> bool:
+def _can_be_ordered(types: Types) -> bool:
     return any(exactly(kind)(types) for kind in (Kind.STR, Kind.INT, Kind.FLOAT)) or integers_or_reals(types)
 
 
@@ -59,18 +69,18 @@ def contains(item: Any, container: Any) -> bool:
     if kind is list:
         return item in container
     if kind is dict:
-        return is_key(container, as_key(item))
+        return has_key(container, make_dict_key(item))
     if kind is str and type(item) is str:
         return item in container
     hint = "IN looks for a string in a string, an element in a list or a key in a dict"
-    raise ExecutionError("X001", f"cannot look for {show(item)} in {show(container)}", hints=(hint,))
+    raise ExecutionError("X001", f"cannot look for {format_value(item)} in {format_value(container)}", hints=(hint,))
 
 
 def _lacks(item: Any, container: Any) -> bool:
     return not contains(item, container)
 
 
-def _membership(
+def _make_membership(
     name: str, symbol: str, value: Callable[..., bool], negated: str, text: str, **others: str
 ) -> Operation:
     return operation(
@@ -83,15 +93,15 @@ def _membership(
 
 
 OPERATIONS = (
-    _order("lt", "<", operator.lt, "ge", "gt", "[1 < 2, 'a' < 'B', [1, 2] < [1, 3]]"),
-    _order("le", "<=", operator.le, "gt", "ge", "2 <= 2"),
-    _equality("eq", "==", "ne", "a == b: whether the values are equal", "[1 == 1.0, [1] == [1.0], '1' == 1]"),
-    _equality("ne", "!=", "eq", "a != b: whether the values differ", "None != 0"),
-    _order("ge", ">=", operator.ge, "lt", "le", "1 >= 2"),
-    _order("gt", ">", operator.gt, "le", "lt", "'b' > 'a'"),
-    _membership(
+    _make_order("lt", "<", operator.lt, "ge", "gt", "[1 < 2, 'a' < 'B', [1, 2] < [1, 3]]"),
+    _make_order("le", "<=", operator.le, "gt", "ge", "2 <= 2"),
+    _make_equality("eq", "==", "ne", "a == b: whether the values are equal", "[1 == 1.0, [1] == [1.0], '1' == 1]"),
+    _make_equality("ne", "!=", "eq", "a != b: whether the values differ", "None != 0"),
+    _make_order("ge", ">=", operator.ge, "lt", "le", "1 >= 2"),
+    _make_order("gt", ">", operator.gt, "le", "lt", "'b' > 'a'"),
+    _make_membership(
         "in", "IN", contains, "not_in", "{0} in {1}",
         about="a IN b: b is a list, a dict or a string", example="[2 IN [1, 2], 'b' IN 'abc']",
     ),
-    _membership("not_in", "NOT IN", _lacks, "in", "{0} not in {1}", about="a NOT IN b", example="3 NOT IN [1, 2]"),
+    _make_membership("not_in", "NOT IN", _lacks, "in", "{0} not in {1}", about="a NOT IN b", example="3 NOT IN [1, 2]"),
 )  # fmt: skip

@@ -6,71 +6,71 @@ import datetime
 from collections.abc import Callable
 from typing import Any
 
-from ss2sql.kinds import Kind, Type
-from ss2sql.language.operations.arguments import integer, number, wrong
-from ss2sql.language.operations.row import Operation, operation
-from ss2sql.runtime.messages import show
+from ss2sql.language.kinds import Kind, Type
+from ss2sql.language.operations.argument_checks import check_integer, check_number, misuse
+from ss2sql.language.operations.operation import Operation, operation
+from ss2sql.language.value_messages import format_value
 
 OBJECT = Type(Kind.OBJECT)
 
 
-def _made(name: str, kind: Callable[..., Any], numbers: list[Any]) -> Any:
+def _make_time(name: str, kind: Callable[..., Any], numbers: list[Any]) -> Any:
     """A date or a time from its parts."""
     if len(numbers) < 3:
-        raise wrong(f"{name} of {show(numbers[0])}", f"{name}(2024, 5, 31) takes a year, a month and a day")
+        raise misuse(f"{name} of {format_value(numbers[0])}", f"{name}(2024, 5, 31) takes a year, a month and a day")
     try:
-        return kind(*(integer(name, part) for part in numbers))
+        return kind(*(check_integer(name, part) for part in numbers))
     except (ValueError, OverflowError) as error:
-        raise wrong(f"{name}({', '.join(map(show, numbers))}): {error}", f"{name}(2024, 5, 31)") from None
+        raise misuse(f"{name}({', '.join(map(format_value, numbers))}): {error}", f"{name}(2024, 5, 31)") from None
 
 
-def _read(name: str, kind: Any, text: str) -> Any:
+def _parse_time(name: str, kind: Any, text: str) -> Any:
     try:
         return kind.fromisoformat(text)
     except ValueError:
         example = "2024-05-31" if name == "date" else "2024-05-31 12:30"
-        raise wrong(f"{name} cannot read {show(text)}", f"{name}('{example}')") from None
+        raise misuse(f"{name} cannot read {format_value(text)}", f"{name}('{example}')") from None
 
 
 def _date(first: Any, *parts: Any) -> Any:
     if parts or type(first) in (int, bool):
-        return _made("date", datetime.date, [first, *parts])
+        return _make_time("date", datetime.date, [first, *parts])
     if isinstance(first, datetime.datetime):
         return first.date()
     if isinstance(first, datetime.date):
         return first
     if type(first) is str:
-        return _read("date", datetime.date, first)
-    raise wrong(f"date of {show(first)}", "date('2024-05-31') or date(2024, 5, 31)")
+        return _parse_time("date", datetime.date, first)
+    raise misuse(f"date of {format_value(first)}", "date('2024-05-31') or date(2024, 5, 31)")
 
 
 def _datetime(first: Any, *parts: Any) -> Any:
     if parts or type(first) in (int, bool):
-        return _made("datetime", datetime.datetime, [first, *parts])
+        return _make_time("datetime", datetime.datetime, [first, *parts])
     if isinstance(first, datetime.datetime):
         return first
     if isinstance(first, datetime.date):
         return datetime.datetime.combine(first, datetime.time())
     if type(first) is str:
-        return _read("datetime", datetime.datetime, first)
-    raise wrong(f"datetime of {show(first)}", "datetime('2024-05-31 12:30') or datetime(2024, 5, 31, 12, 30)")
+        return _parse_time("datetime", datetime.datetime, first)
+    raise misuse(f"datetime of {format_value(first)}", "datetime('2024-05-31 12:30') or datetime(2024, 5, 31, 12, 30)")
 
 
 def _timedelta(days: Any, seconds: Any = 0) -> Any:
     try:
-        return datetime.timedelta(number("timedelta", days), number("timedelta", seconds))
+        return datetime.timedelta(check_number("timedelta", days), check_number("timedelta", seconds))
     except OverflowError:
-        raise wrong(f"timedelta of {show(days)} days", "at most 999999999 days") from None
+        raise misuse(f"timedelta of {format_value(days)} days", "at most 999999999 days") from None
 
 
-def _part(name: str, kinds: tuple[type, ...], low: int, high: int, about: str, example: str) -> Operation:
+def _make_time_part(name: str, kinds: tuple[type, ...], low: int, high: int, about: str, example: str) -> Operation:
     """The row of a function that gives a part of a date or time."""
     what = "dates" if datetime.date in kinds else "times"
 
     def value(given: Any) -> int:
         if not isinstance(given, kinds):
             hint = "date(...) and datetime(...) make one of a string" if what == "dates" else "datetime(...) makes one"
-            raise wrong(f"{name} works on {what}, not on {show(given)}", hint)
+            raise misuse(f"{name} works on {what}, not on {format_value(given)}", hint)
         found = getattr(given, name)
         return int(found() if callable(found) else found)
 
@@ -100,11 +100,11 @@ OPERATIONS = (
         "now", 0, datetime.datetime.now, OBJECT, False, volatility="stable", call="now()", example="",
         about="the time at which the query began, of the computer's clock",
     ),
-    _part("year", _DATES, 1, 9999, "the year", "year(date('2024-05-31'))"),
-    _part("month", _DATES, 1, 12, "the month, from 1", "month(date('2024-05-31'))"),
-    _part("day", _DATES, 1, 31, "the day of the month, from 1", "day(date('2024-05-31'))"),
-    _part("weekday", _DATES, 0, 6, "the day of the week, Monday is 0", "weekday(date('2024-05-31'))"),
-    _part("hour", _TIMES, 0, 23, "the hour", "hour(datetime('2024-05-31 12:30'))"),
-    _part("minute", _TIMES, 0, 59, "the minute", "minute(datetime('2024-05-31 12:30'))"),
-    _part("second", _TIMES, 0, 59, "the second", "second(datetime('2024-05-31 12:30'))"),
+    _make_time_part("year", _DATES, 1, 9999, "the year", "year(date('2024-05-31'))"),
+    _make_time_part("month", _DATES, 1, 12, "the month, from 1", "month(date('2024-05-31'))"),
+    _make_time_part("day", _DATES, 1, 31, "the day of the month, from 1", "day(date('2024-05-31'))"),
+    _make_time_part("weekday", _DATES, 0, 6, "the day of the week, Monday is 0", "weekday(date('2024-05-31'))"),
+    _make_time_part("hour", _TIMES, 0, 23, "the hour", "hour(datetime('2024-05-31 12:30'))"),
+    _make_time_part("minute", _TIMES, 0, 59, "the minute", "minute(datetime('2024-05-31 12:30'))"),
+    _make_time_part("second", _TIMES, 0, 59, "the second", "second(datetime('2024-05-31 12:30'))"),
 )  # fmt: skip

@@ -11,7 +11,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
-from ss2sql.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type
+from ss2sql.language.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type
 
 Types: TypeAlias = Sequence[Type]
 Operation: TypeAlias = Callable[[float, float], float]
@@ -20,7 +20,7 @@ INTEGER = Kind.BOOL | Kind.INT
 MAX = sys.float_info.max
 
 
-def integers(t: Type) -> tuple[int, int] | None:
+def bound_integers(t: Type) -> tuple[int, int] | None:
     """The least and the greatest integer that may be among the values; None if there can be none."""
     if not t.may(INTEGER):
         return None
@@ -32,15 +32,15 @@ def integers(t: Type) -> tuple[int, int] | None:
     return (low, high) if low <= high else None
 
 
-def floats(t: Type) -> tuple[float, float]:
+def bound_floats(t: Type) -> tuple[float, float]:
     """The bounds of the numbers, each turned into a float as float arithmetic does it; there must be numbers."""
     if t.only(INTEGER):
-        low, high = integers(t) or (0, 0)
+        low, high = bound_integers(t) or (0, 0)
         return float(low), float(high)
     return -MAX if t.low is None else float(t.low), MAX if t.high is None else float(t.high)
 
 
-def numbers(kinds: Kind, corners: Sequence[float]) -> Type:
+def make_numbers(kinds: Kind, corners: Sequence[float]) -> Type:
     """The type of numbers between the least and the greatest corner; a bound beyond all values is dropped."""
     low, high = min(corners), max(corners)
     least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
@@ -58,12 +58,12 @@ def is_nonnegative(t: Type) -> bool:
     return t.only(Kind.BOOL) if t.low is None else t.low >= 0
 
 
-def as_list(t: Type) -> Type:
+def keep_lists(t: Type) -> Type:
     """The lists among the values."""
     return Type(Kind.LIST, item=t.item, columns=t.columns) if t.may(Kind.LIST) else NOTHING
 
 
-def as_text(types: Types) -> Type:
+def make_text_type(types: Types) -> Type:
     """The type of text made of parts of the strings among the values."""
     if not all(t.may(Kind.STR) for t in types):
         return NOTHING
@@ -71,52 +71,52 @@ def as_text(types: Types) -> Type:
     return Type(Kind.STR | Kind.OBJECT if odd else Kind.STR)
 
 
-def comparable(a: Type, b: Type) -> bool:
+def are_comparable(a: Type, b: Type) -> bool:
     """Whether any two values of both types can be ordered."""
     if any(a.only(kinds) and b.only(kinds) for kinds in (Kind.NUMBER, Kind.STR)):
         return True
     if not (a.only(Kind.LIST) and b.only(Kind.LIST)) or a.item is None or b.item is None:
         return False
-    return comparable(a.item, b.item)
+    return are_comparable(a.item, b.item)
 
 
-def results(operation: Operation, types: Types) -> list[tuple[Kind, list[float]]]:
+def apply_bounds(operation: Operation, types: Types) -> list[tuple[Kind, list[float]]]:
     """The kinds of results with their corners: of two integers, and of operands with a float.
 
     The operation must take its extremes over two intervals at their ends.
     """
     a, b = types
     found: list[tuple[Kind, list[float]]] = []
-    if (first := integers(a)) and (second := integers(b)):
+    if (first := bound_integers(a)) and (second := bound_integers(b)):
         found.append((Kind.INT, [operation(x, y) for x in first for y in second]))
     if a.may(Kind.NUMBER) and b.may(Kind.NUMBER) and (a.may(Kind.FLOAT) or b.may(Kind.FLOAT)):
-        found.append((Kind.FLOAT, [operation(x, y) for x in floats(a) for y in floats(b)]))
+        found.append((Kind.FLOAT, [operation(x, y) for x in bound_floats(a) for y in bound_floats(b)]))
     return found
 
 
-def whole(t: Type, operation: Callable[[float], int]) -> list[tuple[int, int]]:
+def round_bounds(t: Type, operation: Callable[[float], int]) -> list[tuple[int, int]]:
     """The bounds of the integers, and of the floats made integers by `operation`, which keeps their order."""
     parts = []
-    if known := integers(t):
+    if known := bound_integers(t):
         parts.append(known)
     if t.may(Kind.FLOAT):
-        low, high = floats(t)
+        low, high = bound_floats(t)
         parts.append((operation(low), operation(high)))
     return parts
 
 
-def rounded(kinds: Kind, low: float | None, high: float | None) -> Type:
+def widen_bounds(kinds: Kind, low: float | None, high: float | None) -> Type:
     """The type of numbers between these, with powers of two as bounds, so that few changes of a table change it."""
     if low is None or high is None:  # no number is left where SQLite found one, as in a damaged file
         return Type(kinds)
     if math.isinf(low) or math.isinf(high):
         return Type(kinds | Kind.OBJECT)  # no float of the language
     least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
-    below, above = -_power_above(-low), _power_above(high)
+    below, above = -_round_up_to_power(-low), _round_up_to_power(high)
     return Type(kinds, below if least < below else None, above if above < greatest else None)
 
 
-def _power_above(value: float) -> int:
+def _round_up_to_power(value: float) -> int:
     """The least that is not below the value of 0, the powers of two from 1 on, and their negatives."""
     whole = math.ceil(value)
     if whole == 0:

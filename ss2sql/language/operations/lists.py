@@ -7,29 +7,29 @@ from dataclasses import replace
 from typing import Any
 
 from ss2sql.errors import ExecutionError, did_you_mean
-from ss2sql.kinds import ANY, NONE, NOTHING, Kind, Type, list_of, union
+from ss2sql.language.cancellation import ITEMS_PER_CHECK, iterate_checked
+from ss2sql.language.element_columns import read_column
+from ss2sql.language.kinds import ANY, NONE, NOTHING, Kind, Type, make_list_type, union
 from ss2sql.language.operations import intervals
-from ss2sql.language.operations.arguments import INTEGERS, as_list, integer, wrong
-from ss2sql.language.operations.arithmetic import integers_of_sql
-from ss2sql.language.operations.intervals import INTEGER, as_text, comparable, integers, numbers
-from ss2sql.language.operations.row import (
+from ss2sql.language.operations.argument_checks import INTEGERS, check_integer, check_list, misuse
+from ss2sql.language.operations.arithmetic import are_sql_integers
+from ss2sql.language.operations.intervals import INTEGER, are_comparable, bound_integers, make_numbers, make_text_type
+from ss2sql.language.operations.operation import (
     Form,
     Group,
     Operation,
     Types,
     When,
-    alike,
     each,
     element,
     exactly,
     operation,
+    ordered,
     sql_class,
 )
-from ss2sql.runtime.checking import AT_ONCE, watched
-from ss2sql.runtime.element_columns import column_of
-from ss2sql.runtime.messages import show
-from ss2sql.runtime.ordering import NUMBERS, compare, sorted_values
-from ss2sql.runtime.values import SCALARS, as_key, freeze, is_key, truth
+from ss2sql.language.ordering import NUMBERS, compare_values, sort_values
+from ss2sql.language.value_messages import format_value
+from ss2sql.language.values import SCALARS, get_truth, has_key, make_dict_key, make_hashable
 
 LENGTH = 2**53  # no list and no string is longer: no machine's memory would hold it
 RANGE_LIMIT = 10_000_000
@@ -40,9 +40,9 @@ def are_not_lists(types: Types) -> bool:
     return not each(Kind.LIST)(types)
 
 
-def same_list(types: Types) -> Type:
+def keep_element_type(types: Types) -> Type:
     """The type of a list with the elements of the first argument."""
-    return intervals.as_list(types[0])
+    return intervals.keep_lists(types[0])
 
 
 # --- elements ------------------------------------------------------------------------------------------
@@ -54,27 +54,31 @@ def _item(container: Any, index: Any) -> Any:
     if kind is list or kind is str:
         if type(index) not in INTEGERS:
             hint = "elements are counted from 0, from the end with -1, -2, ...; int(...) makes an integer"
-            raise ExecutionError("X001", f"cannot use {show(index)} as an index of {show(container)}", hints=(hint,))
+            raise ExecutionError(
+                "X001", f"cannot use {format_value(index)} as an index of {format_value(container)}", hints=(hint,)
+            )
         try:
             return container[index]
         except IndexError:
             raise _out_of_range(container, index) from None
     if kind is dict:
-        key = as_key(index)
-        if is_key(container, key):
+        key = make_dict_key(index)
+        if has_key(container, key):
             return container[key]
         hints = did_you_mean(str(index), map(str, container)) if container else ("the dict is empty",)
-        raise ExecutionError("X003", f"{show(container)} has no key {show(index)}", hints=hints)
+        raise ExecutionError("X003", f"{format_value(container)} has no key {format_value(index)}", hints=hints)
     if type(index) is str and kind not in SCALARS and kind is not bytes:
-        return column_of(container, index)
+        return read_column(container, index)
     hint = "lists, strings and dicts have elements"
-    raise ExecutionError("X001", f"cannot take an element of {show(container)}", hints=(hint,))
+    raise ExecutionError("X001", f"cannot take an element of {format_value(container)}", hints=(hint,))
 
 
 def _out_of_range(container: Any, index: int) -> ExecutionError:
     length = len(container)
     elements = "character" if type(container) is str else "element"
-    message = f"index {index} is out of range: {show(container)} has {length} {elements}{'' if length == 1 else 's'}"
+    message = (
+        f"index {index} is out of range: {format_value(container)} has {length} {elements}{'' if length == 1 else 's'}"
+    )
     hint = f"indexes go from 0 to {length - 1}, or from -1 back to {-length}" if length else "test len(...) first"
     return ExecutionError("X003", message, hints=(hint,))
 
@@ -85,7 +89,7 @@ def _item_type(types: Types) -> Type:
     if container.may(Kind.LIST) and index.may(INTEGER):
         parts.append(_elements_at(container, index))
     if index.may(INTEGER):
-        parts.append(as_text([container]))
+        parts.append(make_text_type([container]))
     if container.may(Kind.DICT | Kind.OBJECT):
         parts.append(ANY)
     return union(parts)
@@ -93,7 +97,7 @@ def _item_type(types: Types) -> Type:
 
 def _elements_at(container: Type, index: Type) -> Type:
     """The elements of the lists among the values that an index may mean."""
-    places = integers(index)
+    places = bound_integers(index)
     if container.positions is None or places is None:
         return ANY if container.item is None else container.item
     length = len(container.positions)
@@ -103,13 +107,13 @@ def _elements_at(container: Type, index: Type) -> Type:
 
 def _item_can_fail(types: Types) -> bool:
     container, index = types
-    places = integers(index)
+    places = bound_integers(index)
     if not container.only(Kind.LIST) or container.size is None or not index.only(INTEGER) or places is None:
         return True
     return places[0] < -container.size or places[1] >= container.size
 
 
-def _found_in(kind: Kind, index: When, inside: str) -> tuple[Form, ...]:
+def _make_forms(kind: Kind, index: When, inside: str) -> tuple[Form, ...]:
     """The forms of `container[index]` for such indexes: for containers of this kind, and for those that may be."""
     name = "dict" if kind is Kind.DICT else "list"
     return (
@@ -130,20 +134,20 @@ def _from_end(types: Types) -> bool:
     return types[0].kinds == Kind.INT and types[0].high is not None and types[0].high < 0
 
 
-def _places(types: Types) -> bool:
+def _are_places(types: Types) -> bool:
     """Tests for integers of at least 0: places counted from the start."""
-    return integers_of_sql(types) and all(kind.at_least(0) for kind in types)
+    return are_sql_integers(types) and all(kind.at_least(0) for kind in types)
 
 
 def _slice(container: Any, start: Any, stop: Any) -> Any:
     """A part of a list or string; None stands for a bound that is left out."""
     if type(container) is not list and type(container) is not str:
         hint = "lists and strings have slices"
-        raise ExecutionError("X001", f"cannot take a slice of {show(container)}", hints=(hint,))
+        raise ExecutionError("X001", f"cannot take a slice of {format_value(container)}", hints=(hint,))
     for bound in (start, stop):
         if bound is not None and type(bound) not in INTEGERS:
             hint = "the bounds of a slice are integers, or left out"
-            raise ExecutionError("X001", f"cannot use {show(bound)} as the bound of a slice", hints=(hint,))
+            raise ExecutionError("X001", f"cannot use {format_value(bound)} as the bound of a slice", hints=(hint,))
     return container[start:stop]
 
 
@@ -159,7 +163,7 @@ def _length(value: Any) -> int:
     """The number of elements of a list, keys of a dict, characters of a string."""
     if type(value) in (list, dict, str):
         return len(value)
-    raise wrong(f"{show(value)} has no length", "len works on lists, dicts and strings")
+    raise misuse(f"{format_value(value)} has no length", "len works on lists, dicts and strings")
 
 
 def length_type(types: Types) -> Type:
@@ -170,7 +174,7 @@ def length_type(types: Types) -> Type:
 # --- the least and the greatest ------------------------------------------------------------------------
 
 
-def of_one_kind(kind: Type) -> bool:
+def have_one_kind(kind: Type) -> bool:
     """Whether equal values are identical, unlike 1, 1.0 and True."""
     return kind.kinds == Kind.BOOL or any(kind.only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
 
@@ -179,7 +183,7 @@ def _extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last:
     """The row of `min` or `max`. The first of equal values wins, as in SQLite's max; its min takes the last."""
 
     def value(first: Any, *others: Any) -> Any:
-        values = (first, *others) if others else as_list(name, first)
+        values = (first, *others) if others else check_list(name, first)
         return of_values(values) if values else None
 
     def of_values(values: Any) -> Any:
@@ -187,28 +191,28 @@ def _extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last:
         if kinds <= NUMBERS or kinds == {str}:
             return pick(values)
         best = values[0]
-        for one in watched(values[1:]):
-            if compare(one, best) == sign:
+        for one in iterate_checked(values[1:]):
+            if compare_values(one, best) == sign:
                 best = one
         return best
 
     def result(types: Types) -> Type:
         if len(types) == 1 and types[0].positions is None:
             return union((element(types[0]), NONE))
-        chosen = _chosen(types)
+        chosen = _list_candidate_types(types)
         if len(chosen) == 1:
             return chosen[0]
-        lists = union(map(intervals.as_list, chosen)) if all(kind.may(Kind.LIST) for kind in chosen) else NOTHING
+        lists = union(map(intervals.keep_lists, chosen)) if all(kind.may(Kind.LIST) for kind in chosen) else NOTHING
         times = Type(Kind.OBJECT) if all(kind.may(Kind.OBJECT) for kind in chosen) else NOTHING
-        return union((_bounds(chosen, smallest=sign < 0), as_text(chosen), lists, times))
+        return union((_bounds(chosen, smallest=sign < 0), make_text_type(chosen), lists, times))
 
     def can_fail(types: Types) -> bool:
         if len(types) == 1 and not types[0].only(Kind.LIST):
             return True
         if len(types) == 1 and types[0].positions is None:
-            return not comparable(element(types[0]), element(types[0]))
-        chosen = _chosen(types)
-        return len(chosen) > 1 and not comparable(union(chosen), union(chosen))
+            return not are_comparable(element(types[0]), element(types[0]))
+        chosen = _list_candidate_types(types)
+        return len(chosen) > 1 and not are_comparable(union(chosen), union(chosen))
 
     value.__name__ = name
     return operation(
@@ -218,23 +222,23 @@ def _extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last:
             Form(f"{name}({last})", _in_sql, spread=True),
         ),
         python=(
-            Form("{0}", _alike(1, 1), spread=True),
-            Form(f"{{0}} if {{0}} {keeps} {{1}} else {{1}}", _alike(2, 2), spread=True),
-            Form(f"{name}({{*}})", _alike(3, 10**6), spread=True),
+            Form("{0}", _have_equal_bounds(1, 1), spread=True),
+            Form(f"{{0}} if {{0}} {keeps} {{1}} else {{1}}", _have_equal_bounds(2, 2), spread=True),
+            Form(f"{name}({{*}})", _have_equal_bounds(3, 10**6), spread=True),
             Form(f"{name}({{0}}) if {{0}} else None", _list_of_alike),
         ),
         portable=(Form(f"{'least' if sign < 0 else 'greatest'}({{*}})", _same_everywhere, spread=True),),
         group=Group(
-            of_values, None, result=lambda kind: kind, can_fail=lambda kind: not comparable(kind, kind),
-            in_sql=of_one_kind,
-            sqlite=(Form(f"{name}({{0}})", lambda types: types[0].kinds != Kind.BOOL and of_one_kind(types[0])),),
-            python=(Form(pick, alike),),
+            of_values, None, result=lambda kind: kind, can_fail=lambda kind: not are_comparable(kind, kind),
+            in_sql=have_one_kind,
+            sqlite=(Form(f"{name}({{0}})", lambda types: types[0].kinds != Kind.BOOL and have_one_kind(types[0])),),
+            python=(Form(pick, ordered),),
             portable=(Form(f"{name}({{0}})", _same_everywhere),),
         ),
     )  # fmt: skip
 
 
-def _chosen(types: Types) -> Types:
+def _list_candidate_types(types: Types) -> Types:
     """The types of the candidates: several arguments, or the elements of a list, known one by one."""
     return types if len(types) > 1 else types[0].positions or types
 
@@ -244,12 +248,12 @@ def _in_sql(types: Types) -> bool:
     return sql_class(union(types)) is not None
 
 
-def _alike(least: int, most: int) -> When:
-    return lambda types: least <= len(types) <= most and alike(types)
+def _have_equal_bounds(least: int, most: int) -> When:
+    return lambda types: least <= len(types) <= most and ordered(types)
 
 
 def _list_of_alike(types: Types) -> bool:
-    return len(types) == 1 and types[0].only(Kind.LIST) and types[0].item is not None and alike([types[0].item])
+    return len(types) == 1 and types[0].only(Kind.LIST) and types[0].item is not None and ordered([types[0].item])
 
 
 def _same_everywhere(types: Types) -> bool:
@@ -276,40 +280,40 @@ def _bounds(types: Types, smallest: bool) -> Type:
 def _unique(values: Any) -> list[Any]:
     """The first of equal elements, in their order."""
     found: dict[Any, Any] = {}
-    for value in watched(as_list("uniq", values)):
-        found.setdefault(freeze(value), value)
+    for value in iterate_checked(check_list("uniq", values)):
+        found.setdefault(make_hashable(value), value)
     return list(found.values())
 
 
 def _sorted(values: Any, descending: Any = False) -> list[Any]:
     """The sorted elements; the sort is stable."""
-    return sorted_values(as_list("sorted", values), truth(descending))
+    return sort_values(check_list("sorted", values), get_truth(descending))
 
 
 def _sorting_can_fail(types: Types) -> bool:
-    return not types[0].only(Kind.LIST) or not comparable(element(types[0]), element(types[0]))
+    return not types[0].only(Kind.LIST) or not are_comparable(element(types[0]), element(types[0]))
 
 
-def zipped(*lists: Any) -> list[list[Any]]:
+def zip_lists(*lists: Any) -> list[list[Any]]:
     """Lists of the first elements, of the second ones, and so on, up to the length of the shortest list."""
-    rows = zip(*(as_list("zip", values) for values in lists), strict=False)
-    return list(map(list, rows if len(lists[0]) <= AT_ONCE else watched(rows)))
+    rows = zip(*(check_list("zip", values) for values in lists), strict=False)
+    return list(map(list, rows if len(lists[0]) <= ITEMS_PER_CHECK else iterate_checked(rows)))
 
 
-def numbers_from(*bounds: Any) -> list[int]:
+def make_range(*bounds: Any) -> list[int]:
     """The integers from 0 up to, not including, a stop; from a start to a stop; the same in steps."""
-    limits = [integer("range", bound) for bound in bounds]
+    limits = [check_integer("range", bound) for bound in bounds]
     if len(limits) == 3 and limits[2] == 0:
-        raise wrong("the step of range is 0", "give a positive or a negative step")
+        raise misuse("the step of range is 0", "give a positive or a negative step")
     found = range(*limits)
     if found[RANGE_LIMIT:]:
         message = f"range({', '.join(map(str, limits))}) has too many elements"
-        raise wrong(message, f"a list made by range has at most {RANGE_LIMIT} elements")
+        raise misuse(message, f"a list made by range has at most {RANGE_LIMIT} elements")
     return list(found)
 
 
 def _range_type(types: Types) -> Type:
-    limits = [integers(t) for t in types]
+    limits = [bound_integers(t) for t in types]
     first, last = limits[0], limits[1] if len(limits) > 1 else limits[0]
     if first is None or last is None:
         return NOTHING
@@ -319,11 +323,11 @@ def _range_type(types: Types) -> Type:
         bounds = (first[0], max(last[1] - 1, first[0]))
     else:  # upwards or downwards
         bounds = (min(first[0], last[0] + 1), max(first[1], last[1] - 1))
-    return Type(Kind.LIST, item=numbers(Kind.INT, bounds), columns=())
+    return Type(Kind.LIST, item=make_numbers(Kind.INT, bounds), columns=())
 
 
 def _range_can_fail(types: Types) -> bool:
-    limits = [integers(t) for t in types]
+    limits = [bound_integers(t) for t in types]
     if not each(INTEGER)(types) or None in limits:
         return True
     (low, high), *others = [limit for limit in limits if limit is not None]
@@ -334,19 +338,21 @@ def _range_can_fail(types: Types) -> bool:
 
 
 def _reversed(value: Any) -> Any:
-    return string_or_list("reverse", value)[::-1]
+    return check_string_or_list("reverse", value)[::-1]
 
 
-def string_or_list(function: str, value: Any) -> Any:
+def check_string_or_list(function: str, value: Any) -> Any:
     """The argument, if it is a string or a list."""
     if type(value) is str or type(value) is list:
         return value
-    raise wrong(f"{function} works on lists and strings, not on {show(value)}", "str(...) makes a string of a number")
+    raise misuse(
+        f"{function} works on lists and strings, not on {format_value(value)}", "str(...) makes a string of a number"
+    )
 
 
 def _flat(values: Any) -> list[Any]:
     found: list[Any] = []
-    for value in watched(as_list("flat", values)):
+    for value in iterate_checked(check_list("flat", values)):
         if type(value) is list:
             found.extend(value)
         else:
@@ -366,19 +372,19 @@ def _flat_type(types: Types) -> Type:
 def _index(values: Any, wanted: Any) -> int | None:
     """The place of the first element that equals the value."""
     try:
-        return as_list("index", values).index(wanted)
+        return check_list("index", values).index(wanted)
     except ValueError:
         return None
 
 
 def _difference(left: Any, right: Any) -> list[Any]:
-    gone = set(map(freeze, watched(as_list("difference", right))))
-    return [value for value in watched(as_list("difference", left)) if freeze(value) not in gone]
+    excluded = set(map(make_hashable, iterate_checked(check_list("difference", right))))
+    return [value for value in iterate_checked(check_list("difference", left)) if make_hashable(value) not in excluded]
 
 
 def _single(values: Any) -> Any:
     """The only element of a list, None of an empty one: the value of a query as an operand."""
-    found = as_list("single", values)
+    found = check_list("single", values)
     if len(found) > 1:
         hint = "write AS list to compare with a list, or LIMIT 1 for the first row"
         raise ExecutionError("X007", "this query is to be one value, and it has several rows", hints=(hint,))
@@ -396,22 +402,22 @@ OPERATIONS = (
         about="a[i]: of a list, a string or a dict", example="[[4, 5][-1], 'abc'[0]]",
         python=(
             Form("{0}[{1}]", lambda types: types[0].only(Kind.LIST) and types[1].kinds == Kind.INT),
-            *_found_in(Kind.DICT, exactly(Kind.STR), "{1} in {0}"),
-            *_found_in(Kind.LIST, _from_start, "len({0}) > {1}"),
-            *_found_in(Kind.LIST, _from_end, "len({0}) >= -{1}"),
-            *_found_in(Kind.LIST, exactly(Kind.INT), "len({0}) > {1} > -1"),  # one from the end is left to the value
+            *_make_forms(Kind.DICT, exactly(Kind.STR), "{1} in {0}"),
+            *_make_forms(Kind.LIST, _from_start, "len({0}) > {1}"),
+            *_make_forms(Kind.LIST, _from_end, "len({0}) >= -{1}"),
+            *_make_forms(Kind.LIST, exactly(Kind.INT), "len({0}) > {1} > -1"),  # one from the end is left to the value
         ),
         portable=(
-            Form("list_extract({0}, {1} + 1)", lambda types: types[0].kinds == Kind.LIST and _places(types[1:])),
+            Form("list_extract({0}, {1} + 1)", lambda types: types[0].kinds == Kind.LIST and _are_places(types[1:])),
         ),
         by_hand=frozenset({"sqlite"}),  # lists that stay the same are packed
     ),
     operation(
-        "slice", 3, _slice, lambda types: union((same_list(types), as_text(types[:1]))), _slice_can_fail,
+        "slice", 3, _slice, lambda types: union((keep_element_type(types), make_text_type(types[:1]))), _slice_can_fail,
         call="a[i:j]", about="a[i:j]: of a list or a string", example="[[1, 2, 3][1:], 'abcd'[:2]]",
         portable=(
             Form("substring({0}, {1} + 1, greatest({2} - {1}, 0))",
-                 lambda types: types[0].kinds == Kind.STR and _places(types[1:])),
+                 lambda types: types[0].kinds == Kind.STR and _are_places(types[1:])),
         ),
     ),
     operation(
@@ -429,26 +435,26 @@ OPERATIONS = (
              example="[min([3, 1, 2]), min(3, 1)]"),
     _extreme("max", max, 1, ">=", "{*}", about="the greatest of a list or the arguments", example="max(['a', 'b'])"),
     operation(
-        "uniq", 1, _unique, same_list, are_not_lists,
+        "uniq", 1, _unique, keep_element_type, are_not_lists,
         call="uniq(list)", about="the different elements of a list", example="uniq([2, 1, 2, 1.0])",
     ),
     operation(
-        "sorted", (1, 2), _sorted, same_list, _sorting_can_fail, call="sorted(list) or sorted(list, True)",
+        "sorted", (1, 2), _sorted, keep_element_type, _sorting_can_fail, call="sorted(list) or sorted(list, True)",
         about="a list in order; sorted(x, True) falls", example="[sorted([2, 3, 1]), sorted([2, 3, 1], True)]",
     ),
     operation(
-        "zip", (1, None), zipped,
-        lambda types: Type(Kind.LIST, item=list_of([element(t) for t in types]), columns=()), are_not_lists,
+        "zip", (1, None), zip_lists,
+        lambda types: Type(Kind.LIST, item=make_list_type([element(t) for t in types]), columns=()), are_not_lists,
         grows=True, call="zip(list, list, ...)", example="zip([1, 2], ['a', 'b'])",
         about="the first elements of lists, the second, ...",
     ),
     operation(
-        "range", (1, 3), numbers_from, _range_type, _range_can_fail, grows=True,
+        "range", (1, 3), make_range, _range_type, _range_can_fail, grows=True,
         call="range(stop), range(start, stop) or range(start, stop, step)", about="range([start,] stop[, step])",
         example="[range(3), range(1, 3), range(6, 0, -2)]",
     ),
     operation(
-        "reverse", 1, _reversed, lambda types: union((same_list(types), as_text(types))),
+        "reverse", 1, _reversed, lambda types: union((keep_element_type(types), make_text_type(types))),
         lambda types: not types[0].only(Kind.LIST | Kind.STR), call="reverse(x)",
         about="a list or a string backwards", example="[reverse([1, 2, 3]), reverse('abc')]",
         python=(Form("{0}[::-1]", each(Kind.LIST | Kind.STR)),), portable=(Form("reverse({0})", exactly(Kind.STR)),),
@@ -463,7 +469,7 @@ OPERATIONS = (
         example="[index(['a', 'b'], 'b'), index([], 1)]",
     ),
     operation(
-        "difference", 2, _difference, same_list, are_not_lists, call="difference(a, b)",
+        "difference", 2, _difference, keep_element_type, are_not_lists, call="difference(a, b)",
         about="the elements of the list a that are not in the list b", example="difference([1, 2, 3, 2], [2])",
     ),
 )  # fmt: skip

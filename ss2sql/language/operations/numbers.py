@@ -8,35 +8,35 @@ from itertools import chain
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.kinds import NOTHING, Kind, Type, union
-from ss2sql.language.operations.arguments import INTEGERS, kinds_of_numbers, number, wrong
-from ss2sql.language.operations.arithmetic import FINITE, integers_or_reals, parts, reals, sign_can_fail
+from ss2sql.language.kinds import NOTHING, Kind, Type, union
+from ss2sql.language.operations.argument_checks import INTEGERS, check_number, check_numbers, misuse
+from ss2sql.language.operations.arithmetic import FINITE, integers_or_reals, reals, sign_can_fail, split_type
 from ss2sql.language.operations.intervals import (
     INTEGER,
-    as_list,
-    as_text,
+    bound_floats,
+    bound_integers,
     fits,
-    floats,
-    integers,
     is_nonnegative,
-    numbers,
-    whole,
+    keep_lists,
+    make_numbers,
+    make_text_type,
+    round_bounds,
 )
-from ss2sql.language.operations.row import (
+from ss2sql.language.operations.operation import (
     Check,
     Form,
     Operation,
     Types,
-    alike,
     each,
     exactly,
     operation,
+    ordered,
     sql_class,
     sql_integers,
     sql_numbers,
 )
-from ss2sql.runtime.messages import CURES, check, float_overflow, show
-from ss2sql.runtime.ordering import NUMBERS, compare
+from ss2sql.language.ordering import NUMBERS, compare_values
+from ss2sql.language.value_messages import CURES, build_overflow_error, check_arithmetic, format_value
 
 HALF = 8e307  # the difference of two such numbers is finite
 SMALL = 1e306  # of 16 such numbers even the sum is finite
@@ -49,11 +49,11 @@ def not_numbers(types: Types) -> bool:
 
 
 def _absolute(value: Any) -> Any:
-    return check(abs(number("abs", value)), CURES["abs"])
+    return check_arithmetic(abs(check_number("abs", value)), CURES["abs"])
 
 
 def _absolute_type(types: Types) -> Type:
-    return union(numbers(kind, _sizes(low, high)) for kind, low, high in parts(types[0]))
+    return union(make_numbers(kind, _sizes(low, high)) for kind, low, high in split_type(types[0]))
 
 
 def _sizes(low: float, high: float) -> tuple[float, ...]:
@@ -65,30 +65,30 @@ def _sizes(low: float, high: float) -> tuple[float, ...]:
 
 def _rounded(value: Any, digits: Any = None) -> Any:
     """The nearest integer, or the nearest number with so many decimal places; halves go to the even neighbour."""
-    number("round", value)
+    check_number("round", value)
     try:
         if digits is None:
-            return check(round(value))
+            return check_arithmetic(round(value))
         if type(digits) not in INTEGERS:
-            message = f"round takes a whole number of decimal places, not {show(digits)}"
-            raise wrong(message, "round(x, 2) keeps two of them")
+            message = f"round takes a whole number of decimal places, not {format_value(digits)}"
+            raise misuse(message, "round(x, 2) keeps two of them")
         places = int(digits)
         if type(value) is float:
-            return check(round(value, places))
+            return check_arithmetic(round(value, places))
     except OverflowError:
-        raise float_overflow() from None
+        raise build_overflow_error() from None
     # Rounding to more than 20 digits before the point gives 0; Python would compute the power of 10.
-    return check(round(int(value), places)) if places >= -20 else 0
+    return check_arithmetic(round(int(value), places)) if places >= -20 else 0
 
 
 def _rounded_type(types: Types) -> Type:
     value, *digits = types
     found = []
     if not digits or digits[0].may(Kind.NONE):
-        found += [numbers(Kind.INT, bounds) for bounds in whole(value, round)]
+        found += [make_numbers(Kind.INT, bounds) for bounds in round_bounds(value, round)]
     if digits and digits[0].may(INTEGER):
-        if bounds := integers(value):
-            found.append(numbers(Kind.INT, bounds) if is_nonnegative(digits[0]) else Type(Kind.INT))
+        if bounds := bound_integers(value):
+            found.append(make_numbers(Kind.INT, bounds) if is_nonnegative(digits[0]) else Type(Kind.INT))
         found.append(Type(value.kinds & Kind.FLOAT))
     return union(found)
 
@@ -99,20 +99,22 @@ def _rounding_can_fail(types: Types) -> bool:
         return True
     if digits:
         return not digits[0].only(INTEGER) or not is_nonnegative(digits[0])
-    return not all(fits(Kind.INT, bounds) for bounds in whole(value, round))
+    return not all(fits(Kind.INT, bounds) for bounds in round_bounds(value, round))
 
 
 # --- roots, points -------------------------------------------------------------------------------------
 
 
 def _root(value: Any) -> float:
-    if number("sqrt", value) < 0:
-        raise wrong(f"sqrt of the negative number {show(value)}", "sqrt(abs(x)) takes the number without its sign")
+    if check_number("sqrt", value) < 0:
+        raise misuse(
+            f"sqrt of the negative number {format_value(value)}", "sqrt(abs(x)) takes the number without its sign"
+        )
     return math.sqrt(value)
 
 
 def _root_type(types: Types) -> Type:
-    low, high = floats(types[0])
+    low, high = bound_floats(types[0])
     if not types[0].may(Kind.NUMBER) or high < 0:
         return NOTHING
     return Type(Kind.FLOAT, math.sqrt(max(low, 0)), math.sqrt(high))
@@ -121,23 +123,26 @@ def _root_type(types: Types) -> Type:
 def _distance(left: Any, right: Any) -> float:
     """The Euclidean distance of two numbers, or of two equally long lists of numbers."""
     if type(left) is not list and type(right) is not list:
-        kinds_of_numbers("distance", (left, right))
-        return float(check(float(abs(left - right))))
+        check_numbers("distance", (left, right))
+        return float(check_arithmetic(float(abs(left - right))))
     for point in (left, right):
         if type(point) is not list:
-            raise wrong(f"distance of {show(left)} and {show(right)}", "give two numbers, or two lists of numbers")
-        kinds_of_numbers("distance", point)
+            raise misuse(
+                f"distance of {format_value(left)} and {format_value(right)}",
+                "give two numbers, or two lists of numbers",
+            )
+        check_numbers("distance", point)
     if len(left) != len(right):
         message = f"distance of lists of {len(left)} and {len(right)} numbers"
-        raise wrong(message, "both points need the same number of coordinates")
-    return float(check(math.dist(left, right)))
+        raise misuse(message, "both points need the same number of coordinates")
+    return float(check_arithmetic(math.dist(left, right)))
 
 
 def _norm(value: Any) -> float:
     """The Euclidean length of a list of numbers; the absolute value of a number."""
     coordinates = value if type(value) is list else [value]
-    kinds_of_numbers("norm", coordinates)
-    return float(check(math.hypot(*coordinates)))
+    check_numbers("norm", coordinates)
+    return float(check_arithmetic(math.hypot(*coordinates)))
 
 
 def _size(types: Types) -> Type:
@@ -149,14 +154,14 @@ def _size_can_fail(types: Types) -> bool:
         return _too_long([kind.positions or () for kind in types])
     if not_numbers(types):
         return True
-    return len(types) > 1 and not all(-HALF <= bound <= HALF for kind in types for bound in floats(kind))
+    return len(types) > 1 and not all(-HALF <= bound <= HALF for kind in types for bound in bound_floats(kind))
 
 
 def _too_long(vectors: Sequence[tuple[Type, ...]]) -> bool:
     coordinates = list(chain.from_iterable(vectors))
     if not_numbers(coordinates) or len(set(map(len, vectors))) > 1:
         return True
-    return not all(-SMALL <= bound <= SMALL for part in coordinates for bound in floats(part))
+    return not all(-SMALL <= bound <= SMALL for part in coordinates for bound in bound_floats(part))
 
 
 def _exact_difference(types: Types) -> bool:
@@ -178,13 +183,13 @@ def _rounding(name: str, compute: Callable[[float], int], about: str, example: s
     """The row of `floor` or `ceil`, which give an integer."""
 
     def value(given: Any) -> int:
-        return int(check(compute(number(name, given)), CURES["int"]))
+        return int(check_arithmetic(compute(check_number(name, given)), CURES["int"]))
 
     def result(types: Types) -> Type:
-        return union(numbers(Kind.INT, bounds) for bounds in whole(types[0], compute))
+        return union(make_numbers(Kind.INT, bounds) for bounds in round_bounds(types[0], compute))
 
     def can_fail(types: Types) -> bool:
-        return not_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in whole(types[0], compute))
+        return not_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in round_bounds(types[0], compute))
 
     value.__name__ = name
     return operation(
@@ -201,19 +206,21 @@ def _rounding(name: str, compute: Callable[[float], int], about: str, example: s
     )  # fmt: skip
 
 
-def _of_angles(
+def _make_angle(
     name: str, compute: Callable[..., float], bounds: tuple[float | None, float | None], about: str, example: str
 ) -> Operation:
     """The row of a function of the C library. Engines round it differently, so Python always computes it."""
 
     def value(*given: Any) -> float:
-        kinds_of_numbers(name, given)
+        check_numbers(name, given)
         try:
-            return float(check(compute(*given)))
+            return float(check_arithmetic(compute(*given)))
         except ValueError:
-            raise wrong(f"{name} of {' and '.join(map(show, given))} is no real number", _DOMAINS[name]) from None
+            raise misuse(
+                f"{name} of {' and '.join(map(format_value, given))} is no real number", _DOMAINS[name]
+            ) from None
         except OverflowError:
-            raise float_overflow() from None
+            raise build_overflow_error() from None
 
     known = {"atan2": (2, 2), "log": (1, 2)}.get(name, (1, 1))
     call = {"atan2": "atan2(y, x)", "log": "log(x) or log(x, base)"}.get(name, f"{name}(x)")
@@ -247,19 +254,22 @@ _DOMAINS = {
 
 
 def _clamp(value: Any, low: Any, high: Any) -> Any:
-    if compare(low, high) > 0:
-        raise wrong(f"clamp between {show(low)} and {show(high)}", "clamp(x, low, high): the lower bound stands first")
-    return low if compare(value, low) < 0 else high if compare(value, high) > 0 else value
+    if compare_values(low, high) > 0:
+        raise misuse(
+            f"clamp between {format_value(low)} and {format_value(high)}",
+            "clamp(x, low, high): the lower bound stands first",
+        )
+    return low if compare_values(value, low) < 0 else high if compare_values(value, high) > 0 else value
 
 
 def _clamped(types: Types) -> Type:
     """The type of one of the three arguments that can be ordered."""
     kinds = [kind for kind in (Kind.NUMBER, Kind.LIST, Kind.OBJECT) if all(t.may(kind) for t in types)]
-    found = [as_text(types)]
+    found = [make_text_type(types)]
     if Kind.NUMBER in kinds:
         found.append(union(Type(t.kinds & Kind.NUMBER, t.low, t.high) for t in types))
     if Kind.LIST in kinds:
-        found.append(union(map(as_list, types)))
+        found.append(union(map(keep_lists, types)))
     return union((*found, Type(Kind.OBJECT) if Kind.OBJECT in kinds else NOTHING))
 
 
@@ -269,12 +279,12 @@ def _clamped(types: Types) -> Type:
 def _to_integer(value: Any) -> int:
     """The integer that a string represents; of a number, its whole part."""
     if type(value) in NUMBERS:
-        return int(check(int(value), CURES["int"]))
+        return int(check_arithmetic(int(value), CURES["int"]))
     try:
-        return int(check(int(_string("int", value)), CURES["int"]))
+        return int(check_arithmetic(int(_string("int", value)), CURES["int"]))
     except ValueError:
         hint = "int reads digits; int(float(...)) also reads fractions"
-        raise wrong(f"int cannot read {show(value)}", hint) from None
+        raise misuse(f"int cannot read {format_value(value)}", hint) from None
 
 
 def _to_float(value: Any) -> float:
@@ -285,9 +295,9 @@ def _to_float(value: Any) -> float:
         found = float(_string("float", value))
     except ValueError:
         hint = "float reads numbers with a point, such as '1.5' or '2e3'"
-        raise wrong(f"float cannot read {show(value)}", hint) from None
+        raise misuse(f"float cannot read {format_value(value)}", hint) from None
     if not math.isfinite(found):
-        message = f"{show(value)} is not a finite number"
+        message = f"{format_value(value)} is not a finite number"
         raise ExecutionError("X004", message, hints=("floats have to be finite; None can say that there is no value",))
     return found
 
@@ -300,20 +310,20 @@ def _string(function: str, value: Any) -> str:
         if value is None
         else "the elements of a list are converted one by one"
     )
-    raise wrong(f"{function} works on numbers and strings, not on {show(value)}", hint)
+    raise misuse(f"{function} works on numbers and strings, not on {format_value(value)}", hint)
 
 
 def _integer_type(types: Types) -> Type:
-    found = [numbers(Kind.INT, bounds) for bounds in whole(types[0], int)]
+    found = [make_numbers(Kind.INT, bounds) for bounds in round_bounds(types[0], int)]
     return union((*found, Type(Kind.INT) if types[0].may(Kind.STR) else NOTHING))
 
 
 def _integer_can_fail(types: Types) -> bool:
-    return not_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in whole(types[0], int))
+    return not_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in round_bounds(types[0], int))
 
 
 def _float_type(types: Types) -> Type:
-    found = numbers(Kind.FLOAT, floats(types[0])) if types[0].may(Kind.NUMBER) else NOTHING
+    found = make_numbers(Kind.FLOAT, bound_floats(types[0])) if types[0].may(Kind.NUMBER) else NOTHING
     return union((found, Type(Kind.FLOAT) if types[0].may(Kind.STR) else NOTHING))
 
 
@@ -334,7 +344,7 @@ OPERATIONS = (
         about="the nearest number of so many digits", example="[round(2.567), round(2.567, 1)]",
     ),
     operation(  # IEEE 754 demands the nearest float of a root, so all roots are the same
-        "sqrt", 1, _root, _root_type, lambda types: not_numbers(types) or floats(types[0])[0] < 0,
+        "sqrt", 1, _root, _root_type, lambda types: not_numbers(types) or bound_floats(types[0])[0] < 0,
         call="sqrt(x)", about="the square root", example="sqrt(2.25)",
         sqlite=(Form("sqrt({0})", sql_numbers, "{0} >= 0"),), python=(Form(math.sqrt, _NUMBERS, "{0} >= 0"),),
         portable=(Form("sqrt({0})", reals),),
@@ -370,16 +380,16 @@ OPERATIONS = (
         "clamp", 3, _clamp, _clamped, True, call="clamp(x, low, high)",
         about="x, or the bound that it lies beyond", example="[clamp(7, 0, 5), clamp(3, 0, 5)]",
         sqlite=(Form("max({1}, min({0}, {2}))", exactly(Kind.INT), "{1} <= {2}"),),
-        python=(Form("{1} if {0} < {1} else {2} if {0} > {2} else {0}", alike, "{1} <= {2}"),),
+        python=(Form("{1} if {0} < {1} else {2} if {0} > {2} else {0}", ordered, "{1} <= {2}"),),
     ),
-    _of_angles("sin", math.sin, (-1, 1), "the sine of an angle in radians", "sin(pi() / 2)"),
-    _of_angles("cos", math.cos, (-1, 1), "the cosine of an angle in radians", "cos(0)"),
-    _of_angles("tan", math.tan, (None, None), "the tangent of an angle in radians", "tan(0)"),
-    _of_angles("asin", math.asin, (-2, 2), "the angle with this sine, from -pi() / 2 to pi() / 2", "asin(0)"),
-    _of_angles("acos", math.acos, (0, 4), "the angle with this cosine, from 0 to pi()", "acos(1)"),
-    _of_angles("atan2", math.atan2, (-4, 4), "the angle of the point (x, y), from -pi() to pi()", "atan2(0, 1)"),
-    _of_angles("exp", math.exp, (0, None), "e to the power of x", "exp(0)"),
-    _of_angles("log", _log, (None, None), "the natural logarithm, or that to a base", "[log(1), log(8, 2)]"),
+    _make_angle("sin", math.sin, (-1, 1), "the sine of an angle in radians", "sin(pi() / 2)"),
+    _make_angle("cos", math.cos, (-1, 1), "the cosine of an angle in radians", "cos(0)"),
+    _make_angle("tan", math.tan, (None, None), "the tangent of an angle in radians", "tan(0)"),
+    _make_angle("asin", math.asin, (-2, 2), "the angle with this sine, from -pi() / 2 to pi() / 2", "asin(0)"),
+    _make_angle("acos", math.acos, (0, 4), "the angle with this cosine, from 0 to pi()", "acos(1)"),
+    _make_angle("atan2", math.atan2, (-4, 4), "the angle of the point (x, y), from -pi() to pi()", "atan2(0, 1)"),
+    _make_angle("exp", math.exp, (0, None), "e to the power of x", "exp(0)"),
+    _make_angle("log", _log, (None, None), "the natural logarithm, or that to a base", "[log(1), log(8, 2)]"),
     operation(
         "pi", 0, lambda: math.pi, Type(Kind.FLOAT, math.pi, math.pi), False, call="pi()",
         about="the ratio of a circle's circumference to its diameter", example="pi()",

@@ -8,12 +8,12 @@ from functools import lru_cache
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.kinds import BOOL, NOTHING, STR, UNENCODABLE, Kind, Type, union
-from ss2sql.language.operations.arguments import as_list, string, wrong
-from ss2sql.language.operations.intervals import as_text
+from ss2sql.language.kinds import BOOL, NOTHING, STR, UNENCODABLE, Kind, Type, union
+from ss2sql.language.operations.argument_checks import check_list, check_string, misuse
+from ss2sql.language.operations.intervals import make_text_type
 from ss2sql.language.operations.lists import LENGTH
-from ss2sql.language.operations.row import Form, Operation, Types, each, element, exactly, operation
-from ss2sql.runtime.messages import show
+from ss2sql.language.operations.operation import Form, Operation, Types, each, element, exactly, operation
+from ss2sql.language.value_messages import format_value
 
 MOST_WIDTH = 1000  # characters of a value that `format` writes
 _PLAIN = each(Kind.NONE | Kind.NUMBER | Kind.STR)
@@ -26,31 +26,31 @@ def _not_strings(types: Types) -> bool:
     return not _STRINGS(types)
 
 
-def _of_strings(name: str, compute: Callable[..., Any], arity: int | tuple[int, int], **others: Any) -> Operation:
+def _make_method(name: str, compute: Callable[..., Any], arity: int | tuple[int, int], **others: Any) -> Operation:
     """The row of a function that is a method of Python's strings."""
 
     def value(*given: Any) -> Any:
-        return compute(*(string(name, one) for one in given))
+        return compute(*(check_string(name, one) for one in given))
 
     value.__name__ = name
-    others = {"result": as_text, "can_fail": _not_strings, "python": (Form(compute, _STRINGS),), **others}
+    others = {"result": make_text_type, "can_fail": _not_strings, "python": (Form(compute, _STRINGS),), **others}
     return operation(name, arity, value, others.pop("result"), others.pop("can_fail"), **others)
 
 
 def _split(value: str, separator: str | None = None) -> list[str]:
     if separator == "":
-        raise wrong("split by an empty string", "the characters of a string are x[0], x[1], ...")
+        raise misuse("split by an empty string", "the characters of a string are x[0], x[1], ...")
     return value.split(separator)
 
 
 def _parts(types: Types) -> Type:
-    text = as_text(types[:1])
+    text = make_text_type(types[:1])
     return Type(Kind.LIST, item=text, columns=()) if text != NOTHING else NOTHING
 
 
-def joined(values: Any, separator: Any = "") -> str:
+def join_list(values: Any, separator: Any = "") -> str:
     """The elements of a list, as `str` writes them, with the separator between them."""
-    return string("join", separator).join(map(str, as_list("join", values)))
+    return check_string("join", separator).join(map(str, check_list("join", values)))
 
 
 def _joined_type(types: Types) -> Type:
@@ -62,19 +62,19 @@ def _join_can_fail(types: Types) -> bool:
     return not types[0].only(Kind.LIST) or element(types[0]).may(Kind.STRUCTURED) or _not_strings(types[1:])
 
 
-def replaced(value: Any, old: Any, new: Any) -> str:
+def replace_text(value: Any, old: Any, new: Any) -> str:
     """The string with `new` in the place of each `old`."""
     for one in (value, old, new):
-        string("replace", one)
+        check_string("replace", one)
     if not old:
-        raise wrong("replace of an empty string", "name the part of the string that is to be replaced")
+        raise misuse("replace of an empty string", "name the part of the string that is to be replaced")
     return str(value.replace(old, new))
 
 
 _FIELD = re.compile(r"\{\{|\}\}|\{(\d*)(?::([^{}]*))?\}|[{}]")
 
 
-def _formatted(pattern: Any, *values: Any) -> str:
+def _format(pattern: Any, *values: Any) -> str:
     """Python's `format` with `{}`, `{0}` or `{:.2f}`; attributes and items of values are refused."""
     count = 0
 
@@ -84,40 +84,44 @@ def _formatted(pattern: Any, *values: Any) -> str:
         if whole in ("{{", "}}"):
             return whole[0]
         if place is None:
-            raise wrong(f"format cannot read {show(pattern)}", "a value stands in {}, {0} or {:.2f}; {{ is a brace")
+            raise misuse(
+                f"format cannot read {format_value(pattern)}", "a value stands in {}, {0} or {:.2f}; {{ is a brace"
+            )
         number = int(place) if place else count
         count += not place
         if number >= len(values):
-            message = f"format has no value number {number} for {show(pattern)}"
-            raise wrong(message, "each {} takes one more argument")
-        return _written(values[number], spec)
+            message = f"format has no value number {number} for {format_value(pattern)}"
+            raise misuse(message, "each {} takes one more argument")
+        return _format_value(values[number], spec)
 
-    return _FIELD.sub(field, string("format", pattern))
+    return _FIELD.sub(field, check_string("format", pattern))
 
 
-def _written(value: Any, spec: str) -> str:
+def _format_value(value: Any, spec: str) -> str:
     if any(int(width) > MOST_WIDTH for width in re.findall(r"\d+", spec)):
-        raise wrong(f"format with {spec!r}", f"a value takes at most {MOST_WIDTH} characters")
+        raise misuse(f"format with {spec!r}", f"a value takes at most {MOST_WIDTH} characters")
     try:
         return format(value, spec) if spec else str(value)
     except (ValueError, TypeError, OverflowError):
-        message = f"format cannot write {show(value)} with {spec!r}"
-        raise wrong(message, "{:.2f} writes a number with two digits, {:>8} a string in eight places") from None
+        message = f"format cannot write {format_value(value)} with {spec!r}"
+        raise misuse(message, "{:.2f} writes a number with two digits, {:>8} a string in eight places") from None
 
 
 @lru_cache(maxsize=256)
-def _pieces(pattern: str) -> list[re.Pattern[str]]:
+def _split_pattern(pattern: str) -> list[re.Pattern[str]]:
     """The parts between the % of a pattern. Each has a fixed length, so matching never backtracks."""
-    pieces = ("".join("." if char == "_" else re.escape(char) for char in piece) for piece in pattern.split("%"))
-    return [re.compile(piece, re.DOTALL) for piece in pieces]
+    parts = ("".join("." if char == "_" else re.escape(char) for char in piece) for piece in pattern.split("%"))
+    return [re.compile(piece, re.DOTALL) for piece in parts]
 
 
-def like(value: Any, pattern: Any) -> bool:
+def matches_pattern(value: Any, pattern: Any) -> bool:
     """Whether a string matches the pattern: % is any text, _ any character, and case counts."""
     if type(value) is not str or type(pattern) is not str:
         hint = "LIKE compares strings: ask x IS NOT NULL AND ... before, or make a string with str(...)"
-        raise ExecutionError("X001", f"cannot compute {show(value)} LIKE {show(pattern)}", hints=(hint,))
-    first, *rest = _pieces(pattern)
+        raise ExecutionError(
+            "X001", f"cannot compute {format_value(value)} LIKE {format_value(pattern)}", hints=(hint,)
+        )
+    first, *rest = _split_pattern(pattern)
     if not rest:
         return first.fullmatch(value) is not None
     *middle, last = rest
@@ -131,11 +135,11 @@ def like(value: Any, pattern: Any) -> bool:
     return at + tail <= len(value) and last.match(value, len(value) - tail) is not None
 
 
-def _unlike(value: Any, pattern: Any) -> bool:
-    return not like(value, pattern)
+def _does_not_match(value: Any, pattern: Any) -> bool:
+    return not matches_pattern(value, pattern)
 
 
-def _likeness(name: str, symbol: str, value: Callable[..., bool], negated: str, about: str, example: str) -> Operation:
+def _make_like(name: str, symbol: str, value: Callable[..., bool], negated: str, about: str, example: str) -> Operation:
     return operation(
         name, 2, value, BOOL, lambda types: not each(Kind.STR)(types),
         symbol=symbol, call=f"a {symbol} b", about=about, example=example, negated=negated,
@@ -144,11 +148,11 @@ def _likeness(name: str, symbol: str, value: Callable[..., bool], negated: str, 
 
 
 OPERATIONS = (
-    _likeness(
-        "like", "LIKE", like, "not_like", "a LIKE b: % is any text, _ is any character",
+    _make_like(
+        "like", "LIKE", matches_pattern, "not_like", "a LIKE b: % is any text, _ is any character",
         "['Oslo' LIKE 'O%', 'Oslo' LIKE 'o___']",
     ),
-    _likeness("not_like", "NOT LIKE", _unlike, "like", "a NOT LIKE b", "'Oslo' NOT LIKE 'A%'"),
+    _make_like("not_like", "NOT LIKE", _does_not_match, "like", "a NOT LIKE b", "'Oslo' NOT LIKE 'A%'"),
     operation(  # an object's own text may be anything
         "str", 1, str, lambda types: STR if _PLAIN(types) else UNENCODABLE, lambda types: types[0].may(Kind.STRUCTURED),
         call="str(x)", about="the value as text", example="str([1, 2.0])", grows=True,
@@ -157,49 +161,49 @@ OPERATIONS = (
         python=(Form("str({0})", _PLAIN),),
         portable=(Form("{0}", _STRING), Form("cast({0} AS VARCHAR)", exactly(Kind.INT))),
     ),
-    _of_strings(
+    _make_method(
         "upper", str.upper, 1, call="upper(s)", about="the string in capitals", example="upper('abc')", grows=True,
         sqlite=(Form("upper({0})", _STRING, only=_ASCII),),
     ),
-    _of_strings(
+    _make_method(
         "lower", str.lower, 1, call="lower(s)", about="the string in small letters", example="lower('ABC')", grows=True,
         sqlite=(Form("lower({0})", _STRING, only=_ASCII),),
     ),
-    _of_strings(
+    _make_method(
         "strip", str.strip, (1, 2), call="strip(s) or strip(s, characters)",
         about="the string without blanks, or these characters, at its ends",
-        example="[strip(' a b '), strip('--a-', '-')]", result=lambda types: as_text(types[:1]),
+        example="[strip(' a b '), strip('--a-', '-')]", result=lambda types: make_text_type(types[:1]),
     ),
-    _of_strings(
+    _make_method(
         "split", _split, (1, 2), call="split(s) or split(s, separator)", result=_parts, grows=True,
         about="the parts of a string between blanks or separators", example="[split('a b'), split('a,b', ',')]",
         can_fail=lambda types: _not_strings(types) or len(types) > 1, python=(),
     ),
     operation(
-        "join", (1, 2), joined, _joined_type, _join_can_fail, call="join(list) or join(list, separator)", grows=True,
+        "join", (1, 2), join_list, _joined_type, _join_can_fail, call="join(list) or join(list, separator)", grows=True,
         about="the elements of a list as one string", example="[join(['a', 'b']), join([1, 2], '-')]",
     ),
     operation(
-        "replace", 3, replaced, as_text, True, call="replace(s, old, new)", grows=True,
+        "replace", 3, replace_text, make_text_type, True, call="replace(s, old, new)", grows=True,
         about="the string with new in the place of each old", example="replace('a-b-c', '-', '+')",
         sqlite=(Form('"replace"({0}, {1}, {2})', _STRING,
                      " AND ".join(["{1} <> ''", *(f"instr({{{n}}}, char(0)) = 0" for n in range(3))])),),
     ),
-    _of_strings(
+    _make_method(
         "starts", str.startswith, 2, call="starts(s, part)", about="whether the string begins with a part",
         example="starts('abc', 'ab')", result=lambda types: BOOL, portable=(Form("starts_with({0}, {1})", _STRING),),
     ),
-    _of_strings(
+    _make_method(
         "ends", str.endswith, 2, call="ends(s, part)", about="whether the string ends with a part",
         example="ends('abc', 'bc')", result=lambda types: BOOL,
     ),
-    _of_strings(
+    _make_method(
         "find", str.find, 2, call="find(s, part)", about="the place of the first such part, -1 without one",
         example="[find('abc', 'c'), find('abc', 'x')]", result=lambda types: Type(Kind.INT, -1, LENGTH),
         sqlite=(Form("instr({0}, {1}) - 1", _STRING),),
     ),
     operation(
-        "format", (1, None), _formatted, lambda types: union((UNENCODABLE,)) if types[0].may(Kind.STR) else NOTHING,
+        "format", (1, None), _format, lambda types: union((UNENCODABLE,)) if types[0].may(Kind.STR) else NOTHING,
         True, call="format(s, a, b, ...)", about="the string with values in the places of {}, {0} or {:.2f}",
         example="format('{} is {:.2f}', 'pi', pi())", grows=True,
     ),

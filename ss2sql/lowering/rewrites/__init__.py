@@ -1,22 +1,30 @@
-"""Rewrites of the plan, one per file, each with a name by which `connect(disable=[...])` switches it off.
+"""Rewrites of the plan, each with a name by which `connect(disable=[...])` switches it off.
 
-A rewrite takes a query and gives one with the same rows, the same errors and the same effects. `optimise`
-applies all of them, for both executors; what it may know of the session is in world.py. Some are about SQL
-alone, and lowering applies them (levels.py, product.py, lookup.py, positions.py, cells.py); the native executor
-always does the same in its way.
+A rewrite takes a query and gives one with the same result and the same effects. `optimise` applies them in the order of
+the registry, for both engines; rewrite_context is what they may know of the session, plan_nodes makes nodes. Some are
+about SQL alone, and lowering applies them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from ss2sql import plan
-from ss2sql.lowering.rewrites import columns, exists, fold, inline, near, rows, split, unnest
-from ss2sql.lowering.rewrites.world import World
-from ss2sql.records import dataclass
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.lowering.rewrites import (
+    constant_folding,
+    distance_ranges,
+    in_to_exists,
+    inline_functions,
+    keys_to_columns,
+    lists_to_rows,
+    normalize_conditions,
+    unnest_subqueries,
+)
+from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 
 
-def by_lowering(query: plan.Query, world: World) -> plan.Query:
+def keep_plan(query: plan.Query, world: RewriteContext) -> plan.Query:
     """The plan stays as it is: lowering reads the switch."""
     return query
 
@@ -25,51 +33,51 @@ def by_lowering(query: plan.Query, world: World) -> plan.Query:
 class Rewrite:
     """What a rewrite `does`, what is `done` to a query where it has fired, both in words, and how."""
 
-    does: str
+    purpose: str
     done: str
-    apply: Callable[[plan.Query, World], plan.Query] = by_lowering
+    apply: Callable[[plan.Query, RewriteContext], plan.Query] = keep_plan
 
 
 REWRITES: dict[str, Rewrite] = {
     "inline": Rewrite(
         "puts the expression that a function returns in the place of its call",
         "calls of Python functions became the expressions that they compute",
-        inline.rewrite,
+        inline_functions.rewrite,
     ),
     "columns": Rewrite(
         'reads this["a"] of rows that have it as the column a',
         "keys of rows are read as columns",
-        columns.rewrite,
+        keys_to_columns.rewrite,
     ),
     "fold": Rewrite(
         "computes what is made of constants before the query runs",
         "what is made of constants alone was computed beforehand",
-        fold.rewrite,
+        constant_folding.rewrite,
     ),
     "unnest": Rewrite(
         "makes conditions of a nested query over a known list, and reads constant texts for eval",
         "a nested query over a list that is known became plain conditions",
-        unnest.rewrite,
+        unnest_subqueries.rewrite,
     ),
     "exists": Rewrite(
         "asks of x IN (SELECT ...) whether a row equals x, where the query reads the row around it",
         "membership in what a query finds for a row is looked up",
-        exists.rewrite,
+        in_to_exists.rewrite,
     ),
     "split": Rewrite(
         "flattens AND and OR, moves NOT inwards, drops repeated parts, makes IN of several ==",
         "conditions were taken apart, so that each is asked as early as possible",
-        split.rewrite,
+        normalize_conditions.rewrite,
     ),
     "rows": Rewrite(
         "reads a query in FROM that gives a list of one column as rows",
         "rows of a query in FROM are joined, not collected in a list",
-        rows.rewrite,
+        lists_to_rows.rewrite,
     ),
     "near": Rewrite(
         "asks a world only for the box around a point where distance(this, point) <= 1",
         "a distance became ranges of coordinates, which the world is asked for",
-        near.rewrite,
+        distance_ranges.rewrite,
     ),
     "early": Rewrite(
         "asks conditions that can fail as soon as their sources are bound",
@@ -107,10 +115,10 @@ REWRITES: dict[str, Rewrite] = {
 
 
 def optimise(
-    query: plan.Query, disabled: Collection[str] = (), world: World | None = None
+    query: plan.Query, disabled: Collection[str] = (), world: RewriteContext | None = None
 ) -> tuple[plan.Query, tuple[str, ...]]:
     """The query after all rewrites that are not disabled, in the order of the registry, and their names."""
-    world = world or World()
+    world = world or RewriteContext()
     changed: list[str] = []
     for name, rewrite in REWRITES.items():
         if name not in disabled:

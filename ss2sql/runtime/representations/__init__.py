@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ss2sql.runtime.representations.plane import as_plane
-from ss2sql.runtime.representations.prolog import as_prolog
+from ss2sql.runtime.representations.as_plane import as_plane
+from ss2sql.runtime.representations.as_prolog import as_prolog
 from ss2sql.runtime.representations.rows_as_values import as_dict, as_list, as_rows, as_set, as_value, as_void
 
 ALL: dict[str, Callable[..., Any]] = {

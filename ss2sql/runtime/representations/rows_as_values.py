@@ -6,8 +6,8 @@ from itertools import chain
 from typing import Any
 
 from ss2sql.errors import RepresentationError
-from ss2sql.runtime.representations.base import Table
-from ss2sql.runtime.values import show
+from ss2sql.language.representation_table import Table
+from ss2sql.language.values import format_value
 
 
 def as_dict(table: Table) -> list[dict[str, Any]]:
@@ -30,17 +30,19 @@ def as_set(table: Table) -> set[Any]:
 
     Raises RepresentationError V001 for a value without a hash.
     """
-    return set(map(_hashable, chain.from_iterable(table)))
+    return set(map(_make_hashable, chain.from_iterable(table)))
 
 
-def _hashable(value: Any) -> Any:
+def _make_hashable(value: Any) -> Any:
     if isinstance(value, list):
-        return tuple(map(_hashable, value))
+        return tuple(map(_make_hashable, value))
     try:
         hash(value)
     except TypeError:
         hint = "select its parts, or use AS list"
-        raise RepresentationError("V001", f"{show(value)} cannot be an element of a set", hints=(hint,)) from None
+        raise RepresentationError(
+            "V001", f"{format_value(value)} cannot be an element of a set", hints=(hint,)
+        ) from None
     return value
 
 

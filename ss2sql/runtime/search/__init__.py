@@ -1,27 +1,30 @@
-"""The searches of the Python engine: one textbook loop per file, over the step function of a query.
+"""The searches of the Python engine: one textbook loop per file over the step function of a query.
 
-`contract.py` says what the loops and the step function owe each other.
+step_contract says what loops and step function owe each other. breadth_first, depth_first and best_first are the loops;
+memoized_steps evaluates the steps of a state once, trace notes events, backpointers leads back to the start. MEMORIZE:
+search_run, graph, memorize, bidirectional with regression; then its paths: paths_by_length with simple_paths,
+paths_by_weight with path_bounds, memorize_by_key.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from ss2sql import plan
-from ss2sql.runtime.search.best_first import best_first, best_first_unique, greedy, guided, guided_unique
+from ss2sql.language import plan
+from ss2sql.runtime.search.best_first import a_star, a_star_unique, greedy_best_first, uniform_cost, uniform_cost_unique
 from ss2sql.runtime.search.breadth_first import breadth_first, breadth_first_unique
-from ss2sql.runtime.search.contract import Found, Problem
 from ss2sql.runtime.search.depth_first import depth_first
+from ss2sql.runtime.search.step_contract import Found, Problem
 
 
-def search_of(search: plan.Search) -> Callable[[Problem], Iterator[Found]]:
+def choose_search(search: plan.Search) -> Callable[[Problem], Iterator[Found]]:
     """The loop of a search; that of MEMORIZE is in runtime/memorize."""
     if search.order == "depth first":
         return depth_first
     if search.order == "breadth first":
         return breadth_first_unique if search.repeats == "unique" else breadth_first
     if search.order == "greedy":
-        return greedy
+        return greedy_best_first
     if search.repeats == "unique":
-        return guided_unique if search.heuristic is not None else best_first_unique
-    return guided if search.heuristic is not None else best_first
+        return a_star_unique if search.heuristic is not None else uniform_cost_unique
+    return a_star if search.heuristic is not None else uniform_cost

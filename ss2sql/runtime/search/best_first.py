@@ -10,27 +10,34 @@ from collections.abc import Iterator
 from heapq import heappop, heappush
 from typing import Any
 
-from ss2sql.runtime.search.contract import Found, Problem
-from ss2sql.runtime.ways import START, Parents, Trail, path_by_parents, path_to, place_of
+from ss2sql.runtime.run.backpointers import (
+    START,
+    Parents,
+    PathKeys,
+    collect_path,
+    collect_path_by_parents,
+    make_start_backpointer,
+)
+from ss2sql.runtime.search.step_contract import Found, Problem
 
 TAKEN = -2  # less than every total
 
 
-def best_first(problem: Problem) -> Iterator[Found]:
+def uniform_cost(problem: Problem) -> Iterator[Found]:
     """Uniform cost: every path, or with NO CYCLE every path on which no key occurs twice."""
-    expand, watch, likeliest = problem.expand, problem.watch, problem.likeliest
-    trail = Trail() if problem.repeats == "no cycle" else None
+    expand, watch, likeliest = problem.expand, problem.on_expand, problem.likeliest
+    trail = PathKeys() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else ()
     queue: list[Any] = []
     number = 0
     for state in problem.starts:
         number += 1
-        path = place_of(problem.key_of(state)) if problem.visits else None
+        path = make_start_backpointer(problem.key_of(state)) if problem.visits else None
         queue.append((-1 if likeliest else 0, number, False, True, state, path, None))
     while queue:
         total, _, goal, goes_on, state, path, last = heappop(queue)
         if goal:
-            yield (path[1],) if problem.last else path_to(path), last
+            yield (path[1],) if problem.last else collect_path(path), last
         if not goes_on:
             continue
         if trail:
@@ -44,23 +51,23 @@ def best_first(problem: Problem) -> Iterator[Found]:
             heappush(queue, (rank, number, goal, goes_on, after, new, last))
 
 
-def guided(problem: Problem) -> Iterator[Found]:
+def a_star(problem: Problem) -> Iterator[Found]:
     """A* over all paths: a result waits at its total, its expansion at total plus estimate."""
-    expand, watch, found = problem.expand, problem.watch, problem.found
-    trail = Trail() if problem.repeats == "no cycle" else None
+    expand, watch, found = problem.expand, problem.on_expand, problem.found
+    trail = PathKeys() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else ()
     queue: list[Any] = []
     number = highest = 0
     for state in problem.starts:
         number += 1
-        path = place_of(problem.key_of(state)) if problem.visits else None
+        path = make_start_backpointer(problem.key_of(state)) if problem.visits else None
         queue.append((0, 0, number, True, 0, state, path, None))
     while queue:
         guess, _, _, goes_on, total, state, path, last = heappop(queue)
         if not goes_on:
             if guess < highest:
                 found(guess, highest)
-            yield (path[1],) if problem.last else path_to(path), last
+            yield (path[1],) if problem.last else collect_path(path), last
             continue
         if guess > highest:
             highest = guess
@@ -78,9 +85,9 @@ def guided(problem: Problem) -> Iterator[Found]:
                 heappush(queue, (rank + estimate, estimate, number, True, rank, after, new, None))
 
 
-def best_first_unique(problem: Problem) -> Iterator[Found]:
+def uniform_cost_unique(problem: Problem) -> Iterator[Found]:
     """Dijkstra: each key once, by its best path. `best` has its total, or TAKEN once it has come out of the queue."""
-    expand, watch = problem.expand, problem.watch
+    expand, watch = problem.expand, problem.on_expand
     best: dict[Any, Any] = {}
     parents: dict[Any, Any] = {}  # of the keys that have come out
     rows: Any = {} if problem.alone or problem.apart else None
@@ -101,7 +108,7 @@ def best_first_unique(problem: Problem) -> Iterator[Found]:
             best[key] = TAKEN
             parents[key] = before
             if goal:
-                yield path_by_parents(parents, key, rows, problem.last), last
+                yield collect_path_by_parents(parents, key, rows, problem.last), last
             if not goes_on:
                 continue
         if watch:
@@ -115,9 +122,9 @@ def best_first_unique(problem: Problem) -> Iterator[Found]:
             heappush(queue, (rank, number, key, goal, goes_on, after, before, last))
 
 
-def guided_unique(problem: Problem) -> Iterator[Found]:
+def a_star_unique(problem: Problem) -> Iterator[Found]:
     """A*. The heuristic may be inconsistent: a key is taken again when a cheaper path to it appears."""
-    expand, watch, found = problem.expand, problem.watch, problem.found
+    expand, watch, found = problem.expand, problem.on_expand, problem.found
     best: dict[Any, Any] = {START: 0}  # the least total of a path to each key so far
     taken: dict[Any, Any] = {}  # those at which keys came out of the queue
     given: set[Any] = set()
@@ -142,7 +149,7 @@ def guided_unique(problem: Problem) -> Iterator[Found]:
                 given.add(key)
                 if guess < highest:
                     found(guess, highest)
-                yield (path[1],) if problem.last else path_to(path), last
+                yield (path[1],) if problem.last else collect_path(path), last
             continue
         if watch:
             watch(path)
@@ -155,10 +162,10 @@ def guided_unique(problem: Problem) -> Iterator[Found]:
                 heappush(queue, (rank + estimate, estimate, number, True, key, rank, (path, row), None, after))
 
 
-def greedy(problem: Problem) -> Iterator[Found]:
+def greedy_best_first(problem: Problem) -> Iterator[Found]:
     """The step with the smallest estimate is extended first. A result is given out when it is generated."""
-    expand, watch, unique = problem.expand, problem.watch, problem.repeats == "unique"
-    trail = Trail() if problem.repeats == "no cycle" else None
+    expand, watch, unique = problem.expand, problem.on_expand, problem.repeats == "unique"
+    trail = PathKeys() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else set()
     queue: list[Any] = []
     number = 0
@@ -166,7 +173,7 @@ def greedy(problem: Problem) -> Iterator[Found]:
         number += 1
         if unique and problem.visits:
             closed.add(problem.key_of(state))
-        queue.append((0, number, place_of(problem.key_of(state)) if problem.visits else None, state))
+        queue.append((0, number, make_start_backpointer(problem.key_of(state)) if problem.visits else None, state))
     while queue:
         _, _, path, state = heappop(queue)
         if trail:
@@ -178,7 +185,7 @@ def greedy(problem: Problem) -> Iterator[Found]:
                 closed.add(key)
             new = (path, row, key, path[3] + 1 if path else 1)
             if goal:
-                yield (row,) if problem.last else path_to(new), last
+                yield (row,) if problem.last else collect_path(new), last
             if goes_on:
                 number += 1
                 heappush(queue, (estimate, number, new, after))

@@ -9,18 +9,25 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
-from ss2sql.runtime.search.contract import Found, Problem
-from ss2sql.runtime.ways import START, Parents, Trail, path_by_parents, path_to, place_of
+from ss2sql.runtime.run.backpointers import (
+    START,
+    Parents,
+    PathKeys,
+    collect_path,
+    collect_path_by_parents,
+    make_start_backpointer,
+)
+from ss2sql.runtime.search.step_contract import Found, Problem
 
 
 def breadth_first(problem: Problem) -> Iterator[Found]:
     """Every path, or with NO CYCLE every path on which no key occurs twice."""
-    expand, watch = problem.expand, problem.watch
-    trail = Trail() if problem.repeats == "no cycle" else None
+    expand, watch = problem.expand, problem.on_expand
+    trail = PathKeys() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else ()
     queue: deque[Any] = deque()
     for state in problem.starts:
-        queue.append((place_of(problem.key_of(state)) if problem.visits else None, state))
+        queue.append((make_start_backpointer(problem.key_of(state)) if problem.visits else None, state))
     while queue:
         path, state = queue.popleft()
         if trail:
@@ -30,7 +37,7 @@ def breadth_first(problem: Problem) -> Iterator[Found]:
         for row, key, goal, goes_on, after, _, _, last in expand(state, closed):
             new = (path, row, key, path[3] + 1 if path else 1) if trail else (path, row)
             if goal:
-                yield (row,) if problem.last else path_to(new), last
+                yield (row,) if problem.last else collect_path(new), last
             if goes_on:
                 queue.append((new, after))
 
@@ -40,7 +47,7 @@ def breadth_first_unique(problem: Problem) -> Iterator[Found]:
 
     It is a dict, not a chain of tuples, for the garbage collector: half of the time of an 8-puzzle.
     """
-    expand, watch = problem.expand, problem.watch
+    expand, watch = problem.expand, problem.on_expand
     parents: dict[Any, Any] = {}
     rows: Any = {} if problem.alone or problem.apart else None
     queue: deque[Any] = deque()
@@ -57,6 +64,6 @@ def breadth_first_unique(problem: Problem) -> Iterator[Found]:
             if problem.apart:
                 rows[key] = row
             if goal:
-                yield path_by_parents(parents, key, rows, problem.last), last
+                yield collect_path_by_parents(parents, key, rows, problem.last), last
             if goes_on:
                 queue.append((key, after))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from ss2sql.runtime.search.contract import Found, Problem
+from ss2sql.runtime.search.step_contract import Found, Problem
 
 
 def depth_first(problem: Problem) -> Iterator[Found]:
@@ -13,7 +13,7 @@ def depth_first(problem: Problem) -> Iterator[Found]:
 
     `closed` has the keys on the path with NO CYCLE, all keys so far with UNIQUE.
     """
-    expand, watch, repeats = problem.expand, problem.watch, problem.repeats
+    expand, watch, repeats = problem.expand, problem.on_expand, problem.repeats
     unique, no_cycle = repeats == "unique", repeats == "no cycle"
     closed: Any = () if repeats == "allowed" else set()
     path: list[Any] = []

@@ -1,8 +1,8 @@
 """Data frames as sources: pandas, Polars, Arrow, and structured arrays of NumPy.
 
-frames/frame.py is the common form: named columns of known types, whose values become Python's when they are first
-read. frames/columns.py makes such columns from arrays, frames/cells.py converts single cells. Each other file supports
-one library and is imported when an object of it is attached.
+frame is what a frame is to the rest of the package: named columns of known types, whose values are made when they are
+first read. array_columns makes columns of arrays, cell_values values of single cells; the other files know one library
+each, which is imported when one of its objects is attached.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _FILES = {
     ("polars", "DataFrame"): "polars",
     ("pyarrow", "Table"): "arrow",
     ("pyarrow", "RecordBatch"): "arrow",
-    ("numpy", "ndarray"): "columns",
+    ("numpy", "ndarray"): "array_columns",
 }
 _CURES = {
     ("polars", "LazyFrame"): "it has no rows yet: attach what its collect() gives",
@@ -35,7 +35,7 @@ _CURES = {
 }
 
 
-def reader_of(source: Any, name: str) -> Reader | None:
+def find_reader(source: Any, name: str) -> Reader | None:
     """The function that reads an object as a data frame; None for other objects.
 
     Args:
@@ -50,17 +50,17 @@ def reader_of(source: Any, name: str) -> Reader | None:
         if own in _CURES:
             raise SessionError("S002", f"a {own[0]}.{own[1]} cannot be attached", hints=(_CURES[own],))
         if own in _FILES:
-            return _file(_FILES[own]).reader(source, name)  # type: ignore[no-any-return]
+            return _find_module(_FILES[own]).reader(source, name)  # type: ignore[no-any-return]
     if hasattr(type(source), "__arrow_c_stream__"):
-        return _file("arrow").reader(_table(source), name)  # type: ignore[no-any-return]
+        return _find_module("arrow").reader(_read_arrow_table(source), name)  # type: ignore[no-any-return]
     return None
 
 
-def _file(name: str) -> Any:
+def _find_module(name: str) -> Any:
     return import_module(f"ss2sql.vtables.frames.{name}")
 
 
-def _table(source: Any) -> Any:
+def _read_arrow_table(source: Any) -> Any:
     """Arrow data, which some objects give only once, are read here and now."""
     try:
         pyarrow = import_module("pyarrow")

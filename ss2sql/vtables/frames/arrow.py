@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.kinds import INT_MIN
-from ss2sql.vtables.frames.columns import clock_times, column_of, nothing, objects, texts
+from ss2sql.language.kinds import INT_MIN
+from ss2sql.vtables.frames.array_columns import array_column, empty_column, object_column, text_column, time_column
 from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
 
 if TYPE_CHECKING:
@@ -30,11 +30,11 @@ def reader(source: Any, name: str) -> Reader:
 def _read(table: Any, name: str) -> Frame:
     names = distinct_names(table.schema.names, name)
     parts = zip(names, table.columns, strict=True)
-    columns = {word: column_of_arrow(part, f"the column '{word}' of '{name}'") for word, part in parts}
+    columns = {word: make_arrow_column(part, f"the column '{word}' of '{name}'") for word, part in parts}
     return Frame(columns, table.num_rows)
 
 
-def column_of_arrow(given: Any, place: str) -> Column:
+def make_arrow_column(given: Any, place: str) -> Column:
     """The column for an array, in one piece or in several."""
     types = pyarrow.types
     kind, length = given.type, len(given)
@@ -43,26 +43,26 @@ def column_of_arrow(given: Any, place: str) -> Column:
     array = given.combine_chunks() if isinstance(given, pyarrow.ChunkedArray) else given
     missing = array.is_null().to_numpy(zero_copy_only=False) if array.null_count else None
     if types.is_null(kind):
-        return nothing(length)
+        return empty_column(length)
     if types.is_string(kind) or types.is_large_string(kind):
-        return texts(missing, array.to_pylist)
+        return text_column(missing, array.to_pylist)
     if types.is_boolean(kind):
-        return column_of(array.fill_null(False).to_numpy(zero_copy_only=False), missing, place)
+        return array_column(array.fill_null(False).to_numpy(zero_copy_only=False), missing, place)
     if types.is_integer(kind) or types.is_floating(kind):
-        return column_of(array.fill_null(0).to_numpy(zero_copy_only=False), missing, place)
+        return array_column(array.fill_null(0).to_numpy(zero_copy_only=False), missing, place)
     if types.is_date(kind):
-        return column_of(_counted(array.cast(pyarrow.date32()), 32).view("M8[D]"), missing, place)
+        return array_column(_count_ticks(array.cast(pyarrow.date32()), 32).view("M8[D]"), missing, place)
     if types.is_timestamp(kind):
         suffix = "" if kind.tz is None else "+00:00"
-        return column_of(_counted(array, 64).view(f"M8[{kind.unit}]"), missing, place, suffix)
+        return array_column(_count_ticks(array, 64).view(f"M8[{kind.unit}]"), missing, place, suffix)
     if types.is_duration(kind):
-        return column_of(_counted(array, 64).view(f"m8[{kind.unit}]"), missing, place)
+        return array_column(_count_ticks(array, 64).view(f"m8[{kind.unit}]"), missing, place)
     if types.is_time(kind):
-        return clock_times(_counted(array, 32 if types.is_time32(kind) else 64).view(f"M8[{kind.unit}]"), missing)
-    return objects(array.to_pylist(), place)
+        return time_column(_count_ticks(array, 32 if types.is_time32(kind) else 64).view(f"M8[{kind.unit}]"), missing)
+    return object_column(array.to_pylist(), place)
 
 
-def _counted(array: Any, bits: int) -> Any:
+def _count_ticks(array: Any, bits: int) -> Any:
     """The ticks of times as integers of 64 bits, NaT where they are missing."""
     counted = array.cast(pyarrow.int32()).cast(pyarrow.int64()) if bits == 32 else array.cast(pyarrow.int64())
     return counted.fill_null(INT_MIN).to_numpy(zero_copy_only=False)

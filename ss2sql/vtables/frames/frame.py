@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.kinds import Kind, Type, Typed
+from ss2sql.language.kinds import Kind, Type, Typed
 
 
 class Column:

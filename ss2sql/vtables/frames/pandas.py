@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.vtables.frames.columns import column_of, objects
+from ss2sql.vtables.frames.array_columns import array_column, object_column
 from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
 
 if TYPE_CHECKING:
@@ -34,14 +34,14 @@ def _read(source: Any, name: str) -> Frame:
 def _column(series: Any, place: str) -> Column:
     kind = series.dtype
     if isinstance(kind, pandas.DatetimeTZDtype):
-        return column_of(series.dt.tz_convert("UTC").dt.tz_localize(None).to_numpy(), None, place, "+00:00")
+        return array_column(series.dt.tz_convert("UTC").dt.tz_localize(None).to_numpy(), None, place, "+00:00")
     if isinstance(kind, pandas.ArrowDtype) or getattr(kind, "storage", "") == "pyarrow":
-        from ss2sql.vtables.frames.arrow import column_of_arrow
+        from ss2sql.vtables.frames.arrow import make_arrow_column
 
-        return column_of_arrow(series.array.__arrow_array__(), place)
+        return make_arrow_column(series.array.__arrow_array__(), place)
     if isinstance(kind, pandas.api.extensions.ExtensionDtype):
         numbers = getattr(kind, "numpy_dtype", None)
         if numbers is not None and numbers.kind in "biuf":  # Int64, boolean and their like
-            return column_of(series.to_numpy(dtype=numbers, na_value=0), series.isna().to_numpy(), place)
-        return objects(series.astype(object).tolist(), place)
-    return column_of(series.to_numpy(), None, place)
+            return array_column(series.to_numpy(dtype=numbers, na_value=0), series.isna().to_numpy(), place)
+        return object_column(series.astype(object).tolist(), place)
+    return array_column(series.to_numpy(), None, place)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.kinds import INT_MIN
-from ss2sql.vtables.frames.columns import clock_times, column_of, nothing, objects, texts
+from ss2sql.language.kinds import INT_MIN
+from ss2sql.vtables.frames.array_columns import array_column, empty_column, object_column, text_column, time_column
 from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
 
 if TYPE_CHECKING:
@@ -31,25 +31,25 @@ def _column(series: Any, place: str) -> Column:
     missing = series.is_null().to_numpy() if series.null_count() else None
     match kind:
         case polars.Null():
-            return nothing(len(series))
+            return empty_column(len(series))
         case polars.String() | polars.Categorical() | polars.Enum():
-            return texts(missing, series.to_list)
+            return text_column(missing, series.to_list)
         case polars.Boolean():
-            return column_of(series.fill_null(False).to_numpy(), missing, place)
+            return array_column(series.fill_null(False).to_numpy(), missing, place)
         case polars.Date():
-            return column_of(_counted(series).view("M8[D]"), missing, place)
+            return array_column(_count_ticks(series).view("M8[D]"), missing, place)
         case polars.Datetime():
             suffix = "" if kind.time_zone is None else "+00:00"
-            return column_of(_counted(series).view(f"M8[{kind.time_unit}]"), missing, place, suffix)
+            return array_column(_count_ticks(series).view(f"M8[{kind.time_unit}]"), missing, place, suffix)
         case polars.Duration():
-            return column_of(_counted(series).view(f"m8[{kind.time_unit}]"), missing, place)
+            return array_column(_count_ticks(series).view(f"m8[{kind.time_unit}]"), missing, place)
         case polars.Time():
-            return clock_times(_counted(series).view("M8[ns]"), missing)
+            return time_column(_count_ticks(series).view("M8[ns]"), missing)
     if kind.is_float() or (kind.is_integer() and kind not in (polars.Int128, getattr(polars, "UInt128", None))):
-        return column_of(series.fill_null(0).to_numpy(), missing, place)
-    return objects(series.to_list(), place)
+        return array_column(series.fill_null(0).to_numpy(), missing, place)
+    return object_column(series.to_list(), place)
 
 
-def _counted(series: Any) -> Any:
+def _count_ticks(series: Any) -> Any:
     """The ticks of times as integers of 64 bits, NaT where they are missing."""
     return series.to_physical().cast(polars.Int64).fill_null(INT_MIN).to_numpy()

@@ -1,9 +1,9 @@
 """PyBullet as a world: `ss.attach("space", client)`.
 
-pybullet/client.py calls the simulator. The tables are pybullet/bodies.py, pybullet/links.py, pybullet/joints.py,
-pybullet/shapes.py, pybullet/cameras.py and pybullet/pairs.py, with pybullet/places.py as spatial index and
-pybullet/collision_shapes.py for safe queries of shapes. The functions of scripts are in pybullet/functions.py and
-pybullet/collision.py, based on pybullet/parts.py, pybullet/boxes.py, pybullet/posture.py and pybullet/poses.py.
+client and pybullet_loader call the simulator. Tables: bodies, links, joints, shapes, cameras, contact_tables, with
+spatial_index and collision_shapes. Functions: bullet_functions, collision with robot_parts, bounding_boxes,
+forward_kinematics and poses. Representations: representations, selection, occupancy_grid, sensor_grid, environment with
+shape_copies. solids and scene are what simulations with names are made of.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from ss2sql.errors import did_you_mean
-from ss2sql.vtables.base import Element, Gone
-from ss2sql.vtables.contents import contents
+from ss2sql.vtables.content_digest import digest_world
+from ss2sql.vtables.contract import Element, Gone
 from ss2sql.vtables.pybullet.bodies import Bodies
 from ss2sql.vtables.pybullet.cameras import Cameras
 from ss2sql.vtables.pybullet.client import Calls, NumberedClient, client_number
-from ss2sql.vtables.pybullet.collision import Collisions
+from ss2sql.vtables.pybullet.collision import CollisionFunctions
 from ss2sql.vtables.pybullet.collision_shapes import CollisionShapes
+from ss2sql.vtables.pybullet.contact_tables import Closest, Contacts, Near, Overlaps, Rays
 from ss2sql.vtables.pybullet.joints import Joints
 from ss2sql.vtables.pybullet.links import Links
-from ss2sql.vtables.pybullet.pairs import Closest, Contacts, Near, Overlaps, Rays
 from ss2sql.vtables.pybullet.representations import Representations
 from ss2sql.vtables.pybullet.shapes import Shapes
 from ss2sql.vtables.schema import failure
@@ -29,7 +29,7 @@ from ss2sql.vtables.schema import failure
 __all__ = ["PyBulletWorld"]
 
 
-class PyBulletWorld(Representations, Collisions):
+class PyBulletWorld(Representations, CollisionFunctions):
     """A PyBullet simulation. Lengths are in metres, masses in kilograms, angles in radians.
 
     Args:
@@ -73,7 +73,7 @@ class PyBulletWorld(Representations, Collisions):
         """A hash of all tables without the cameras' pictures, which follow from the rest and take longest."""
         words = ("position", "direction", "range", "angle")
         seen = [(body, *(getattr(one, word) for word in words)) for body, one in sorted(self.sensors.items())]
-        return f"{contents(self, without=('cameras.sees',))} {seen}"
+        return f"{digest_world(self, without=('cameras.sees',))} {seen}"
 
     def has(self, body: Any) -> bool:
         """Whether there is a body with this id."""
@@ -128,7 +128,7 @@ class PyBulletWorld(Representations, Collisions):
 
     def element(self, body: int) -> Element | None:
         """A body as scripts see it; None for PyBullet's -1."""
-        from ss2sql.vtables.schema import tables_of
+        from ss2sql.vtables.schema import get_tables
 
-        principal: Any = tables_of(self)[0]
+        principal: Any = get_tables(self)[0]
         return principal.element(body) if body >= 0 else None

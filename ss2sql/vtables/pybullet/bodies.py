@@ -7,11 +7,11 @@ from itertools import repeat
 from math import pi
 from typing import Any, ClassVar
 
-from ss2sql.vtables.base import Column, Element, Table, Where
-from ss2sql.vtables.bodies import PLACES, SHAPE, SPIN, VELOCITY, body_columns, shape_row
+from ss2sql.vtables.body_columns import PLACES, SHAPE, SPIN, VELOCITY, make_body_columns, shape_row
+from ss2sql.vtables.contract import Column, Element, Table, Where
 from ss2sql.vtables.pybullet.links import SOFT, UNKNOWN
-from ss2sql.vtables.pybullet.places import AXES, places
-from ss2sql.vtables.pybullet.poses import Box, union
+from ss2sql.vtables.pybullet.poses import Box, unite
+from ss2sql.vtables.pybullet.spatial_index import AXES, get_spatial_index
 
 KINDS = {2: "sphere", 3: "box", 4: "cylinder", 5: "mesh", 6: "plane", 7: "capsule", 9: "terrain"}  # PyBullet's GEOM_...
 _TYPES = (*KINDS.values(), "compound", "ghost")
@@ -33,7 +33,7 @@ class Bodies(Table):
     name, key = "bodies", "id"
     text = "the bodies, in the order of their ids, which go to others after their death"
     columns = (
-        *body_columns(without="force torque", unknown=f"type mass {VELOCITY} {SPIN}"),
+        *make_body_columns(without="force torque", unknown=f"type mass {VELOCITY} {SPIN}"),
         Column("force", list | None, "N", "what the scene pushes it with; None where no scene tells"),
         Column("torque", list | None, "Nm", "what the scene turns it with; None where no scene tells"),
         Column("friction", float | None, "", "of its base, sideways"),
@@ -79,7 +79,7 @@ class Bodies(Table):
         elif where.keys().isdisjoint(AXES):
             found = world.ids()
         else:
-            found = places(world).between(*((where.low(axis), where.high(axis)) for axis in AXES))
+            found = get_spatial_index(world).between(*((where.low(axis), where.high(axis)) for axis in AXES))
         name = where.equal("name")
         return found if name is None else [body for body in found if world.name_of(body) == name]
 
@@ -142,12 +142,12 @@ class Bodies(Table):
         return (*pos, *quat)
 
     def around(self, key: int) -> Box:
-        return box_of(self.world, key)
+        return measure_box(self.world, key)
 
     def size(self, key: int) -> float | None:
         total = 0.0
         for _, _, shape in self.world.shapes.of(key):
-            volume = volume_of(shape)
+            volume = get_volume(shape)
             if volume is None:
                 return None
             total += volume
@@ -187,19 +187,19 @@ class Bodies(Table):
 
     def _is_terrain(self, key: int) -> bool:
         """Whether a body is a height field: PyBullet lists no shapes, but a box with a size."""
-        low, high = box_of(self.world, key)
+        low, high = measure_box(self.world, key)
         return low != high
 
 
-def box_of(world: Any, body: int) -> Box:
+def measure_box(world: Any, body: int) -> Box:
     """The box around a body and its links."""
     calls = world.calls
     world.present(body)
     boxes = [calls.getAABB(body, link) for link in range(-1, calls.getNumJoints(body))]
-    return union(boxes)
+    return unite(boxes)
 
 
-def volume_of(shape: Any) -> float | None:
+def get_volume(shape: Any) -> float | None:
     """The volume of a collision shape."""
     a, b, c = shape[3]
     match KINDS.get(shape[2]):

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ss2sql.vtables.base import Column, Gone, Table, Where
-from ss2sql.vtables.bodies import VECTOR
+from ss2sql.vtables.body_columns import VECTOR
+from ss2sql.vtables.contract import Column, Gone, Table, Where
 
 WIDTH, HEIGHT = 160, 120  # pixels of the pictures that show which bodies are visible
 NEAR, FAR = 0.05, 1000.0  # metres

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from ss2sql.vtables.base import function
-from ss2sql.vtables.bodies import Quaternion, Vector
-from ss2sql.vtables.body_world import numbers, wrong
-from ss2sql.vtables.pybullet.boxes import SLACK, Surroundings
-from ss2sql.vtables.pybullet.functions import Functions
-from ss2sql.vtables.pybullet.parts import Robot, Stock, robot_of
+from ss2sql.vtables.body_columns import Quaternion, Vector
+from ss2sql.vtables.body_functions import make_parameter_error, read_numbers
+from ss2sql.vtables.contract import function
+from ss2sql.vtables.pybullet.bounding_boxes import SLACK, Surroundings
+from ss2sql.vtables.pybullet.bullet_functions import BodyFunctions
+from ss2sql.vtables.pybullet.robot_parts import Robot, ShapeCache, build_robot
 
 
-class Collisions(Functions):
+class CollisionFunctions(BodyFunctions):
     """The functions that test for collisions."""
 
-    _stock: Stock | None = None
+    _shape_cache: ShapeCache | None = None
 
     @function
     def collision(self, one: Any, other: Any = None, margin: Any = 0.0) -> bool:
@@ -24,7 +24,7 @@ class Collisions(Functions):
         A body in place of the pose: whether these two collide now. Nothing at all: whether it collides with any, now.
         Bodies collide where they come nearer than `margin`, in m: 0 counts what just touches, -0.001 lets it touch.
         """
-        near = _margin("collision", margin)
+        near = _check_margin("collision", margin)
         body = self.body(one)
         if other is None:
             return self.touching(body, near)
@@ -35,7 +35,7 @@ class Collisions(Functions):
     @function("volatile")
     def checkCollision(self, body: Any, margin: Any = 0.0) -> bool:  # noqa: N802 - the paper's word
         """Whether a body collides with any other where it is now, after all `move`s; `margin` as in `collision`."""
-        return self.touching(self.body(body), _margin("checkCollision", margin))
+        return self.touching(self.body(body), _check_margin("checkCollision", margin))
 
     def gap(self, one: int, other: int) -> float:
         """The shortest distance between the surfaces of two bodies."""
@@ -88,18 +88,18 @@ class Collisions(Functions):
     def _robot(self, body: int) -> Robot:
         known = self.memory.setdefault("robots", {})
         if body not in known:
-            known[body] = robot_of(self, self._shapes(), body)
+            known[body] = build_robot(self, self._shapes(), body)
         return known[body]  # type: ignore[no-any-return]
 
-    def _shapes(self) -> Stock:
-        if self._stock is None:
-            self._stock = Stock(self.calls)
-        self._stock.check()
-        return self._stock
+    def _shapes(self) -> ShapeCache:
+        if self._shape_cache is None:
+            self._shape_cache = ShapeCache(self.calls)
+        self._shape_cache.check()
+        return self._shape_cache
 
 
-def _margin(name: str, value: Any) -> float:
-    found = numbers([value], 1)
+def _check_margin(name: str, value: Any) -> float:
+    found = read_numbers([value], 1)
     if found is None:
-        raise wrong(name, "a margin in metres", value)
+        raise make_parameter_error(name, "a margin in metres", value)
     return found[0]

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from math import dist, sqrt
 from typing import Any
 
-from ss2sql.vtables.pybullet.boxes import Extent
-from ss2sql.vtables.pybullet.links import SOFT, pose_of
-from ss2sql.vtables.pybullet.poses import Point, seen_from
+from ss2sql.vtables.pybullet.bounding_boxes import ShapeExtent
+from ss2sql.vtables.pybullet.links import SOFT, read_link_pose
+from ss2sql.vtables.pybullet.poses import Point, to_local
 
 CAPSULE = 7  # PyBullet's GEOM_CAPSULE
 MJCF_JOINT = re.compile(rb"jointfix_\d+_\d+")  # PyBullet's joint for every link with shapes of an MJCF file
@@ -53,16 +53,16 @@ class CollisionShapes:
         seen = self._seen(body, 0, self._client)
         for shape in seen:
             if shape[2] == CAPSULE:
-                return [(link, n, shape) for link in links for n, shape in enumerate(self._safely(body, link, seen))]
+                return [(link, n, shape) for link in links for n, shape in enumerate(self._read(body, link, seen))]
         ask, client = self._touched, self._client
         return [(link, n, shape) for link in links for n, shape in enumerate(ask(body, link, client))]
 
     def of_link(self, body: int, link: int) -> Sequence[Shape]:
         """The collision shapes of one link."""
         self._world.present(body)
-        return () if self.is_soft(body) else self._safely(body, link, self._seen(body, 0, self._client))
+        return () if self.is_soft(body) else self._read(body, link, self._seen(body, 0, self._client))
 
-    def _safely(self, body: int, link: int, seen: Sequence[Shape]) -> Sequence[Shape]:
+    def _read(self, body: int, link: int, seen: Sequence[Shape]) -> Sequence[Shape]:
         visible = [shape for shape in seen if shape[1] == link]
         if _answers(self._world, body, link, visible):
             return self._touched(body, link, self._client)  # type: ignore[no-any-return]
@@ -91,8 +91,8 @@ class _Measured:
         self.margin = info[11]
         low, high = calls.getAABB(body, link)
         self.half = tuple((b - a) / 2 for a, b in zip(low, high, strict=True))
-        at, self.turn = seen_from((info[3], info[4]), (capsule[5], capsule[6]))  # as seen from the centre of mass
-        self.own = pose_of(world, (body, link))[1]
+        at, self.turn = to_local((info[3], info[4]), (capsule[5], capsule[6]))  # as seen from the centre of mass
+        self.own = read_link_pose(world, (body, link))[1]
         self.alone = dist(at, ORIGIN) < NEAR and abs(self.turn[3]) > 1 - NEAR**2  # else it is part of a compound shape
         self.near = NEAR * (self.length + self.radius + MARGIN)
 
@@ -127,4 +127,4 @@ class _Measured:
 
     def _around(self, half: Point) -> Point:
         """Half the edges of the box around a box that is turned as the capsule is."""
-        return Extent(Extent(half).along(self.turn)).along(self.own)
+        return ShapeExtent(ShapeExtent(half).along(self.turn)).along(self.own)

@@ -10,14 +10,14 @@ from collections import Counter
 from math import dist
 from typing import Any, NoReturn
 
-from ss2sql.records import dataclass
-from ss2sql.runtime.representations.arguments import refuse
-from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, box_of
-from ss2sql.vtables.pybullet.copied import UNNAMED, Part, Shapes, part_of, solid_of
-from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, inside, seen_from
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.area_arguments import refuse_argument
+from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, measure_box
+from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, to_local, to_world
 from ss2sql.vtables.pybullet.scene import Scene, View
-from ss2sql.vtables.pybullet.selected import bounds_of
-from ss2sql.vtables.pybullet.solids import Sphere, visual_shape
+from ss2sql.vtables.pybullet.selection import measure_bounds
+from ss2sql.vtables.pybullet.shape_copies import UNNAMED, Part, ShapeCopier, describe_part, make_solid
+from ss2sql.vtables.pybullet.solids import Sphere, make_visual_shape
 
 NOWHERE: Pose = ((0.0, 0.0, 0.0), UPRIGHT)
 MARK = 0.05  # metres: the radius of balls for bodies without collision shapes
@@ -34,15 +34,15 @@ class Environment(Scene):
         scene = world.scene
         super().__init__(getattr(scene, "seed", 0))
         self.ids: dict[int, int] = {}  # of the copies, by those of the originals
-        _settings(world.calls, self.client)
-        self.bounds = bounds_of(world)  # type: ignore[misc]
-        self.views = {"corner": _corner(*self.bounds)}  # type: ignore[misc]
+        _read_settings(world.calls, self.client)
+        self.bounds = measure_bounds(world)  # type: ignore[misc]
+        self.views = {"corner": _make_view(*self.bounds)}  # type: ignore[misc]
         for name in ("views", "places", "outlines", "steps"):
             if hasattr(scene, name):
                 setattr(self, name, getattr(scene, name))
         try:
             for body in bodies:
-                copy = self.ids[body] = self.adopt(_Copy(world, body, self.client).make(), world.name_of(body))
+                copy = self.ids[body] = self.adopt(_BodyCopy(world, body, self.client).make(), world.name_of(body))
                 if body in world.sensors:
                     self.sensors[copy] = world.sensors[body]
                 if scene is not None and body in scene.forces:
@@ -57,14 +57,14 @@ class Environment(Scene):
             self.client.applyExternalForce(body, -1, force, place, self.client.WORLD_FRAME)
 
 
-def _corner(low: Point, high: Point) -> View:
+def _make_view(low: Point, high: Point) -> View:
     """A view of a box from above one of its corners."""
     x, y, z = ((a + b) / 2 for a, b in zip(low, high, strict=True))
     away = 1.5 * max(1.0, dist(low, high))
     return View((x + 0.4 * away, y - 0.75 * away, z + 0.55 * away), (x, y, z))
 
 
-def _settings(calls: Any, client: Any) -> None:
+def _read_settings(calls: Any, client: Any) -> None:
     parameters = calls.getPhysicsEngineParameters()
     client.setGravity(*(parameters[f"gravityAcceleration{axis}"] for axis in "XYZ"))
     client.setTimeStep(parameters["fixedTimeStep"])
@@ -83,7 +83,7 @@ class Link:
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
 
-class _Copy:
+class _BodyCopy:
     """The copy of one body in another simulation.
 
     The poses of links are those of the original's files; `local` are the centres of mass in them. Bullet gives
@@ -96,12 +96,12 @@ class _Copy:
         self.matter = {link: self.calls.getDynamicsInfo(body, link) for link in self.links}
         self.local: dict[int, Pose] = {link: (info[3], info[4]) for link, info in self.matter.items()}
         self.seen = self.calls.getVisualShapeData(body)
-        self.shapes = Shapes(client)
+        self.shapes = ShapeCopier(client)
         self.more: list[Link] = []
 
     def make(self) -> int:
         """Makes the body; gives its new id."""
-        low, high = box_of(self.world, self.body)
+        low, high = measure_box(self.world, self.body)
         if self.world.shapes.is_soft(self.body) or (low != high and not self.world.shapes.of(self.body)):
             self._refuse()  # soft, or a terrain, without data in PyBullet
         try:
@@ -109,7 +109,7 @@ class _Copy:
         except self.calls.error:
             self._refuse()  # PyBullet cannot make all shapes again that it has made from a file
         links += self.more
-        pose = inside(self.calls.getBasePositionAndOrientation(self.body), seen_from(base.local, NOWHERE))
+        pose = to_world(self.calls.getBasePositionAndOrientation(self.body), to_local(base.local, NOWHERE))
         made: int = self.client.createMultiBody(
             baseMass=base.mass,
             baseCollisionShapeIndex=base.shapes[0],
@@ -148,7 +148,7 @@ class _Copy:
         x, y, z, w = info[15]
         turn = (-x, -y, -z, w)  # PyBullet gives the parent's orientation seen from the link
         parent = info[16]
-        return Link(mass, shapes, inside(self.local[parent], (info[14], turn)), local, parent, info[2], info[13])
+        return Link(mass, shapes, to_world(self.local[parent], (info[14], turn)), local, parent, info[2], info[13])
 
     def _move(self, made: int) -> None:
         """Gives the copy the original's pose, velocity and joint states."""
@@ -171,7 +171,7 @@ class _Copy:
     def _collision(self, link: int) -> list[int]:
         """The collision parts of a link."""
         parts = [
-            (self._solid(link, number, data), inside(self.local[link], (data[5], data[6])))
+            (self._solid(link, number, data), to_world(self.local[link], (data[5], data[6])))
             for of, number, data in self.world.shapes.of(self.body)
             if of == link
         ]
@@ -183,11 +183,11 @@ class _Copy:
             self._refuse()  # its place is unknown
         if KINDS.get(data[2]) == "mesh" and data[4] in UNNAMED:
             _, corners = self.calls.getMeshData(self.body, link, collisionShapeIndex=number)
-        return part_of(data[2], data[3], data[4], corners) or self._refuse()
+        return describe_part(data[2], data[3], data[4], corners) or self._refuse()
 
     def _refuse(self) -> NoReturn:
         name = self.world.name_of(self.body)
-        refuse("environment", f"cannot copy the shape of '{name}'", "leave it out with WHERE")
+        refuse_argument("environment", f"cannot copy the shape of '{name}'", "leave it out with WHERE")
 
     def _visual(self, link: int) -> int:
         """The visual shape of a link of the copy; -1 for none.
@@ -198,9 +198,9 @@ class _Copy:
         seen = [shape for shape in self.seen if shape[1] == link]
         if any(shape[2] == self.calls.GEOM_MESH and shape[4] in UNNAMED for shape in seen):
             touched = [data for of, _, data in self.world.shapes.of(self.body) if of == link]
-            solid = solid_of(touched[0][2], touched[0][3]) if len(touched) == 1 else None
-            return visual_shape(self.client, solid or Sphere(MARK), seen[0][7][:3])
-        parts = [(part_of(shape[2], shape[3], shape[4], ()), (shape[5], shape[6])) for shape in seen]
+            solid = make_solid(touched[0][2], touched[0][3]) if len(touched) == 1 else None
+            return make_visual_shape(self.client, solid or Sphere(MARK), seen[0][7][:3])
+        parts = [(describe_part(shape[2], shape[3], shape[4], ()), (shape[5], shape[6])) for shape in seen]
         return self.shapes.visual([(part, pose) for part, pose in parts if part is not None])
 
     def _colours(self, made: int) -> None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from ss2sql.vtables.base import Column
-from ss2sql.vtables.bodies import VECTOR
-from ss2sql.vtables.pybullet.links import Key, OfBodies
+from ss2sql.vtables.body_columns import VECTOR
+from ss2sql.vtables.contract import Column
+from ss2sql.vtables.pybullet.links import BodyPartTable, Key
 
 TYPES = {0: "revolute", 1: "prismatic", 2: "spherical", 3: "planar", 4: "fixed"}  # PyBullet's JOINT_...
 
 
-class Joints(OfBodies):
+class Joints(BodyPartTable):
     """One row for each joint. It moves the link that has its number."""
 
     name = "joints"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from ss2sql.vtables.base import Column, Gone, Table, Where
-from ss2sql.vtables.bodies import VECTOR
+from ss2sql.vtables.body_columns import VECTOR
+from ss2sql.vtables.contract import Column, Gone, Table, Where
 from ss2sql.vtables.pybullet.poses import Box, Pose
 
 Key = tuple[int, int]
@@ -16,7 +16,7 @@ UNKNOWN = ((None, None, None), (None, None, None))  # the velocities of soft bod
 SOFT = 3  # PyBullet's number for soft bodies in getDynamicsInfo
 
 
-class OfBodies(Table):
+class BodyPartTable(Table):
     """A table whose keys are a body and a number within it."""
 
     first = 0  # the first number
@@ -24,7 +24,7 @@ class OfBodies(Table):
     def keys(self, where: Where) -> list[Key]:
         return [
             (body, number)
-            for body in bodies_of(self.world, where)
+            for body in list_demanded_bodies(self.world, where)
             for number in range(self.first, self.world.calls.getNumJoints(body))
             if where.allows("number", number)
         ]
@@ -46,7 +46,7 @@ class OfBodies(Table):
         return function(key[0], key[1], *more)
 
 
-def bodies_of(world: Any, where: Where) -> list[int]:
+def list_demanded_bodies(world: Any, where: Where) -> list[int]:
     """The bodies that meet a condition on the column `body`."""
     wanted = where.equal("body")
     if wanted is None:
@@ -54,7 +54,7 @@ def bodies_of(world: Any, where: Where) -> list[int]:
     return [int(wanted)] if wanted == int(wanted) and world.has(int(wanted)) else []
 
 
-class Links(OfBodies):
+class Links(BodyPartTable):
     """One row for each link. The base is the link -1; a body without joints has no other.
 
     PyBullet's poses of all links but the base are one step old.
@@ -98,7 +98,7 @@ class Links(OfBodies):
 
     def place(self, key: Key) -> tuple[Any, ...]:
         self.alive(key)
-        pos, quat = pose_of(self.world, key)
+        pos, quat = read_link_pose(self.world, key)
         return (*pos, pos, quat)
 
     def movement(self, key: Key) -> Any:
@@ -120,7 +120,7 @@ class Links(OfBodies):
         return next((list(shape[7]) for shape in seen if shape[1] == key[1]), None)
 
 
-def pose_of(world: Any, key: Key) -> Pose:
+def read_link_pose(world: Any, key: Key) -> Pose:
     """Where the centre of mass of a link is, and how it is turned."""
     body, link = key
     if link < 0:

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 Point: TypeAlias = tuple[float, float, float]
-Turn: TypeAlias = tuple[float, float, float, float]
-Pose: TypeAlias = tuple[Point, Turn]
+Rotation: TypeAlias = tuple[float, float, float, float]
+Pose: TypeAlias = tuple[Point, Rotation]
 Box: TypeAlias = tuple[Point, Point]
 
-UPRIGHT: Turn = (0.0, 0.0, 0.0, 1.0)
+UPRIGHT: Rotation = (0.0, 0.0, 0.0, 1.0)
 
 
-def turned(turn: Sequence[float], point: Sequence[float]) -> Point:
+def rotate_point(turn: Sequence[float], point: Sequence[float]) -> Point:
     """A point, rotated around the origin."""
     x, y, z, w = turn
     px, py, pz = point
@@ -21,7 +21,7 @@ def turned(turn: Sequence[float], point: Sequence[float]) -> Point:
     return px + w * tx + y * tz - z * ty, py + w * ty + z * tx - x * tz, pz + w * tz + x * ty - y * tx
 
 
-def product(first: Sequence[float], second: Sequence[float]) -> Turn:
+def compose(first: Sequence[float], second: Sequence[float]) -> Rotation:
     """One turn after another: `second` first, as with matrices."""
     ax, ay, az, aw = first
     bx, by, bz, bw = second
@@ -33,22 +33,22 @@ def product(first: Sequence[float], second: Sequence[float]) -> Turn:
     )
 
 
-def inside(pose: Pose, local: Pose) -> Pose:
+def to_world(pose: Pose, local: Pose) -> Pose:
     """A pose relative to another one, as a pose of the world."""
     (x, y, z), turn = pose
-    dx, dy, dz = turned(turn, local[0])
-    return (x + dx, y + dy, z + dz), product(turn, local[1])
+    dx, dy, dz = rotate_point(turn, local[0])
+    return (x + dx, y + dy, z + dz), compose(turn, local[1])
 
 
-def seen_from(pose: Pose, other: Pose) -> Pose:
+def to_local(pose: Pose, other: Pose) -> Pose:
     """A pose of the world, relative to another one: the inverse of `inside`."""
     (x, y, z), (a, b, c, w) = pose
     back = (-a, -b, -c, w)
     (px, py, pz), turn = other
-    return turned(back, (px - x, py - y, pz - z)), product(back, turn)
+    return rotate_point(back, (px - x, py - y, pz - z)), compose(back, turn)
 
 
-def union(boxes: Sequence[Any]) -> Box:
+def unite(boxes: Sequence[Any]) -> Box:
     """The box around boxes, each of which is its lowest and its highest corner."""
     if len(boxes) == 1:
         return boxes[0]  # type: ignore[no-any-return]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ss2sql.runtime.representations.base import Table, asks
-from ss2sql.runtime.representations.grid import Grid
-from ss2sql.vtables.pybullet.selected import bodies_in, world_of
+from ss2sql.language.area_grid import Grid
+from ss2sql.language.representation_table import Table, request_hidden_columns
+from ss2sql.vtables.pybullet.selection import find_selected_world, list_selected_bodies
 
 if TYPE_CHECKING:
     from ss2sql.vtables.pybullet.environment import Environment
@@ -21,27 +21,27 @@ class Representations:
         "environment": "environment",
     }  # fmt: skip
 
-    @asks("elements")
+    @request_hidden_columns("elements")
     def occupancygrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
         """Where the selected bodies stand at the height `z`: a grid of bools, with cells of this edge.
 
         `area` is [[x, y], [x, y]]; without it the grid covers the scene. Lengths are in metres.
         """
-        from ss2sql.vtables.pybullet.occupancy import occupancy
+        from ss2sql.vtables.pybullet.occupancy_grid import make_occupancy_grid
 
-        return occupancy(world_of(self, table), table, z, cell, area)
+        return make_occupancy_grid(find_selected_world(self, table), table, z, cell, area)
 
-    @asks("elements")
+    @request_hidden_columns("elements")
     def sensorgrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
         """How many of the selected sensors see each cell at the height `z`; with the arguments of occupancygrid."""
-        from ss2sql.vtables.pybullet.coverage import coverage
+        from ss2sql.vtables.pybullet.sensor_grid import make_sensor_grid
 
-        return coverage(world_of(self, table), table, z, cell, area)
+        return make_sensor_grid(find_selected_world(self, table), table, z, cell, area)
 
-    @asks("elements")
+    @request_hidden_columns("elements")
     def environment(self, table: Table) -> Environment:
         """A new simulation with only the selected bodies, a scene that can be attached in its turn."""
         from ss2sql.vtables.pybullet.environment import Environment
 
-        world = world_of(self, table)
-        return Environment(world, bodies_in(world, "environment", table))
+        world = find_selected_world(self, table)
+        return Environment(world, list_selected_bodies(world, "environment", table))

@@ -8,9 +8,9 @@ from types import TracebackType
 from typing import Any, ClassVar, Self
 
 from ss2sql.errors import SessionError, did_you_mean
-from ss2sql.records import dataclass
-from ss2sql.vtables.pybullet.loader import connect, pybullet
-from ss2sql.vtables.pybullet.solids import Colour, Plane, Solid, Vector, collision_shape, visual_shape
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.vtables.pybullet.pybullet_loader import connect, import_pybullet
+from ss2sql.vtables.pybullet.solids import Colour, Plane, Solid, Vector, make_collision_shape, make_visual_shape
 
 TIME_STEP = 1 / 240  # seconds, Bullet's own
 
@@ -115,7 +115,7 @@ class Scene:
             baseCollisionShapeIndex=self._collision_shape(solid) if touchable else -1,
             baseVisualShapeIndex=self._visual_shape(solid, colour),
             basePosition=position,
-            baseOrientation=pybullet().getQuaternionFromEuler(turned),
+            baseOrientation=import_pybullet().getQuaternionFromEuler(turned),
         )
         if isinstance(solid, Plane):
             self._planes.add(body)
@@ -124,12 +124,12 @@ class Scene:
     def _collision_shape(self, solid: Solid) -> int:
         # Bullet keeps shapes until the simulation ends: equal ones are made once.
         if solid not in self._shapes:
-            self._shapes[solid] = collision_shape(self.client, solid)
+            self._shapes[solid] = make_collision_shape(self.client, solid)
         return self._shapes[solid]
 
     def _visual_shape(self, solid: Solid, colour: Colour) -> int:
         if (solid, colour) not in self._shapes:
-            self._shapes[solid, colour] = visual_shape(self.client, solid, colour)
+            self._shapes[solid, colour] = make_visual_shape(self.client, solid, colour)
         return self._shapes[solid, colour]
 
     def adopt(self, body: int, name: str) -> int:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from ss2sql.vtables.base import Column, Gone, Table, Where
-from ss2sql.vtables.pybullet.bodies import KINDS, volume_of
-from ss2sql.vtables.pybullet.links import bodies_of, pose_of
-from ss2sql.vtables.pybullet.poses import inside
+from ss2sql.vtables.contract import Column, Gone, Table, Where
+from ss2sql.vtables.pybullet.bodies import KINDS, get_volume
+from ss2sql.vtables.pybullet.links import list_demanded_bodies, read_link_pose
+from ss2sql.vtables.pybullet.poses import to_world
 
 Key = tuple[int, int, int]
 
@@ -40,7 +40,7 @@ class Shapes(Table):
 
     def keys(self, where: Where) -> list[Key]:
         world = self.world
-        return [(body, link, n) for body in bodies_of(world, where) for link, n, _ in world.shapes.of(body)]
+        return [(body, link, n) for body in list_demanded_bodies(world, where) for link, n, _ in world.shapes.of(body)]
 
     def numbers(self, key: Key) -> Key:
         self._shape(key)
@@ -53,13 +53,13 @@ class Shapes(Table):
         length = a if kind in ("capsule", "cylinder") else None
         size = [a, b, c] if kind in ("box", "mesh") else None
         normal = [a, b, c] if kind == "plane" else None
-        return kind, radius, length, size, normal, file if file not in ("", "unknown_file") else None, volume_of(shape)
+        return kind, radius, length, size, normal, file if file not in ("", "unknown_file") else None, get_volume(shape)
 
     def place(self, key: Key) -> Any:
         shape = self._shape(key)
         if shape[5] is None:
             return None, None
-        return inside(pose_of(self.world, key[:2]), (shape[5], shape[6]))
+        return to_world(read_link_pose(self.world, key[:2]), (shape[5], shape[6]))
 
     def _shape(self, key: Key) -> Any:
         found = self.world.shapes.of_link(key[0], key[1])

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ss2sql.records import dataclass
-from ss2sql.vtables.pybullet.loader import pybullet
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.vtables.pybullet.pybullet_loader import import_pybullet
 
 Vector = tuple[float, float, float]
 Colour = tuple[float, float, float]
@@ -54,7 +54,7 @@ class Plane:
 Solid = Sphere | Box | Cylinder | Capsule | Plane
 
 
-def reach(solid: Solid) -> float:
+def measure_reach(solid: Solid) -> float:
     """The radius of a sphere around a solid."""
     match solid:
         case Sphere(radius):
@@ -69,8 +69,8 @@ def reach(solid: Solid) -> float:
             return float("inf")
 
 
-def collision_shape(client: Any, solid: Solid) -> int:
-    bullet = pybullet()
+def make_collision_shape(client: Any, solid: Solid) -> int:
+    bullet = import_pybullet()
     match solid:
         case Sphere(radius):
             return int(client.createCollisionShape(bullet.GEOM_SPHERE, radius=radius))
@@ -84,13 +84,13 @@ def collision_shape(client: Any, solid: Solid) -> int:
             return int(client.createCollisionShape(bullet.GEOM_PLANE, planeNormal=normal))
 
 
-def visual_shape(client: Any, solid: Solid, colour: Colour) -> int:
+def make_visual_shape(client: Any, solid: Solid, colour: Colour) -> int:
     """The visual shape of a solid: a mesh, since Bullet's own round shapes have a dozen corners."""
-    bullet, rgba = pybullet(), (*colour, 1.0)
+    bullet, rgba = import_pybullet(), (*colour, 1.0)
     if isinstance(solid, Box):
         half = (solid.x / 2, solid.y / 2, solid.z / 2)
         return int(client.createVisualShape(bullet.GEOM_BOX, halfExtents=half, rgbaColor=rgba))
-    vertices, normals, indices = _square(solid) if isinstance(solid, Plane) else _turned(_outline(solid))
+    vertices, normals, indices = _make_square(solid) if isinstance(solid, Plane) else _revolve(_make_outline(solid))
     return int(
         client.createVisualShape(
             bullet.GEOM_MESH, vertices=vertices, normals=normals, indices=indices, rgbaColor=rgba,
@@ -103,7 +103,7 @@ Mesh = tuple[list[list[float]], list[list[float]], list[int]]
 Outline = list[tuple[float, float, float, float]]
 
 
-def _outline(solid: Sphere | Cylinder | Capsule) -> Outline:
+def _make_outline(solid: Sphere | Cylinder | Capsule) -> Outline:
     """Half the cross section of a round solid from top to bottom: radius and height, then the normal."""
     match solid:
         case Cylinder(radius, length):
@@ -113,18 +113,18 @@ def _outline(solid: Sphere | Cylinder | Capsule) -> Outline:
                 (radius, bottom, 1.0, 0.0), (radius, bottom, 0.0, -1.0), (0.0, bottom, 0.0, -1.0),
             ]  # fmt: skip
         case Sphere(radius):
-            return _arc(radius, 0.0, np.linspace(0, pi, 13 if radius > 0.1 else 9))
+            return _make_arc(radius, 0.0, np.linspace(0, pi, 13 if radius > 0.1 else 9))
         case Capsule(radius, length):
-            upper = _arc(radius, length / 2, np.linspace(0, pi / 2, 7))
-            return upper + _arc(radius, -length / 2, np.linspace(pi / 2, pi, 7))
+            upper = _make_arc(radius, length / 2, np.linspace(0, pi / 2, 7))
+            return upper + _make_arc(radius, -length / 2, np.linspace(pi / 2, pi, 7))
 
 
-def _arc(radius: float, height: float, angles: Iterable[float]) -> Outline:
+def _make_arc(radius: float, height: float, angles: Iterable[float]) -> Outline:
     normals = [(float(np.sin(angle)), float(np.cos(angle))) for angle in angles]
     return [(radius * x, height + radius * z, x, z) for x, z in normals]
 
 
-def _turned(outline: Outline) -> Mesh:
+def _revolve(outline: Outline) -> Mesh:
     """The solid of revolution of an outline around the z axis."""
     slices = 2 * len(outline) if len(outline) > 6 else 24
     angles = np.linspace(0, 2 * pi, slices + 1)
@@ -139,7 +139,7 @@ def _turned(outline: Outline) -> Mesh:
     return vertices.tolist(), normals.tolist(), indices.tolist()
 
 
-def _square(plane: Plane) -> Mesh:
+def _make_square(plane: Plane) -> Mesh:
     normal = np.array(plane.normal)
     first = np.roll(normal, 1)  # at right angles to it: the planes of scenes follow the axes
     second = np.cross(normal, first)

@@ -1,0 +1,163 @@
+"""`ss2sql bench`: times engines and search strategies on a script, and compares their answers."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ss2sql.cli.exit_codes import SCRIPT, UserError, end_command, print_note, reports_errors
+from ss2sql.cli.output import check_folder, make_console, make_write_error, print_line
+from ss2sql.cli.script_options import ScriptInputs, script_options
+from ss2sql.errors import Error
+
+if TYPE_CHECKING:
+    from ss2sql.bench import BenchRules, StatementRuns
+
+ALL = "all"
+ENGINES = {"all": ("database", "native"), "database": ("database",), "native": ("native",)}
+
+
+def _checked_strategies(context: click.Context, parameter: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
+    for text in value:
+        if text.lower() != ALL:
+            from ss2sql.bench import parse_strategy
+
+            try:
+                parse_strategy(text, ())
+            except Error as error:
+                raise click.BadParameter(f"{text!r}: {error.message}") from error
+    return tuple(ALL if text.lower() == ALL else text for text in value)
+
+
+@click.command("bench")
+@script_options
+@click.option("--engine", type=click.Choice(list(ENGINES)), default="all", show_default=True)
+@click.option(
+    "--strategy",
+    "strategies",
+    multiple=True,
+    default=(ALL,),
+    show_default=True,
+    metavar="OPTIONS",
+    callback=_checked_strategies,
+    help="Options of CONNECT BY in place of the script's: 'UNIQUE', 'COST km'. As often as you like.",
+)
+@click.option("--repeat", type=click.IntRange(min=1), default=5, show_default=True, help="Runs after a first one.")
+@click.option(
+    "--timeout",
+    type=click.FloatRange(min=0, min_open=True),
+    default=10.0,
+    show_default=True,
+    help="Seconds after which one strategy on one engine is broken off.",
+)
+@click.option("--memory", is_flag=True, help="Also measures memory, in one more, slower run.")
+@click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="A file for all figures.")
+@click.option("-o", "--plot", "plot_file", type=click.Path(dir_okay=False, path_type=Path),
+              help="A picture of the times, PNG, SVG or PDF by its name.")  # fmt: skip
+@reports_errors
+def command(
+    inputs: ScriptInputs,
+    engine: str,
+    strategies: tuple[str, ...],
+    repeat: int,
+    timeout: float,
+    memory: bool,
+    json_file: Path | None,
+    plot_file: Path | None,
+) -> None:
+    """Races engines and search strategies on a script, and compares their answers."""
+    from ss2sql.bench import BenchRules, make_runs
+    from ss2sql.session.session import read_source
+
+    source = inputs.script
+    for path in (json_file, plot_file):
+        if path is not None:
+            check_folder(path)
+    settings = BenchRules(ENGINES[engine], strategies, repeat, timeout, memory)  # type: ignore[arg-type]
+    run: list[StatementRuns] = []
+    with inputs.session(progress=False) as session:
+        following = make_runs(session, read_source(source), settings)
+        while True:
+            with _mark_user_errors():
+                runs = next(following, None)
+            if runs is None:
+                break
+            if run:
+                print_line("")
+            with _print_heat(runs, settings), _mark_user_errors():
+                _run_heat(runs)
+            run.append(runs)
+    _write(run, settings, json_file, plot_file)
+    _complain(run)
+
+
+@contextmanager
+def _mark_user_errors() -> Iterator[None]:
+    """Marks exceptions in the block that are no errors of ours as the user's."""
+    try:
+        yield
+    except (Error, UserError):
+        raise
+    except Exception as error:
+        raise UserError(error) from None
+
+
+@contextmanager
+def _print_heat(runs: StatementRuns, settings: BenchRules) -> Iterator[None]:
+    """Prints the table of a statement at the end, also after an interruption."""
+    from ss2sql.bench import print_runs
+
+    try:
+        yield
+    finally:
+        if runs.cells:
+            print_runs(runs, settings, make_console())
+
+
+def _run_heat(runs: StatementRuns) -> None:
+    """Runs a statement; on a terminal a line shows the running strategy."""
+    reports = 0
+    try:
+        for result in runs.run():
+            if sys.stderr.isatty():
+                line = f"{result.strategy}, {result.engine}"[:70]
+                click.echo(f"\r{line.ljust(reports)}", nl=False, err=True)
+                reports = len(line)
+    finally:
+        if reports:
+            click.echo(f"\r{' ' * reports}\r", nl=False, err=True)
+
+
+def _write(run: Sequence[StatementRuns], settings: BenchRules, json_file: Path | None, plot_file: Path | None) -> None:
+    """Writes the requested files."""
+    from ss2sql.bench import collect, draw_chart
+
+    for path in (json_file, plot_file):
+        if path is None:
+            continue
+        try:
+            if path is json_file:
+                path.write_text(json.dumps(collect(run, settings), indent=2, default=repr) + "\n", encoding="utf-8")
+            else:
+                draw_chart(run, path)
+        except OSError as error:
+            raise make_write_error(path, error) from error
+        print_note(f"written to {path}")
+
+
+def _complain(run: Sequence[StatementRuns]) -> None:
+    """Ends with exit code 1 where answers differ although the language forbids it."""
+    wrong = [(runs.tree.span, result) for runs in run for result in runs.forbidden]
+    if wrong:
+        lines = [f"{place.place}: {result.name}: {result.answer}" for place, result in wrong]
+        lines.append("The language forbids these answers. Please report them, with the script.")
+        found = [{"place": place.place, "cell": result.name, "answer": result.answer} for place, result in wrong]
+        end_command(
+            "\n".join(lines), {"code": None, "title": "forbidden answers", "message": lines[-1], "found": found}, SCRIPT
+        )

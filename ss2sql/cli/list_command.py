@@ -1,0 +1,208 @@
+"""`ss2sql list`: what scripts can use, and the errors."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, TypeAlias
+
+import click
+
+from ss2sql.cli.exit_codes import reports_errors
+from ss2sql.cli.output import make_console, print_line
+from ss2sql.cli.script_options import NO_INPUTS, ScriptInputs, uses_options
+
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
+    from ss2sql.frontend.user_functions import UserFunction
+    from ss2sql.language.operations import Operation
+    from ss2sql.session.session import Session
+
+Entry: TypeAlias = dict[str, str]  # the first value is the name, the last may be long
+
+
+def _list_functions(session: Session) -> Iterable[Entry]:
+    from ss2sql.language.operations import WRITTEN
+
+    own = {**session.host.world_functions, **session.host.functions}
+    yield from (_describe_registered(entry) for entry in own.values())
+    yield from (_describe_built_in(entry) for name, entry in WRITTEN.items() if name not in own)
+
+
+def _describe_built_in(row: Operation) -> Entry:
+    least, most = row.arity
+    arguments = f"{least}" if least == most else f"{least} or more" if most is None else f"{least} to {most}"
+    return {"name": row.name, "arguments": arguments, "volatility": row.volatility, "text": row.about}
+
+
+def _describe_registered(entry: UserFunction) -> Entry:
+    text = (entry.function.__doc__ or "").strip().splitlines() or [""]
+    arguments = ", ".join(entry.parameters) or _describe_built_in_size(entry)
+    descriptions = "; ".join(part for part in (text[0].rstrip("."), f"{entry.volatility}: {entry.reason}") if part)
+    return {"name": entry.name, "arguments": arguments, "volatility": entry.volatility, "text": descriptions}
+
+
+def _describe_built_in_size(entry: UserFunction) -> str:
+    return f"{entry.minimum}" if entry.minimum == entry.maximum else f"{entry.minimum} or more"
+
+
+def _list_representations(session: Session) -> Iterable[Entry]:
+    for name, function in session.host.shapes.functions.items():
+        module = inspect.getmodule(function)
+        about = (function.__doc__ or "").strip()
+        if module is not None and module.__name__.startswith("ss2sql.runtime.representations."):
+            about = (module.__doc__ or "").partition(": ")[2]
+        yield {"name": name, "text": about.strip().split("\n")[0].rstrip(".")}
+
+
+def _list_strategies() -> Iterable[Entry]:
+    from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES
+
+    for order in ORDERS.values():
+        yield {"name": order.keyword, "decides": "order", "engine": "any", "text": order.promise}
+    for guard in REPEAT_RULES.values():
+        engine = "any" if guard.lowered else "native"
+        yield {"name": guard.keyword or "(none)", "decides": "repeats", "engine": engine, "text": guard.promise}
+
+
+def _list_worlds() -> Iterable[Entry]:
+    from ss2sql.vtables import list_known_types
+
+    for name in list_known_types():
+        package = name.partition(".")[0]
+        needed = "pybullet" if package == "ss2sql" else package.removesuffix("_utils").removesuffix("_int")
+        yield {"name": name, "text": f"{needed}, {'installed' if find_spec(needed) else 'not installed'}"}
+
+
+def _list_errors() -> Iterable[Entry]:
+    from ss2sql.errors import CODES
+
+    for code in CODES.values():
+        yield {"name": code.code, "title": code.title, "text": code.explanation}
+
+
+def _list_rewrites() -> Iterable[Entry]:
+    from ss2sql.session.session import OFF_SWITCHES
+
+    for name, text in OFF_SWITCHES.items():
+        yield {"name": name, "text": text}
+
+
+TOPICS = {
+    "functions": "what scripts can call; with --functions and --world those of the user, too",
+    "representations": "what AS can make of rows",
+    "strategies": "options of CONNECT BY: the order of a search, and what happens to rows that repeat",
+    "worlds": "types of Python objects that are tables; with --world the tables of one",
+    "errors": "codes of errors and what they mean",
+    "rewrites": "what makes queries cheaper; connect(disable=[...]) switches it off",
+}
+SESSION_TOPICS: dict[str, Callable[[Session], Iterable[Entry]]] = {
+    "functions": _list_functions,
+    "representations": _list_representations,
+}
+FIXED_TOPICS: dict[str, Callable[[], Iterable[Entry]]] = {
+    "strategies": _list_strategies,
+    "worlds": _list_worlds,
+    "errors": _list_errors,
+    "rewrites": _list_rewrites,
+}
+
+
+def list_entries(topic: str, inputs: ScriptInputs = NO_INPUTS) -> list[Entry]:
+    """The entries of a topic, with those of the user's inputs."""
+    if topic in FIXED_TOPICS:
+        return list(FIXED_TOPICS[topic]())
+    with inputs.session() as session:
+        return list(SESSION_TOPICS[topic](session))
+
+
+def _complete_name(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+    """Names of the topic with this prefix, without running the user's code."""
+    from click.shell_completion import CompletionItem
+
+    topic = context.params.get("topic")
+    if topic not in TOPICS:
+        return []
+    return [
+        CompletionItem(entry["name"], help=entry.get("title", entry["text"]))
+        for entry in list_entries(topic)
+        if entry["name"].lower().startswith(incomplete.lower())
+    ]
+
+
+@click.command("list")
+@click.argument("topic", required=False, type=click.Choice(tuple(TOPICS)), metavar="[TOPIC]")
+@click.argument("words", nargs=-1, metavar="[NAME]", shell_complete=_complete_name)
+@uses_options
+@click.option("--format", "form", type=click.Choice(("table", "json")), default="table", show_default=True,
+              help="How the list is printed.")  # fmt: skip
+@reports_errors
+def command(
+    topic: str | None,
+    words: tuple[str, ...],
+    inputs: ScriptInputs,
+    form: str,
+) -> None:
+    """Lists functions, representations, strategies, worlds, errors, rewrites.
+
+    TOPIC is one of these words; without it they are told. With NAME only the one of that name.
+    """
+    name = " ".join(words) or None  # such as NO CYCLE
+    if topic == "worlds" and inputs.worlds:
+        with inputs.session() as session:
+            _describe(session, name, form)
+        return
+    if topic is None:
+        entries: list[Entry] = [{"name": word, "text": text} for word, text in TOPICS.items()]
+    else:
+        entries = _select_named(list_entries(topic, inputs), name, topic)
+    if form == "json":
+        print_line(json.dumps(entries, ensure_ascii=False, indent=2))
+    elif name is not None:
+        for key, text in entries[0].items():
+            print_line(f"{key}: {text}")
+    else:
+        _print(entries)
+
+
+def _select_named(entries: list[Entry], name: str | None, topic: str) -> list[Entry]:
+    if name is None:
+        return entries
+    found = [entry for entry in entries if entry["name"].lower() == name.lower()]
+    if not found:
+        from ss2sql.errors import did_you_mean
+
+        hint = "".join(f" ({text})" for text in did_you_mean(name, (entry["name"] for entry in entries)))
+        raise click.UsageError(f"there is no '{name}' among the {topic}{hint}", click.get_current_context())
+    return found
+
+
+def _describe(session: Session, name: str | None, form: str) -> None:
+    """Prints the tables of attached worlds, as `Session.describe` does."""
+    names = list(session.host.names.worlds) if name is None else [name]
+    texts = {word: session.describe(word) for word in names}
+    print_line(json.dumps(texts, ensure_ascii=False, indent=2) if form == "json" else "\n\n".join(texts.values()))
+
+
+def _print(entries: Sequence[Entry]) -> None:
+    """Prints a table: on a terminal with wrapped texts, elsewhere with a line for each entry."""
+    keys = list(entries[0])
+    if sys.stdout.isatty():
+        from rich.table import Table
+        from rich.text import Text
+
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        for key in keys:
+            table.add_column(key, no_wrap=key != "text", header_style="bold", style="cyan" if key == "name" else "")
+        for entry in entries:
+            table.add_row(*(Text(entry[key]) for key in keys))
+        make_console().print(table)
+        return
+    rows = [dict(zip(keys, keys, strict=True)), *entries]
+    widths = {key: max(len(row[key]) for row in rows) for key in keys}
+    for row in rows:
+        print_line("  ".join(row[key].ljust(widths[key]) for key in keys).rstrip())

@@ -1,0 +1,296 @@
+"""The inputs of a command: the options for a script and what it may use, and the session made from them."""
+
+from __future__ import annotations
+
+import ast as python_ast
+import importlib
+import inspect
+import os
+import runpy
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import fields
+from functools import partial, wraps
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from ss2sql.cli.exit_codes import UserError
+from ss2sql.errors import Error, SessionError, Source, did_you_mean
+from ss2sql.fast_dataclasses import dataclass
+
+if TYPE_CHECKING:
+    from ss2sql.session.session import Session
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+USES_OPTIONS = (
+    click.option(
+        "--functions",
+        "function_files",
+        multiple=True,
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        help="A Python file whose functions the script may call.",
+    ),
+    click.option("--world", "worlds", multiple=True, metavar="NAME=MODULE:OBJECT",
+                 help="A Python object to attach; a class or function is called, MODULE:FACTORY(seed=3) too."),
+    click.option("--database", type=click.Path(dir_okay=False), help="A SQLite file whose tables the script reads."),
+    click.option("--attach", "files", multiple=True, metavar="NAME=FILE",
+                 help="A Parquet file, read as NAME, or a SQLite file, whose tables are NAME.TABLE."),
+)  # fmt: skip
+
+PARAMETER = click.option("-p", "--parameter", "parameters", nargs=2, multiple=True, metavar="NAME VALUE",
+                         help="A value for a name of the script, as a Python literal or else as text.")  # fmt: skip
+
+LIMITS = (
+    click.option("--max-size", type=click.IntRange(min=1), metavar="BYTES",
+                 help="A larger text or list that the script makes is an error."),
+    click.option("--max-memory", type=click.IntRange(min=1), metavar="BYTES",
+                 help="The run ends when it has taken more memory (on Linux)."),
+    click.option("--max-steps", type=click.IntRange(min=0), metavar="N",
+                 help="The run ends when its searches have tried more steps."),
+    click.option("--max-output", type=click.IntRange(min=0), metavar="N",
+                 help="More characters that the script prints are an error."),
+)  # fmt: skip
+
+SCRIPT_OPTIONS = (
+    click.argument("file", required=False, type=click.Path(dir_okay=False, allow_dash=True)),
+    click.option("-e", "--execute", "text", help="The script itself, in place of a file."),
+    *USES_OPTIONS,
+    PARAMETER,
+    *LIMITS,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class ScriptInputs:
+    """The values of the options: what scripts may use, their parameters and limits, and the script, if any."""
+
+    function_files: tuple[Path, ...] = ()
+    worlds: tuple[str, ...] = ()
+    database: str | None = None
+    files: tuple[str, ...] = ()
+    parameters: tuple[tuple[str, str], ...] = ()
+    file: str | None = None
+    text: str | None = None
+    max_size: int | None = None
+    max_memory: int | None = None
+    max_steps: int | None = None
+    max_output: int | None = None
+
+    @property
+    def script(self) -> str | Path | Source:
+        """The script; standard input is read each time."""
+        if (self.file is None) == (self.text is None):
+            raise click.UsageError("give a script: a FILE, - for standard input, or -e TEXT", _context())
+        if self.text is not None:
+            return self.text
+        assert self.file is not None
+        if self.file != "-":
+            return Path(self.file)
+        from ss2sql.frontend.syntax.tokenizer import read_script
+
+        try:
+            return read_script(sys.stdin.buffer, "<stdin>")
+        except (UnicodeDecodeError, OSError) as error:
+            raise SessionError("S002", f"the script on standard input cannot be read: {error}") from error
+
+    def session(self, progress: bool | None = None) -> Session:
+        """A session with all of it; by default progress is shown on a terminal."""
+        # These imports take half a second, which completion and --help avoid.
+        from ss2sql.runtime.run.value_sizes import MAX_SIZE
+        from ss2sql.session.connect import connect
+
+        shown: str | bool = "auto" if progress is None else progress
+        session = connect(
+            self.database,
+            progress=shown,
+            read_only=self.database is not None,
+            max_size=MAX_SIZE if self.max_size is None else self.max_size,
+            max_memory=self.max_memory,
+            max_steps=self.max_steps,
+            max_output=self.max_output,
+        )
+        for path in self.function_files:
+            register_file(session, path)
+        for world in self.worlds:
+            session.attach(*parse_world(world))
+        for file in self.files:
+            session.attach(*parse_attachment(file))
+        for name, text in self.parameters:
+            session.set(name, parse_value(text))
+        return session
+
+
+NO_INPUTS = ScriptInputs()
+
+
+def script_options(command: F) -> F:
+    """Adds the options for a script and what it may use; the command takes them as `given`."""
+    return _take_inputs(SCRIPT_OPTIONS, command)
+
+
+def uses_options(command: F) -> F:
+    """Adds the options for what scripts may use, without a script."""
+    return _take_inputs(USES_OPTIONS, command)
+
+
+def session_options(command: F) -> F:
+    """Adds the options for what scripts may use and for parameters, where the scripts come later."""
+    return _take_inputs((*USES_OPTIONS, PARAMETER, *LIMITS), command)
+
+
+def _take_inputs(options: tuple[Callable[[F], F], ...], command: F) -> F:
+    @wraps(command)
+    def gathered(**values: Any) -> Any:
+        own = {field.name: values.pop(field.name) for field in fields(ScriptInputs) if field.name in values}
+        return command(inputs=ScriptInputs(**own), **values)
+
+    for option in reversed(options):
+        gathered = option(gathered)
+    return gathered  # type: ignore[return-value]
+
+
+@contextmanager
+def redirect_output() -> Iterator[None]:
+    """Redirects the output of Python and C code to stderr, so that only results go to stdout."""
+    with redirect_stdout(sys.stderr):
+        if os.name != "posix":
+            yield
+            return
+        import ctypes
+
+        flush, kept = ctypes.CDLL(None).fflush, os.dup(1)
+        try:
+            os.dup2(2, 1)
+            yield
+        finally:
+            flush(None)  # C's own buffers
+            os.dup2(kept, 1)
+            os.close(kept)
+
+
+def register_file(session: Session, path: Path) -> list[str]:
+    """Registers the functions of a Python file; gives their names."""
+    found = {
+        name: value
+        for name, value in _load_names(path).items()
+        if callable(value) and getattr(value, "__module__", None) == "<run_path>" and not name.startswith("_")
+    }
+    for name, value in found.items():
+        session.function(name, value)
+    return list(found)
+
+
+def _context() -> click.Context | None:
+    return click.get_current_context(silent=True)
+
+
+def _load_names(path: Path) -> dict[str, Any]:
+    try:
+        with redirect_output():
+            return runpy.run_path(str(path))
+    except Exception as error:
+        raise UserError(error) from None
+
+
+def parse_attachment(text: str) -> tuple[str, Path]:
+    """The value of `--attach`: the name of a file in scripts, and its path."""
+    name, _, path = text.partition("=")
+    if not name or not path:
+        raise click.UsageError(f"--attach takes NAME=FILE, not {text}", _context())
+    return name, Path(path)
+
+
+# --- worlds --------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _ObjectReference:
+    """The value of `--world`: an object of a module or a Python file, with its arguments if it is called."""
+
+    module: str
+    names: tuple[str, ...]
+    arguments: tuple[Any, ...] = ()
+    named: tuple[tuple[str, Any], ...] = ()
+    called: bool = False
+
+
+def parse_world(text: str) -> tuple[str, Any]:
+    name, _, rest = text.partition("=")
+    place = _parse_reference(rest)
+    if not name or place is None:
+        message = f"--world takes NAME=MODULE:OBJECT or NAME=MODULE:FACTORY(ARGUMENTS), not {text}"
+        raise click.UsageError(message, _context())
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    found = _find_object(place, text)
+    if not (place.called or inspect.isroutine(found) or isinstance(found, (type, partial))):
+        return name, found
+    try:
+        with redirect_output():
+            return name, found(*place.arguments, **dict(place.named))
+    except Error:
+        raise
+    except Exception as error:
+        raise UserError(error) from None
+
+
+def _parse_reference(text: str) -> _ObjectReference | None:
+    """The parts of `MODULE:OBJECT`, with Python literals as arguments; None for other strings."""
+    module, _, wanted = text.partition(":")
+    try:
+        tree = python_ast.parse(wanted.strip(), mode="eval").body
+        call = tree if isinstance(tree, python_ast.Call) else None
+        names = python_ast.unparse(call.func if call else tree).split(".")
+        arguments = tuple(map(python_ast.literal_eval, call.args if call else ()))
+        named = tuple((word.arg or "", python_ast.literal_eval(word.value)) for word in (call.keywords if call else ()))
+    except (SyntaxError, ValueError):
+        return None
+    if not module or not all(word.isidentifier() for word in (*names, *(word for word, _ in named))):
+        return None
+    return _ObjectReference(module, tuple(names), arguments, named, call is not None)
+
+
+def _find_object(place: _ObjectReference, text: str) -> Any:
+    """The object of the names. Raises SessionError S002 for a missing one."""
+    found = _load_module(place.module, text)
+    for name in place.names:
+        try:
+            found = getattr(found, name)
+        except Error:
+            raise
+        except AttributeError as error:
+            hints = did_you_mean(name, (word for word in dir(found) if not word.startswith("_")))
+            raise _make_missing_error(text, error, hints) from error
+    return found
+
+
+def _load_module(name: str, text: str) -> Any:
+    """A module, or the names of a Python file as one."""
+    if name.endswith(".py"):
+        return SimpleNamespace(**_load_names(Path(name)))
+    try:
+        with redirect_output():
+            return importlib.import_module(name)
+    except Error:
+        raise
+    except ImportError as error:
+        raise _make_missing_error(text, error) from error
+    except Exception as error:
+        raise UserError(error) from None
+
+
+def _make_missing_error(text: str, error: Exception, hints: tuple[str, ...] = ()) -> SessionError:
+    return SessionError("S002", f"the world {text} cannot be found: {error}", hints=hints)
+
+
+def parse_value(text: str) -> Any:
+    """The value of a Python literal; any other text stays a string."""
+    try:
+        return python_ast.literal_eval(text)
+    except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
+        return text

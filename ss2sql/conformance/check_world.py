@@ -1,0 +1,369 @@
+"""The conformance test of adapters: `check_world` reads a world in many ways and compares the results.
+
+First every table is read directly and the rules of vtables/contract.py are tested one by one. Then random queries run
+over the world, on both engines, and over a plain copy of its tables: lists of dicts, without filters and groups.
+"""
+
+from __future__ import annotations
+
+import random
+import warnings
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import field
+from math import dist, isclose
+from typing import Any
+
+from ss2sql.conformance.random_queries import QueryGenerator, TableCopy
+from ss2sql.errors import Error
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.kinds import Kind
+from ss2sql.vtables import find_adapter
+from ss2sql.vtables.attached_worlds import AttachedTable, AttachedWorld
+from ss2sql.vtables.contract import Gone, Table, TableFunction, Where, World
+from ss2sql.vtables.query_cache import CacheOfQuery
+from ss2sql.vtables.reading import Reading, merge_demands, unwrap_key
+from ss2sql.vtables.schema import Schema, get_schema, get_tables
+
+MANY = 1000  # elements of a table
+Arguments = Mapping[str, Sequence[tuple[Any, ...]]]
+
+
+class BrokenRuleError(AssertionError):
+    """An adapter breaks a rule. `rule` is its name, `table` where it was seen, `query` the script that showed it."""
+
+    def __init__(self, rule: str, table: str, detail: str, query: str = "") -> None:
+        super().__init__(f"{rule}: {table}: {detail}" + (f"\n  {query}" if query else ""))
+        self.rule = rule
+        self.table = table
+        self.query = query
+
+
+@dataclass(slots=True)
+class Report:
+    """What was tested: the number of queries and of elements by table, and table functions without arguments."""
+
+    queries: int = 0
+    elements: dict[str, int] = field(default_factory=dict)
+    skipped: list[str] = field(default_factory=list)
+
+
+def check_world(
+    world: Any,
+    seed: int = 0,
+    queries: int = 200,
+    change: Callable[[random.Random], Any] | None = None,
+    arguments: Arguments | None = None,
+) -> Report:
+    """Judges an adapter.
+
+    Args:
+        world: a World, or an object that has an adapter. It should have some elements; up to 200 are enough. Random
+            queries join tables with each other, so many elements take long: a warning says so.
+        seed: of the random choices.
+        queries: how many random queries to run, on each engine.
+        change: makes births, deaths and moves, now and then between two queries; it gets the source of random numbers.
+        arguments: for each table function some tuples of arguments. Functions that are missing here are called with
+            values of columns of the same names, or left out.
+
+    Returns:
+        What was tried.
+
+    Raises:
+        BrokenRuleError: for the first rule that is broken, with its name and what was seen.
+    """
+    judge = _Judge(world, random.Random(seed), arguments or {})
+    judge.rules()
+    judge.warn_of_size()
+    rounds = 4 if change is not None else 1
+    for number in range(rounds):
+        judge.questions((queries + number) // rounds)
+        if change is not None:
+            judge.changed(change)
+    return judge.report
+
+
+def _refused(rule: str, table: str, error: Exception) -> BrokenRuleError:
+    text = error.message if isinstance(error, Error) else f"{type(error).__name__}: {error}"
+    return BrokenRuleError(rule, table, text)
+
+
+class _Judge:
+    def __init__(self, source: Any, dice: random.Random, arguments: Arguments) -> None:
+        self.dice = dice
+        self.arguments = arguments
+        self.report = Report()
+        world = find_adapter(source)
+        if world is None:
+            raise BrokenRuleError("there is an adapter", type(source).__name__, "no adapter serves this type")
+        self.world: World = world
+        try:
+            get_tables(world)
+            self.attached = AttachedWorld("world", world, lambda name, table: name)
+        except Exception as error:
+            raise _refused("declarations hold together", type(world).__name__, error) from error
+
+    # --- one rule after the other ----------------------------------------------------------------------
+
+    def rules(self) -> None:
+        """All rules that can be tested without a query."""
+        for table in self.attached.tables.values():
+            if isinstance(table.table, Table):
+                self._table(table.table, table.schema)
+        for table in self.attached.tables.values():
+            if isinstance(table.table, TableFunction):
+                self._function_of_rows(table.table, table.schema)
+        self._functions()
+
+    def warn_of_size(self) -> None:
+        """Warns of a table that is so large that the random queries may take very long."""
+        name, most = max(self.report.elements.items(), key=lambda item: item[1], default=("", 0))
+        if most > MANY:
+            message = (
+                f"check_world: the table '{name}' has {most:,} elements, and random queries join tables with each "
+                "other: give it a world of at most 200 elements, which are enough, or queries=0 for the rules alone"
+            )
+            warnings.warn(message, stacklevel=3)
+
+    def _table(self, table: Table, schema: Schema) -> None:
+        keys = self._keys(table, Where())
+        for key in keys:
+            try:
+                hash(key)
+            except TypeError:
+                raise BrokenRuleError("keys are hashable", table.name, f"{key!r} is not") from None
+        if len(set(keys)) < len(keys):
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise BrokenRuleError("keys are unique", table.name, f"{twice!r} comes twice")
+        if self._keys(table, Where()) != keys:
+            raise BrokenRuleError("keys are the same each time", table.name, "a second call gives others")
+        rows = self._rows(table, schema, keys)
+        again = self._rows(table, schema, keys)
+        if rows != again:
+            place = next(index for index, pair in enumerate(zip(rows, again, strict=True)) if pair[0] != pair[1])
+            detail = f"{keys[place]!r} is first {rows[place]}, then {again[place]}"
+            raise BrokenRuleError("reading changes nothing", table.name, detail)
+        self._blocks(table, schema, keys)
+        self._arrays(table, schema, keys, rows)
+        for _ in range(60):
+            self._filter(table, schema, keys, rows)
+        self._places(table, schema, keys, rows)
+        self.report.elements[table.name] = len(keys)
+
+    def _keys(self, table: Table, where: Where) -> list[Any]:
+        try:
+            with CacheOfQuery(self.world, {}):
+                return list(table.keys(where))
+        except Exception as error:
+            raise _refused("keys can be listed", table.name, error) from error
+
+    def _rows(self, table: Table, schema: Schema, keys: Sequence[Hashable]) -> list[dict[str, Any]]:
+        """All columns of the elements with these keys, read anew."""
+        reading = Reading(schema)
+        reading.expect(keys)
+        try:
+            readers = {name: reading.reader(name) for name in schema.kinds}
+            return [{name: read(key) for name, read in readers.items()} for key in keys]
+        except Exception as error:
+            raise _refused("values fit their columns", table.name, error) from error
+
+    def _blocks(self, table: Table, schema: Schema, keys: list[Any]) -> None:
+        """Blocks, which queries use unchecked, are lists of tuples with values of the declared types."""
+        for group in sorted(schema.blocks):
+            try:
+                found = list(getattr(table, group)(keys))
+                clean = [schema.row(group, row) for row in found]
+            except Exception as error:
+                raise _refused("blocks fit their columns", table.name, error) from error
+            if len(found) != len(keys):
+                detail = f"{group} gives {len(found)} rows for {len(keys)} keys"
+                raise BrokenRuleError("blocks fit their columns", table.name, detail)
+            single = len(schema.groups[group].parts) == 1
+            for row, wanted in zip(zip(found, strict=True) if single else found, clean, strict=True):
+                if repr(row) != repr(wanted):  # `repr` distinguishes types, too
+                    raise BrokenRuleError("blocks fit their columns", table.name, f"{group} gives {row}, not {wanted}")
+
+    def _arrays(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
+        """Arrays and blocks have the values of the requested keys, in their order."""
+        if not (schema.arrays or schema.blocks) or not keys:
+            return
+        known = dict(zip(keys, rows, strict=True))
+        for _ in range(10):
+            some = self.dice.sample(keys, self.dice.randint(1, len(keys)))
+            for key, row in zip(some, self._rows(table, schema, some), strict=True):
+                if row != known[key]:
+                    detail = f"asked for {some}, {key!r} is {row} instead of {known[key]}"
+                    raise BrokenRuleError("values belong to their keys", table.name, detail)
+
+    def _filter(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
+        """`keys(where)` has all keys that `where` allows, in the same order."""
+        usable = [(column.name, sorted(column.operators)) for column in schema.columns if column.operators]
+        if not usable or not rows:
+            return
+        demands = []
+        for name, operators in self.dice.choices(usable, k=self.dice.randint(1, 3)):
+            value = self.dice.choice(rows)[name]
+            if isinstance(value, float) and self.dice.random() < 0.3:
+                value += self.dice.choice((-1.0, 1.0)) * self.dice.random()
+            demands.append(((name, self.dice.choice(operators)), value))
+        where = merge_demands(demands, schema)
+        found = self._keys(table, where)
+        asked = ", ".join(f"{name} {operator} {value!r}" for (name, operator), value in demands)
+        given = set(found)
+        for key, row in zip(keys, rows, strict=True):
+            if key not in given and all(one.allows(row[name]) for name, one in where.items()):
+                detail = f"with {asked} the key {key!r} is missing, whose row is {row}"
+                raise BrokenRuleError("keys are never too few", table.name, detail)
+        if len(given) < len(found):
+            raise BrokenRuleError("keys are unique", table.name, f"with {asked} one comes twice: {found}")
+        if found != [key for key in keys if key in given]:
+            detail = f"with {asked} they come as {found}, without as {keys}"
+            raise BrokenRuleError("keys keep one order", table.name, detail)
+
+    def _places(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
+        """Elements are where `places` says, and `distance` measures from there."""
+        points = {name: [[row[one] for one in columns] for row in rows] for name, columns in schema.places.items()}
+        for name in points.keys() - {"this"}:
+            for key, row, point in zip(keys, rows, points[name], strict=True):
+                if row[name] != point:
+                    raise BrokenRuleError(
+                        "places are true", table.name, f"of {key!r} {name} is {row[name]}, not {point}"
+                    )
+        measure: Any = getattr(self.world, "distance", None)
+        own = points.get("this") or []
+        for _ in range(20 if own else 0):
+            one, other = self.dice.randrange(len(keys)), self.dice.randrange(len(keys))
+            away = [value + self.dice.uniform(-2, 2) for value in own[other]]
+            asked = ((keys[one], keys[other], own[other]), (keys[one], away, away), (away[:2], keys[one], away[:2]))
+            for first, second, point in asked:
+                wanted = dist(own[one][: len(point)], point)
+                found = measure(first, second)
+                if not isclose(found, wanted, rel_tol=1e-7, abs_tol=1e-12):
+                    detail = f"distance({first!r}, {second!r}) is {found}, the straight distance is {wanted}"
+                    raise BrokenRuleError("places are true", table.name, detail)
+
+    # --- functions -------------------------------------------------------------------------------------
+
+    def _function_of_rows(self, table: TableFunction, schema: Schema) -> None:
+        calls = list(self.calls(table, schema))
+        if not calls:
+            self.report.skipped.append(table.name)
+        for arguments in calls:
+            shown = f"{table.name}({', '.join(map(repr, arguments))})"
+            try:
+                rows, again = (Reading(schema, self._shared(schema)).rows(arguments) for _ in range(2))
+            except Exception as error:
+                raise _refused("table functions give rows that fit", shown, error) from error
+            if rows != again:
+                raise BrokenRuleError("reading changes nothing", shown, f"it gives {rows}, then {again}")
+            if schema.walked is not None:
+                known = set(self._keys(schema.walked, Where()))
+                stranger = next((key for key in rows if key not in known), None)
+                if stranger is not None:
+                    detail = f"it gives {stranger!r}, which is no key of {schema.walked.name}"
+                    raise BrokenRuleError("table functions give keys of their table", shown, detail)
+                if len(set(rows)) < len(rows):
+                    raise BrokenRuleError("keys are unique", shown, f"one comes twice: {rows}")
+
+    @staticmethod
+    def _shared(schema: Schema) -> Reading | None:
+        return None if schema.walked is None else Reading(get_schema(schema.walked))
+
+    def calls(self, table: TableFunction, schema: Schema) -> Iterator[tuple[Any, ...]]:
+        """Arguments to call a table function with."""
+        if table.name in self.arguments:
+            yield from self.arguments[table.name]
+            return
+        principal = self.attached.principal
+        needed = schema.parameters[: schema.required]
+        if not all(name in principal.schema.kinds for name in needed):
+            return
+        assert isinstance(principal.table, Table)
+        rows = self._rows(principal.table, principal.schema, self._keys(principal.table, Where()))
+        for row in self.dice.sample(rows, min(5, len(rows))):
+            yield tuple(row[name] for name in needed)
+
+    def _functions(self) -> None:
+        """Functions that are declared stable give the same value twice."""
+        principal = self.attached.principal
+        assert isinstance(principal.table, Table)
+        for key in self._keys(principal.table, Where())[:5]:
+            element = principal.table.element(key)
+            for name, (method, volatility) in self.attached.functions.items():
+                if volatility == "volatile":
+                    continue
+                try:
+                    one, other = method(unwrap_key(element, self.world)), method(unwrap_key(element, self.world))
+                except TypeError:
+                    continue  # its argument is no element
+                if repr(one) != repr(other):
+                    detail = f"{name}({element!r}) is {one!r}, then {other!r}"
+                    raise BrokenRuleError("functions keep what they declare", principal.table.name, detail)
+                if self.attached.get_declaration(name).indexed:
+                    column = principal.schema.value(key, name)
+                    items = [method(unwrap_key(element, self.world), index) for index in range(len(column))]
+                    if not one == items == column:
+                        detail = f"{name}({element!r}) is {one!r} and {items!r} by index, the column {column!r}"
+                        raise BrokenRuleError("functions keep what they declare", principal.table.name, detail)
+
+    # --- queries ---------------------------------------------------------------------------------------
+
+    def copies(self) -> list[tuple[AttachedTable, TableCopy]]:
+        """The tables with keys as plain lists of dicts."""
+        found = []
+        for table in self.attached.tables.values():
+            if isinstance(table.table, Table):
+                rows = self._rows(table.table, table.schema, self._keys(table.table, Where()))
+                plain = [column for column in table.schema.columns if table.schema.kinds[column.name].only(_PLAIN)]
+                found.append((table, TableCopy(table.title, table.schema, plain, rows)))
+        return found
+
+    def questions(self, number: int) -> None:
+        """Runs random queries over the world and over its copy."""
+        copies = self.copies()
+        questions = QueryGenerator(self.dice, [copy for _, copy in copies], self.world)
+        for _ in range(number):
+            script = questions.script()
+            expected = questions.of_copy(script)
+            for engine in ("database", "native"):
+                found = questions.of_world(script, engine)
+                if found != expected:
+                    detail = f"on the {engine} engine it gives {_short(found)}, the copy {_short(expected)}"
+                    raise BrokenRuleError("queries see what is there", script.table, detail, script.text)
+            self.report.queries += 1
+        for table in self.attached.tables.values():
+            if table.schema.required:
+                missing = questions.missing_arguments(table)
+                if missing != "R005":
+                    raise BrokenRuleError("missing arguments are an error", table.title, f"the error is {missing}")
+
+    def changed(self, change: Callable[[random.Random], Any]) -> None:
+        """Changes the world, and reads elements that no longer exist."""
+        tables = [t for t in get_tables(self.world) if isinstance(t, Table)]
+        before = [(table, self._keys(table, Where())) for table in tables]
+        change(self.dice)
+        for table, keys in before:
+            living = set(self._keys(table, Where()))
+            for key in keys:
+                if key not in living:
+                    self._check_gone_element(table, get_schema(table), key)
+
+    def _check_gone_element(self, table: Table, schema: Schema, key: Hashable) -> None:
+        for group in schema.groups:
+            if group in schema.arrays:
+                continue
+            try:
+                answer = getattr(table, group)([key] if group in schema.blocks else key)
+            except Gone:
+                continue
+            except Exception as error:
+                detail = f"{group}({key!r}) of a dead element raises {type(error).__name__} instead"
+                raise BrokenRuleError("the dead raise Gone", table.name, detail) from error
+            raise BrokenRuleError("the dead raise Gone", table.name, f"{group}({key!r}) still gives {answer!r}")
+
+
+_PLAIN = Kind.NONE | Kind.BOOL | Kind.INT | Kind.FLOAT | Kind.STR
+
+
+def _short(outcome: object) -> str:
+    text = repr(outcome)
+    return text if len(text) <= 600 else text[:597] + "..."

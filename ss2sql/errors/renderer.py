@@ -1,0 +1,238 @@
+"""The text of an error, in the manner of rustc: code and sentence, place, source lines with marks, hints.
+
+    error[P002]: the script ends before '(' is closed
+     --> <script>:1:18
+      |
+    1 | max(SELECT a FROM
+      |    -             ^
+      |    |
+      |    opened here
+      = help: write the missing ')'
+
+The place of an error is marked with `^`, related places with `-`. The caller decides about colour.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import field
+from typing import TYPE_CHECKING
+from unicodedata import bidirectional, category, east_asian_width
+
+from ss2sql.errors.spans import Span
+from ss2sql.fast_dataclasses import dataclass
+
+if TYPE_CHECKING:
+    from ss2sql.errors.exceptions import Error
+
+CONTROL_CHARACTERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def escape_controls(text: str) -> str:
+    """The text with `\\x1b` for an escape character, and so on. Ends of lines and tabs stay what they are."""
+    return text if text.isascii() and text.isprintable() else CONTROL_CHARACTERS.sub(_escape_match, text)
+
+
+def _escape_match(found: re.Match[str]) -> str:
+    return repr(found.group())[1:-1]
+
+
+WIDTH = 120  # cells of a line that are shown; a longer one is cut around its place
+BEFORE = 60  # cells of it that stand before the place
+MOST_LINES = 5  # a longer stretch is shown by its beginning and its end
+TAB = "    "
+DIRECTION_MARKS = frozenset({"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"})
+
+RED, BLUE, CYAN, BOLD = "\x1b[1;31m", "\x1b[1;34m", "\x1b[1;36m", "\x1b[1m"
+
+
+def render_all(error: Error, color: bool = False) -> str:
+    """The text of all errors that were found together, with an empty line between them."""
+    return "\n\n".join(render_error(one, color) for one in error.errors)
+
+
+def render_error(error: Error, color: bool = False) -> str:
+    """The text of one error; with ANSI colours where a terminal shows it."""
+    marks = [_Mark(span, "-", BLUE, label) for span, label in error.related]
+    spans = [mark.span for mark in marks]
+    if error.span is not None:
+        spans.append(error.span)
+    page = _Page(max((len(str(span.source.line_column(span.end)[0])) for span in spans), default=1), color)
+    code, message = page.paint(RED, f"error[{error.code}]"), page.paint(BOLD, f": {escape_controls(error.message)}")
+    page.lines.append(code + message)
+    if error.span is not None:
+        own = _Mark(error.span, "^", RED)
+        page.place(own)
+        beside = [mark for mark in marks if _stands_beside(mark, own)]
+        page.show(own, beside)
+        marks = [mark for mark in marks if mark not in beside]
+    for mark in marks:
+        if error.span is None or mark.span.source is not error.span.source:
+            page.place(mark)
+            page.show(_Mark(mark.span, mark.sign, mark.style))
+        else:
+            page.show(mark)
+    page.lines.extend(page.paint(BLUE, f"{page.gutter} = ") + page.help(hint) for hint in error.hints)
+    return "\n".join(page.lines)
+
+
+@dataclass(frozen=True, slots=True)
+class _Mark:
+    """A place to be marked: with which sign, in which colour, and what is said there."""
+
+    span: Span
+    sign: str
+    style: str
+    label: str = ""
+
+
+def _stands_beside(one: _Mark, other: _Mark) -> bool:
+    """Whether both can be marked below the same line: they are on it, apart, and close to each other."""
+    first, second = sorted((one.span, other.span), key=lambda span: span.start)
+    return (
+        first.source is second.source
+        and first.line == _last_line(first) == second.line == _last_line(second)
+        and max(first.end, first.start + 1) <= second.start
+        and first.column > second.column - BEFORE
+        and second.column < first.column + BEFORE
+    )
+
+
+def _last_line(span: Span) -> int:
+    """The line of the last character of a span."""
+    return span.source.line_column(max(span.start, span.end - 1))[0]
+
+
+@dataclass(slots=True)
+class _Page:
+    """Lines of a rendered error under construction: the gutter is as wide as the largest line number."""
+
+    width: int
+    color: bool
+    lines: list[str] = field(default_factory=list)
+
+    @property
+    def gutter(self) -> str:
+        return " " * self.width
+
+    def paint(self, style: str, text: str) -> str:
+        return f"{style}{text}\x1b[0m" if self.color and text else text
+
+    def help(self, hint: str) -> str:
+        return f"{self.paint(CYAN, 'help')}: {escape_controls(hint)}"
+
+    def place(self, mark: _Mark) -> None:
+        label = f": {mark.label}" if mark.label else ""
+        self.lines.append(self.paint(BLUE, f"{self.gutter}-->") + f" {mark.span.place}{label}")
+
+    def row(self, text: str, number: int | None = None) -> None:
+        """A line with its number, or one below it."""
+        head = self.gutter if number is None else f"{number:>{self.width}}"
+        self.lines.append(self.paint(BLUE, f"{head} |") + (f" {text}" if text else ""))
+
+    def show(self, mark: _Mark, beside: list[_Mark] | None = None) -> None:
+        """The line or lines of a mark, with the mark and those beside it."""
+        self.row("")
+        if _last_line(mark.span) > mark.span.line:
+            self._stretch(mark)
+        else:
+            self._line(mark, beside or [])
+
+    def _line(self, mark: _Mark, beside: list[_Mark]) -> None:
+        marks = sorted((mark, *beside), key=lambda one: one.span.start)
+        cut = _ShownLine(mark.span.source.line(mark.span.line), marks[0].span.column - 1)
+        self.row(cut.shown, mark.span.line)
+        places = [cut.cell(one.span.column - 1) for one in marks]
+        text, at = "", 0
+        for one, place in zip(marks, places, strict=True):
+            length = max(1, cut.cell(one.span.column - 1 + one.span.end - one.span.start) - place)
+            text += " " * (place - at) + self.paint(one.style, one.sign * length)
+            at = place + length
+        if marks[-1].label:
+            text += " " + self.paint(marks[-1].style, marks[-1].label)
+        self.row(text)
+        hanging = [(place, one) for place, one in zip(places[:-1], marks[:-1], strict=True) if one.label]
+        if hanging:
+            self.row(self._bars(hanging))
+        while hanging:
+            place, one = hanging.pop()
+            bars, used = self._bars(hanging), hanging[-1][0] + 1 if hanging else 0
+            self.row(bars + " " * (place - used) + self.paint(one.style, one.label))
+
+    def _bars(self, hanging: list[tuple[int, _Mark]]) -> str:
+        """The lines from marks down to their labels."""
+        text, at = "", 0
+        for place, one in hanging:
+            text += " " * (place - at) + self.paint(one.style, "|")
+            at = place + 1
+        return text
+
+    def _stretch(self, mark: _Mark) -> None:
+        """Several lines, with a bar on their left from the first character to the last."""
+        span, source = mark.span, mark.span.source
+        first, last = span.line, _last_line(span)
+        bar = self.paint(mark.style, "|")
+        cut = _ShownLine(source.line(first), span.column - 1)
+        if source.line(first)[: span.column - 1].strip():
+            self.row(f"  {cut.shown}", first)
+            self.row(" " + self.paint(mark.style, "_" * (cut.cell(span.column - 1) + 1) + mark.sign))
+        else:
+            self.row(f"{self.paint(mark.style, '/')} {cut.shown}", first)
+        most = last if last - first <= MOST_LINES else first + MOST_LINES - 2
+        for number in range(first + 1, min(most + 1, last)):
+            self.row(f"{bar} {_ShownLine(source.line(number), 0).shown}".rstrip(), number)
+        if most < last:
+            self.lines.append(f"{'...':<{self.width + 3}}{bar}")
+        column = source.line_column(max(span.start, span.end - 1))[1]
+        cut = _ShownLine(source.line(last), column - 1)
+        self.row(f"{bar} {cut.shown}", last)
+        label = f" {mark.label}" if mark.label else ""
+        self.row(bar + self.paint(mark.style, "_" * (cut.cell(column - 1) + 1) + mark.sign + label))
+
+
+class _ShownLine:
+    """The shown part of a line, with the terminal's cell of each character."""
+
+    def __init__(self, text: str, at: int) -> None:
+        fits = len(text) <= WIDTH and sum(_show_character(char)[1] for char in text) <= WIDTH
+        start, room = min(at, len(text)), BEFORE
+        if fits:
+            start = 0
+        while start > 0 and room > 0:
+            start -= 1
+            room -= _show_character(text[start])[1]
+        self._start = start
+        self._places = [len("...") if start else 0]
+        shown = ["..." if start else ""]
+        for char in text[start : start + WIDTH]:
+            seen, cells = _show_character(char)
+            if self._places[-1] + cells > WIDTH + len("..."):
+                break
+            shown.append(seen)
+            self._places.append(self._places[-1] + cells)
+        more = start + len(self._places) - 1 < len(text)
+        self.shown = "".join(shown) + ("..." if more else "")
+
+    def cell(self, column: int) -> int:
+        """The cell of the character at a column, counted from 0; the last cell for one that is cut off."""
+        return self._places[max(0, min(column - self._start, len(self._places) - 1))]
+
+
+def _show_character(char: str) -> tuple[str, int]:
+    """How a character is shown, and how many cells it takes.
+
+    East Asian characters take two, combining ones none. Control characters, which would act on the terminal, and those
+    that change the direction of writing, which would show another script than the one that runs, are shown as symbols.
+    """
+    if " " <= char <= "~":
+        return char, 1
+    if char == "\t":
+        return TAB, len(TAB)
+    if char < " " or char == "\x7f":
+        return chr(0x2421 if char == "\x7f" else 0x2400 + ord(char)), 1
+    kind = category(char)
+    if kind in ("Cc", "Cs") or bidirectional(char) in DIRECTION_MARKS:
+        return "\N{REPLACEMENT CHARACTER}", 1
+    if kind in ("Mn", "Me", "Cf"):
+        return char, 0
+    return char, 2 if east_asian_width(char) in "WF" else 1

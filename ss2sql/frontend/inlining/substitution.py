@@ -1,0 +1,319 @@
+"""Substitution: a function's body with the arguments of one call in place of its parameters.
+
+The expression is made only if it is provably equivalent to the call. No operator in it can fail with the types of
+these arguments, since its error would differ from Python's. Every argument that can fail or has an effect is
+evaluated exactly once and in the written order, and no costly argument is evaluated twice. Types of the result are
+those that the resolver would have found.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from ss2sql.errors import Source, Span
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind, Type, make_list_type, type_of, union
+from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.plan_printer import format_type
+from ss2sql.language.plan_traversal import can_fail, is_volatile, list_parts, walk
+
+NO_SPAN = Span(Source(""), 0, 0)
+MOST_NODES = 300
+NUMBER = Kind.INT | Kind.FLOAT
+# Operations that may be evaluated twice: a few machine instructions, in SQL too.
+_CHEAP = frozenset(name for name, row in OPERATIONS.items() if row.cheap)
+
+Args = Mapping[str, plan.Expr]
+ColumnReader = Callable[[plan.Element, str], plan.Column | None]
+
+
+@dataclass(frozen=True, slots=True)
+class FunctionBody:
+    """A function as an expression of its parameters.
+
+    `defaults` are the values of parameters that a call may leave out, `text` is the expression as Python writes it,
+    `uses` are the built-in functions in it; `gives_tuple` says that a result may be a tuple, which is a list only
+    once it has left Python.
+    """
+
+    parameters: tuple[str, ...]
+    defaults: Mapping[str, plan.Constant]
+    expr: plan.Expr
+    text: str
+    uses: frozenset[str]
+    gives_tuple: bool
+
+
+def find_builtin(name: str) -> plan.Function:
+    """A built-in function as the plan knows it."""
+    return OPERATIONS[name].function()
+
+
+class NotInlinable(Exception):  # noqa: N818 - it is a finding, not an error
+    """The call cannot be inlined; the reason is a clause. `fallible`: because an operator can fail."""
+
+    def __init__(self, reason: str, fallible: bool = False) -> None:
+        super().__init__(reason)
+        self.fallible = fallible
+
+
+class Instance:
+    """The expression for one call.
+
+    `column` reads a column that an element certainly has. With a `limit`, numbers from outside the body are taken to
+    lie within -limit..limit; `limited` are those that needed it, those in `spared` are excluded. The caller
+    guarantees that the arguments fit the parameters.
+    """
+
+    def __init__(
+        self, call: plan.Call, column: ColumnReader, limit: int | None = None, excluded: frozenset[int] = frozenset()
+    ) -> None:
+        body: FunctionBody = call.function.body
+        self.span: Span = call.span
+        self.place: Span = call.place
+        self.column = column
+        self.limit = limit
+        self.spared = excluded
+        self.limited: dict[int, plan.Expr] = {}
+        self._own: dict[int, plan.Expr] = {}  # made from the body, kept alive because lookups go by identity
+        names = (*body.parameters, *(name for name in body.defaults if name not in body.parameters))
+        args: dict[str, plan.Expr] = {**body.defaults, **dict(zip(names, call.arguments, strict=False))}
+        for name, argument in args.items():
+            if argument.type.may(Kind.OBJECT) or not argument.type.kinds:
+                raise NotInlinable(f"nothing is known of the argument '{name}'")
+        built = self._build(body.expr, args)
+        # Expressions from Python have no place in the script, so all get the place of the call.
+        self.expr = replace(built, span=call.span) if isinstance(built, plan.Constant) else built
+        _check_size(self.expr)
+        _check_uses(call.arguments, self.expr)
+
+    def type(self, expr: plan.Expr) -> Type:
+        """The type of an expression for numbers within the limit."""
+        kind = expr.type
+        if self.limit is None or id(expr) in self._own or id(expr) in self.spared or kind.bounded(self.limit):
+            return kind
+        if isinstance(expr, plan.Constant) or not kind.only(NUMBER):
+            return kind
+        self.limited[id(expr)] = expr
+        low = -self.limit if kind.low is None else max(kind.low, -self.limit)
+        high = self.limit if kind.high is None else min(kind.high, self.limit)
+        return replace(kind, low=low, high=high)
+
+    # --- building --------------------------------------------------------------------------------------
+
+    def _made(self, expr: plan.Expr) -> plan.Expr:
+        self._own[id(expr)] = expr
+        return expr
+
+    def _build(self, node: plan.Expr, args: Args, test: bool = False) -> plan.Expr:
+        """The instance of a part of the body; `asked`: only its truth matters."""
+        match node:
+            case plan.Constant():
+                return self._made(node)
+            case plan.Variable(name=name):
+                return args[name]
+            case plan.Call(function=function, arguments=arguments):
+                built = tuple(self._build(argument, args) for argument in arguments)
+                if function.builtin:
+                    return self._call(function.name, built)
+                body: FunctionBody = function.body
+                return self._build(body.expr, dict(zip(body.parameters, built, strict=True)), test)
+            case plan.And(parts=tested) | plan.Or(parts=tested):
+                built = tuple(self._build(part, args, test) for part in tested)
+                return self._joined(isinstance(node, plan.And), built, test)
+            case plan.Not(operand=operand):
+                denied = self._truth(operand, args)
+                if isinstance(denied, plan.Constant):
+                    return self._constant(not denied.value)
+                return self._made(plan.Not(denied, span=self.span))
+            case plan.If(condition=condition, then=(then,), otherwise=(otherwise,)):
+                return self._choice(self._truth(condition, args), then, otherwise, args, test)
+            case _:
+                assert isinstance(node, plan.MakeList), "bodies have no other parts"
+                return self._list(tuple(self._build(item, args) for item in node.items))
+
+    def _truth(self, node: plan.Expr, args: Args) -> plan.Expr:
+        return self._build(node, args, test=True)
+
+    def _joined(self, both: bool, tested: tuple[plan.Expr, ...], test: bool) -> plan.Expr:
+        """Python's `and` or `or`: the operand that decides."""
+        if test or all(part.type.only(Kind.BOOL) for part in tested):
+            return self._tested(both, tested)
+        result = tested[-1]
+        for part in reversed(tested[:-1]):
+            result = self._if(part, result, part) if both else self._if(part, part, result)
+        return result
+
+    def _tested(self, both: bool, tested: tuple[plan.Expr, ...]) -> plan.Expr:
+        """The conjunction (`both`) or disjunction of conditions; constants are folded."""
+        known = [bool(part.value) for part in tested if isinstance(part, plan.Constant)]
+        if (not both) in known:
+            return self._constant(not both)
+        open_parts = tuple(part for part in tested if not isinstance(part, plan.Constant))
+        if not open_parts:
+            return self._constant(both)
+        if len(open_parts) == 1:
+            return open_parts[0]
+        return self._made((plan.And if both else plan.Or)(open_parts, span=self.span))
+
+    def _if(self, condition: plan.Expr, then: plan.Expr, otherwise: plan.Expr) -> plan.Expr:
+        if isinstance(condition, plan.Constant):
+            return then if condition.value else otherwise
+        kind = union((self.type(then), self.type(otherwise)))
+        return self._made(plan.If(condition, (then,), (otherwise,), kind, span=self.span))
+
+    def _choice(self, condition: plan.Expr, then: plan.Expr, otherwise: plan.Expr, args: Args, test: bool) -> plan.Expr:
+        if isinstance(condition, plan.Constant):  # usually a default; the other branch may be invalid
+            return self._build(then if condition.value else otherwise, args, test)
+        return self._if(condition, self._build(then, args, test), self._build(otherwise, args, test))
+
+    def _list(self, items: tuple[plan.Expr, ...]) -> plan.Expr:
+        types = [self.type(item) for item in items]
+        if not all(map(_is_plain, types)):
+            raise NotInlinable("it puts a value into a list that may be nested too deeply or hold objects")
+        if all(isinstance(item, plan.Constant) for item in items):
+            return self._constant([item.value for item in items if isinstance(item, plan.Constant)])
+        return self._made(plan.MakeList(items, make_list_type(types), span=self.span))
+
+    def _constant(self, value: Any) -> plan.Expr:
+        return self._made(plan.Constant(value, type_of(value), span=NO_SPAN))
+
+    def _call(self, name: str, arguments: tuple[plan.Expr, ...]) -> plan.Expr:
+        picked = self._pick_item(*arguments) if name == "item" else None
+        if picked is not None:
+            return picked
+        types = tuple(map(self.type, arguments))
+        if name in ("eq", "ne", "in", "not_in") and not _has_plain_comparison(name, arguments, types):
+            raise NotInlinable(f"it compares {' and '.join(map(format_type, types))}, where objects may be inside")
+        row = OPERATIONS[name]
+        if name == "distance" and not all(kind.only(Kind.LIST) for kind in types):
+            raise NotInlinable("it measures the distance of what may be no lists")
+        if row.can_fail(types):
+            raise NotInlinable(f"'{name}' can fail on {' and '.join(map(format_type, types))}", fallible=True)
+        if all(isinstance(argument, plan.Constant) for argument in arguments):
+            assert row.value is not None
+            values = (argument.value for argument in arguments if isinstance(argument, plan.Constant))
+            return self._constant(row.value(*values))
+        if name == "pow" and _is_square(arguments[1], types[0]) and _is_cheap(arguments[0]):
+            # The same for integers, and SQLite can do it.
+            name, arguments = "mul", (arguments[0], arguments[0])
+            row, types = OPERATIONS[name], (types[0], types[0])
+        made = plan.Call(row.function(types), arguments, row.result(types), span=self.span, place=self.place)
+        return self._made(made)
+
+    def _pick_item(self, container: plan.Expr, index: plan.Expr) -> plan.Expr | None:
+        """An element with a known position: of a list literal, or a column of a row."""
+        match container, index:
+            case plan.MakeList(items=items), plan.Constant(value=int(place)) if -len(items) <= place < len(items):
+                return items[place]
+            case plan.Constant(value=list() | str() as known), plan.Constant(value=int(place)) if (
+                -len(known) <= place < len(known)
+            ):
+                return self._constant(known[place])
+            case plan.Element(), plan.Constant(value=str(name)):
+                return self.column(container, name)
+            case _:
+                return None
+
+
+def _is_square(exponent: plan.Expr, base: Type) -> bool:
+    """Whether it is the square of an integer."""
+    return isinstance(exponent, plan.Constant) and repr(exponent.value) == "2" and base.only(Kind.INT)
+
+
+def _is_plain(kind: Type) -> bool:
+    """Whether the values are scalars, or lists of scalars down to a depth that the type describes."""
+    if kind.may(Kind.OBJECT | Kind.DICT):
+        return False
+    return not kind.may(Kind.LIST) or (kind.item is not None and _is_plain(kind.item))
+
+
+def _has_plain_comparison(name: str, arguments: tuple[plan.Expr, ...], types: tuple[Type, ...]) -> bool:
+    """Whether `==` or `in` compares without methods of objects and without unhashable keys of dicts."""
+    if name in ("eq", "ne") and any(isinstance(one, plan.Constant) and one.value is None for one in arguments):
+        return not any(kind.may(Kind.OBJECT) for kind in types)
+    return all(map(_is_plain, types))
+
+
+# --- how often arguments are evaluated -----------------------------------------------------------------
+
+
+def is_repeatable(argument: plan.Expr) -> bool:
+    """Whether evaluating the argument more than once is cheap and has no effect."""
+    return all(_is_cheap(atom) and not _is_delicate(atom) for atom in _split_lists(argument))
+
+
+def _check_size(expr: plan.Expr) -> None:
+    """Raises Refused for an expression that is too long as text; in memory its parts are shared."""
+    sizes: dict[int, int] = {}
+
+    def size(node: Any) -> int:
+        if id(node) not in sizes:
+            sizes[id(node)] = 1 + sum(map(size, list_parts(node)))
+        return sizes[id(node)]
+
+    if size(expr) > MOST_NODES:
+        raise NotInlinable("it would become too long an expression")
+
+
+def _check_uses(arguments: tuple[plan.Expr, ...], expr: plan.Expr) -> None:
+    """Raises Refused unless `expr` evaluates the arguments with the same effects as a call."""
+    atoms: dict[int, plan.Expr] = {}
+    lists: dict[int, plan.Expr] = {}
+    for argument in arguments:
+        atoms.update((id(atom), atom) for atom in _split_lists(argument))
+        lists.update((id(node), node) for node in walk(argument) if isinstance(node, plan.MakeList))
+    volatile = any(map(is_volatile, arguments))
+    exact = {key for key, atom in atoms.items() if volatile or _is_delicate(atom)}
+    uses = list(_list_uses(expr, atoms.keys() | lists.keys(), False))
+    if [key for key, _ in uses if key in exact] != [key for key in atoms if key in exact]:
+        raise NotInlinable("an argument that can fail, or be noticed, would not be evaluated once and in its place")
+    if any(conditional for key, conditional in uses if key in exact):
+        raise NotInlinable("an argument that can fail, or be noticed, would be evaluated under a condition only")
+    counts = Counter(key for key, _ in uses)
+    if any(count > 1 and (key in lists or not _is_cheap(atoms[key])) for key, count in counts.items()):
+        raise NotInlinable("a costly argument would be evaluated more than once")
+
+
+def _split_lists(argument: plan.Expr) -> Iterator[plan.Expr]:
+    """The parts of an argument with list literals taken apart, without constants."""
+    if isinstance(argument, plan.MakeList):
+        for item in argument.items:
+            yield from _split_lists(item)
+    elif not isinstance(argument, plan.Constant):
+        yield argument
+
+
+def _list_uses(node: Any, counted: Collection[int], conditional: bool) -> Iterator[tuple[int, bool]]:
+    """The nodes to be counted in the order of evaluation, each with whether it is conditional."""
+    if id(node) in counted:
+        yield id(node), conditional
+        if not isinstance(node, plan.MakeList):
+            return
+    for number, part in enumerate(list_parts(node)):
+        later = number > 0 and isinstance(node, (plan.And, plan.Or, plan.If))
+        yield from _list_uses(part, counted, conditional or later)
+
+
+def _is_delicate(atom: plan.Expr) -> bool:
+    """Whether it matters where and how often the expression is evaluated."""
+    noticed = (plan.Aggregate, plan.Temporal, plan.Subquery, plan.Eval)
+    return can_fail(atom) or any(isinstance(part, noticed) for part in walk(atom))
+
+
+def _is_cheap(atom: plan.Expr) -> bool:
+    for part in walk(atom):
+        match part:
+            case plan.Call(function=function):
+                if not function.builtin or function.name not in _CHEAP:
+                    return False
+            case plan.Element(type=kind):
+                if kind.may(Kind.DICT):  # every read of a table's row builds a dict
+                    return False
+            case plan.MakeList():
+                return False
+    return True

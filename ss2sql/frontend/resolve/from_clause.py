@@ -1,0 +1,264 @@
+"""FROM: sources, by their names and by the types of their values."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ss2sql.errors import Error, ResolveError, Span, did_you_mean
+from ss2sql.frontend.resolve.scope import Scope, make_element
+from ss2sql.frontend.resolve.world_references import (
+    find_world,
+    make_world_source,
+    resolve_function_source,
+    resolve_world_table,
+)
+from ss2sql.frontend.syntax import ast
+from ss2sql.language import plan
+from ss2sql.language.file_sources import find_file_ending, suggest_cure
+from ss2sql.language.kinds import ANY, NONE, Kind, Type, union
+from ss2sql.language.plan_traversal import split_and, varies_with
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.resolve.resolver import Resolver
+
+
+def resolve_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Expr, ...]:
+    """Makes the sources visible, one after the other.
+
+    Gives the conditions of JOIN: parts of WHERE, or of CONNECT BY in a search.
+    """
+    conditions: list[plan.Expr] = []
+    for part in tree.sources:
+        try:
+            source = _resolve_source(resolver, part, scope)
+            if part.name is not None or not isinstance(part.expr, ast.ListLiteral | ast.Query):
+                twin = next((other for other in scope.sources if other.name == source.name), None)
+                if twin is not None:
+                    hint = f"name them: FROM a = {source.name}, b = {source.name}"
+                    if part.name is not None:
+                        hint = f"give this one another name: {part.name}_2 = {part.expr.span.text}"
+                    raise ResolveError("R013", f"two sources are called '{source.name}'", part.span, (hint,))
+        except ResolveError as error:
+            resolver.errors.append(error)
+            nothing = plan.Constant(None, ANY, span=part.span)
+            name = part.name or _derive_name(part.expr)
+            source = plan.ValueSource(resolver.number(), name, nothing, ANY, None, span=part.span)
+        scope.sources.append(_mark_lateral(source, scope))
+        if part.on is not None:
+            on = resolver.guarded(resolver.expression, part.on, scope)
+            if part.optional:
+                joined = _resolve_left_join(resolver, scope.sources.pop(), on, part.span)
+                scope.sources.append(_mark_lateral(joined, scope))
+            else:
+                conditions.extend(split_and(on))
+    return tuple(conditions)
+
+
+def _resolve_left_join(resolver: Resolver, source: plan.Source, on: plan.Expr, span: Span) -> plan.QuerySource:
+    """The elements of a source that meet a condition, or None where none does."""
+    element = make_element(source, span)
+    form, column = plan.Representation("list"), plan.Output("this", element)
+    query = plan.Query(resolver.number(), (source,), (column,), on, representation=form, span=span)
+    kind, columns = union((element.type, NONE)), source.columns
+    columns = columns and tuple((name, union((of, NONE))) for name, of in columns)
+    return plan.QuerySource(resolver.number(), source.name, query, kind, columns, optional=True, span=span)
+
+
+def _mark_lateral(source: plan.Source, scope: Scope) -> plan.Source:
+    """The source, marked as `lateral` where it reads earlier sources or the state."""
+    if not isinstance(source, (plan.ValueSource, plan.QuerySource)) or not (scope.sources or scope.states):
+        return source
+    lateral = varies_with(source, {one.id for one in scope.sources}, scope.query)
+    return replace(source, lateral=True) if lateral else source
+
+
+def _resolve_source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.Source:
+    name = tree.name or _derive_name(tree.expr)
+    match tree.expr:
+        case ast.Call(owner=str()):
+            return resolve_function_source(resolver, tree.expr, name, scope)
+        case ast.Call(arguments=arguments) if any(isinstance(argument, ast.Assign) for argument in arguments):
+            call = replace(tree.expr, arguments=_resolve_arguments(resolver, tree.expr))
+            return resolve_value_source(resolver, name, resolver.expression(call, scope), tree.span)
+        case ast.Query():
+            from ss2sql.frontend.resolve.query_clauses import resolve_query
+
+            inner = resolve_query(resolver, tree.expr, scope)
+            element, columns = _infer_elements(inner.type)
+            return plan.QuerySource(resolver.number(), name, inner.query, element, columns, span=tree.span)
+        case ast.Name(name=word):
+            return _resolve_named_source(resolver, name, word, scope, tree.expr.span)
+        case ast.Literal(value=str(path)) if find_file_ending(path) is not None:
+            hint = suggest_cure(path, tree.name or "data")
+            raise ResolveError("R003", f"FROM opens no file: {tree.expr.span.text}", tree.expr.span, (hint,))
+        case ast.Index(value=ast.Name(name=schema), index=ast.Literal(value=str(word))) if _is_file(resolver, schema):
+            return _resolve_table_source(resolver, tree.name or word, schema, word, tree.expr.span)
+        case ast.Attribute(source=str(schema), name=word):
+            if all(schema != source.name for level in scope.outwards() for source in level.sources):
+                return _resolve_table_source(resolver, name, schema, word, tree.expr.span)
+    return resolve_value_source(resolver, name, resolver.expression(tree.expr, scope), tree.span)
+
+
+def _resolve_arguments(resolver: Resolver, tree: ast.Call) -> tuple[ast.Expr, ...]:
+    function = resolver.catalog.functions.get(tree.function)
+    return order_arguments(tree, None if function is None else function.parameters)
+
+
+def order_arguments(tree: ast.Call, parameters: tuple[str, ...] | None) -> tuple[ast.Expr, ...]:
+    """The arguments of a table function in the order of its parameters; `name = expr` names one here."""
+    known = parameters or ()
+    given: list[ast.Expr] = [argument for argument in tree.arguments if not isinstance(argument, ast.Assign)]
+    named = {argument.name: argument for argument in tree.arguments if isinstance(argument, ast.Assign)}
+    for name, argument in named.items():
+        if parameters is not None and name not in known[len(given) :]:
+            message = f"'{tree.function}' has no argument '{name}'"
+            hints = did_you_mean(name, known) or (f"help('{tree.function}') shows how it is called",)
+            if name in known:
+                message = f"'{tree.function}' gets the argument '{name}' twice"
+                hints = (f"keep one of them: argument {known.index(name) + 1} is '{name}'",)
+            raise ResolveError("R005", message, argument.name_span, hints)
+    for name in known[len(given) : len(given) + len(named)]:
+        if name not in named:
+            hint = f"give '{name}' as well, which stands before them"
+            raise ResolveError("R005", f"'{tree.function}' lacks the argument '{name}'", tree.span, (hint,))
+        given.append(named[name].value)
+    return tuple(given)
+
+
+def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope, span: Span) -> plan.Source:
+    bound = resolver.bound(word, scope, span)
+    if bound is None and word in resolver.late:
+        return resolve_value_source(resolver, name, _resolve_late_list(resolver, word, scope, span), span)
+    world = find_world(resolver, word) if bound is None else None
+    if world is not None:
+        return make_world_source(resolver, world.principal, name, (), span)
+    value = bound or _find_variable(resolver, word, span)
+    if value is not None:
+        return resolve_value_source(resolver, name, value, span)
+    table = _find_table(resolver, None, word, span)
+    if table is not None:
+        return _make_table_source(resolver, table, name, span)
+    value = _find_engine_table(resolver, word, span)
+    if value is not None:
+        return resolve_value_source(resolver, name, value, span)
+    if resolver.catalog.open_names:
+        return resolve_value_source(resolver, name, resolver.name(word, None, span), span)
+    known = [*resolver.assigned, *resolver.catalog.variables, *resolver.catalog.tables, *resolver.late]
+    hints = did_you_mean(word, known) or ("assign a list to it, or attach one from Python: session.attach(name, list)",)
+    if word.upper() == "DUAL":
+        hints = ("write FROM [1]",)
+    if word in resolver.catalog.functions:
+        hints = (f"'{word}' is a function: call it, {word}(...)",)
+    if word in resolver.catalog.files:
+        what = "the session's own file" if word == "main" else "a file"
+        hints = (f"'{word}' is {what}: name one of its tables, FROM {word}.table",)
+    raise ResolveError("R003", f"unknown source '{word}'", span, hints)
+
+
+def _is_file(resolver: Resolver, name: str) -> bool:
+    """Whether a name can only mean an attached SQLite file, or `main`, the session's own."""
+    others = (resolver.assigned, resolver.catalog.variables, resolver.late)
+    return name in resolver.catalog.files and not any(name in known for known in others)
+
+
+def _find_variable(resolver: Resolver, word: str, span: Span) -> plan.Variable | None:
+    """The script variable of this name; a data frame stays one instead of being read whole."""
+    value = resolver.variable(word, span)
+    if value is None or word in resolver.assigned or word not in resolver.catalog.frames:
+        return value
+    return replace(value, frame=True)
+
+
+def _resolve_late_list(resolver: Resolver, word: str, scope: Scope, span: Span) -> plan.Expr:
+    if word in resolver.reading:
+        places = ((resolver.late[word].span, "the list stands here"),)
+        raise ResolveError("R011", f"the list '{word}' reads itself", span, ("read another list in it",), places)
+    before = len(resolver.errors)
+    resolver.reading.append(word)
+    try:
+        value = resolver.expression(resolver.late[word], scope)
+    finally:
+        resolver.reading.pop()
+    if len(resolver.errors) > before:
+        cause = resolver.errors[before]
+        del resolver.errors[before:]
+        hint = "read it in a query inside one that has the sources that it mentions"
+        raise ResolveError(
+            "R011",
+            f"the list '{word}' cannot be read here: {cause.message}",
+            span,
+            cause.hints if cause.code == "R011" else (hint,),
+            ((resolver.late[word].span, "the list stands here"),),
+        )
+    return value
+
+
+def _resolve_table_source(resolver: Resolver, name: str, schema: str, word: str, span: Span) -> plan.Source:
+    world = find_world(resolver, schema)
+    if world is not None:
+        return resolve_world_table(resolver, world, word, name, span)
+    table = _find_table(resolver, schema, word, span)
+    value = _find_engine_table(resolver, f"{schema}.{word}", span) if table is None else None
+    if value is not None:
+        return resolve_value_source(resolver, name, value, span)
+    if table is None:
+        hints = did_you_mean(word, resolver.catalog.tables) or (f"'{schema}' is no source here, and has no such table",)
+        if schema in resolver.variables():
+            hints = (f"'{schema}' is a source without tables of its own: write FROM {schema}",)
+        raise ResolveError("R003", f"unknown source '{schema}.{word}'", span, hints)
+    return _make_table_source(resolver, table, name, span)
+
+
+def _find_table(resolver: Resolver, schema: str | None, word: str, span: Span) -> plan.TableSource | None:
+    """The table or view of this name; problems with it are errors at its place."""
+    try:
+        return resolver.catalog.table(schema, word)
+    except Error as error:
+        raise error.located(span) from None
+
+
+def _find_engine_table(resolver: Resolver, name: str, span: Span) -> plan.Variable | None:
+    """The table of this name in the engine's own database; it is read as a data frame is."""
+    try:
+        variable = resolver.catalog.other_table(name)
+        if variable is None:
+            return None
+        kind = resolver.reads[variable] = resolver.catalog.variable_type(variable)
+    except Error as error:
+        raise error.located(span) from None
+    return plan.Variable(variable, kind, frame=True, span=span)
+
+
+def _make_table_source(resolver: Resolver, table: plan.TableSource, name: str, span: Span) -> plan.Source:
+    source = replace(table, id=resolver.number(), name=name, span=span)
+    resolver.tables[source.id] = source
+    return source
+
+
+def resolve_value_source(resolver: Resolver, name: str, value: plan.Expr, span: Span) -> plan.ValueSource:
+    element, columns = _infer_elements(value.type)
+    return plan.ValueSource(resolver.number(), name, value, element, columns, span=span)
+
+
+def _derive_name(tree: ast.Expr) -> str:
+    """The default name of a source: the variable's, table's or function's, else `this`."""
+    match tree:
+        case ast.Name(name=name) | ast.Attribute(name=name) | ast.Call(function=name):
+            return name
+        case _:
+            return "this"
+
+
+def _infer_elements(value: Type) -> tuple[Type, tuple[tuple[str, Type], ...] | None]:
+    """The type and the columns of the elements of a value that stands in FROM."""
+    if value.only(Kind.LIST):
+        return value.item or ANY, value.columns
+    if value.only(Kind.DICT) and value.columns is not None:
+        columns = value.columns
+        if columns and all(kind.only(Kind.LIST) for _, kind in columns):
+            columns = tuple((name, kind.item or ANY) for name, kind in columns)
+        return Type(Kind.DICT, columns=columns), columns
+    if value.may(Kind.LIST | Kind.DICT):
+        return ANY, None
+    return value, value.columns if value.may(Kind.OBJECT) else ()

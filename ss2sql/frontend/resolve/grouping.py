@@ -1,0 +1,212 @@
+"""GROUP BY: group keys and aggregates in place of the expressions that mean them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.errors import ResolveError, Span
+from ss2sql.frontend.resolve.structural_equality import is_structurally_equal
+from ss2sql.frontend.syntax import ast
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind, Type, make_list_type, type_of, union
+from ss2sql.language.operations import GROUPS
+from ss2sql.language.plan_traversal import is_volatile, list_parts, list_sources, list_states, rebuild, walk_own
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.resolve.resolver import Resolver
+
+
+def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
+    """The query with group keys and aggregates in the clauses that see groups.
+
+    A query whose columns consist of these alone gives one row per group. A search that compares rows keeps them too.
+    """
+    columns = tuple(replace(output, expr=_lift(resolver, output.expr, query)) for output in query.columns)
+    aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk_own(output.expr))
+    aggregated = not any(_reads_rows(output.expr, query) for output in columns)
+    compares = query.search is not None and query.search.repeats != "allowed" and query.search.by == "row"
+    if compares and aggregates:
+        _refuse_group(resolver, query, "SELECT makes the rows that this search compares, so it cannot aggregate")
+    if aggregates and not aggregated:
+        _refuse_mixture(resolver, query, columns)
+    having = None if query.having is None else _lift(resolver, query.having, query)
+    if having is not None and _reads_rows(having, query):
+        message = "HAVING sees group values and aggregates only"
+        resolver.errors.append(
+            ResolveError("R008", message, having.span, ("put a condition on single rows into WHERE",))
+        )
+    query = replace(query, having=having)
+    if not aggregated:
+        _refuse_star(resolver, query)
+        return query
+    order = tuple(replace(key, expr=_lift(resolver, key.expr, query)) for key in query.order)
+    for key in order:
+        if _reads_rows(key.expr, query):
+            message = "ORDER BY sorts groups here, so it sees group values and aggregates only"
+            hint = f"add it to GROUP BY, or aggregate it: max({key.expr.span.text})"
+            if query.distinct:
+                message = "ORDER BY sorts what SELECT DISTINCT leaves, so it sees the columns of SELECT only"
+                hint = f"add {key.expr.span.text} to SELECT, or leave DISTINCT out"
+            resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
+    rows = tuple(output.expr for output in query.columns) if compares else ()
+    return _share_aggregates(replace(query, columns=columns, order=order, aggregated=True, rows=rows, distinct=False))
+
+
+COUNT_TYPE = Type(Kind.INT, 0, 2**53)
+
+
+def is_count_of_rows(columns: tuple[ast.Expr | ast.Named | ast.Star, ...]) -> bool:
+    """Whether SELECT without GROUP BY has `count(*)` or `count(DISTINCT x)`, outside of inner queries."""
+    return any(map(_is_count, columns))
+
+
+def _is_count(tree: Any) -> bool:
+    match tree:
+        case ast.Call(function="count", owner=None) if tree.star or tree.distinct:
+            return True
+        case _:
+            return not isinstance(tree, ast.Query) and any(map(_is_count, ast.children(tree)))
+
+
+def resolve_count_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:
+    """`count(*)` of a group. Raises ResolveError R008 for another function, and without a group."""
+    if not function.builtin:
+        hint = f"give arguments to {function.name}, which is a function of yours"
+    elif function.name != "count":
+        hint = f"write count(*), or name what {function.name} is to take"
+    elif not grouped:
+        hint = "count the rows of a query: (SELECT count(*) FROM ... AS value)"
+    else:
+        return plan.Aggregate("count", None, COUNT_TYPE, span=span)
+    raise ResolveError("R008", "count(*) alone takes a star, and counts the rows of a group", span, (hint,))
+
+
+def resolve_count_distinct(function: plan.Function, grouped: bool, argument: plan.Expr, span: Span) -> plan.Aggregate:
+    """`count(DISTINCT x)` of a group. Raises ResolveError R008 as `resolve_count_star` does."""
+    name, text = function.name, argument.span.text
+    if function.builtin and name == "count" and grouped:
+        return plan.Aggregate("count_distinct", argument, COUNT_TYPE, span=span)
+    if function.builtin and name in GROUPS and name != "count":
+        hint = f"write {name}(uniq(SELECT {text} FROM ... AS list))"
+    elif function.builtin and name == "count":
+        hint = f"count what differs in a list: len(uniq({text}))"
+    else:
+        hint = f"write {name}({text})"
+    raise ResolveError("R008", "count alone takes DISTINCT, and counts the different values of a group", span, (hint,))
+
+
+def _share_aggregates(query: plan.Query) -> plan.Query:
+    """The query with equal aggregates replaced by the first of them, so that SQL computes each once."""
+    exprs = [output.expr for output in query.columns] + [key.expr for key in query.order]
+    exprs = exprs if query.having is None else [query.having, *exprs]
+    firsts: dict[plan.Aggregate, plan.Aggregate] = {}
+    for node in (node for expr in exprs for node in walk_own(expr)):
+        if isinstance(node, plan.Aggregate):
+            firsts.setdefault(node, node)
+
+    def marked(node: Any) -> Any:
+        if isinstance(node, plan.Aggregate):
+            # An aggregate with a volatile argument stays a node of its own, so that its calls are made again.
+            return replace(firsts[node], span=node.span) if is_volatile(node) else firsts[node]
+        return node if isinstance(node, plan.Query) else rebuild(node, marked)
+
+    return replace(
+        query,
+        columns=tuple(replace(output, expr=marked(output.expr)) for output in query.columns),
+        order=tuple(replace(key, expr=marked(key.expr)) for key in query.order),
+        having=None if query.having is None else marked(query.having),
+    )
+
+
+def _lift(resolver: Resolver, expr: plan.Expr, query: plan.Query, within: bool = False) -> plan.Expr:
+    """The expression with GroupKey and Aggregate in place of group keys and aggregates.
+
+    `inside` another query the group keys are visible, but its calls of `sum` and other aggregates are its own.
+    """
+    for index, key in enumerate(query.group):
+        if not isinstance(key, plan.Constant) and is_structurally_equal(expr, key):
+            return plan.GroupKey(query.id, index, key.type, span=expr.span)
+    match expr:
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)) if (
+            name in GROUPS and not within
+        ):
+            _refuse_star_within(resolver, expr)
+            kind = GROUPS[name].type_of_group(argument.type)
+            if not query.group:  # there may be no row
+                kind = union((kind, type_of(GROUPS[name].nothing)))
+            return plan.Aggregate(name, argument, kind, not query.group, span=expr.span)
+        case plan.Call(function=plan.Function(collects=True), arguments=(argument, *others)) if not within:
+            _refuse_star_within(resolver, expr)
+            kind = GROUPS["collect"].type_of_group(argument.type)
+            collected = plan.Aggregate("collect", argument, kind, not query.group, span=expr.span)
+            beside = (_lift(resolver, other, query) for other in others)
+            return _update_type(resolver, replace(expr, arguments=(collected, *beside)))
+    within = within or isinstance(expr, plan.Query)
+    lifted = rebuild(expr, lambda part: _lift(resolver, part, query, within))
+    return lifted if lifted is expr else _update_type(resolver, lifted)
+
+
+def _update_type(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
+    """The expression with its type computed again, since an aggregate's type differs from a list's."""
+    match expr:
+        case plan.Call(function=function, arguments=arguments) if function.builtin:
+            return resolver.call(function.name, arguments, expr.span, expr.place)
+        case plan.Call():
+            return resolver.inliner.typed(expr)
+        case plan.If():
+            return replace(expr, type=union((expr.then[-1].type, expr.otherwise[-1].type)))
+        case plan.MakeList(items=items):
+            return replace(expr, type=make_list_type([item.type for item in items]))
+        case plan.Assign(value=value):
+            return replace(expr, type=value.type)
+    return expr
+
+
+def _reads_rows(node: object, query: plan.Query, within: bool = False) -> bool:
+    """Whether the node reads the query's own elements or state outside its aggregates; `inside` as in `_lift`."""
+    own = {source.id for source in query.sources}
+    match node:
+        case plan.Aggregate() if not within:
+            return False
+        case plan.Element() | plan.Column() | plan.Eval():
+            return bool(list_sources(node) & own)
+        case plan.State():
+            return any(number == query.id for number, _ in list_states(node))
+        case _:
+            within = within or isinstance(node, plan.Query)
+            return any(_reads_rows(part, query, within) for part in list_parts(node))
+
+
+def _refuse_group(resolver: Resolver, query: plan.Query, reason: str) -> None:
+    assert query.search is not None
+    word = query.search.repeats.upper()
+    hint = f"write what is to be compared in place of the row: {word} BY name"
+    resolver.errors.append(ResolveError("R008", reason, query.columns[0].expr.span, (hint,)))
+
+
+def _refuse_star(resolver: Resolver, query: plan.Query) -> None:
+    """Refuses `count(*)` where ORDER BY sorts single rows."""
+    for key in query.order:
+        if any(isinstance(node, plan.Aggregate) for node in walk_own(key.expr)):
+            message = "ORDER BY sorts rows here, because SELECT mentions them, so it cannot count those of a group"
+            hint = f"for one row per group write SELECT {', '.join(key.span.text for key in query.group)}, count(*)"
+            resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
+
+
+def _refuse_star_within(resolver: Resolver, aggregate: plan.Call) -> None:
+    """Refuses `count(*)` inside an aggregate."""
+    for node in walk_own(aggregate.arguments[0]):
+        if isinstance(node, plan.Aggregate):
+            message = f"{aggregate.function.name} is computed of single rows, so it cannot count those of a group"
+            hint = f"aggregate groups in a query around: {aggregate.function.name}(SELECT ... GROUP BY ... AS list)"
+            resolver.errors.append(ResolveError("R008", message, node.span, (hint,)))
+
+
+def _refuse_mixture(resolver: Resolver, query: plan.Query, columns: tuple[plan.Output, ...]) -> None:
+    """Refuses an aggregate beside a value of single rows; the error names both."""
+    single = next(output for output in columns if _reads_rows(output.expr, query))
+    message = f"'{single.name}' belongs to a row, not to a group, so it cannot stand beside an aggregate"
+    text = single.expr.span.text
+    by = "add it to GROUP BY" if query.group else f"write GROUP BY {text}"
+    resolver.errors.append(ResolveError("R008", message, single.expr.span, (f"{by}, or aggregate it: max({text})",)))

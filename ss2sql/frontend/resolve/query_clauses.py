@@ -1,0 +1,408 @@
+"""Queries: sources, search, columns and groups, resolved in the order in which clauses see each other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ss2sql.errors import ResolveError, Span, did_you_mean, suggest
+from ss2sql.frontend.resolve.from_clause import resolve_sources, resolve_value_source
+from ss2sql.frontend.resolve.grouping import is_count_of_rows, resolve_groups
+from ss2sql.frontend.resolve.hidden_columns import add_hidden_columns
+from ss2sql.frontend.resolve.path_functions import add_path_variables
+from ss2sql.frontend.resolve.scope import Scope, is_settled, make_column, make_element
+from ss2sql.frontend.resolve.search_options import drop_path_columns, resolve_outside, resolve_search_options
+from ss2sql.frontend.resolve.state_types import infer_state_types
+from ss2sql.frontend.resolve.world_references import is_function_of_this
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.tokenizer import shorten_text
+from ss2sql.language import plan
+from ss2sql.language.kinds import ANY, NONE, Kind, Type, cut_depth, make_list_type, union
+from ss2sql.language.plan_traversal import is_volatile, join_conditions, split_and, walk
+from ss2sql.language.rows import make_unique_name
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.resolve.resolver import Resolver
+
+SYNONYMS = {"val": "value"}
+
+
+def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> plan.Subquery:
+    """The plan of a query; errors of its clauses are collected."""
+    scope = Scope(outer, resolver.number())
+    scope.shown = {name: expr.span.text for name, expr in map(_split_name, tree.columns) if name and expr}
+    search, joins = _resolve_search(resolver, tree, scope, outer)
+    sources = tuple(scope.sources)
+    where = _resolve_optional(resolver, tree.where, scope, "WHERE")
+    where = _join_conditions(joins, where) if search is None else where
+    scope.enter("GROUP BY")
+    group = _resolve_group(resolver, tree, scope)
+    whole = not group and is_count_of_rows(tree.columns)
+    scope.grouped = bool(group) or whole
+    scope.enter("SELECT")
+    columns = _resolve_columns(resolver, tree, scope)
+    scope.columns = _name_columns(resolver, tree, scope, columns)
+    scope.enter("ORDER BY")
+    order = tuple(_resolve_order_key(resolver, tree, key, scope, columns) for key in tree.order)
+    having = _resolve_optional(resolver, tree.having, scope, "HAVING")
+    if having is not None and tree.having is not None:
+        _check_once(resolver, having, tree.having, scope, "HAVING")
+    if tree.distinct:
+        _check_distinct(resolver, tree)
+        if not tree.group and not whole and (search is None or tree.last):
+            group = tuple(output.expr for output in columns)
+    query = plan.Query(
+        scope.query,
+        sources,
+        columns,
+        where,
+        search,
+        group,
+        having,
+        whole,
+        order,
+        None if tree.limit is None else resolve_outside(resolver, tree.limit, outer, "LIMIT"),
+        None if tree.offset is None else resolve_outside(resolver, tree.offset, outer, "OFFSET"),
+        _resolve_form(resolver, tree.representation, outer),
+        distinct=tree.distinct and not whole,
+        last=tree.last,
+        span=tree.span,
+    )
+    if search is not None:
+        query = drop_path_columns(resolver, tree, query)
+    if query.grouped:
+        query = resolve_groups(resolver, query)
+    query = add_hidden_columns(resolver, query)
+    return plan.Subquery(query, _infer_value_type(query), span=tree.span)
+
+
+def _check_distinct(resolver: Resolver, tree: ast.Query) -> None:
+    """Refuses DISTINCT beside GROUP BY."""
+    if tree.group:
+        message = "DISTINCT and GROUP BY do not go together"
+        hint = "leave DISTINCT out, or put the query with GROUP BY into FROM: SELECT DISTINCT * FROM (SELECT ...)"
+        resolver.errors.append(ResolveError("R014", message, tree.group[0].span, (hint,)))
+
+
+def _resolve_optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope, clause: str) -> plan.Expr | None:
+    scope.enter(clause)
+    return None if tree is None else resolver.guarded(resolver.expression, tree, scope)
+
+
+# --- the search ----------------------------------------------------------------------------------------
+
+
+def _join_conditions(joins: tuple[plan.Expr, ...], condition: plan.Expr | None) -> plan.Expr | None:
+    """The conditions of JOIN, then that of WHERE, or of CONNECT BY in a search."""
+    parts = (*joins, *split_and(condition))
+    return join_conditions(plan.And, parts, parts[-1].span) if joins else condition
+
+
+def _resolve_search(
+    resolver: Resolver, tree: ast.Query, scope: Scope, outer: Scope | None
+) -> tuple[plan.Search | None, tuple[plan.Expr, ...]]:
+    """Opens the sources and, where there is CONNECT BY, resolves the hierarchical clauses.
+
+    Also gives the conditions of JOIN, which a search has in its own.
+    """
+    if not tree.searches:
+        _refuse_without_search(resolver, tree)
+        return None, resolve_sources(resolver, tree, scope)
+    tree, scope.path_functions = add_path_variables(resolver, tree)
+    scope.enter("START WITH")
+    start, each = _resolve_start(resolver, tree, scope)
+    unset = _report_unset_states(tree, scope)
+    scope.enter("FROM")
+    infer_state_types(resolver, tree, scope, dict(start))
+    joins = resolve_sources(resolver, tree, scope)
+    resolver.errors.extend(_make_unset_error(assign, tree, scope) for assign in unset)
+    _check_names(resolver, tree, scope)
+    scope.enter("CONNECT BY")
+    connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, scope)) for a in tree.connect)
+    search = plan.Search(start, connect, None, states=tuple(scope.states.items()), each=each)
+    scope.path_functions.sources, scope.path_functions.search = tuple(scope.sources), search
+    made = _join_conditions(joins, _resolve_optional(resolver, tree.made, scope, "the condition of CONNECT BY"))
+    first = _resolve_optional(resolver, tree.first, scope, "the condition of START WITH")
+    first = None if first is None else _join_conditions(joins, first)
+    stop = _resolve_optional(resolver, tree.stop, scope, "STOP WITH")
+    scope.path_functions.search = search = replace(search, made=made, first=first, stop=stop)
+    scope.path_functions.search = search = resolve_search_options(resolver, tree, scope, outer, search)
+    scope.enter("ORDER SIBLINGS BY")
+    keys = (plan.OrderKey(_resolve_key(resolver, key.expr, scope), key.descending) for key in tree.siblings)
+    return replace(search, siblings=tuple(keys)), joins
+
+
+def _refuse_without_search(resolver: Resolver, tree: ast.Query) -> None:
+    """Refuses clauses of a search in a query without CONNECT BY."""
+    parts = (("START WITH", (*tree.start, tree.first)), ("STOP WITH", (tree.stop,)))
+    for clause, given in (*parts, ("ORDER SIBLINGS BY", tuple(key.expr for key in tree.siblings))):
+        place = next((part.span for part in given if part is not None), None)
+        if place is not None:
+            hint = "add CONNECT BY with a condition, or with name = expr"
+            resolver.errors.append(ResolveError("R012", f"{clause} needs CONNECT BY", place, (hint,)))
+    if tree.last:
+        hint = "leave LAST out: a query without CONNECT BY gives rows anyway"
+        message = "SELECT LAST shows the last step of a path, and this query is no search"
+        resolver.errors.append(ResolveError("R012", message, tree.span, (hint,)))
+
+
+def _resolve_start(
+    resolver: Resolver, tree: ast.Query, scope: Scope
+) -> tuple[tuple[tuple[str, plan.Expr], ...], tuple[plan.ValueSource, ...]]:
+    """The START WITH variables with their first values, and the lists that EACH walks."""
+    start: list[tuple[str, plan.Expr]] = []
+    each: list[plan.ValueSource] = []
+    for item in tree.start:
+        if item.name in scope.states:
+            message = f"START WITH sets '{item.name}' twice"
+            resolver.errors.append(ResolveError("R013", message, item.name_span, ("keep one of them",)))
+        value = resolver.guarded(resolver.expression, item.values if isinstance(item, ast.Each) else item.value, scope)
+        if isinstance(item, ast.Each):
+            source = resolve_value_source(resolver, item.name, value, item.span)
+            each.append(source)
+            value = make_element(source, item.name_span)
+        start.append((item.name, value))
+        scope.states[item.name] = value.type
+    return tuple(start), tuple(each)
+
+
+def _report_unset_states(tree: ast.Query, scope: Scope) -> list[ast.Assign]:
+    """Reports what CONNECT BY assigns and START WITH does not; other clauses may then mention it."""
+    known = {item.name for item in tree.start}
+    unset = [assign for assign in tree.connect if assign.name not in known]
+    scope.states.update((assign.name, ANY) for assign in unset)
+    return unset
+
+
+def _make_unset_error(assign: ast.Assign, tree: ast.Query, scope: Scope) -> ResolveError:
+    """The error for such an assignment, perhaps meant as a comparison."""
+    name = assign.name
+    message = f"CONNECT BY sets '{name}', which START WITH does not"
+    hints = did_you_mean(name, [item.name for item in tree.start]) or (f"add START WITH {name} = ...",)
+    if any(name == column for source in scope.sources for column, _ in source.columns or ()):
+        hints = (f"write {name} == {shorten_text(assign.value.span.text)} to compare",)
+    return ResolveError("R001", message, assign.name_span, hints)
+
+
+def _check_names(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
+    """Refuses a constant variable that hides a column: it was meant as a comparison."""
+    assigned = {assign.name for assign in tree.connect}
+    for item in tree.start:
+        owner = next((s for s in scope.sources if any(name == item.name for name, _ in s.columns or ())), None)
+        if item.name in assigned or owner is None:
+            continue
+        value = item.values if isinstance(item, ast.Each) else item.value
+        sign = "IN" if isinstance(item, ast.Each) else "=="
+        message = f"START WITH sets '{item.name}', which is a column of '{owner.name}', and CONNECT BY never changes it"
+        hint = f"write START WITH {item.name} {sign} {shorten_text(value.span.text)} to choose the first steps"
+        resolver.errors.append(
+            ResolveError("R013", message, item.name_span, (hint, "or give the variable another name"))
+        )
+
+
+def _resolve_group(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Expr, ...]:
+    """The values of GROUP BY, which may be columns of SELECT by their names."""
+    named = {name: expr for name, expr in map(_split_name, reversed(tree.columns)) if name and expr}
+
+    def column(name: str) -> plan.Expr | None:
+        if name not in named:
+            return None
+        scope.later = None  # it does not mean itself
+        try:
+            return _resolve_key(resolver, named[name], scope)
+        finally:
+            scope.later = column
+
+    scope.later = column
+    group = tuple(_resolve_key(resolver, key, scope) for key in tree.group)
+    scope.later = None
+    return group
+
+
+# --- columns and keys ----------------------------------------------------------------------------------
+
+
+def _resolve_columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Output, ...]:
+    outputs: list[plan.Output] = []
+    for column in tree.columns:
+        match column:
+            case ast.Star():
+                outputs.extend(_expand_star(resolver, scope, column.span))
+            case ast.Call(function="to", arguments=(value, label)) if resolver.catalog.functions["to"].builtin:
+                outputs.append(_make_labelled_column(resolver, value, label, scope))
+            case ast.Named(expr=value, name=name):
+                outputs.append(plan.Output(name, _resolve_key(resolver, value, scope)))
+            case _:
+                outputs.append(plan.Output(_derive_column_name(column), _resolve_key(resolver, column, scope)))
+    if any(output.label for output in outputs):
+        return tuple(outputs)  # names that are complete only when the query runs are made unique then
+    taken: dict[str, None] = {}
+    for output in outputs:
+        taken[make_unique_name(output.name, taken)] = None
+    return tuple(replace(output, name=name) for output, name in zip(outputs, taken, strict=True))
+
+
+def _split_name(column: ast.Expr | ast.Named | ast.Star) -> tuple[str | None, ast.Expr | None]:
+    """The name that `to` or AS gives to a column, and the column."""
+    match column:
+        case ast.Named(expr=expr, name=name):
+            return name, expr
+        case ast.Call(function="to", arguments=(expr, ast.Name(name=name) | ast.Literal(value=str(name)))):
+            return name, expr
+        case _:
+            return None, None
+
+
+def _name_columns(
+    resolver: Resolver, tree: ast.Query, scope: Scope, columns: tuple[plan.Output, ...]
+) -> dict[str, plan.Expr]:
+    """The columns of SELECT by the names that `to` or AS gives them."""
+    builtin = resolver.catalog.functions["to"].builtin
+    found: dict[str, plan.Expr] = {}
+    if not any(isinstance(column, ast.Star) for column in tree.columns):
+        for column, output in zip(tree.columns, columns, strict=True):
+            name, _ = _split_name(column)
+            if name is not None and (builtin or isinstance(column, ast.Named)):
+                found.setdefault(name, output.expr)
+    return found
+
+
+def _expand_star(resolver: Resolver, scope: Scope, span: Span) -> list[plan.Output]:
+    outputs: list[plan.Output] = []
+    if not is_settled(Scope(None, scope.query, scope.sources), None):
+        resolver.tentative = True
+    for source in scope.sources:
+        if source.columns:
+            outputs.extend(plan.Output(name, make_column(source, name, span)) for name, _ in source.columns)
+        else:
+            outputs.append(plan.Output(source.name, make_element(source, span), star=source.columns is None))
+    return outputs
+
+
+def _make_labelled_column(resolver: Resolver, value: ast.Expr, label: ast.Expr, scope: Scope) -> plan.Output:
+    expr = _resolve_key(resolver, value, scope)
+    match label:
+        case ast.Name(name=name) | ast.Literal(value=str(name)):
+            return plan.Output(name, expr)
+        case _:
+            text = resolver.guarded(resolver.expression, label, scope)
+            return plan.Output(_derive_column_name(value), expr, text)
+
+
+def _derive_column_name(tree: ast.Expr) -> str:
+    match tree:
+        case ast.Name(name=name) | ast.Attribute(name=name) | ast.Call(function=name):
+            return name
+        case ast.This(source=None):
+            return "this"
+        case ast.This(source=str(source)):
+            return source
+        case ast.Index(index=ast.Literal(value=str(name))) if not tree.span.text.endswith("]"):
+            return name  # address.city
+        case _:
+            return tree.span.text
+
+
+def _resolve_key(resolver: Resolver, tree: ast.Expr, scope: Scope) -> plan.Expr:
+    """A SELECT column, GROUP BY or ORDER BY key: a bare function name is applied to `this`."""
+    if isinstance(tree, ast.Name) and is_function_of_this(resolver, tree.name, scope):
+        try:
+            found = resolver.bound(tree.name, scope, tree.span) or resolver.variable(tree.name, tree.span)
+        except ResolveError as error:
+            resolver.errors.append(error)
+            return plan.Constant(None, ANY, span=tree.span)
+        if found is None:
+            tree = ast.Call(tree.name, (ast.This(None, span=tree.span),), span=tree.span)
+    return resolver.guarded(resolver.expression, tree, scope)
+
+
+def _resolve_order_key(
+    resolver: Resolver, tree: ast.Query, written: ast.OrderKey, scope: Scope, columns: tuple[plan.Output, ...]
+) -> plan.OrderKey:
+    """A key of ORDER BY. Refuses a literal, which SQL takes for the number of a column."""
+    key = written.expr
+    if isinstance(key, ast.Literal):
+        shown = [_describe_column(column) for column in tree.columns]
+        known = list(dict.fromkeys(name for source in scope.sources for name, _ in source.columns or ()))
+        number = key.value if type(key.value) is int else 0
+        if any(isinstance(column, ast.Star) for column in tree.columns):
+            shown = known
+        meant = shown[number - 1] if 0 < number <= len(shown) else key.value
+        if meant in (*shown, *known):
+            hint = f"write ORDER BY {meant}"
+        else:
+            hint = f"write what to order by, such as {', '.join(known or shown or ['this'])}"
+        text = key.span.text
+        message = f"ORDER BY {text} orders nothing: {text} is the same for every row"
+        resolver.errors.append(ResolveError("R014", message, key.span, (hint,)))
+    expr = _resolve_key(resolver, key, scope)
+    place = next((index for index, output in enumerate(columns) if output.expr is expr), None)
+    if place is None or tree.searches:
+        _check_once(resolver, expr, key, scope, "ORDER BY")
+    return plan.OrderKey(expr, written.descending, place)
+
+
+def _check_once(resolver: Resolver, expr: plan.Expr, tree: ast.Expr, scope: Scope, clause: str) -> None:
+    """Refuses the name of a column whose value would differ when it is computed again."""
+    for name, column in scope.columns.items():
+        if is_volatile(column) and any(node is column for node in walk(expr)):
+            message = f"{clause} would compute '{name}' once more, and it may be another value then"
+            hint = (
+                f"put the query into FROM: SELECT * FROM (SELECT ...) {clause if clause != 'HAVING' else 'WHERE'} ..."
+            )
+            resolver.errors.append(ResolveError("R014", message, tree.span, (hint,)))
+
+
+def _describe_column(column: ast.Expr | ast.Named | ast.Star) -> str:
+    """The name of a column of SELECT in ORDER BY."""
+    return _split_name(column)[0] or column.span.text
+
+
+# --- representation ------------------------------------------------------------------------------------
+
+
+def _resolve_form(resolver: Resolver, tree: ast.Representation | None, outer: Scope | None) -> plan.Representation:
+    if tree is None:
+        return plan.Representation("dict")
+    name = SYNONYMS.get(tree.name.lower(), tree.name.lower())
+    known = {word.lower() for word in resolver.catalog.representations}
+    if name not in known:
+        every = f"the forms are {', '.join(sorted(known))}; session.representation registers others"
+        hints = (
+            did_you_mean(name, known) if suggest(name, known) and name not in ("table", "tuple", "tuples") else (every,)
+        )
+        if not suggest(name, known) and not (tree.arguments or tree.named):
+            hints += (f"to name a source write FROM {tree.name} = ...",)
+        resolver.errors.append(ResolveError("R006", f"unknown representation '{tree.name}'", tree.span, hints))
+    arguments = resolver.all(tree.arguments, outer)
+    named = tuple((a.name, resolver.guarded(resolver.expression, a.value, outer)) for a in tree.named)
+    return plan.Representation(name, arguments, named, tree.span)
+
+
+def _infer_value_type(query: plan.Query) -> Type:
+    """The type of the query's value, for representations of the language."""
+    kinds = [cut_depth(output.expr.type) for output in query.columns]
+    if query.representation.labels or any(output.label for output in query.columns):
+        return ANY
+    rows = Type(Kind.LIST)
+    match query.representation.name:
+        case "dict":
+            columns = tuple((output.name, kind) for output, kind in zip(query.columns, kinds, strict=True))
+            rows = Type(Kind.LIST, item=Type(Kind.DICT, columns=columns), columns=columns)
+        case "list" | "set":
+            rows = replace(make_list_type(kinds), positions=None)  # for any number of rows
+        case "rows":
+            rows = Type(Kind.LIST, item=make_list_type(kinds), columns=())
+        case "value":
+            cut = query.search or query.group or query.having or query.limit or query.offset
+            one = query.aggregated and not cut  # one group, even without rows
+            rows = union((kinds[0],) if one else (kinds[0], NONE)) if kinds else NONE
+        case "void":
+            return NONE
+        case _:
+            return ANY
+    if query.group and not query.aggregated:
+        return Type(Kind.DICT)
+    if query.gives_paths:
+        return Type(Kind.LIST, item=rows, columns=() if not rows.may(Kind.DICT) else None)
+    return rows

@@ -1,0 +1,500 @@
+"""The resolver, from syntax tree to plan: names are bound, calls get their functions, expressions their types.
+
+`resolve` is the stage; `resolve_eval` does the same for the string of an `eval`, in the scope that the plan kept for
+it. Expressions are resolved here, queries in frontend/resolve/query_clauses.py. All errors are collected: an expression
+that fails is replaced by a placeholder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any, assert_never
+
+from ss2sql.errors import ResolveError, Span, combine_errors, did_you_mean, suggest
+from ss2sql.frontend.inlining.inliner import Inliner
+from ss2sql.frontend.resolve.catalog import Catalog
+from ss2sql.frontend.resolve.grouping import is_count_of_rows, resolve_count_distinct, resolve_count_star
+from ss2sql.frontend.resolve.path_functions import FUNCTIONS as PATH_FUNCTIONS
+from ss2sql.frontend.resolve.path_functions import is_path_function, resolve_path_function
+from ss2sql.frontend.resolve.scope import (
+    Scope,
+    find_bound_name,
+    find_first_source,
+    find_open_source,
+    find_source,
+    find_value,
+    is_settled,
+    list_visible_names,
+    make_column,
+    make_element,
+)
+from ss2sql.frontend.resolve.suggestions import Place, explain_function, explain_method, explain_name, write_over_rows
+from ss2sql.frontend.resolve.world_references import replace_by_keys, resolve_world_call
+from ss2sql.frontend.syntax import ast
+from ss2sql.language import plan
+from ss2sql.language.kinds import ANY, BOOL, NONE, Kind, Type, make_list_type, type_of, union
+from ss2sql.language.operations import GROUPS, OPERATIONS
+from ss2sql.language.plan_traversal import is_volatile, walk
+
+AGGREGATE_HINT = "it works on a list: {query}, or on the groups of a GROUP BY"
+
+
+def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
+    """The plan of a script.
+
+    Raises ResolveError with every unknown name, wrong call and misplaced construct that was found.
+    """
+    resolver = Resolver(catalog)
+    statements = tuple(resolver.statement(statement) for statement in script.statements)
+    resolver.finish()
+    return plan.Program(statements, tuple(resolver.parameters))
+
+
+FIRST_EVAL_ID = 1_000_000  # the first number in strings of `eval`; scripts have smaller ones
+
+
+def resolve_eval(script: ast.Script, scope: Scope | None, catalog: Catalog) -> tuple[plan.Expr, ...]:
+    """The statements of a string given to `eval`, resolved in its place; they see a row, never its group."""
+    levels = list(scope.outwards()) if scope else []
+    around = [number for level in levels for number in (level.query, *(source.id for source in level.sources))]
+    resolver, scope = Resolver(catalog, max(FIRST_EVAL_ID, *around, 0)), scope and replace(scope, grouped=False)
+    expressions = tuple(resolver.statement(statement, scope).expr for statement in script.statements)
+    resolver.finish()
+    return expressions
+
+
+class Resolver:
+    """The state of one resolution: the errors so far, and what the current statement relies on."""
+
+    def __init__(self, catalog: Catalog, base: int = 0) -> None:
+        self.catalog = catalog
+        self.errors: list[ResolveError] = []
+        self.parameters: dict[str, None] = {}
+        self.assigned: dict[str, Type] = {}  # variables that earlier statements assign
+        self.late = dict(catalog.late)
+        self.reading: list[str] = []  # the late lists that are being resolved, outermost first
+        self.reads: dict[str, Type] = {}
+        self.tables: dict[int, plan.TableSource | plan.WorldSource] = {}
+        self.tentative = False
+        self.numbers = base
+        self.inliner = Inliner()
+
+    def number(self) -> int:
+        """A new number for a source or query, larger than all that are visible."""
+        self.numbers += 1
+        return self.numbers
+
+    def finish(self) -> None:
+        if self.errors:
+            raise combine_errors(self.errors)
+
+    def guarded(
+        self, function: Callable[[ast.Expr, Scope | None], plan.Expr], tree: ast.Expr, scope: Scope | None
+    ) -> plan.Expr:
+        """`function(tree, scope)`; a ResolveError is recorded and a placeholder returned."""
+        try:
+            return function(tree, scope)
+        except ResolveError as error:
+            self.errors.append(error)
+            return plan.Constant(None, ANY, span=tree.span)
+
+    def statement(self, tree: ast.Expr, scope: Scope | None = None) -> plan.Statement:
+        """The plan of a statement; later statements know what it assigns."""
+        self.reads, self.tables, self.tentative = {}, {}, False
+        nested = [node.name for node in _find_assignments(tree) if node is not tree]
+        for name in nested:
+            # Its value changes while the statement runs, so its type is unknown.
+            self.assigned[name] = ANY
+            self.late.pop(name, None)
+        expr = self.guarded(self.expression, tree, scope)
+        if isinstance(expr, plan.Assign):
+            self.assigned[expr.name] = ANY if expr.name in nested else expr.value.type
+            self.late.pop(expr.name, None)
+        return plan.Statement(
+            expr, tuple(self.reads.items()), tuple(self.tables.values()), self.tentative, span=tree.span
+        )
+
+    # --- expressions -----------------------------------------------------------------------------------
+
+    def expression(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
+        """The plan of an expression. Raises its first own ResolveError, records those of its parts."""
+        span = tree.span
+        match tree:
+            case ast.Literal(value=value):
+                return plan.Constant(value, type_of(value), span=span)
+            case ast.Name(name=name):
+                return self.name(name, scope, span)
+            case ast.This():
+                return self.this(tree, scope)
+            case ast.Attribute(source=source, name=name):
+                if source is not None and (row := find_value(scope, source, span)) is not None:
+                    return self.call("item", (row, plan.Constant(name, type_of(name), span=span)), span, span)
+                owner = find_first_source(scope, span) if source is None else self.source(tree, source, scope)
+                return self.element_call(name, owner, scope, span) or make_column(owner, name, span)
+            case ast.ListLiteral():
+                return self.list_literal(tree, scope)
+            case ast.Call():
+                return self.call_tree(tree, scope)
+            case ast.Index(value=value, index=index):
+                return self.call("item", self.all((value, index), scope), span, index.span)
+            case ast.Slice(value=value, lower=lower, upper=upper):
+                bounds = (bound or ast.Literal(None, span=span) for bound in (lower, upper))
+                return self.call("slice", self.all((value, *bounds), scope), span, span)
+            case ast.Operator(function=function, operands=operands, place=place):
+                if function in ("in", "not_in"):
+                    arguments = self.values(operands[:1], scope) + self.operands((wrap_as_list(operands[1]),), scope)
+                else:
+                    arguments = self.values(operands, scope)
+                compared = function in ("eq", "ne") and self.catalog.functions[function].builtin
+                return self.call(function, replace_by_keys(arguments, scope) if compared else arguments, span, place)
+            case ast.Between():
+                return self.between(tree, scope)
+            case ast.And(parts=parts):
+                return plan.And(self.all(parts, scope), span=span)
+            case ast.Or(parts=parts):
+                return plan.Or(self.all(parts, scope), span=span)
+            case ast.Xor(left=left, right=right):
+                one, other = self.all((left, right), scope)
+                return plan.Xor(one, other, span=span)
+            case ast.Not(operand=operand):
+                return plan.Not(self.guarded(self.expression, operand, scope), span=span)
+            case ast.If():
+                return self.conditional(tree, scope)
+            case ast.Assign():
+                return self.assign(tree, scope)
+            case ast.TemporalAssign(name=name, keep=keep, value=value):
+                kept, new = self.all((keep, value), scope)
+                self.assigned[name] = ANY
+                self.late.pop(name, None)
+                return plan.TemporalAssign(name, kept, new, new.type, span=span)
+            case ast.Temporal(name=name, when=when):
+                return self.temporal(name, when, scope, span)
+            case ast.Query():
+                from ss2sql.frontend.resolve.query_clauses import resolve_query
+
+                return resolve_query(self, tree, scope)
+            case _:
+                assert_never(tree)
+
+    def all(self, trees: Iterable[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
+        return tuple(self.guarded(self.expression, tree, scope) for tree in trees)
+
+    def operands(self, trees: Iterable[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
+        """Operands, or the arguments of a call."""
+        return tuple(
+            self.guarded(self.operand if isinstance(tree, ast.Name) else self.expression, tree, scope) for tree in trees
+        )
+
+    def values(self, trees: Sequence[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
+        """Operands of an operator; a query without AS is one value, see `as_value`."""
+        pairs = list(zip(trees, self.operands(map(wrap_as_value, trees), scope), strict=True))
+        lists = any(value.type.only(Kind.LIST) for tree, value in pairs if not is_value(tree))
+        for tree in filter(is_value, trees if lists else ()):
+            text = tree.span.text if len(tree.span.text) <= 60 else "SELECT ..."
+            message = "this query is one value here, and it meets a list"
+            self.errors.append(ResolveError("R014", message, tree.span, (f"write ({text} AS list)",)))
+        return tuple(self.single(value) if is_value(tree) else value for tree, value in pairs)
+
+    def single(self, value: plan.Expr) -> plan.Expr:
+        """A query's list as one value: its only element, None of an empty list."""
+        if not isinstance(value, plan.Subquery) or value.query.representation.name == "value":
+            return value
+        row = OPERATIONS["single"]
+        kind = row.result((value.type,))
+        return plan.Call(row.function((value.type,)), (value,), kind, span=value.span, place=value.span)
+
+    def operand(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
+        """An operand; an unknown name may be meant as a string without quotes."""
+        assert isinstance(tree, ast.Name)
+        return self.name(tree.name, scope, tree.span, operand=True)
+
+    def name(self, name: str, scope: Scope | None, span: Span, operand: bool = False) -> plan.Expr:
+        meaning = self.bound(name, scope, span) or self.variable(name, span)
+        if meaning is not None:
+            return meaning
+        dynamic = find_open_source(scope, name, span)
+        if dynamic is not None:
+            return make_column(dynamic, name, span)
+        if self.catalog.open_names:
+            self.parameters[name] = None
+            self.reads[name] = ANY
+            return plan.Variable(name, ANY, span=span)
+        sources = tuple(source for level in scope.outwards() for source in level.sources) if scope else ()
+        for level in scope.outwards() if scope else ():
+            if name in level.shown:
+                hint = f"'{name}' is a column that SELECT makes; write {level.shown[name]} here"
+                raise ResolveError("R001", f"unknown name '{name}'", span, (hint,))
+        known = [*list_visible_names(scope), *self.variables(), *self.parameters]
+        searches = (
+            (level.path_functions.search for level in scope.outwards() if level.path_functions is not None)
+            if scope
+            else ()
+        )
+        key = next((search.key[0].span.text for search in searches if search is not None and search.key), "key")
+        raise explain_name(name, span, self.catalog, known, Place(scope is not None, operand, sources, key))
+
+    def bound(self, name: str, scope: Scope | None, span: Span) -> plan.Expr | None:
+        """The START WITH variable or column that a bare name means, as far as columns are known."""
+        found = find_bound_name(scope, name, span)
+        if not is_settled(scope, found):
+            self.tentative = True
+        return found
+
+    def variables(self) -> list[str]:
+        """The names of all script variables and attached sources."""
+        return [*self.assigned, *self.catalog.variables]
+
+    def variable(self, name: str, span: Span) -> plan.Variable | None:
+        """The script variable of this name, if there is one."""
+        if name in self.late:
+            raise ResolveError(
+                "R011",
+                f"'{name}' is a list that mentions sources, so it has no value of its own",
+                span,
+                (f"use it as a source: FROM {name}, in a query inside one that has these sources",),
+                ((self.late[name].span, "the list stands here"),),
+            )
+        if name in self.assigned:
+            # A user's function may run a script that assigns it: the statement relies on its type.
+            self.reads.setdefault(name, self.assigned[name])
+            return plan.Variable(name, self.assigned[name], span=span)
+        if name in self.catalog.variables:
+            if name not in self.reads:
+                self.reads[name] = self.catalog.variable_type(name)
+            return plan.Variable(name, self.reads[name], span=span)
+        return None
+
+    def source(self, tree: ast.Attribute, name: str, scope: Scope | None) -> plan.Source:
+        """The source that a column belongs to."""
+        try:
+            return find_source(scope, name, tree.span)
+        except ResolveError as error:
+            if name in self.variables() and (meant := self.variable(name, tree.span)) is not None:
+                if meant.type.only(Kind.DICT | Kind.OBJECT):
+                    keys = [key for key, _ in meant.type.columns or ()] or [tree.name]
+                    key = (suggest(tree.name, keys) or keys)[0]
+                    error.hints = (f'write {name}["{key}"]',)
+                elif scope is None:
+                    error.hints = (f"write SELECT {tree.name} FROM {name} AS list",)
+            raise
+
+    def this(self, tree: ast.This, scope: Scope | None) -> plan.Expr:
+        if tree.source is not None:
+            return make_element(find_source(scope, tree.source, tree.span), tree.span)
+        return make_element(find_first_source(scope, tree.span), tree.span)
+
+    def list_literal(self, tree: ast.ListLiteral, scope: Scope | None) -> plan.Expr:
+        items = self.all(tree.items, scope)
+        if all(isinstance(item, plan.Constant) for item in items):
+            value = [item.value for item in items if isinstance(item, plan.Constant)]
+            return plan.Constant(value, type_of(value), span=tree.span)
+        return plan.MakeList(items, make_list_type([item.type for item in items]), span=tree.span)
+
+    def between(self, tree: ast.Between, scope: Scope | None) -> plan.Expr:
+        """`low <= value AND value <= high`; a value that must be evaluated once becomes the source of a query."""
+        value, low, high = self.values((tree.value, tree.low, tree.high), scope)
+        if not is_volatile(value) and not any(isinstance(node, plan.Query) for node in walk(value)):
+            return self._within(value, low, high, tree)
+        source, span = self.number(), tree.value.span
+        items = plan.MakeList((value,), make_list_type([value.type]), span=span)
+        one = plan.ValueSource(source, "value", items, value.type, (), span=span)
+        column = plan.Output("value", self._within(plan.Element(source, value.type, span=span), low, high, tree))
+        form = plan.Representation("value")
+        return plan.Subquery(
+            plan.Query(self.number(), (one,), (column,), representation=form, span=span), BOOL, span=span
+        )
+
+    def _within(self, value: plan.Expr, low: plan.Expr, high: plan.Expr, tree: ast.Between) -> plan.Expr:
+        ends = ("ge", low), ("le", high)
+        parts = tuple(self.call(name, (value, end), tree.span, tree.place) for name, end in ends)
+        return plan.And(parts, span=tree.span)
+
+    def conditional(self, tree: ast.If, scope: Scope | None) -> plan.Expr:
+        condition = self.guarded(self.expression, tree.condition, scope)
+        default = {True: tree.then, False: tree.otherwise}
+        branches = [self.all(default[value] or (ast.Literal(value, span=tree.span),), scope) for value in (True, False)]
+        kind = union(branch[-1].type for branch in branches)
+        return plan.If(condition, branches[0], branches[1], kind, span=tree.span)
+
+    def assign(self, tree: ast.Assign, scope: Scope | None) -> plan.Expr:
+        for level in scope.outwards() if scope else ():
+            if tree.name in level.states:
+                raise ResolveError(
+                    "R007",
+                    f"'{tree.name}' is a variable of the search and changes in CONNECT BY only",
+                    tree.name_span,
+                    ("compare with ==, or move the assignment to CONNECT BY",),
+                )
+        if scope is None and isinstance(tree.value, ast.ListLiteral) and _mentions_sources(tree.value):
+            self.late[tree.name] = tree.value
+            return plan.AssignLate(tree.name, tree.value, NONE, span=tree.span)
+        value = self.guarded(self.expression, tree.value, scope)
+        return plan.Assign(tree.name, value, value.type, span=tree.span)
+
+    def temporal(self, name: str, when: ast.Expr | None, scope: Scope | None, span: Span) -> plan.Expr:
+        if self.variable(name, span) is None:
+            known = [*self.assigned, *self.catalog.variables]
+            hints = (*did_you_mean(name, known), f"store a value with {name}{{5.0}} = ...")
+            raise ResolveError("R001", f"unknown temporal variable '{name}'", span, hints)
+        moment = None if when is None else self.guarded(self.expression, when, scope)
+        return plan.Temporal(name, moment, ANY, span=span)
+
+    # --- calls -----------------------------------------------------------------------------------------
+
+    def call_tree(self, tree: ast.Call, scope: Scope | None) -> plan.Expr:
+        name, span = tree.function, tree.span
+        if tree.owner is not None:
+            return self.call_of_world(tree, tree.owner, scope)
+        if name in PATH_FUNCTIONS and is_path_function(self, tree):
+            return resolve_path_function(self, tree, scope)
+        function = self.catalog.functions.get(name)
+        known: tuple[plan.Expr, ...] | None = None  # resolved once: nested calls would double the work with every level
+        if name in self.catalog.world_functions and (function is None or function.builtin):
+            known = (self.all if function is None else self.operands)(tree.arguments, scope)
+            if function is None or any(a.type.may(Kind.OBJECT) or a.type.only(Kind.STR) for a in known):  # or its name
+                return resolve_world_call(self, name, known, scope, span)
+        if function is None:
+            raise explain_function(tree, self.catalog, self.variables())
+        if function.builtin and name == "to":
+            hint = "write it around a whole column of SELECT, and the expression itself here"
+            raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span, (hint,))
+        grouped = scope is not None and scope.grouped
+        if tree.star:
+            return resolve_count_star(function, grouped, span)
+        arguments = self.operands(tree.arguments, scope) if known is None else known
+        if tree.distinct:
+            return resolve_count_distinct(function, grouped, arguments[0], span)
+        if function.builtin and name == "eval":
+            self.check_arity(function, len(arguments), span)
+            return self.eval(arguments[0], scope, span)
+        of_a_list = len(arguments) == 1 or (function.collects and arguments)
+        if is_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may(Kind.LIST):
+            hint = AGGREGATE_HINT.format(query=write_over_rows(tree, scope))
+            raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
+        for level in scope.outwards() if scope else ():
+            self.inliner.sources.update((source.id, source) for source in level.sources)
+        return self.inliner.typed(self.call(name, arguments, span, span))
+
+    def element_call(self, name: str, source: plan.Source, scope: Scope | None, span: Span) -> plan.Expr | None:
+        """`source.name`, where the elements are objects without columns, perhaps those of a world."""
+        if source.columns or source.columns is None or name not in self.catalog.world_functions:
+            return None
+        element = make_element(source, span)
+        return resolve_world_call(self, name, (element,), scope, span) if element.type.may(Kind.OBJECT) else None
+
+    def call_of_world(self, tree: ast.Call, owner: str, scope: Scope | None) -> plan.Expr:
+        """`owner.function(arguments)`."""
+        world = self.catalog.worlds.get(owner)
+        if world is None or tree.function not in world.list_callable_names():
+            raise explain_method(tree, self.catalog, [*list_visible_names(scope), *self.variables()])
+        own = f"{owner}.{tree.function}"
+        name = own if own in self.catalog.world_functions else tree.function
+        return resolve_world_call(self, name, self.all(tree.arguments, scope), scope, tree.span)
+
+    def call(self, name: str, arguments: tuple[plan.Expr, ...], span: Span, place: Span) -> plan.Call:
+        """The call of a function that exists, with the type of its result."""
+        function = self.catalog.functions[name]
+        self.check_arity(function, len(arguments), place)
+        kind = ANY
+        if function.builtin:
+            types = tuple(argument.type for argument in arguments)
+            kind, function = OPERATIONS[name].result(types), OPERATIONS[name].function(types)
+        return plan.Call(function, arguments, kind, span=span, place=place)
+
+    def check_arity(self, function: plan.Function, given: int, span: Span) -> None:
+        if given >= function.minimum and (function.maximum is None or given <= function.maximum):
+            return
+        low, high = function.minimum, function.maximum
+        if low == high:
+            wanted = f"{low} argument{'' if low == 1 else 's'}"
+        else:
+            wanted = f"{low} or more arguments" if high is None else f"{low} to {high} arguments"
+        hint = (f"help('{function.name}') shows how it is called",)
+        if function.builtin:
+            rows = ", or count(*) for the rows of a group" if function.name == "count" else ""
+            hint = (f"it is called as {OPERATIONS[function.name].call}{rows}",)
+        raise ResolveError("R005", f"'{function.name}' takes {wanted}, not {given}", span, hint)
+
+    def eval(self, text: plan.Expr, scope: Scope | None, span: Span) -> plan.Expr:
+        sources: list[int] = []
+        states: list[tuple[int, str]] = []
+        for level in scope.outwards() if scope else ():
+            sources.extend(source.id for source in level.sources)
+            states.extend((level.query, name) for name in level.states)
+        kept = scope.copy() if scope else None
+        return plan.Eval(text, kept, tuple(sources), tuple(states), ANY, span=span)
+
+
+def is_aggregate(function: plan.Function) -> bool:
+    """Whether the function aggregates when it is called on the rows of a group."""
+    return function.collects or (function.builtin and function.name in GROUPS)
+
+
+def _find_assignments(tree: Any) -> list[ast.Assign]:
+    """Every assignment to a script variable inside a syntax tree, without those of START WITH and CONNECT BY."""
+    found: list[ast.Assign] = []
+    stack: list[Any] = [tree]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, tuple):
+            stack.extend(node)
+        elif isinstance(node, ast.Query):
+            assigns = [part for part in (*node.start, *node.connect) if isinstance(part, ast.Assign)]
+            inner = [*(assign.value for assign in assigns), *(p for p in node.start if isinstance(p, ast.Each))]
+            rest = (getattr(node, name) for name in node.__slots__ if name not in ("start", "connect", "span"))
+            stack.extend((*inner, *rest))
+        elif hasattr(type(node), "__dataclass_fields__") and not isinstance(node, Span):
+            if isinstance(node, ast.Assign):
+                found.append(node)
+            stack.extend(ast.children(node))
+    return found
+
+
+def _mentions_sources(tree: ast.Expr) -> bool:
+    """Whether a list literal outside any query mentions `this` or `source.column`, outside of nested queries."""
+    match tree:
+        case ast.This() | ast.Attribute():
+            return True
+        case ast.Query():
+            return False
+        case _:
+            return any(_mentions_sources(part) for part in ast.children(tree))
+
+
+def is_value(tree: ast.Expr) -> bool:
+    return isinstance(tree, ast.Query) and tree.representation is None
+
+
+def wrap_as_value(tree: ast.Expr) -> ast.Expr:
+    """An operand: a query without AS is the value of its single column, None without a row; two rows are an error.
+
+    Raises ResolveError where it has several columns, or is a search.
+    """
+    if not isinstance(tree, ast.Query) or tree.representation is not None:
+        return tree
+    if tree.searches and not tree.last:
+        message = "a value is meant here, and a search gives paths"
+        hint = "write SELECT LAST for the value of a last step, or add AS list to compare with whole paths"
+        raise ResolveError("R014", message, tree.span, (hint,))
+    if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
+        message = "a query that is one value has one column"
+        raise ResolveError("R014", message, tree.span, ("name one column, or write AS list for a list of all values",))
+    one = (is_count_of_rows(tree.columns) and not tree.group) or tree.limit == ast.Literal(1, span=tree.span)
+    two = ast.Literal(2, span=tree.span) if tree.limit is None and not one else tree.limit
+    form = ast.Representation("value" if one else "list", (), (), span=tree.span)
+    return replace(tree, limit=two, representation=form)
+
+
+def wrap_as_list(tree: ast.Expr) -> ast.Expr:
+    """The right operand of IN: a query without AS is the list of its single column."""
+    if not isinstance(tree, ast.Query) or tree.representation is not None:
+        return tree
+    hint = "write AS list for a list of all values"
+    if tree.searches and not tree.last:
+        message = "right of IN stands a list of values, and a search gives paths"
+        hint = "write SELECT LAST for the values of the last steps, or add AS list to compare with whole paths"
+        raise ResolveError("R014", message, tree.span, (hint,))
+    if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
+        raise ResolveError("R014", "right of IN a query without AS has one column", tree.span, (hint,))
+    return replace(tree, representation=ast.Representation("list", (), (), span=tree.span))

@@ -1,0 +1,184 @@
+"""Lexical scopes: what a name means in the place where it stands.
+
+A query opens one scope. While its clauses are resolved, its sources become visible from left to right, then its START
+WITH variables one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import field
+from typing import TYPE_CHECKING
+
+from ss2sql.errors import ResolveError, Span, did_you_mean
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind, Type
+from ss2sql.language.plan_traversal import walk
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.resolve.path_functions import PathFunctions
+
+
+@dataclass(slots=True)
+class Scope:
+    """The names of one query, inside those of the queries around it."""
+
+    parent: Scope | None
+    query: int
+    sources: list[plan.Source] = field(default_factory=list)
+    states: dict[str, Type] = field(default_factory=dict)
+    grouped: bool = False  # whether rows can be aggregated: in SELECT, HAVING and ORDER BY of a GROUP BY
+    # The columns of SELECT by their names: in ORDER BY and HAVING; `later`, after all else, in GROUP BY.
+    columns: dict[str, plan.Expr] = field(default_factory=dict)
+    later: Callable[[str], plan.Expr | None] | None = None
+    shown: dict[str, str] = field(default_factory=dict)  # the texts of these columns
+    path_functions: PathFunctions | None = None  # of a search: its path functions
+
+    def enter(self, clause: str) -> str:
+        """Sets the clause of a search that is resolved next, for the path functions; gives the one before."""
+        if self.path_functions is None:
+            return ""
+        before, self.path_functions.clause = self.path_functions.clause, clause
+        return before
+
+    def outwards(self) -> Iterator[Scope]:
+        """This scope and those around it, innermost first."""
+        scope: Scope | None = self
+        while scope is not None:
+            yield scope
+            scope = scope.parent
+
+    def copy(self) -> Scope:
+        """A copy of the scope and those around it, which `eval` keeps for its string."""
+        parent = None if self.parent is None else self.parent.copy()
+        found = Scope(parent, self.query, list(self.sources), dict(self.states), self.grouped, dict(self.columns))
+        found.path_functions = self.path_functions
+        return found
+
+    @property
+    def depth(self) -> int:
+        return sum(1 for _ in self.outwards())
+
+
+def make_element(source: plan.Source, span: Span) -> plan.Element:
+    """`this` of a source."""
+    if isinstance(source, plan.TableSource):
+        row = Type(Kind.DICT, columns=source.columns)
+        return plan.Element(source.id, row, span=span)
+    return plan.Element(source.id, source.element, span=span)
+
+
+def find_first_source(scope: Scope | None, span: Span) -> plan.Source:
+    """The source that `this` belongs to: the first one of the innermost query that has any."""
+    for level in scope.outwards() if scope else ():
+        if level.sources:
+            return level.sources[0]
+    raise ResolveError("R014", "'this' has a meaning inside a query only", span, ("write SELECT ... FROM ...",))
+
+
+def find_source(scope: Scope | None, name: str, span: Span) -> plan.Source:
+    """The innermost source with this name."""
+    known: list[str] = []
+    for level in scope.outwards() if scope else ():
+        for source in level.sources:
+            if source.name == name:
+                return source
+            known.append(source.name)
+    hints = did_you_mean(name, known) or (f"name a source in FROM: FROM {name} = ...",)
+    raise ResolveError("R003", f"there is no source named '{name}' here", span, hints)
+
+
+def make_column(source: plan.Source, name: str, span: Span) -> plan.Column:
+    """`source.name`."""
+    if source.columns is None:  # a column of a missing row is None, as is one that a row lacks
+        missing = isinstance(source, plan.QuerySource) and source.optional
+        return plan.Column(source.id, name, declared=missing, span=span)
+    for column, kind in source.columns:
+        if column == name:
+            return plan.Column(source.id, name, kind, span=span)
+    known = [column for column, _ in source.columns]
+    hints = did_you_mean(name, known) or (
+        (f"its columns: {', '.join(known)}",) if known else (f"its elements have no columns; write {source.name}.this",)
+    )
+    raise ResolveError("R001", f"the source '{source.name}' has no column '{name}'", span, hints)
+
+
+def find_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
+    """The START WITH variable, column or column of SELECT that a bare name means, from the innermost query outwards."""
+    for level in scope.outwards() if scope else ():
+        if name in level.columns:
+            return level.columns[name]
+        if name in level.states:
+            return plan.State(level.query, name, level.states[name], span=span)
+        owners = [source for source in level.sources if source.columns and name in dict(source.columns)]
+        if len(owners) > 1:
+            choices = " or ".join(f"{source.name}.{name}" for source in owners)
+            raise ResolveError(
+                "R004", f"the column '{name}' belongs to {len(owners)} sources", span, (f"write {choices}",)
+            )
+        if owners:
+            return make_column(owners[0], name, span)
+        if level.later is not None and (found := level.later(name)) is not None:
+            return found
+    return None
+
+
+def find_value(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
+    """The column or search variable before a dot, where it is no source: `address` in `address.city`."""
+    levels = scope.outwards() if scope else ()
+    if any(source.name == name for level in levels for source in level.sources):
+        return None
+    return find_bound_name(scope, name, span)
+
+
+def is_open(source: plan.Source) -> bool:
+    """Whether the columns of a source are known only when it is read."""
+    return source.columns is None
+
+
+def find_open_source(scope: Scope | None, name: str, span: Span) -> plan.Source | None:
+    """The source that a name must be a column of if it is nothing else: the innermost one whose columns are unknown.
+
+    Raises ResolveError R004 where there are several that no variable can distinguish.
+    """
+    for level in scope.outwards() if scope else ():
+        candidates = [source for source in level.sources if is_open(source)]
+        if len(candidates) > 1 and not any(map(_reads_variable, candidates)):
+            choices = " or ".join(f"{source.name}.{name}" for source in candidates)
+            message = f"'{name}' may be a column of {len(candidates)} sources"
+            raise ResolveError("R004", message, span, (f"write {choices}",))
+        if candidates:
+            return candidates[0]
+    return None
+
+
+def is_settled(scope: Scope | None, found: plan.Expr | None) -> bool:
+    """Whether the meaning of a bare name is final.
+
+    A source whose columns depend on a variable may have one of this name at run time, and then that one comes first.
+    """
+    for level in scope.outwards() if scope else ():
+        if found is not None and any(found is column for column in level.columns.values()):
+            return True
+        if isinstance(found, plan.State) and found.query == level.query:
+            return True
+        if any(is_open(source) and _reads_variable(source) for source in level.sources):
+            return False
+        if isinstance(found, plan.Column) and any(source.id == found.source for source in level.sources):
+            return True
+    return True
+
+
+def _reads_variable(source: plan.Source) -> bool:
+    return any(isinstance(node, plan.Variable) for node in walk(source))
+
+
+def list_visible_names(scope: Scope | None) -> list[str]:
+    """All names that a bare name could mean here, for suggestions."""
+    names: list[str] = []
+    for level in scope.outwards() if scope else ():
+        names.extend((*level.columns, *filter(str.isidentifier, level.states)))
+        for source in level.sources:
+            names.extend(column for column, _ in source.columns or ())
+    return names

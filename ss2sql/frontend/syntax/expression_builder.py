@@ -1,0 +1,342 @@
+"""From grammar rules to the syntax tree: one method per rule of `grammar.lark` (queries:
+frontend/syntax/query_builder.py).
+
+The parser calls a method when its rule is complete, with the span of its text and its children. A method makes the
+node and collects errors that the grammar accepts: queries without an end, assignments as conditions, large numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar
+
+from ss2sql.errors import ParseError, Source, Span
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.syntax import ast, tokenizer
+from ss2sql.frontend.syntax.parse_table import Table
+from ss2sql.frontend.syntax.tokenizer import Token
+
+MAX_DEPTH = 300
+OPERATORS = {
+    "+": "add", "-": "sub", "*": "mul", "/": "div", "%": "mod", "^": "pow", "==": "eq", "!=": "ne", "<>": "ne",
+    "<": "lt", "<=": "le", ">": "gt", ">=": "ge", "IN": "in",
+}  # fmt: skip
+COMPARISONS = frozenset(("==", "!=", "<>", "<", "<=", ">", ">=", "IN", "NOT IN", "IS", "BETWEEN", "LIKE"))
+LOGIC = frozenset(("AND", "OR", "XOR"))
+COMMENT_HINT = "write a blank after it, or # before a comment"
+MEMORIZE_HINT = "MEMORIZE takes a whole number"
+CHAIN_HINT = "write a < b AND b < c"
+END_HINT = ("end it with AS, for instance AS list, or put it in parentheses",)
+
+_N = TypeVar("_N")
+
+
+@dataclass(slots=True, eq=False)
+class Part(Generic[_N]):
+    """A node that is not yet in the tree: `depth` counts its levels.
+
+    `query` is the query without parentheses that stands at the right end of its text, if there is one.
+    """
+
+    node: _N
+    depth: int = 1
+    query: ast.Query | None = None
+
+
+Expr: TypeAlias = Part[ast.Expr]
+
+
+class HasDepth(Protocol):
+    """Something with a depth: a `Part` or a `Clause`."""
+
+    depth: int
+
+
+class ExpressionBuilder:
+    """Makes the expressions of one script."""
+
+    def __init__(self, source: Source) -> None:
+        self.script_source = source
+        self._errors: list[ParseError] = []
+        # 9223372036854775808 is in range only after a minus: its error waits here, by the number's offset.
+        self._too_large: dict[int, ParseError] = {}
+        self._number: Expr | None = None
+
+    def actions(self, table: Table) -> list[Callable[..., Any] | None]:
+        """The method of each rule of `table`; None for rules that make no node."""
+        return [getattr(self, rule.action) if rule.action else None for rule in table.rules]
+
+    def errors(self) -> list[ParseError]:
+        """The errors found so far."""
+        return [*self._errors, *self._too_large.values()]
+
+    def has_unended_query(self, start: int) -> bool:
+        """Whether a query after the offset `start` was found without an end: it runs into what follows."""
+        found = (
+            e
+            for e in self._errors
+            if e.code == "P009" or COMMENT_HINT in e.hints or e.message.startswith(MEMORIZE_HINT)
+        )
+        return any(e.span is not None and e.span.end > start for e in found)
+
+    def script(self, span: Span, *statements: Expr) -> ast.Script:
+        whole = Span(self.script_source, 0, len(self.script_source.text))
+        return ast.Script(tuple(part.node for part in statements), span=whole)
+
+    # Assignments and operators
+
+    def assign(self, span: Span, name: Token, value: Expr) -> Expr:
+        node = ast.Assign(name.text, value.node, span=span, name_span=self._span(name))
+        return self._part(node, value, query=value.query)
+
+    def temporal_assign(self, span: Span, target: Part[ast.Temporal], value: Expr) -> Expr:
+        name, keep = target.node.name, target.node.when
+        if keep is None:
+            self._error("P001", f"'{name}{{}} =' does not say how many seconds to keep", target.node.span,
+                        f"write '{name}{{5.0}} =' to keep what was in force during the last five seconds")  # fmt: skip
+            return value
+        return self._part(ast.TemporalAssign(name, keep, value.node, span=span), target, value, query=value.query)
+
+    def disjunction(self, span: Span, *parts: Expr) -> Expr:
+        return self._part(ast.Or(self._operands(parts, "OR"), span=span), *parts, query=parts[-1].query)
+
+    def conjunction(self, span: Span, *parts: Expr) -> Expr:
+        return self._part(ast.And(self._operands(parts, "AND"), span=span), *parts, query=parts[-1].query)
+
+    def exclusive(self, span: Span, *parts: Expr) -> Expr:
+        left, right = self._operands(parts, "XOR")
+        return self._part(ast.Xor(left, right, span=span), *parts, query=parts[-1].query)
+
+    def negated(self, span: Span, operand: Expr) -> Expr:
+        return self._part(ast.Not(operand.node, span=span), operand, query=operand.query)
+
+    def calculated(self, span: Span, left: Expr, sign: Token, right: Expr) -> Expr:
+        operands = self._operands((left, right), sign.kind, self._span(sign))
+        node = ast.Operator(OPERATORS[sign.kind], operands, span=span, place=self._span(sign))
+        return self._part(node, left, right, query=right.query)
+
+    def excluded(self, span: Span, left: Expr, sign: Token, last: Token, right: Expr) -> Expr:
+        place = Span(self.script_source, sign.start, last.end)
+        node = ast.Operator("not_in", self._operands((left, right), "NOT IN", place), span=span, place=place)
+        return self._part(node, left, right, query=right.query)
+
+    def is_none(self, span: Span, value: Expr, *words: Token) -> Expr:
+        place = Span(self.script_source, words[0].start, words[-1].end)
+        none = ast.Literal(None, span=self._span(words[-1]))
+        function = "eq" if len(words) == 2 else "ne"
+        (operand, _) = self._operands((value, Part(none)), "IS", place)
+        return self._part(ast.Operator(function, (operand, none), span=span, place=place), value)
+
+    def between(self, span: Span, value: Expr, *parts: Expr | Token) -> Expr:
+        operands = [value, *(part for part in parts if isinstance(part, Part))]
+        words = [part for part in parts if isinstance(part, Token)]
+        place = Span(self.script_source, words[0].start, words[-2].end)
+        tested, low, high = self._operands(operands, "BETWEEN", place)
+        node = ast.Between(tested, low, high, span=span, place=place)
+        return self._negate_if(len(words) == 3, self._part(node, *operands, query=operands[-1].query))
+
+    def like(self, span: Span, value: Expr, *parts: Expr | Token) -> Expr:
+        words, (pattern,) = [part for part in parts if isinstance(part, Token)], parts[-1:]
+        assert isinstance(pattern, Part)
+        place = Span(self.script_source, words[0].start, words[-1].end)
+        node = ast.Operator("like", self._operands((value, pattern), "LIKE", place), span=span, place=place)
+        return self._negate_if(len(words) == 2, self._part(node, value, pattern, query=pattern.query))
+
+    def _negate_if(self, negated: bool, test: Expr) -> Expr:
+        return self._part(ast.Not(test.node, span=test.node.span), test, query=test.query) if negated else test
+
+    def prior(self, span: Span, word: Token, value: Expr) -> Expr:
+        """`PRIOR x` is `prior(x)`."""
+        return self._part(ast.Call("prior", (value.node,), span=span), value)
+
+    def minus(self, span: Span, sign: Token, operand: Expr) -> Expr:
+        node = operand.node
+        if operand is self._number and isinstance(node, ast.Literal) and isinstance(node.value, int | float):
+            self._too_large.pop(node.span.start, None)
+            return Part(ast.Literal(-node.value, span=span))
+        negative = ast.Operator("neg", (node,), span=span, place=self._span(sign))
+        return self._part(negative, operand, query=operand.query)
+
+    # Atoms
+
+    def name(self, span: Span, name: Token) -> Expr:
+        return Part(ast.Name(name.text, span=span))
+
+    def this(self, span: Span, source: Token | None = None) -> Expr:
+        return Part(ast.This(source.text if source else None, span=span))
+
+    def attribute(self, span: Span, source: Token, name: Token) -> Expr:
+        return Part(ast.Attribute(source.text, name.text, span=span))
+
+    def attribute_of_this(self, span: Span, name: Token) -> Expr:
+        return Part(ast.Attribute(None, name.text, span=span))
+
+    def integer(self, span: Span, number: Token) -> Expr:
+        digits = number.text.lstrip("0") or "0"
+        value = int(digits) if len(digits) < 20 else 2**64  # int() refuses texts of thousands of digits
+        if value >= 2**63:
+            error = ParseError(
+                "P007", "this integer is beyond 64 bits", span,
+                ["integers go from -9223372036854775808 to 9223372036854775807; 1e30 is a float"],
+            )  # fmt: skip
+            if value == 2**63:
+                self._too_large[span.start] = error
+            else:
+                self._errors.append(error)
+        self._number = Part(ast.Literal(value, span=span))
+        return self._number
+
+    def float_(self, span: Span, number: Token) -> Expr:
+        value = float(number.text)
+        if value == float("inf"):
+            self._error("P007", "this number is too large for a float", span, "floats go up to about 1.8e308")
+        self._number = Part(ast.Literal(value, span=span))
+        return self._number
+
+    def string(self, span: Span, token: Token) -> Expr:
+        try:
+            return Part(ast.Literal(tokenizer.unescape(self.script_source, token), span=span))
+        except ParseError as error:
+            self._errors.append(error)
+            return Part(ast.Literal("", span=span))
+
+    def true(self, span: Span) -> Expr:
+        return Part(ast.Literal(True, span=span))
+
+    def false(self, span: Span) -> Expr:
+        return Part(ast.Literal(False, span=span))
+
+    def none(self, span: Span) -> Expr:
+        return Part(ast.Literal(None, span=span))
+
+    def enclosed(self, span: Span, value: Expr) -> Expr:
+        return Part(value.node, value.depth)
+
+    def list_(self, span: Span, *items: Expr) -> Expr:
+        return self._part(ast.ListLiteral(tuple(item.node for item in items), span=span), *items)
+
+    def call(self, span: Span, function: Token, *arguments: Expr) -> Expr:
+        node = ast.Call(function.text, tuple(argument.node for argument in arguments), span=span)
+        return self._part(node, *arguments)
+
+    def call_of(self, span: Span, owner: Token, function: Token, *arguments: Expr) -> Expr:
+        nodes = tuple(argument.node for argument in arguments)
+        return self._part(ast.Call(function.text, nodes, owner=owner.text, span=span), *arguments)
+
+    def call_star(self, span: Span, function: Token) -> Expr:
+        return Part(ast.Call(function.text, (), span=span, star=True))
+
+    def call_distinct(self, span: Span, function: Token, argument: Expr) -> Expr:
+        return self._part(ast.Call(function.text, (argument.node,), span=span, distinct=True), argument)
+
+    def when(self, span: Span, condition: Expr, value: Expr) -> tuple[Expr, Expr]:
+        return condition, value
+
+    def case(self, span: Span, *parts: Any) -> Expr:
+        """CASE as IF within IF."""
+        branches = [part for part in parts if isinstance(part, tuple)]
+        whole: Expr = parts[-1] if len(parts) > len(branches) else Part(ast.Literal(None, span=span))
+        for condition, value in reversed(branches):
+            node = ast.If(self._condition(condition, "CASE WHEN"), (value.node,), (whole.node,), span=span)
+            whole = self._part(node, condition, value, whole)
+        return whole
+
+    def if_(self, span: Span, condition: Expr, *branches: Sequence[Expr]) -> Expr:
+        then, otherwise = (*branches, (), ())[:2]
+        test = self._condition(condition, "IF")
+        node = ast.If(test, tuple(part.node for part in then), tuple(part.node for part in otherwise), span=span)
+        return self._part(node, condition, *then, *otherwise)
+
+    def branch(self, span: Span, *values: Expr) -> tuple[Expr, ...]:
+        return values
+
+    def temporal(self, span: Span, name: Token, when: Expr | None = None) -> Part[ast.Temporal]:
+        if when is None:
+            return Part(ast.Temporal(name.text, None, span=span))
+        return self._part(ast.Temporal(name.text, when.node, span=span), when)
+
+    def indexed(self, span: Span, value: Expr, *subscripts: Expr | tuple[Expr | None, Expr | None]) -> Expr:
+        for subscript in subscripts:
+            if isinstance(subscript, Part):
+                value = self._part(ast.Index(value.node, subscript.node, span=span), value, subscript)
+            else:
+                lower, upper = (part.node if part else None for part in subscript)
+                bounds = [part for part in subscript if part is not None]
+                value = self._part(ast.Slice(value.node, lower, upper, span=span), value, *bounds)
+        return value
+
+    def member(self, span: Span, value: Expr, name: Token) -> Expr:
+        """`p.address.city` is `p.address["city"]`."""
+        return self._part(ast.Index(value.node, ast.Literal(name.text, span=self._span(name)), span=span), value)
+
+    def slice_(self, span: Span, *parts: Expr | Token) -> tuple[Expr | None, Expr | None]:
+        lower = upper = None
+        for part in parts:
+            if isinstance(part, Part):
+                lower, upper = (part, None) if part is parts[0] else (lower, part)
+        return lower, upper
+
+    # Shared by all methods
+
+    def _span(self, token: Token) -> Span:
+        return Span(self.script_source, token.start, token.end)
+
+    def _part(self, node: Any, *parts: HasDepth, query: ast.Query | None = None) -> Part[Any]:
+        """A node with its depth. Raises ParseError (P005) for a tree that is too deep for later stages."""
+        depth = 1 + max([part.depth for part in parts], default=0)
+        if depth > MAX_DEPTH:
+            raise _make_depth_error(node)
+        return Part(node, depth, query)
+
+    def _error(self, code: str, message: str, span: Span, *hints: str) -> ParseError:
+        error = ParseError(code, message, span, hints)
+        self._errors.append(error)
+        return error
+
+    def _operands(self, parts: Sequence[Expr], sign: str, place: Span | None = None) -> tuple[ast.Expr, ...]:
+        """The operands of `sign`. A bare query on its left must end with AS; a comparison refuses it."""
+        for query in [part.query for part in parts[:-1] if part.query is not None]:
+            shape = query.representation
+            if shape is None and sign in COMPARISONS and _ends_in_comparison(query):
+                self._error("P001", f"a comparison does not go on with {sign}", place or query.span, CHAIN_HINT)
+            elif shape is None and place is not None and place.source.text.startswith("--", place.start):
+                comment = Span(place.source, place.start, place.start + 2)
+                self._error("P006", "-- does not start a comment", comment, COMMENT_HINT)
+            elif shape is None:
+                bare = sign not in LOGIC and query.span.end == query.sources[-1].span.end
+                hints = (f"a source with {sign} in it stands in parentheses: FROM (a {sign} b)",) if bare else ()
+                if bare and sign == "IN":
+                    hints = (f"to name a source write FROM {query.sources[-1].span.text} = ...",)
+                self._error("P009", f"the query to the left of {sign} is not ended", query.span, *hints, *END_HINT)
+            elif sign in COMPARISONS:
+                self._error("P009", f"a query to the left of {sign} stands in parentheses", query.span,
+                            f"write (SELECT ... AS {shape.name}) {sign} ...")  # fmt: skip
+        return tuple(part.node for part in parts)
+
+    def _condition(self, part: Expr, keyword: str) -> ast.Expr:
+        """The condition after `keyword`; an assignment is refused, unless in parentheses."""
+        node = part.node
+        if isinstance(node, ast.Assign):
+            self._error("P006", f"= assigns, but {keyword} needs a condition", node.span,
+                        f"write {node.name} == {tokenizer.shorten_text(node.value.span.text)} to compare")  # fmt: skip
+        return node
+
+
+def _ends_in_comparison(query: ast.Query) -> bool:
+    """Whether the last written clause is a condition that ends in a comparison."""
+    last = query.having or query.stop or query.where
+    while isinstance(last, ast.And | ast.Or):
+        last = last.parts[-1]
+    names = ("eq", "ne", "lt", "le", "gt", "ge", "in", "not_in")
+    return isinstance(last, ast.Operator) and last.function in names and last.span.end == query.span.end
+
+
+def _make_depth_error(node: Any) -> ParseError:
+    """The error for a node with too many levels below it; a chain of one operator is called long."""
+    if isinstance(node, ast.Operator) and node.place is not None:
+        first = node.operands[0]
+        if isinstance(first, ast.Operator) and first.function == node.function:
+            cure = "sum([a, b, ...]) adds a list" if node.function == "add" else "assign parts of it to variables first"
+            message = f"more than {MAX_DEPTH} values are joined by {node.place.text}"
+            return ParseError("P005", message, node.place, (cure, "long data comes from Python as a variable"))
+    return tokenizer.make_nesting_error(node.span, f"{MAX_DEPTH} expressions")

@@ -1,0 +1,215 @@
+"""A parse failure: the token that does not fit, what stands before it, and what would fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any
+
+from ss2sql.errors import ParseError, Source, Span
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.syntax import tokenizer
+from ss2sql.frontend.syntax.parse_table import END, Table
+from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
+
+PAIRS = {
+    "START": "WITH", "STOP": "WITH", "CONNECT": "BY", "GROUP": "BY", "ORDER": "BY", "DEPTH": "FIRST",
+    "BREADTH": "FIRST", "NO": "CYCLE", "LEFT": "JOIN", "CASE": "WHEN", "SIBLINGS": "BY",
+}  # fmt: skip
+ALONE = frozenset(("BY", "JOIN", "WHEN"))  # second words that also stand without the first
+CLAUSES = ("SELECT", "FROM", "WHERE", "START", "CONNECT", "STOP", "GROUP", "HAVING", "ORDER", "LIMIT", "AS")
+OPTIONS = ("DEPTH", "BREADTH", "COST", "HEURISTIC", "PROBABILITY", "NO", "UNIQUE", "MAXIMUM", "MEMORIZE")
+VALUES = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
+
+
+# What stands around the sides of a comparison.
+_AROUND = frozenset((
+    "AND", "OR", "XOR", "NOT", "WHERE", "HAVING", "ON", "WHEN", "THEN", "ELSE", "END", "WITH", "BY", "GROUP", "ORDER",
+    "LIMIT", "START", "CONNECT", "STOP", "AS", "SELECT", "FROM", "JOIN", "LEFT", "UNION", ",", ";", ":", "PRIOR",
+))  # fmt: skip
+
+
+@dataclass
+class ParseFailure:
+    """The parser's state in front of `tokens[index]`, which does not fit.
+
+    `values` holds, in order, what belongs to constructs that are not complete: tokens as they were read, and what
+    the builder has made of complete parts.
+    """
+
+    source: Source
+    table: Table
+    tokens: list[Token]
+    index: int
+    states: list[int]
+    values: list[Any]
+
+    @property
+    def found(self) -> Token:
+        """The token that does not fit."""
+        return self.tokens[self.index]
+
+    @property
+    def next(self) -> Token:
+        """The token after it; after the last one the last itself."""
+        return self.tokens[min(self.index + 1, len(self.tokens) - 1)]
+
+    def before(self, distance: int = 1) -> Token:
+        """The token `distance` places ahead of it; before the first one an empty `;`."""
+        return self.tokens[self.index - distance] if self.index >= distance else Token(";", "", 0, 0)
+
+    def back(self) -> ParseFailure:
+        """The failure with the token before it, which was only read, as the one that does not fit."""
+        return ParseFailure(self.source, self.table, self.tokens, self.index - 1, self.states[:-1], self.values[:-1])
+
+    @cached_property
+    def expected(self) -> frozenset[str]:
+        """The kinds of token that would fit."""
+        return frozenset(kind for kind in self.table.rows[self.states[-1]] if self._fits(kind))
+
+    def _fits(self, kind: str) -> bool:
+        """Whether the parser can take a token of this kind, once it has completed the rules that end here."""
+        states = list(self.states)
+        while (target := self.table.rows[states[-1]].get(kind)) is not None:
+            if target >= 0:
+                return not kind.islower() and not kind.startswith("_")  # others are rules, not tokens
+            rule = self.table.rules[~target]
+            del states[len(states) - rule.size :]
+            states.append(self.table.rows[states[-1]][rule.origin])
+            if states[-1] == self.table.end:
+                return True
+        return False
+
+    @property
+    def wants_operand(self) -> bool:
+        """Whether an expression is missing here, rather than complete."""
+        return "NAME" in self.expected and "INTEGER" in self.expected
+
+    @cached_property
+    def _open(self) -> list[int]:
+        """The positions in `values` of tokens outside of closed brackets, the last one first."""
+        found: list[int] = []
+        depth = 0
+        for position in range(len(self.values) - 1, -1, -1):
+            kind = self._kind(position)
+            depth += kind in CLOSING
+            if kind and not depth:
+                found.append(position)
+            depth -= kind in OPENING and depth > 0
+        return found
+
+    @property
+    def statement(self) -> int:
+        """The offset of the beginning of this statement, after the `;` before it; 0 in the first one."""
+        for value in self.values:
+            if isinstance(value, Token) and value.kind in (";", *OPENING):
+                return value.end if value.kind == ";" else 0
+        return 0
+
+    @property
+    def brackets(self) -> list[Token]:
+        """The open brackets, the innermost one first."""
+        return [self.values[position] for position in self._open if self._kind(position) in OPENING]
+
+    @property
+    def bracket(self) -> Token | None:
+        """The innermost open bracket."""
+        return self.brackets[0] if self.brackets else None
+
+    @cached_property
+    def clause(self) -> str:
+        """What is being read: a clause or option by its keyword, else the innermost bracket with its owner.
+
+        `WHERE`, `START WITH`, `COST`, `ON`, `WHEN`; `IF(`, `f(` for a call, `(`, `[`, `x[` for an index, `v{`; or
+        nothing.
+        """
+        for position in self._open:
+            kind = self._kind(position)
+            if kind in ("ON", "WHEN"):
+                return kind
+            if kind in CLAUSES or kind in OPTIONS:
+                return f"{kind} {PAIRS[kind]}" if kind in PAIRS and kind in CLAUSES else kind
+            if kind in OPENING:
+                owner = self._kind(position - 1)
+                if kind == "[":
+                    return "x[" if self._ends_operand(position - 1) else "["
+                return {"IF": "IF(", "NAME": "v{" if kind == "{" else "f("}.get(owner, kind)
+        return ""
+
+    @property
+    def option(self) -> str:
+        """The words of the option that is being read: `COST`, `NO CYCLE BY`."""
+        first = next(position for position in self._open if self._kind(position) in OPTIONS)
+        kinds = (self._kind(position) for position in range(first, len(self.values)))
+        return " ".join(kind for kind in kinds if kind in (*OPTIONS, "CYCLE", "FIRST", "BY"))
+
+    def _kind(self, position: int) -> str:
+        value = self.values[position] if position >= 0 else None
+        return value.kind if isinstance(value, Token) else ""
+
+    def _ends_operand(self, position: int) -> bool:
+        kind = self._kind(position)
+        return position >= 0 and (not kind or kind in VALUES or kind in CLOSING)
+
+    def operand(self) -> str:
+        """The text of the name, call, literal or bracket that ends before the failure."""
+        index = self.index - 1
+        while index > 0:
+            depth = 0
+            while self.tokens[index].kind in CLOSING or depth:
+                depth += (self.tokens[index].kind in CLOSING) - (self.tokens[index].kind in OPENING)
+                if index == 0 or not depth:
+                    break
+                index -= 1
+            ahead = self.tokens[index - 1].kind
+            if self.tokens[index].kind in OPENING and (ahead == "NAME" or ahead in CLOSING):
+                index -= 1
+            elif self.tokens[index].kind not in OPENING and ahead == ".":
+                index -= 2
+            else:
+                break
+        return self.text(self.tokens[max(index, 0)].start, self.before().end)
+
+    def side(self, forward: bool = False) -> str:
+        """The text of the side of a comparison that ends before the failure, or with `forward` of the one after it."""
+        index, depth, step = self.index + (1 if forward else -1), 0, 1 if forward else -1
+        first = index
+        while 0 <= index < len(self.tokens):
+            kind = self.tokens[index].keyword or self.tokens[index].kind
+            depth += step * ((kind in OPENING) - (kind in CLOSING))
+            if depth < 0 or (not depth and (kind in _AROUND or kind == END)):
+                break
+            index += step
+        low, high = sorted((first, index - step))
+        if index == first:
+            return "..."
+        return self.source.text[self.tokens[low].start : self.tokens[high].end]
+
+    def column(self) -> str:
+        """The text of the column of SELECT that ends before the failure."""
+        ahead = [v.end for v in self.values if isinstance(v, Token) and v.kind in ("SELECT", ",")]
+        return self.text(ahead[-1], self.before().end)
+
+    def error(self, code: str, message: str, *hints: str, at: Token | None = None) -> ParseError:
+        """The error with this message, at the token that does not fit or at another one."""
+        token = at or self.found
+        return ParseError(code, message, Span(self.source, token.start, token.end), hints)
+
+    def text(self, start: int, end: int) -> str:
+        """A stretch of the script, cut to the length of a message."""
+        return tokenizer.shorten_text(self.source.text[start:end])
+
+
+def spell(token: Token) -> str:
+    """A token as messages name it: keywords in capitals, everything else in quotes."""
+    if token.kind == END:
+        return "the end of the script"
+    if token.kind in tokenizer.RESERVED or token.kind in tokenizer.CONTEXTUAL or token.keyword:
+        return token.text.upper()
+    return tokenizer.shorten_text(token.text) if token.kind == "STRING" else f"'{tokenizer.shorten_text(token.text)}'"
+
+
+def join_or(words: Iterable[str]) -> str:
+    """`a`, `a or b`, `a, b or c`."""
+    *first, last = words
+    return f"{', '.join(first)} or {last}" if first else last

@@ -1,0 +1,162 @@
+"""The LALR table: lark compiles `grammar.lark`, the result ships as `grammar_table.json` and runs without lark.
+
+Reading the file takes a tenth of the time that lark needs to build its parser, without importing lark. The file has a
+fingerprint of its grammar; when the grammar has changed since, the table is built anew in memory.
+`python -m ss2sql.frontend.syntax.parse_table` writes the file.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+from ss2sql.fast_dataclasses import dataclass
+
+GRAMMAR = Path(__file__).with_name("grammar.lark")
+TABLE = GRAMMAR.with_name("grammar_table.json")
+FORMAT = 2
+END = "$END"
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One line of the grammar: `size` symbols are taken from the stack and replaced by `origin`.
+
+    `action` names the builder's method; it is "" for a rule that only collects children into a list, and None
+    for a rule that passes its one symbol on. `children` says which symbols are children: `i` for the i-th
+    symbol, `~i` for the i-th symbol's own children.
+    """
+
+    origin: str
+    size: int
+    action: str | None
+    children: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The automaton. `rows[state][symbol]` is the next state, or `~r` where rule `r` is complete."""
+
+    rows: tuple[Mapping[str, int], ...]
+    rules: tuple[Rule, ...]
+    start: int
+    end: int
+
+
+@cache
+def load_table() -> Table:
+    """The table of the installed grammar; the first call reads it."""
+    try:
+        data = json.loads(_read_resource(TABLE))
+    except OSError:
+        data = {}
+    if data.get("format") != FORMAT or data.get("grammar") != _fingerprint():
+        data = build_table()
+    symbols = data["symbols"]
+    rows = [
+        dict(zip(map(symbols.__getitem__, found), targets, strict=True))
+        for found, targets in zip(data["found"], data["targets"], strict=True)
+    ]
+    rules = tuple(Rule(symbols[origin], size, action, tuple(kept)) for origin, size, action, kept in data["rules"])
+    return Table(tuple(map(rows.__getitem__, data["states"])), rules, data["start"], data["end"])
+
+
+def write_table() -> None:
+    """Writes the table beside the grammar, with the same bytes on every machine."""
+    TABLE.write_text(json.dumps(build_table(), separators=(",", ":"), sort_keys=True) + "\n", encoding="utf-8")
+
+
+def _read_resource(file: Path) -> bytes:
+    """A file of the package, also from a zip file; importlib.resources would take 6 ms to load."""
+    content: bytes = __loader__.get_data(str(file))  # type: ignore[name-defined]
+    return content
+
+
+def _read_grammar() -> str:
+    return _read_resource(GRAMMAR).decode().replace("\r\n", "\n")
+
+
+def _fingerprint() -> int:
+    return crc32(_read_grammar().encode())
+
+
+def build_table() -> dict[str, Any]:
+    """The table as JSON data, compiled by lark: states are numbered in the order of a walk from the start."""
+    import lark
+    from lark.grammar import Rule as LarkRule
+    from lark.lexer import TerminalDef
+
+    compiled = lark.Lark(_read_grammar(), parser="lalr", start="script", maybe_placeholders=False)
+    data, memo = compiled.memo_serialize([TerminalDef, LarkRule])
+    table = data["parser"]["parser"]
+    words = {d["name"]: d["pattern"]["value"].upper() for d in memo.values() if d["__type__"] == "TerminalDef"}
+    names = {number: words.get(name, name) for number, name in table["tokens"].items()}
+    actions = {
+        state: {names[number]: target for number, target in row.items()} for state, row in table["states"].items()
+    }
+    rules = sorted(_encode_rule(d, words) for d in memo.values() if d["__type__"] == "Rule")
+    number_of = {json.dumps(_encode_rule(d, words)): key for key, d in memo.items() if d["__type__"] == "Rule"}
+    rule_index = {number_of[json.dumps(rule)]: index for index, rule in enumerate(rules)}
+    order = _order_states(actions, table["start_states"]["script"])
+    rows = [
+        {symbol: ~rule_index[target["@"]] if reduces else order[target] for symbol, (reduces, target) in row.items()}
+        for row in (actions[state] for state in order)
+    ]
+    return _pack_table(rows, rules, order[table["end_states"]["script"]]) | {
+        "format": FORMAT, "grammar": _fingerprint(), "lark": lark.__version__,
+    }  # fmt: skip
+
+
+def _order_states(actions: Mapping[int, Mapping[str, tuple[int, Any]]], start: int) -> dict[int, int]:
+    """New numbers of all states: the order of a walk from `start`, by symbol."""
+    order = {start: 0}
+    queue = [start]
+    for state in queue:
+        for _, (reduces, target) in sorted(actions[state].items(), key=lambda item: item[0]):
+            if not reduces and target not in order:
+                order[target] = len(order)
+                queue.append(target)
+    return order
+
+
+def _encode_rule(rule: Mapping[str, Any], words: Mapping[str, str]) -> list[Any]:
+    """A rule of lark as `[origin, symbols, action, children]`."""
+    origin, options = rule["origin"]["name"], rule["options"]
+    kept: list[int] = []
+    for index, symbol in enumerate(rule["expansion"]):
+        if symbol["name"].startswith("_") and symbol["name"] not in words:
+            kept.append(~index)
+        elif not symbol.get("filter_out"):
+            kept.append(index)
+    action: str | None = rule["alias"] or ("" if origin.startswith("_") else origin)
+    if options["expand1"] and not rule["alias"] and kept == [0] and len(rule["expansion"]) == 1:
+        action = None
+    return [origin, [words.get(s["name"], s["name"]) for s in rule["expansion"]], action or "", action is None, kept]
+
+
+def _pack_table(rows: list[dict[str, int]], rules: list[list[Any]], end: int) -> dict[str, Any]:
+    """The JSON form: symbols are numbered, states with equal rows share one."""
+    symbols = sorted({symbol for row in rows for symbol in row} | {rule[0] for rule in rules})
+    number = {symbol: index for index, symbol in enumerate(symbols)}
+    packed = [sorted((number[symbol], target) for symbol, target in row.items()) for row in rows]
+    unique = sorted({tuple(row) for row in packed})
+    return {
+        "symbols": symbols,
+        "found": [[symbol for symbol, _ in row] for row in unique],
+        "targets": [[target for _, target in row] for row in unique],
+        "states": [unique.index(tuple(row)) for row in packed],
+        "rules": [
+            [number[origin], len(expansion), None if passes else action, kept]
+            for origin, expansion, action, passes, kept in rules
+        ],
+        "start": 0,
+        "end": end,
+    }
+
+
+if __name__ == "__main__":
+    write_table()

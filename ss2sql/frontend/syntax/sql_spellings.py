@@ -1,0 +1,396 @@
+"""Spellings of SQL, and of other languages, that SelectScript writes differently: each error shows the right form."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+from ss2sql.errors import ParseError
+from ss2sql.frontend.syntax.expression_builder import COMMENT_HINT
+from ss2sql.frontend.syntax.parse_failure import OPTIONS, VALUES, ParseFailure, spell
+from ss2sql.frontend.syntax.parse_table import END
+from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
+
+_JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b.id"
+_LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
+_IF = "write IF(condition; then; else)"
+
+# Words after a complete expression {x}, and what to write instead.
+_POSTFIX_HINTS = {
+    "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "GLOB": _LIKE, "REGEXP": _LIKE,
+    "ILIKE": "write lower({x}) LIKE lower({y})", "MATCH": _LIKE, "INNER": "write JOIN without INNER",
+    "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN,
+    "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN,
+    "OFFSET": "write LIMIT n OFFSET m", "FETCH": "write LIMIT n",
+    "COLLATE": "sort by the value of a function that you register",
+    "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
+    "TOP": "write LIMIT n after the other clauses", "CONTAINS": "write {y} IN {x}",
+    "STARTS": "write starts({x}, ...)", "ENDS": "write ends({x}, ...)",
+    "NULLS": "leave it out: None comes first, with DESC last",
+    "INTO": "assign the query: name = SELECT ...",
+    "CYCLE": "write NO CYCLE BY {y}, right after CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
+    "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
+}  # fmt: skip
+# Words that were read as a name before something that does not fit.
+_PREFIX_HINTS = {
+    "CONNECT_BY_ROOT": "write root({x})", "ALL": "leave it out: a query gives all rows",
+    "TOP": "write LIMIT n after the other clauses", "CASE": "write CASE WHEN {x} == ... THEN ... ELSE ... END",
+    "PRIOR": "write prior(x): PRIOR stands in front of a name",
+    "EXISTS": "write [] != (SELECT ... AS list)", "EXPLAIN": "call explain() on the compiled script",
+}  # fmt: skip
+_WRITING = frozenset((
+    "INSERT", "UPDATE", "DELETE", "CREATE", "DROP", "ALTER", "REPLACE", "ATTACH", "DETACH", "PRAGMA", "BEGIN", "COMMIT",
+    "ROLLBACK", "VACUUM", "MERGE", "TRUNCATE", "GRANT", "REVOKE", "REINDEX", "SAVEPOINT",
+))  # fmt: skip
+_SIGNS = {
+    "**": "the power is ^", "//": "division is /, and a comment starts with #", "++": "write {x} = {x} + 1",
+    "+=": "write {x} = {x} + ...", "-=": "write {x} = {x} - ...", "*=": "write {x} = {x} * ...",
+    "/=": "write {x} = {x} / ...", ":=": "write {x} = ...", "=>": "write >= to compare", "=<": "write <= to compare",
+    "===": "write == to compare", "->": 'write {x}.column, or {x}["key"]',
+    ">>": "write int({x} / 2 ^ n)", "<<": "write {x} * 2 ^ n",
+    "::": "write int({x}), float({x}) or str({x})",
+}  # fmt: skip
+
+
+def explain_sql(t: ParseFailure) -> ParseError | None:
+    """The error for a known foreign spelling; None for anything else."""
+    checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
+        _comment, _sign, _concatenation, _cast, _set_operation, _siblings, _option, _each, _unpacking, _assignment,
+        _modifier, _column_name, _after_as, _statement, _word, _star, _dot, _list,
+        _quotes,
+    )  # fmt: skip
+    return next((error for check in checks if (error := check(t))), None)
+
+
+def _comment(t: ParseFailure) -> ParseError | None:
+    """`-- comment` reads as two minus signs; parsing fails later on the same line, or right after it."""
+    line = t.source.text.rfind("\n", 0, t.before().start) + 1
+    for index in range(t.index, 0, -1):
+        first, second = t.tokens[index - 1], t.tokens[index]
+        if first.start < line:
+            return None
+        if first.kind == second.kind == "-" and first.end == second.start:
+            both = Token("--", "--", first.start, second.end)
+            return t.error("P006", "-- does not start a comment", COMMENT_HINT, at=both)
+    return None
+
+
+def _sign(t: ParseFailure) -> ParseError | None:
+    """Two signs side by side that are one operator elsewhere."""
+    for first, second in ((t.before(), t.found), (t.found, t.next)):
+        sign = first.text + second.text
+        if first.end == second.start and sign in _SIGNS:
+            name = t.before(2) if second is t.found else t.before()
+            both = Token(sign, sign, first.start, second.end)
+            hint = _SIGNS[sign].format(x=name.text if name.kind == "NAME" else "x")
+            return t.error("P006", f"there is no operator {sign}", hint, at=both)
+    return None
+
+
+def _concatenation(t: ParseFailure) -> ParseError | None:
+    if t.found.text != "||":
+        return None
+    return t.error("P006", "there is no operator ||", f"write {t.operand()} + {_read_value_after(t)} to join strings")
+
+
+_TYPES = {"TEXT": "str", "VARCHAR": "str", "CHAR": "str", "STRING": "str", "INT": "int", "INTEGER": "int",
+          "BIGINT": "int", "REAL": "float", "FLOAT": "float", "DOUBLE": "float", "NUMERIC": "float"}  # fmt: skip
+
+
+def _cast(t: ParseFailure) -> ParseError | None:
+    """`CAST(age AS TEXT)`."""
+    if t.found.kind != "AS" or t.clause != "f(" or t.bracket is None:
+        return None
+    call = next(index for index, token in enumerate(t.tokens) if token is t.bracket) - 1
+    if t.tokens[call].text.upper() != "CAST":
+        return None
+    function = _TYPES.get(t.next.text.upper(), "str")
+    hint = f"write {function}({t.text(t.bracket.end, t.before().end)})"
+    return t.error("P006", "there is no CAST in SelectScript", hint, at=t.tokens[call])
+
+
+# Set operations of two queries; ALL keeps equal rows.
+_SETS = {
+    "UNION": "uniq({0} + {1})", "UNION ALL": "{0} + {1}", "EXCEPT": "uniq(difference({0}, {1}))",
+    "MINUS": "uniq(difference({0}, {1}))", "INTERSECT": "uniq(SELECT this FROM {0} WHERE this IN {1} AS list)",
+}  # fmt: skip
+
+
+def _set_operation(t: ParseFailure) -> ParseError | None:
+    """`SELECT ... UNION SELECT ...`, and other set operations."""
+    word = t.found.text.upper()
+    every = word == "UNION" and t.next.text.upper() == "ALL"
+    behind = t.index + (2 if every else 1)
+    if word not in _SETS or t.tokens[min(behind, len(t.tokens) - 1)].kind != "SELECT":
+        return None
+    start = next((i for i in range(t.index, -1, -1) if t.tokens[i].kind == "SELECT"), t.index)
+    ends = (token.start for token in t.tokens[behind:] if token.kind in (";", END, ")"))
+    texts = [t.source.text[t.tokens[start].start : t.before().end], t.source.text[t.tokens[behind].start : next(ends)]]
+    parts = [" ".join(text.split()) if len(text) <= 60 else "SELECT ..." for text in texts]
+    shapes = [re.search(r"\bFROM\b.*( AS \w+)\Z", part, re.IGNORECASE) for part in parts]
+    form = next((shape[1] for shape in shapes if shape), " AS dict")
+    lists = [f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True)]
+    cure = _SETS[f"{word} ALL" if every else word].format(*lists)
+    return t.error("P006", f"there is no {word} in SelectScript", f"write {cure}")
+
+
+def _siblings(t: ParseFailure) -> ParseError | None:
+    """`SEARCH DEPTH FIRST BY name SET place`, of WITH RECURSIVE."""
+    order = t.next.text.upper()
+    if t.found.text.upper() != "SEARCH" or order not in ("DEPTH", "BREADTH"):
+        return None
+    words = [token.text for token in t.tokens[t.index + 2 : t.index + 5]]
+    key = words[2] if [word.upper() for word in words[:2]] == ["FIRST", "BY"] else "name"
+    hints = [f"write ORDER SIBLINGS BY {key}"]
+    if order == "BREADTH":
+        hints.append("BREADTH FIRST stands right after CONNECT BY")
+    return t.error("P006", "there is no SEARCH in SelectScript", *hints)
+
+
+def _each(t: ParseFailure) -> ParseError | None:
+    """`START WITH EACH town = list`."""
+    if t.found.kind != "=" or t.expected != {"IN"}:
+        return None
+    return t.error("P006", "EACH goes through a list", f"write EACH {t.before().text} IN {t.side(forward=True)}")
+
+
+# Other names for options of searches.
+_OPTIONS = {"BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "DISTINCT": "UNIQUE", "LIMIT": "MAXIMUM", "TOP": "MAXIMUM",
+            "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0", "GREEDY": "HEURISTIC 0",
+            "NOCYCLE": "NO CYCLE"}  # fmt: skip
+
+
+def _option(t: ParseFailure) -> ParseError | None:
+    """Options of CONNECT BY by other names, or followed by a `=`."""
+    if t.clause != "CONNECT BY":
+        return None
+    begin = max((i for i in range(t.index) if t.tokens[i].kind == "CONNECT"), default=t.index) + 2
+    for index in range(begin, t.index + 1):
+        token, behind = t.tokens[index], t.tokens[min(index + 1, len(t.tokens) - 1)]
+        word, value = token.text.upper(), t.text(behind.end, t.before().end).strip()
+        if word in OPTIONS and behind.kind == "=" and index + 1 < t.index and t.found.kind == "NAME":
+            return t.error("P006", f"{word} is an option, and takes no =", f"write {word} {value}", at=token)
+        starts = index == begin and (word != "A" or behind.kind == "*")
+        if starts and word in _OPTIONS and behind.kind in ("*", *VALUES):
+            number = f" {behind.text}" if behind.kind == "INTEGER" else ""
+            return t.error("P006", f"there is no option {token.text}{'*' if word == 'A' else ''}",
+                           f"write {_OPTIONS[word]}{number}", at=token)  # fmt: skip
+    return None
+
+
+def _unpacking(t: ParseFailure) -> ParseError | None:
+    """`a, b = [1, 2]`."""
+    if t.found.kind != "," or t.clause or t.before().kind != "NAME" or t.before(2).kind not in (";", END):
+        return None
+    index, names = t.index, [t.before().text]
+    while t.tokens[index].kind == "," and t.tokens[index + 1].kind == "NAME":
+        names.append(t.tokens[index + 1].text)
+        index += 2
+    if t.tokens[index].kind != "=":
+        return None
+    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
+    parts = "; ".join(f"{name} = both[{number}]" for number, name in enumerate(names))
+    value = t.text(t.tokens[index].end, end).strip()
+    return t.error("P006", "one name is assigned at a time", f"write both = {value}; {parts}")
+
+
+def _assignment(t: ParseFailure) -> ParseError | None:
+    """`=` where nothing can be assigned: in a condition, in a column, after something that is not a name."""
+    if t.found.kind != "=" or "+" not in t.expected:
+        return None
+    tested = t.clause in ("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN")
+    left, right = t.side() if tested else t.operand(), _read_value_after(t)
+    compare = f"write {left} == {right} to compare"
+    if tested:
+        return t.error("P006", f"= assigns, but {t.clause.rstrip('(')} needs a condition", compare)
+    if t.clause == "SELECT":
+        return t.error("P006", "a column is not assigned", f"write {right} AS {left} to name a column", compare)
+    ahead = t.values[-2] if len(t.values) > 1 else None
+    if isinstance(ahead, Token) and ahead.kind == "PRIOR":
+        return t.error(
+            "P006", "= assigns, but PRIOR stands in a condition", f"write PRIOR {left} == {right} to compare"
+        )
+    if t.clause in OPTIONS:
+        return t.error(
+            "P001", f"{t.clause} needs a value in front of the assignments", f"write {t.clause} 1 {left} = ..."
+        )
+    if t.clause in ("START WITH", "CONNECT BY") and t.before(2).kind == "AND":
+        begin = max(i for i in range(t.index) if t.tokens[i].kind in ("START", "CONNECT"))
+        ahead_of_it = t.source.text[t.tokens[begin].start : t.before(2).start].strip()
+        return t.error("P006", f"the assignments of {t.clause} are separated by commas",
+                       f"write {ahead_of_it}, {left} = {right}", at=t.before(2))  # fmt: skip
+    return t.error("P001", f"only a name can be assigned here, not {left}", compare)
+
+
+def _read_value_after(t: ParseFailure) -> str:
+    """The literal, name or column after the token that does not fit; `...` for anything longer."""
+    last = t.index + 1
+    while t.tokens[last].kind in VALUES and [token.kind for token in t.tokens[last + 1 : last + 3]] == [".", "NAME"]:
+        last += 2
+    if t.next.kind not in VALUES or t.tokens[last + 1].kind in ("(", "[", "{", "."):
+        return "..."
+    text = t.text(t.next.start, t.tokens[last].end)
+    return "None" if text.upper() == "NULL" else text
+
+
+def _column_name(t: ParseFailure) -> ParseError | None:
+    """`SELECT expr name FROM ...`."""
+    if t.clause != "SELECT" or "FROM" not in t.expected or "," not in t.expected:
+        return None
+    if t.found.kind == "NAME" and not t.found.keyword and t.next.kind in (",", "FROM"):
+        return t.error("P006", f"expected ',' or FROM between {spell(t.before())} and {spell(t.found)}",
+                       f"write {t.column()} AS {t.found.text} to name a column")  # fmt: skip
+    return None
+
+
+def _after_as(t: ParseFailure) -> ParseError | None:
+    """What follows a query that AS has ended: a clause, another source, an index."""
+    ahead = t.values[-2] if len(t.values) > 1 else None
+    if not isinstance(ahead, Token) or ahead.kind != "AS" or t.found.text.upper() in _POSTFIX_HINTS:
+        return None
+    shape, word = t.before(), t.found.keyword or t.found.kind
+    if word in ("[", ".", "^", "{"):
+        return t.error("P009", f"a query to the left of {spell(t.found)} stands in parentheses",
+                       f"write (SELECT ... AS {shape.text}){t.found.text} ...")  # fmt: skip
+    if word not in (
+        "WHERE",
+        "START",
+        "CONNECT",
+        "STOP",
+        "GROUP",
+        "HAVING",
+        "ORDER",
+        "LIMIT",
+        "AS",
+        ",",
+        "JOIN",
+        "LEFT",
+    ):
+        return None
+    return t.error("P006", f"AS ends the query, {spell(t.found)} cannot follow it",
+                   "AS says the form of the result and is the last clause",
+                   f"to name a source write FROM {shape.text} = ...")  # fmt: skip
+
+
+def _statement(t: ParseFailure) -> ParseError | None:
+    """Statements that write, and WITH in front of a query."""
+    word = t.before()
+    if word.kind != "NAME" or t.before(2).kind != ";" or t.bracket:
+        return None
+    upper = word.text.upper()
+    if upper in _WRITING:
+        return t.error("P006", f"a script only reads, there is no {upper}",
+                       "change data from Python or with SQLite itself", at=word)  # fmt: skip
+    if upper == "WITH" and (cure := _with(t)) is not None:
+        return t.error("P006", "there is no WITH in front of a query", cure, at=word)
+    if upper == "WITH":
+        return t.error("P006", "there is no WITH in front of a query", "assign the inner query to a variable first",
+                       "a recursive query is written SELECT ... START WITH ... CONNECT BY ...", at=word)  # fmt: skip
+    return None
+
+
+def _with(t: ParseFailure) -> str | None:
+    """`WITH t AS (SELECT ...) SELECT ...` as two statements."""
+    if t.next.kind != "AS" or t.tokens[t.index + 2].kind != "(":
+        return None
+    depth, index = 0, t.index + 2
+    while index < len(t.tokens) - 1:
+        depth += (t.tokens[index].kind in OPENING) - (t.tokens[index].kind in CLOSING)
+        index += 1
+        if not depth:
+            break
+    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
+    inner = t.source.text[t.tokens[t.index + 2].start : t.tokens[index - 1].end]
+    rest = t.source.text[t.tokens[index].start : end].strip()
+    if not rest or "," in rest[:1] or len(inner) + len(rest) > 120:
+        return None
+    return f"write {t.found.text} = {' '.join(inner.split())}; {' '.join(rest.split())}"
+
+
+def _modifier(t: ParseFailure) -> ParseError | None:
+    """Words in front of an expression: DISTINCT, CASE, PRIOR."""
+    word = t.before()
+    upper = word.text.upper()
+    if word.kind != "NAME" or upper not in _PREFIX_HINTS or t.values[-1:] != [word]:
+        return None
+    hint = _PREFIX_HINTS[upper].format(x=t.text(t.found.start, t.found.end))
+    if upper == "CASE" and t.next.keyword == "WHEN":
+        value = t.tokens[t.index + 2]
+        hint = f"write CASE WHEN {t.found.text} == {t.text(value.start, value.end)}"
+    return t.error("P006", f"there is no {upper} in SelectScript", hint, at=word)
+
+
+def _word(t: ParseFailure) -> ParseError | None:
+    """Words after an expression: operators, joins, set operations."""
+    upper = t.found.text.upper()
+    if (
+        t.found.kind not in ("NAME", upper)
+        or upper not in _POSTFIX_HINTS
+        or t.before().text.upper() == "NO"
+        or t.wants_operand
+        or t.expected == {"="}
+    ):
+        return None
+    spelling, hint, x, y = upper, _POSTFIX_HINTS[upper], t.operand(), _read_value_after(t)
+    if t.before().kind == "NOT":
+        spelling, x, hint = f"NOT {upper}", t.back().operand(), hint.replace(" LIKE ", " NOT LIKE ")
+    return t.error("P006", f"there is no {spelling} in SelectScript", hint.format(x=x, y=y))
+
+
+def _star(t: ParseFailure) -> ParseError | None:
+    if t.found.kind == "*" and t.before().kind == "." and t.before(2).kind == "NAME":
+        source = t.before(2).text
+        return t.error("P006", f"there is no {source}.* in SelectScript",
+                       f"write {source}.this for the element, {source}.x for a column, SELECT * for all")  # fmt: skip
+    alone = t.found.kind == "," and t.before().kind == "*" and "FROM" in t.expected
+    if t.clause == "SELECT" and (alone or (t.found.kind == "*" and t.before().kind == ",")):
+        return t.error("P006", "* is the only column, or none", "write SELECT *, or name the columns")
+    return None
+
+
+def _dot(t: ParseFailure) -> ParseError | None:
+    """`p.name.upper()`."""
+    if t.found.kind == "(" and t.before(2).kind == "." and "+" in t.expected:
+        owner, _, name = t.operand().rpartition(".")
+        return t.error("P001", f"values have no functions of their own, such as {name}", f"write {name}({owner})")
+    return None
+
+
+def _list(t: ParseFailure) -> ParseError | None:
+    """Lists without square brackets, dicts, parameters with a colon."""
+    if t.found.kind == "," and t.clause in ("(", "") and not t.wants_operand:
+        return t.error("P006", "a list stands in square brackets", f"write [{_items(t)}]", *_decimal_comma(t))
+    if t.found.kind == "," and t.clause == "LIMIT":
+        number = t.text(t.next.start, t.next.end)
+        return t.error("P006", "LIMIT has one number", f"write LIMIT {number} OFFSET {t.operand()}")
+    if t.found.kind == "{" and t.wants_operand:
+        return t.error("P001", "a dict cannot be written in a script", "give it to the session from Python")
+    if t.found.kind == ":" and t.wants_operand and t.clause != "x[":
+        return t.error("P006", "a parameter has no sign", f"write {t.next.text or 'its name'} alone")
+    return None
+
+
+def _items(t: ParseFailure) -> str:
+    """The contents of parentheses that were meant as a list, if short."""
+    depth = 0
+    for token in t.tokens[t.index :] if t.clause == "(" else ():
+        depth += (token.kind in OPENING) - (token.kind in CLOSING)
+        if depth < 0 and t.bracket is not None and token.start - t.bracket.end <= 40:
+            return t.source.text[t.bracket.end : token.start].strip().rstrip(",")
+    return f"{t.operand()}, ..."
+
+
+def _decimal_comma(t: ParseFailure) -> list[str]:
+    first, second = t.before(), t.next
+    if first.kind == second.kind == "INTEGER" and first.end == t.found.start and t.found.end == second.start:
+        return [f"a fraction has a point: {first.text}.{second.text}"]
+    return []
+
+
+def _quotes(t: ParseFailure) -> ParseError | None:
+    """`'it''s'` reads as two strings."""
+    before = t.before()
+    if t.found.kind == before.kind == "STRING" and before.end == t.found.start:
+        quote = before.text[0]
+        return t.error("P006", "two strings stand side by side", f"a quote inside a string is written \\{quote}")
+    return None

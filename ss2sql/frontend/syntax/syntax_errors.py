@@ -1,0 +1,322 @@
+"""Messages for scripts that do not fit the grammar: the reason in words of the language, and the cure.
+
+`explain` tries one explanation after the other: a missing second word of a keyword, a spelling of SQL, a misspelt
+keyword, a bracket, a clause in the wrong place. The last one lists what could stand there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from difflib import get_close_matches
+
+from ss2sql.errors import ParseError, Span
+from ss2sql.frontend.syntax import python_spellings, sql_spellings, tokenizer
+from ss2sql.frontend.syntax.expression_builder import CHAIN_HINT, COMPARISONS
+from ss2sql.frontend.syntax.parse_failure import CLAUSES, OPTIONS, PAIRS, VALUES, ParseFailure, join_or, spell
+from ss2sql.frontend.syntax.parse_table import END
+from ss2sql.frontend.syntax.query_builder import ORDER
+from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
+
+# What a clause or a bracket expects, with an example.
+_WANTED = {
+    "SELECT": ("a column", "for instance SELECT this, mass FROM space"),
+    "FROM": ("a source", "for instance FROM space, or FROM n = [1, 2, 3]"),
+    "WHERE": ("a condition", "for instance WHERE mass > 50"),
+    "START WITH": ("an assignment or a condition", "for instance START WITH level = 1, node = 'a'"),
+    "CONNECT BY": ("an assignment or a condition", "for instance CONNECT BY NO CYCLE level = level + 1"),
+    "STOP WITH": ("a condition", "for instance STOP WITH level == 7"),
+    "GROUP BY": ("a value to group by", "for instance GROUP BY colour"),
+    "HAVING": ("a condition", "for instance HAVING count(*) > 1"),
+    "ORDER BY": ("a value to sort by", "for instance ORDER BY mass DESC"),
+    "LIMIT": ("a number", "for instance LIMIT 10"),
+    "AS": ("a representation such as list or value", "for instance AS list"),
+    "MAXIMUM": ("a whole number or a value in parentheses", "for instance MAXIMUM 10, or MAXIMUM (n)"),
+    "IF(": ("a condition", "write IF(condition; then; else)"),
+    "f(": ("an argument", "an argument is a value, or name = value"),
+    "x[": ("an index", "for instance x[0], x[1:3] or x['key']"),
+}
+_VALUE = ("a value", "a value is a name, a number, a string, a list, a call, a query or an operation on values")
+# The likely meaning of a sign after something complete, in a clause or anywhere.
+_BETWEEN = {
+    ("WHERE", ","): "conditions are joined by AND or OR, and a list stands in square brackets",
+    ("[", ":"): "a list of numbers in a row is range(from, to)",
+    ("", "{"): "there are no blocks: write IF(condition; then; else)",
+}
+_COMMA = "leave the comma out, or write what should follow it"
+
+
+def explain_failure(t: ParseFailure) -> ParseError:
+    """The error for a token that does not fit."""
+    if error := tokenizer.explain_unreadable(t.source, t.found):
+        return error
+    checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
+        _pair, _keyword_as_name, _reserved, python_spellings.explain_python, sql_spellings.explain_sql,
+        _misspelling, _closing_bracket, _search, _missing, _chain, _missing_from, _open_bracket, _clause, _descending,
+    )  # fmt: skip
+    return next((error for check in checks if (error := check(t))), None) or _between(t)
+
+
+def _pair(t: ParseFailure) -> ParseError | None:
+    """`STOP level == 7`: the second word of a keyword is missing."""
+    first = t.before()
+    if first.kind not in PAIRS:
+        return None
+    second = PAIRS[first.kind]
+    return t.error(_choose_code(t), f"expected {second} after {first.kind}, found {spell(t.found)}",
+                   f"the keyword is {first.kind} {second}")  # fmt: skip
+
+
+def _keyword_as_name(t: ParseFailure) -> ParseError | None:
+    """`FROM a, WHERE b`: the keyword was read as a name, because what should stand before it is missing."""
+    word = t.before()
+    if word.kind != "NAME" or word.keyword not in CLAUSES or t.values[-1:] != [word]:
+        return None
+    if word.keyword == "LIMIT" and t.before(2).kind == "BY":
+        return None  # an option by another name
+    meant = t.found.keyword == PAIRS[word.keyword] if word.keyword in PAIRS else t.found.kind in (*VALUES, *OPENING)
+    if not meant:
+        return None
+    if t.before(2).kind == ";" and not t.bracket:
+        return t.error("P001", f"a query starts with SELECT, not with {spell(word)}", f"the order is {ORDER}", at=word)
+    return _missing(t.back())
+
+
+def _misspelling(t: ParseFailure) -> ParseError | None:
+    """A word that is nearly a keyword that would fit in its place."""
+    places: list[tuple[Token, frozenset[str]]] = []
+    if t.found.kind == "NAME" and not t.wants_operand:
+        places.append((t.found, t.expected))
+    if t.before().kind == "NAME" and t.values[-1:] == [t.before()]:
+        places.append((t.before(), t.back().expected & {"SELECT", *OPTIONS}))
+    for token, fitting in places:
+        if close := _find_similar_keywords(token.text.upper(), fitting):
+            hint = f"did you mean {join_or(close)}?"
+            return t.error("P001", f"'{tokenizer.shorten_text(token.text)}' is not a keyword", hint, at=token)
+    return None
+
+
+def _find_similar_keywords(word: str, fitting: frozenset[str]) -> list[str]:
+    """The keywords in `fitting`, or their pairs, that are spelt nearly like `word`."""
+    keywords = [kind for kind in sorted(fitting) if kind.isalpha() and kind not in VALUES]
+    spelt = {keyword: keyword for keyword in keywords if len(keyword) > 2}
+    for keyword in keywords:
+        if keyword in PAIRS:
+            spelt[keyword] = spelt[f"{keyword} {PAIRS[keyword]}"] = f"{keyword} {PAIRS[keyword]}"
+    if word in keywords:
+        return []
+    if len(word) <= 3:  # too short for a distance: the same letters in another order, or the beginning of a long word
+        begun = [
+            spelt[keyword] for keyword in spelt if len(word) == 3 and len(keyword) > 6 and keyword.startswith(word)
+        ]
+        return [spelt[keyword] for keyword in spelt if sorted(keyword) == sorted(word)] or begun
+    longer = [keyword for keyword in spelt if len(keyword) > 3 and word.startswith(keyword)]
+    return list(dict.fromkeys(spelt[close] for close in longer + get_close_matches(word, spelt, n=2, cutoff=0.7)))
+
+
+def _closing_bracket(t: ParseFailure) -> ParseError | None:
+    """A closing bracket that does not belong to the innermost open one."""
+    closing = t.found.kind
+    if closing not in CLOSING:
+        return None
+    if t.bracket is None:
+        return t.error("P001", f"'{closing}' closes nothing", f"leave it out, or open it with '{CLOSING[closing]}'")
+    if t.bracket.kind == CLOSING[closing]:
+        return None
+    right = OPENING[t.bracket.kind]
+    return _opened(t, t.error("P001", f"expected '{right}', found '{closing}'", f"'{t.bracket.kind}' needs '{right}'"))
+
+
+def _reserved(t: ParseFailure) -> ParseError | None:
+    """A reserved word where a name is meant."""
+    if t.before().kind == "NOT" and t.found.kind in ("=", "==") and not t.back().wants_operand:
+        left = t.back().operand()
+        return t.error("P001", f"NOT does not go with {t.found.text}", f"write {left} != ...", at=t.before())
+    word = t.before() if t.found.kind == "=" and t.before().kind in tokenizer.RESERVED else t.found
+    if word.kind not in tokenizer.RESERVED or (word is t.found and "NAME" not in t.expected):
+        return None
+    if word is t.found and t.next.kind != "=" and t.before().kind not in (".", "AS"):
+        return None
+    hint = f'write {t.back().operand()}["{word.text}"]' if t.before().kind == "." else "choose another name"
+    return t.error("P001", f"{word.kind} is a reserved word, not a name", hint, at=word)
+
+
+def _missing(t: ParseFailure) -> ParseError | None:
+    """Something is missing in front of the token: a value, a name, an assignment."""
+    found, before = t.found, t.before()
+    clause = t.clause if before.kind in (",", "WITH", "BY", "(", "[") or before.kind == t.clause else ""
+    if t.wants_operand:
+        if before.kind in ("UNIQUE", "CYCLE", "FIRST", "MEMORIZE"):
+            clause = "CONNECT BY"
+        what, hint = _VALUE if before.kind == "," and clause == "IF(" else _WANTED.get(clause, _VALUE)
+        if t.clause in OPTIONS and before.kind == "BY":
+            what, hint = "a key", "for instance UNIQUE BY town, or UNIQUE BY (town, day)"
+        hint = "leave the + out" if found.kind == "+" else hint
+        if t.before(2).kind in ("MAXIMUM", "MEMORIZE") and found.kind in ("*", "/", "%", "+"):
+            hint = f"write {t.before(2).kind} ({before.text} {found.text} {t.text(t.next.start, t.next.end)})"
+    elif "+" in t.expected or t.expected == {"="}:
+        return None
+    elif before.kind == "IF":
+        what, hint = "'('", _WANTED["IF("][1]
+    elif before.kind == "NOT":
+        what, hint = "IN", "write a NOT IN b, or NOT in front of the whole condition"
+    elif before.kind == ".":
+        what, hint = "this or a column", "for instance n.this, or n.mass"
+    elif "NAME" in t.expected or before.kind == "MAXIMUM":
+        what, hint = _WANTED["CONNECT BY" if t.clause in OPTIONS and before.kind != "MAXIMUM" else t.clause]
+    else:
+        return None
+    ahead = f"{t.before(2).kind} {before.kind}" if before.kind in ("WITH", "BY", "FIRST") else spell(before)
+    after = "" if before.kind == ";" and not t.bracket else f" after {ahead}"
+    word = f"{spell(found)} {PAIRS[found.keyword]}" if found.keyword in PAIRS else spell(found)
+    hint = _COMMA if before.kind == "," else hint
+    if before.kind == "MAXIMUM" and found.kind in VALUES:
+        hint = f"write MAXIMUM ({found.text})"
+    error = t.error(_choose_code(t), f"expected {what}{after}, found {word}", hint)
+    return _opened(t, error) if found.kind in (END, ";") else error
+
+
+def _search(t: ParseFailure) -> ParseError | None:
+    """In START WITH and CONNECT BY: assignments without =, options with commas or after the assignments."""
+    name, word = t.before(), t.found.keyword or t.found.kind
+    late = name if t.before(2).kind == "," and name.keyword in OPTIONS else t.found if word in OPTIONS else None
+    if t.clause == "CONNECT BY" and late is not None:
+        return t.error("P001", f"{spell(late)} stands after an assignment",
+                       "options stand right after CONNECT BY, without commas", at=late)  # fmt: skip
+    if t.clause in OPTIONS and t.found.kind in COMPARISONS and "," in t.expected:
+        option, value = t.option, t.operand()
+        return t.error("P001", f"{option} takes a value, and {spell(t.found)} makes a condition of it",
+                       f"a comma stands between {option} and the condition of CONNECT BY; a whole comparison is put "
+                       f"into parentheses: {option} ({value} {t.found.text} ...)")  # fmt: skip
+    if t.expected == {"="}:
+        clause = "CONNECT BY" if t.clause in OPTIONS else t.clause
+        hint = f"{clause} takes assignments such as level = 1"
+        if t.found.kind in COMPARISONS and t.before(2).kind != ",":
+            first = max((i for i in range(t.index) if t.tokens[i].kind in OPTIONS), default=0)
+            hint = f"write {t.source.text[t.tokens[first].start : t.before(2).end]}, {name.text}"
+        return t.error(_choose_code(t), f"expected '=' after {spell(name)}, found {spell(t.found)}", hint)
+    return None
+
+
+def _chain(t: ParseFailure) -> ParseError | None:
+    if t.found.kind not in COMPARISONS or "AND" not in t.expected:
+        return None
+    return t.error("P001", f"a comparison does not go on with {spell(t.found)}", CHAIN_HINT)
+
+
+def _missing_from(t: ParseFailure) -> ParseError | None:
+    """The columns of SELECT are complete, but no FROM follows."""
+    word = t.found.keyword or t.found.kind
+    if t.clause == "SELECT" and "FROM" in t.expected and word == "NAME":
+        follows = t.next.keyword or t.next.kind
+        if follows in CLAUSES or follows in (";", END, ")"):
+            source = t.text(t.found.start, t.found.end)
+            return t.error("P001", f"expected FROM between {spell(t.before())} and {spell(t.found)}",
+                           f"write FROM {source}")  # fmt: skip
+    if t.clause != "SELECT" or "FROM" not in t.expected or (word not in CLAUSES and word not in (";", END, ")", "]")):
+        return None
+    what = "*" if t.before().kind == "*" else "the columns"
+    hints = ["a query has a source: SELECT ... FROM source"]
+    if what != "*" and word in (";", END):
+        hints.append(f"a value alone needs no SELECT: write {t.column()}")
+    return t.error(_choose_code(t), f"expected FROM after {what}, found {spell(t.found)}", *hints)
+
+
+def _open_bracket(t: ParseFailure) -> ParseError | None:
+    """A bracket is still open where the statement ends or a clause begins."""
+    if t.bracket is None or OPENING[t.bracket.kind] not in t.expected:
+        return None
+    opening, closing = t.bracket.kind, OPENING[t.bracket.kind]
+    hint = f"write the missing '{closing}'"
+    if t.found.kind == END:
+        return _opened(t, t.error("P002", f"the script ends before '{opening}' is closed", hint))
+    if t.clause == "IF(" and t.found.kind in (";", ","):
+        hint = "IF has a condition and two branches, commas separate the values of a branch: IF(a; b, c; d)"
+        return t.error("P001", f"{spell(t.found)} does not fit here in IF", hint)
+    if t.found.kind == ";" and opening == "[" and (t.next.kind in VALUES or t.next.kind in OPENING):
+        return _opened(t, t.error("P001", "expected ']' before ';'", "the elements of a list are separated by commas"))
+    if t.found.kind == ";" or t.found.kind in CLAUSES or t.found.keyword in CLAUSES:
+        return _opened(t, t.error("P001", f"expected '{closing}' before {spell(t.found)}", hint))
+    return None
+
+
+def _clause(t: ParseFailure) -> ParseError | None:
+    """A clause where none can stand."""
+    word = t.found.keyword or t.found.kind
+    if word == "HAVING":
+        return t.error("P001", "HAVING stands right after GROUP BY",
+                       "write GROUP BY key HAVING condition, or use WHERE")  # fmt: skip
+    if word in ("WITH", "BY"):
+        firsts = [f"{first} {word}" for first in CLAUSES if PAIRS.get(first) == word]
+        return t.error("P001", f"{word} does not fit here", f"the keywords are {join_or(firsts)}")
+    if word in CLAUSES and word != "SELECT":
+        return t.error("P001", f"{word} does not fit here", f"the order of a query is {ORDER}")
+    return None
+
+
+def _descending(t: ParseFailure) -> ParseError | None:
+    """`ORDER BY DESC x`."""
+    word = t.before()
+    first = t.before(2).kind in ("BY", ",")
+    if t.clause != "ORDER BY" or not first or word.keyword not in ("ASC", "DESC") or t.found.kind not in VALUES:
+        return None
+    return t.error("P001", f"{spell(word)} stands after the value", f"write {t.found.text} {spell(word)}", at=word)
+
+
+def _between(t: ParseFailure) -> ParseError:
+    """Something follows a complete expression: what could stand between the two?"""
+    fitting = []
+    if "+" in t.expected and t.clause != "FROM":
+        fitting.append("an operator")
+    fitting += [f"'{sign}'" for sign in (",", ":", ")", "]", "}") if sign in t.expected]
+    if t.clause == "SELECT":
+        fitting.append("FROM")
+    elif "AS" in t.expected:
+        fitting.append("a clause")
+    if ";" in t.expected:
+        fitting.append("';'")
+    message = f"expected {join_or(fitting or sorted(t.expected))} between {spell(t.before())} and {spell(t.found)}"
+    if t.clause == "FROM":
+        return t.error(_choose_code(t), message, *_hint_at_source(t))
+    if t.found.kind == "IF":
+        return t.error("P001", message, "IF stands in front: IF(condition; then; else)")
+    if not t.clause and (t.found.kind in VALUES or t.found.kind in tokenizer.RESERVED):
+        bare = t.before().kind == "NAME" and t.found.kind in ("NAME", "STRING", "INTEGER", "FLOAT")
+        bare = (
+            bare
+            and t.next.kind != "="
+            and not t.found.text.startswith(".")
+            and "\n" not in t.source.text[t.before().end : t.found.start]
+        )
+        call = [f"a call has parentheses: {t.before().text}({t.text(t.found.start, t.found.end)})"] if bare else []
+        return t.error("P001", message, *call, f"write ; in front of {t.text(t.found.start, t.found.end)}")
+    if t.clause == "CONNECT BY" and t.before(2).kind in ("UNIQUE", "CYCLE") and t.found.kind in VALUES:
+        option = "UNIQUE" if t.before(2).kind == "UNIQUE" else "NO CYCLE"
+        return t.error("P001", message, f"write {option} BY {t.before().text},")
+    if t.before(2).kind == "AS" and ";" in t.expected and t.found.kind in (*VALUES, "SELECT"):
+        return t.error("P001", message, f"write ; in front of {t.text(t.found.start, t.found.end)}")
+    hint = _BETWEEN.get((t.clause, t.found.kind)) or _BETWEEN.get(("", t.found.kind))
+    if hint is None and t.clause == "[":
+        hint = "the elements of a list are separated by commas"
+    hint = hint or "write what should stand between them, or leave one of them out"
+    return _opened(t, t.error(_choose_code(t), message, hint))
+
+
+def _hint_at_source(t: ParseFailure) -> list[str]:
+    if t.found.kind == "SELECT" or (t.found.kind == "NAME" and t.next.kind == "="):
+        return [f"write ; in front of {t.found.text}"]
+    if t.found.kind == "NAME":
+        return [f"write {t.found.text} = {t.operand()} to name the source"]
+    if "ON" in t.expected:
+        return [f"write JOIN {t.operand()} ON condition; a comma in place of JOIN gives all pairs"]
+    return ["a source that is more than a name, a call or a list stands in parentheses"]
+
+
+def _choose_code(t: ParseFailure) -> str:
+    return "P002" if t.found.kind == END else "P001"
+
+
+def _opened(t: ParseFailure, error: ParseError) -> ParseError:
+    """Adds the place where the innermost bracket was opened."""
+    if t.bracket is not None:
+        error.related = ((Span(t.source, t.bracket.start, t.bracket.end), "opened here"),)
+    return error

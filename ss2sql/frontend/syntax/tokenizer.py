@@ -1,0 +1,340 @@
+"""The tokenizer: limits on size and nesting, names, numbers, strings, comments.
+
+It works without recursion, so any text, however large or odd, is safe. Unreadable characters become tokens of a kind
+that the grammar lacks; the parser stops there, and `unreadable` gives the error.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import BinaryIO
+
+from ss2sql.errors import ParseError, Source, Span
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.syntax.parse_table import END
+
+MAX_BYTES = 256 * 1024
+MAX_NESTING = 200
+RESERVED = frozenset(("SELECT", "FROM", "AS", "IF", "AND", "OR", "XOR", "NOT", "IN", "TRUE", "FALSE", "NONE", "THIS"))
+CONTEXTUAL = frozenset((
+    "WHERE", "START", "WITH", "CONNECT", "BY", "STOP", "GROUP", "HAVING", "ORDER", "ASC", "DESC", "LIMIT", "DEPTH",
+    "BREADTH", "FIRST", "NO", "CYCLE", "UNIQUE", "COST", "HEURISTIC", "PROBABILITY", "MAXIMUM", "MEMORIZE",
+    "IS", "NULL", "BETWEEN", "LIKE", "CASE", "WHEN", "THEN", "ELSE", "END", "DISTINCT", "LEFT", "JOIN", "ON", "OFFSET",
+    "LAST", "PRIOR", "EACH", "SIBLINGS",
+))  # fmt: skip
+OPENING = {"(": ")", "[": "]", "{": "}"}
+CLOSING = {")": "(", "]": "[", "}": "{"}
+
+
+@dataclass(slots=True)
+class Token:
+    """A token: `kind` is its symbol in the grammar.
+
+    A contextual keyword starts as a NAME with `keyword` set; the parser changes `kind` where the grammar expects the
+    keyword. Signs and keywords have their own text, in upper case, as kind.
+    """
+
+    kind: str
+    text: str
+    start: int
+    end: int
+    keyword: str | None = None
+
+
+COMMENT = r"\#[^\r\n]*|--(?:[^\S\r\n][^\r\n]*)?(?![^\r\n])|/\*[\s\S]*?\*/"  # 5--3 is 8
+_TOKEN = re.compile(
+    rf"(?P<SKIP>\s+|{COMMENT})"
+    r"""
+    |(?P<WORD>[^\x00-@\[-^`{-\x7f\s][^\x00-/:-@\[-^`{-\x7f\s]*)
+    |(?P<FLOAT>(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+)
+    |(?P<INTEGER>[0-9]+)
+    |(?P<STRING>"(?:[^"\\\r\n]|\\(?:\r\n|[\s\S]))*"|'(?:[^'\\\r\n]|\\(?:\r\n|[\s\S]))*')
+    |(?P<OPEN_COMMENT>/\*[\s\S]*)
+    |(?P<SIGN>==|!=|<>|<=|>=|[-+*/%^()\[\]{},;:.=<>])
+    |(?P<OPEN_STRING>["'][^\r\n]*)
+    |(?P<OTHER>\|\||&&|[\s\S])""",
+    re.VERBOSE,
+)
+_TAIL = re.compile(r"\w+")  # what makes a number unreadable
+_UNREADABLE = re.compile("[\0\ud800-\udfff]")
+
+_INSTEAD = {
+    "||": "join strings with +; the logical or is OR", "&&": "the logical and is AND", "&": "the logical and is AND",
+    "|": "the logical or is OR", "!": "the logical not is NOT", "~": "the logical not is NOT",
+    "`": "a name stands as it is; a key with other characters is read by x[\"key\"]",
+    "@": "a name that the script does not set is a parameter: write it without a sign",
+    "$": "a name that the script does not set is a parameter: write it without a sign",
+    "?": "a choice is IF(condition; then; else); a parameter is a name that the script does not set",
+    "\\": "a statement goes on in the next line without a sign",
+    "“": 'strings stand in " or \'', "”": 'strings stand in " or \'', "„": 'strings stand in " or \'',
+    "‘": 'strings stand in " or \'', "’": 'strings stand in " or \'',
+    "≠": "write !=", "≤": "write <=", "≥": "write >=", "×": "write *", "·": "write *", "÷": "write /",
+    "−": "write - (minus)", "–": "write - (minus)", "—": "write - (minus)",
+}  # fmt: skip
+_SQL_SIGNS = frozenset(("||", "&&", "!"))
+
+
+def tokenize(source: Source) -> list[Token]:
+    """The tokens of a script, closed by one of kind `END`.
+
+    Raises ParseError: P003 for text that is no script at all, P004 for one that is too large, P005 for one that
+    is nested too deeply.
+    """
+    _check_text(source)
+    found = list(iterate_tokens(source.text))
+    end = found[-1].end if found else 0
+    found.append(Token(END, "", end, end))
+    _settle_words(found)
+    _check_nesting(source, found)
+    return found
+
+
+def read_script(stream: BinaryIO, name: str) -> Source:
+    """The script in a stream of bytes, read up to the greatest size of a script.
+
+    Raises ParseError P004 for a larger script, UnicodeDecodeError for bytes that are no text, and OSError.
+    """
+    found = stream.read(MAX_BYTES + 1)
+    if len(found) > MAX_BYTES:
+        raise make_size_error(f"the script {name}")
+    return Source(found.decode("utf-8"), name)
+
+
+def make_size_error(script: str, span: Span | None = None) -> ParseError:
+    """The error for a script that is larger than `MAX_BYTES`."""
+    return ParseError(
+        "P004", f"{script} is larger than 256 KiB", span,
+        ["give data to the session from Python, as a variable or a table, instead of writing it into the script"],
+    )  # fmt: skip
+
+
+def _check_text(source: Source) -> None:
+    text = source.text
+    if len(text) > MAX_BYTES or len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
+        raise make_size_error("the script", Span(source, 0, 0))
+    if bad := _UNREADABLE.search(text):
+        what = "a NUL character" if bad[0] == "\0" else f"half of a character, {_show_character(bad[0])}"
+        raise ParseError(
+            "P003", f"this is not text: it contains {what}", Span(source, bad.start(), bad.end()),
+            ["a script is Unicode text; read its file with encoding='utf-8', and do not pass a binary file"],
+        )  # fmt: skip
+
+
+def iterate_tokens(text: str, start: int = 0) -> Iterator[Token]:
+    """The tokens of any text from `start` on, read one at a time."""
+    last: Token | None = None
+    for match in _TOKEN.finditer(text, 1 if start == 0 and text.startswith("\ufeff") else start):
+        kind = match.lastgroup or ""
+        if kind == "SKIP" or (last is not None and match.start() < last.end):  # the letters after a number
+            continue
+        found, begin, end = match[0], match.start(), match.end()
+        if kind == "WORD":
+            for last in _split_word(found, begin):
+                yield last
+            continue
+        if kind == "SIGN":
+            if found == "=" and last is not None:
+                last.keyword = None  # a keyword before a single = is a name
+            last = Token(found, found, begin, end)
+        elif kind in ("FLOAT", "INTEGER") and (tail := _TAIL.match(text, end)):
+            last = Token("BAD_NUMBER", found + tail[0], begin, tail.end())
+        else:
+            last = Token(kind, found, begin, end)
+        yield last
+
+
+# Words that could be names, and what has to follow for them to be keywords.
+_OPERANDS = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
+_BEGINS = _OPERANDS | {"SELECT", "NOT", "IF"}
+_FOLLOWED = {
+    "CASE": frozenset(("WHEN",)), "DISTINCT": _BEGINS | {"(", "[", "*"}, "PRIOR": _OPERANDS,
+    "LAST": _BEGINS | {"[", "-", "*"},
+}  # fmt: skip
+_FIRST = frozenset(("START", "CONNECT", "STOP", "GROUP", "ORDER"))
+_OPTIONS = frozenset(("DEPTH", "BREADTH", "NO", "UNIQUE", "COST", "HEURISTIC", "PROBABILITY", "MAXIMUM", "MEMORIZE"))
+_SECOND = {"DEPTH": "FIRST", "BREADTH": "FIRST", "NO": "CYCLE"}
+_NUMBERED = frozenset(("MAXIMUM", "MEMORIZE"))
+_VALUED = frozenset(("COST", "HEURISTIC", "PROBABILITY"))
+_BEHIND_NAMES = frozenset(("AND", "OR", "XOR", "NOT", ",", ")", "]", ";"))
+_INFIX = frozenset(("==", "!=", "<>", "<", "<=", ">", ">=", "+", "*", "/", "%", "^", ".", "[", "IN"))
+
+
+def _settle_words(found: list[Token]) -> None:
+    """Makes names of words that are followed like names: `cost + 1`, `last(x)`, `SELECT prior, a`."""
+    for place, (token, after) in enumerate(pairwise(found)):
+        word = token.keyword
+        if word in _FOLLOWED:
+            named = not _FOLLOWED[word] & {after.kind, after.keyword}
+            named = named or (word == "PRIOR" and _begins_clause(after, found[min(place + 2, len(found) - 1)]))
+        elif word in _OPTIONS:
+            named = _is_name(word, token, after, found[min(place + 2, len(found) - 1)])
+        else:
+            continue
+        if named:
+            token.keyword = None
+
+
+def _is_name(word: str, token: Token, after: Token, following: Token) -> bool:
+    """Whether the word of an option is a name: `COST -1` has a value, `cost - 1` and `cost-1` are differences."""
+    kind = after.kind
+    if kind in _INFIX or (word in _VALUED and kind in _BEHIND_NAMES):
+        return True
+    if kind == "-" and word not in _NUMBERED:
+        return not (token.end < after.start and after.end == following.start)
+    return word in _SECOND and after.keyword != _SECOND[word] and kind not in _OPERANDS and kind != END
+
+
+def _begins_clause(token: Token, after: Token) -> bool:
+    """Whether a word is the first of a clause, and no name."""
+    alone = token.keyword in ("WHERE", "HAVING", "LIMIT", "ASC", "DESC")
+    return alone or (token.keyword in _FIRST and after.keyword in ("WITH", "BY", "SIBLINGS"))
+
+
+def _split_word(text: str, start: int) -> Iterator[Token]:
+    """A word as a token; as two where it has characters that are not allowed in names."""
+    if text.isascii():
+        upper = text.upper()
+        if upper in RESERVED:
+            yield Token(upper, text, start, start + len(text))
+        else:
+            yield Token("NAME", text, start, start + len(text), upper if upper in CONTEXTUAL else None)
+        return
+    length = 0
+    while length < len(text) and (text[length] if length == 0 else "a" + text[length]).isidentifier():
+        length += 1
+    if length:
+        yield Token("NAME", text[:length], start, start + length)
+    if length < len(text):
+        yield Token("OTHER", text[length], start + length, start + length + 1)
+
+
+def explain_unreadable(source: Source, token: Token) -> ParseError | None:
+    """The error (P003, P006) for a token that the language lacks; None for any other."""
+    span = Span(source, token.start, token.end)
+    text = token.text
+    if token.kind == "OPEN_COMMENT":
+        return ParseError(
+            "P003", "this comment is not closed", Span(source, token.start, token.start + 2), ["write */"]
+        )
+    if token.kind == "OPEN_STRING":
+        hint = f"write {text[0]} at its end, on the same line; a line break inside is \\n"
+        return ParseError("P003", "this string is not closed", span, [hint])
+    if token.kind == "BAD_NUMBER":
+        hints = ["a name starts with a letter; numbers are written 7, 1.5 or 1e3, without units or separators"]
+        return ParseError("P003", f"'{shorten_text(text)}' is neither a number nor a name", span, hints)
+    if token.kind != "OTHER":
+        return None
+    hints = [_INSTEAD.get(text, "leave it out, or put it into a string")]
+    if text == "||":
+        return None  # frontend/syntax/sql_spellings.py shows the right form
+    if text in _SQL_SIGNS:
+        return ParseError("P006", f"there is no operator {text}", span, hints)
+    return ParseError("P003", f"the language has no character {_show_character(text)}", span, hints)
+
+
+def _show_character(char: str) -> str:
+    code = f"U+{ord(char[0]):04X}"
+    name = unicodedata.name(char[0], "")
+    if not char.isprintable() or char.isspace():
+        return f"{code} {name}".strip()
+    return f"'{char}'" if char.isascii() else f"'{char}' ({code} {name})"
+
+
+def shorten_text(text: str) -> str:
+    """A text for an error message: at most thirty characters, on one line."""
+    text = " ".join(text.split())
+    return text if len(text) <= 30 else text[:27] + "..."
+
+
+_OPERAND_ENDS = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE", ")", "]", "}"))
+_POWER_PARTS = _OPERAND_ENDS | {"(", "[", "{", "."}
+
+
+def _check_nesting(source: Source, found: list[Token]) -> None:
+    """Refuses what would nest deeper than `MAX_NESTING`: brackets, bare queries, prefix operators, powers."""
+    opened = [0]  # per open bracket: the bare queries, beyond the first, without an end so far
+    selects: list[list[bool]] = [[]]  # per open bracket: the bare queries, and whether they have reached FROM
+    prefixes = powers = 0
+    before = ""
+    for token in found:
+        kind = token.kind
+        if kind == "NOT" or (kind == "-" and before not in _OPERAND_ENDS):
+            prefixes += 1
+        else:
+            prefixes = 0
+            if kind in OPENING:
+                opened.append(opened[-1])
+                selects.append([])
+            elif kind in CLOSING:
+                if len(opened) > 1:
+                    opened.pop()
+                    selects.pop()
+            elif kind == "SELECT":
+                selects[-1].append(False)
+                opened[-1] += len(selects[-1]) > 1
+            elif kind == "FROM" and selects[-1]:
+                selects[-1][-1] = True
+            elif kind == "AS" and selects[-1] and selects[-1][-1]:  # before FROM it names a column
+                opened[-1] -= len(selects[-1]) > 1
+                selects[-1].pop()
+            elif kind == ";":
+                opened[-1] -= max(0, len(selects[-1]) - 1)
+                selects[-1].clear()
+            if kind == "^":
+                powers += 1
+            elif kind not in _POWER_PARTS:
+                powers = 0
+        if len(opened) - 1 + opened[-1] + prefixes + powers > MAX_NESTING:
+            raise make_nesting_error(Span(source, token.start, token.end), f"{MAX_NESTING} levels")
+        before = kind
+
+
+def make_nesting_error(span: Span, limit: str) -> ParseError:
+    """The error for what is nested deeper than `limit`, at `span`."""
+    return ParseError(
+        "P005", f"the script is nested deeper than {limit}", span,
+        ["assign inner parts to variables first; long data comes from Python as a variable"],
+    )  # fmt: skip
+
+
+_ESCAPE = re.compile(
+    r"\\(?:(?P<line>\r\n|[\r\n])|(?P<plain>[\\'\"abfnrtv])|(?P<octal>[0-7]{1,3})"
+    r"|x(?P<x>[0-9a-fA-F]{2})|u(?P<u>[0-9a-fA-F]{4})|U(?P<U>[0-9a-fA-F]{8})|N\{(?P<name>[^}]*)\}|(?P<bad>[xuUN]))"
+)
+_PLAIN = {"\\": "\\", "'": "'", '"': '"', "a": "\a", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "v": "\v"}
+_FORMS = {"x": "\\x41", "u": "\\u0041", "U": "\\U00000041", "N": "\\N{LATIN CAPITAL LETTER A}"}
+
+
+def unescape(source: Source, token: Token) -> str:
+    """The value of a string token, its escapes read as Python reads them.
+
+    Raises ParseError (P003) for a malformed escape and for one that is not a character.
+    """
+    if "\\" not in token.text:
+        return token.text[1:-1]
+
+    def value(match: re.Match[str]) -> str:
+        kind, text = match.lastgroup, match[match.lastgroup or 0]
+        span = Span(source, token.start + match.start(), token.start + match.end())
+        if kind == "line":
+            return ""
+        if kind == "plain":
+            return _PLAIN[text]
+        if kind == "bad":
+            hints = [f"it is written {_FORMS[text]}", "a backslash itself is written \\\\"]
+            raise ParseError("P003", f"this escape is not complete: \\{text}", span, hints)
+        if kind == "name":
+            try:
+                return unicodedata.lookup(text)
+            except KeyError:
+                hint = "the names are Unicode's, as unicodedata.name('é') gives them in Python"
+                raise ParseError("P003", f"there is no character named '{shorten_text(text)}'", span, [hint]) from None
+        code = int(text, 8 if kind == "octal" else 16)
+        if code > 0x10FFFF or 0xD800 <= code <= 0xDFFF:
+            raise ParseError("P003", f"{match[0]} is not a character", span, ["characters go up to \\U0010ffff"])
+        return chr(code)
+
+    return _ESCAPE.sub(value, token.text)[1:-1]

@@ -1,0 +1,327 @@
+"""The proof for a function's expressions: what is called, and where sets, iterators and functions may occur."""
+
+from __future__ import annotations
+
+import ast
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import field
+from typing import Any
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.volatility.function_source import Comprehension, FunctionNode, Owner, list_parameters
+from ss2sql.frontend.volatility.known_functions import CLASSES, METHODS, KnownFunction, ResultKind, find_known
+from ss2sql.frontend.volatility.name_bindings import (
+    CODE,
+    NOTHING,
+    OBJECT,
+    SET,
+    SET_OPERATORS,
+    UNKNOWN,
+    VALUE,
+    FunctionNames,
+    LocalFunction,
+    Scope,
+    Target,
+    Unproven,
+)
+
+ANY = VALUE | SET | OBJECT | CODE
+# A field of a format string with a dotted name: `{0.name}`, also inside another field.
+_ATTRIBUTE = re.compile(r"\{[^{}:!]*\.")
+_SINGLES = (None, True, False)
+
+
+@dataclass(slots=True)
+class ExpressionProof(ABC):
+    """The part of the proof that checks expressions.
+
+    `follow` proves another Python object that is called by a name. Every check raises `Unproven` where the proof fails.
+    """
+
+    frame: FunctionNames
+    follow: Callable[[Any, str], None]
+    scope: Scope = field(init=False)  # where the walk stands
+
+    def __post_init__(self) -> None:
+        self.scope = self.frame.root
+
+    @abstractmethod
+    def body(self, node: FunctionNode) -> None:
+        """Walks the body of a function or lambda, in its own scope."""
+
+    @contextmanager
+    def inside(self, owner: Owner) -> Iterator[None]:
+        outer, self.scope = self.scope, self.frame.scope_of(owner, self.scope)
+        try:
+            yield
+        finally:
+            self.scope = outer
+
+    def check_all(self, nodes: Iterable[ast.expr | None], allowed: ResultKind) -> None:
+        for node in nodes:
+            if node is not None:
+                self.check(node, allowed)
+
+    def check(self, node: ast.expr, allowed: ResultKind) -> None:
+        """Checks an expression whose value may be of the `allowed` kinds."""
+        try:
+            self.expression(node, allowed)
+            excess = self.frame.kind(node, self.scope) & ~allowed
+        except Unproven as error:
+            if error.line is None:
+                error.line = node.lineno
+            raise
+        if excess:
+            text = ast.unparse(node)[:40]
+            if excess & SET:
+                raise Unproven(f"uses the set '{text}' where its order may count", node.lineno)
+            what = "a function" if excess & CODE else "an iterator, view or exception"
+            raise Unproven(f"keeps or passes on '{text}', {what}", node.lineno)
+
+    def expression(self, node: ast.expr, allowed: ResultKind) -> None:
+        match node:
+            case ast.Constant() | ast.Name(ctx=ast.Load()):
+                if isinstance(node, ast.Name) and self.scope.find(node.id) is None:
+                    self.frame.outside(node.id)
+            case ast.Call():
+                self.call(node)
+            case ast.Attribute(value=value, attr=name):
+                if self.frame.static(node, self.scope) is UNKNOWN:
+                    self.check(value, ANY)
+                    raise Unproven(f"reads the attribute '{name}' of an object")
+            case ast.BinOp(left=left, op=op, right=right):
+                self.check_all([left, right], VALUE | SET | OBJECT if isinstance(op, SET_OPERATORS) else VALUE)
+            case ast.BoolOp(values=values):
+                self.check_all(values, allowed)
+            case ast.UnaryOp(op=op, operand=operand):
+                self.check(operand, ANY if isinstance(op, ast.Not) else VALUE)
+            case ast.IfExp(test=test, body=body, orelse=orelse):
+                self.check(test, ANY)
+                self.check_all([body, orelse], allowed)
+            case ast.NamedExpr(value=value):
+                # Values computed by a comprehension are not traced to the names around it.
+                computed = not isinstance(self.scope.owner, ast.FunctionDef | ast.Lambda)
+                self.check(value, VALUE if computed else allowed)
+            case ast.Compare():
+                self.compare(node)
+            case ast.Subscript(value=value, slice=index):
+                self.check(value, VALUE | OBJECT)
+                self.check(index, VALUE)
+            case ast.Slice(lower=lower, upper=upper, step=step):
+                self.check_all([lower, upper, step], VALUE)
+            case ast.List(elts=parts) | ast.Tuple(elts=parts) | ast.Set(elts=parts):
+                for part in parts:
+                    self.element(part, SET if isinstance(node, ast.Set) else NOTHING)
+            case ast.Dict(keys=keys, values=values):
+                self.check_all([*keys, *values], VALUE)
+            case ast.JoinedStr(values=values):
+                self.check_all(values, VALUE)
+            case ast.FormattedValue(value=value, format_spec=spec):
+                self.check_all([value, spec], VALUE)
+            case ast.Lambda():
+                self.nested(node)
+            case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
+                self.comprehension(node, unordered=isinstance(node, ast.SetComp))
+            case _:
+                raise Unproven(f"uses '{type(node).__name__.lower()}'")
+
+    def element(self, node: ast.expr, also: ResultKind) -> None:
+        """Checks an element of a display or an argument; a starred one is iterated."""
+        if isinstance(node, ast.Starred):
+            self.check(node.value, VALUE | OBJECT | also)
+        else:
+            self.check(node, VALUE)
+
+    def compare(self, node: ast.Compare) -> None:
+        operands = [node.left, *node.comparators]
+        for left, op, right in zip(operands, node.ops, node.comparators, strict=False):
+            if isinstance(op, ast.Is | ast.IsNot):
+                single = isinstance(left, ast.Constant) and any(left.value is one for one in _SINGLES)
+                single |= isinstance(right, ast.Constant) and any(right.value is one for one in _SINGLES)
+                if not single and not (self.kind_of(left) | self.kind_of(right)) & CODE:
+                    raise Unproven(f"compares identities in '{ast.unparse(node)[:40]}'")
+        self.check_all(operands, ANY)
+
+    def kind_of(self, node: ast.expr) -> ResultKind:
+        return self.frame.kind(node, self.scope)
+
+    def comprehension(self, node: Comprehension, unordered: bool) -> None:
+        read_through = VALUE | OBJECT | (SET if unordered else NOTHING)
+        # The first source is read outside the comprehension, everything else inside.
+        self.check(node.generators[0].iter, read_through)
+        with self.inside(node):
+            for number, generator in enumerate(node.generators):
+                if number:
+                    self.check(generator.iter, read_through)
+                self.target(generator.target)
+                self.check_all(generator.ifs, ANY)
+            self.check_all([node.key, node.value] if isinstance(node, ast.DictComp) else [node.elt], VALUE)
+
+    def target(self, node: ast.expr) -> None:
+        match node:
+            case ast.Name():
+                pass
+            case ast.Tuple(elts=parts) | ast.List(elts=parts):
+                for part in parts:
+                    self.target(part)
+            case ast.Starred(value=value):
+                self.target(value)
+            case ast.Subscript(value=value, slice=index):
+                self.frame.findings.changes = True
+                self.check(value, VALUE | OBJECT)
+                self.check(index, VALUE)
+            case _:
+                assert isinstance(node, ast.Attribute), "Python assigns to nothing else"
+                raise Unproven(f"changes the attribute '{node.attr}'")
+
+    def nested(self, node: FunctionNode) -> None:
+        arguments = node.args
+        self.check_all([*arguments.defaults, *arguments.kw_defaults], VALUE)
+        if isinstance(node, ast.FunctionDef):
+            if node.decorator_list:
+                raise Unproven(f"decorates the inner function '{node.name}'")
+            for annotation in (node.returns, *(parameter.annotation for parameter in list_parameters(arguments))):
+                self.annotation(annotation)
+        with self.inside(node):
+            self.body(node)
+
+    def annotation(self, node: ast.expr | None) -> None:
+        match node:
+            case None | ast.Constant():
+                pass
+            case ast.Name():
+                self.builtin_class(node)
+            case ast.Subscript(value=left, slice=right) | ast.BinOp(left=left, op=ast.BitOr(), right=right):
+                self.annotation(left)
+                self.annotation(right)
+            case ast.Tuple(elts=parts):
+                for part in parts:
+                    self.annotation(part)
+            case _:
+                raise Unproven(f"computes the annotation '{ast.unparse(node)[:40]}'")
+
+    def builtin_class(self, node: ast.expr) -> None:
+        value = self.frame.static(node, self.scope)
+        if not any(value is owner for owner in CLASSES):
+            raise Unproven(f"asks whether a value is a '{ast.unparse(node)[:40]}'")
+
+    # Calls
+
+    def call(self, node: ast.Call) -> None:
+        func = node.func
+        if isinstance(func, ast.Attribute) and self.frame.static(func, self.scope) is UNKNOWN:
+            self.method(node, func)
+            return
+        if isinstance(func, ast.Lambda | ast.IfExp):
+            self.check(func, CODE)
+        text = ast.unparse(func)
+        for target in self.frame.targets(func, self.scope):
+            entry = None if isinstance(target, LocalFunction) else find_known(target)
+            if entry is not None:
+                self.known_call(node, entry)
+                continue
+            if not isinstance(target, LocalFunction):
+                self.follow(target, text)
+            for argument in node.args:
+                self.element(argument, NOTHING)
+            self.check_all([keyword.value for keyword in node.keywords], VALUE)
+
+    def known_call(self, node: ast.Call, entry: KnownFunction) -> None:
+        self.frame.findings.changes |= entry.changes
+        if len(node.args) > entry.most:
+            raise Unproven(f"calls {entry.name} with more arguments than are known")
+        reads = entry.reads if not entry.alone or len(node.args) == 1 else range(0)
+        keyed = any(keyword.arg == "key" for keyword in node.keywords)
+        for position, argument in enumerate(node.args):
+            starred = isinstance(argument, ast.Starred)
+            if starred and (entry.most < 99 or (entry.function is not None and position <= entry.function)):
+                raise Unproven(f"calls {entry.name} with arguments that are not counted")
+            if position == entry.function:
+                self.function_argument(argument)
+            elif entry.target is isinstance and position == 1:
+                for part in argument.elts if isinstance(argument, ast.Tuple) else [argument]:
+                    self.builtin_class(part)
+            elif position not in reads or starred:
+                self.element(argument, NOTHING)
+            elif entry.generated and not keyed and isinstance(argument, ast.GeneratorExp):
+                self.comprehension(argument, unordered=True)
+            else:
+                self.check(argument, VALUE | OBJECT | (SET if entry.unordered and not keyed else NOTHING))
+        self.keywords(node, entry.name, entry.keywords)
+
+    def keywords(self, node: ast.Call, name: str, accepted: tuple[str, ...]) -> None:
+        for keyword in node.keywords:
+            if keyword.arg == "key" and "key" in accepted:
+                self.function_argument(keyword.value)
+            elif keyword.arg in accepted or "*" in accepted:
+                self.check(keyword.value, VALUE)
+            else:
+                raise Unproven(f"calls {name} with the argument '{keyword.arg or '**'}', which is not known to be pure")
+
+    def function_argument(self, node: ast.expr) -> None:
+        """Checks an argument that is called: it must be proven, and give plain values."""
+        if isinstance(node, ast.Constant):
+            return
+        if isinstance(node, ast.Attribute) and self.frame.static(node, self.scope) is UNKNOWN:
+            method = METHODS.get(node.attr)
+            if method is None or method.gives != VALUE or node.attr in ("copy", "format", "pop"):
+                raise Unproven(f"uses the method '{node.attr}', which is not known to be pure")
+            self.frame.findings.changes |= method.changes
+            self.check(node.value, VALUE | SET | OBJECT)
+            return
+        if isinstance(node, ast.Call):
+            entry = find_known(self.frame.static(node.func, self.scope))
+            if entry is None or entry.gives != CODE or entry.target is type:
+                raise Unproven(f"calls the result of '{ast.unparse(node)[:40]}'")
+            self.check(node, CODE)
+            return
+        if isinstance(node, ast.Lambda | ast.IfExp):
+            self.check(node, CODE)
+        for target in self.frame.targets(node, self.scope):
+            self.check_callback(target, ast.unparse(node))
+
+    def check_callback(self, target: Target, text: str) -> None:
+        entry = None if isinstance(target, LocalFunction) else find_known(target)
+        if entry is not None:
+            self.frame.findings.changes |= entry.changes
+        elif not isinstance(target, LocalFunction):
+            self.follow(target, text)
+        if self.frame.given(target) & ~VALUE or (entry is not None and entry.function is not None):
+            raise Unproven(f"uses {text} as a function, which does not give plain values")
+
+    def method(self, node: ast.Call, func: ast.Attribute) -> None:
+        name = func.attr
+        method = METHODS.get(name)
+        receiver = self.kind_of(func.value)
+        if receiver & CODE:
+            raise Unproven(f"calls {ast.unparse(func)}, which is not known to be pure")
+        self.check(func.value, VALUE | SET | OBJECT)
+        if method is None:
+            raise Unproven(f"calls the method '{name}', which is not known to be pure")
+        if name == "format":
+            self.template(func.value)
+        if receiver & SET and name == "pop":
+            raise Unproven("takes an element of a set, which may be any")
+        spread = any(isinstance(argument, ast.Starred) for argument in node.args)
+        if not (method.fewest <= len(node.args) <= method.most or spread) or (spread and method.most < 99):
+            raise Unproven(f"calls the method '{name}' unlike a method of Python's own types")
+        self.frame.findings.changes |= method.changes
+        unordered = method.unordered or (method.reads and receiver == SET)
+        allowed = VALUE | (OBJECT if method.reads else NOTHING) | (SET if unordered else NOTHING)
+        for argument in node.args:
+            if isinstance(argument, ast.Starred):
+                self.element(argument, NOTHING)
+            else:
+                self.check(argument, allowed)
+        self.keywords(node, f"the method '{name}'", method.keywords)
+
+    def template(self, node: ast.expr) -> None:
+        """Checks that a format string is constant and reads no attributes: the text of a method has an address."""
+        text = node.value if isinstance(node, ast.Constant) else self.frame.static(node, self.scope)
+        if not isinstance(text, str):
+            raise Unproven("formats with a text that is not constant")
+        if _ATTRIBUTE.search(text):
+            raise Unproven(f"reads attributes through the format '{text[:40]}'")

@@ -1,0 +1,226 @@
+"""The volatility of a Python function, inferred from its source.
+
+Calls of an immutable function are cached, shared and reordered, so `infer` calls a function immutable only where its
+source proves it, and volatile in every other case. The proof assumes that
+
+- arguments are plain values (None, bool, int, float, string, list, dict), fresh for each call: the methods of a user's
+  class are not examined, so a call with an opaque object must not be cached on this proof alone;
+- a name that is bound once in its file is not rebound from elsewhere afterwards (`module.helper = other`, a debugger,
+  the next cell of a notebook that defines a helper again);
+- the memory and the stack suffice, and the locale stays what it is.
+
+A function in `functools.cache` is judged as the function itself, although the cache takes 1, 1.0 and True for one
+argument: its author chose that.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from dataclasses import field
+from types import BuiltinFunctionType, FunctionType, MethodDescriptorType, MethodType
+from typing import Any, Literal, TypeAlias
+
+from ss2sql.errors import SessionError
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.volatility.function_source import locate_function, read_module
+from ss2sql.frontend.volatility.known_functions import EFFECTS, IMPURE_MODULES, find_known
+from ss2sql.frontend.volatility.name_bindings import (
+    CACHE_TYPE,
+    SET,
+    VALUE,
+    Findings,
+    FunctionNames,
+    Unproven,
+    is_constant,
+    is_exception_class,
+    unwrap_callable,
+)
+from ss2sql.frontend.volatility.statement_proof import FunctionProof
+
+Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]
+
+_MOST_FUNCTIONS = 100
+_MOST_DEPTH = 25
+
+
+@dataclass(frozen=True, slots=True)
+class Purity:
+    """The volatility of a function, and the reason.
+
+    `reason` is a clause with the function as its subject, such as "calls print"; `line` is the line in the function's
+    own source file that the reason is about, where there is one. `changes` is false where it is proven to
+    change nothing, its arguments included.
+    """
+
+    volatility: Volatility
+    reason: str
+    line: int | None = None
+    changes: bool = field(default=True, compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Arity:
+    """How many positional arguments a function takes; `maximum` is None with `*args`, `names` are their names."""
+
+    minimum: int
+    maximum: int | None
+    names: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Proof:
+    """One proof: the functions that it has followed, and their findings together."""
+
+    frames: dict[int, FunctionNames] = field(default_factory=dict)
+    findings: Findings = field(default_factory=Findings)
+    depth: int = 0
+
+    def prove(self, function: FunctionType) -> None:
+        """Returns when the function is proven immutable, else raises `Unproven`."""
+        self.frame_of(function)
+        if self.findings.cached is not None and self.findings.changes:
+            raise Unproven(f"calls {self.findings.cached}, whose remembered values it may change")
+
+    def frame_of(self, function: FunctionType) -> FunctionNames:
+        """The names of a function; its body is walked at the first request."""
+        if id(function) not in self.frames:
+            if self.depth >= _MOST_DEPTH or len(self.frames) >= _MOST_FUNCTIONS:
+                raise Unproven("calls more functions than are followed")
+            frame = self._open(function)
+            # A recursive call counts as proven: if the function is not, the walk fails anyway.
+            self.frames[id(function)] = frame
+            self.depth += 1
+            FunctionProof(frame, self.follow).run()
+            self.depth -= 1
+        return self.frames[id(function)]
+
+    def _open(self, function: FunctionType) -> FunctionNames:
+        code = function.__code__
+        if code.co_flags & (inspect.CO_GENERATOR | inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR):
+            raise Unproven("is a generator or coroutine", code.co_firstlineno)
+        located = locate_function(function)
+        if located is None and read_module(code.co_filename, function.__globals__) is None:
+            raise Unproven("has no Python source")
+        if located is None:
+            raise Unproven("is not in its source file as it runs")
+        defaults = (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values())
+        if not all(is_constant(default) for default in defaults):
+            raise Unproven("has a default argument that may change", code.co_firstlineno)
+        return FunctionNames(function, located, self.frame_of, self.findings)
+
+    def follow(self, value: Any, text: str) -> None:
+        """Proves a Python object that is called as `text`."""
+        # The functions of `random` are methods of an object of it.
+        home = getattr(value, "__module__", None) or type(getattr(value, "__self__", None)).__module__
+        if str(home).partition(".")[0] in IMPURE_MODULES:
+            raise Unproven(f"calls {text}, whose value or effect does not depend on its arguments alone")
+        if find_known(value) is not None or is_exception_class(value):
+            return
+        if type(value) is FunctionType:
+            try:
+                self.frame_of(value)
+            except Unproven as error:
+                raise Unproven(f"calls {text}, which {error.reason}") from None
+        elif type(value) is CACHE_TYPE:
+            self.findings.cached = text
+            self.follow(unwrap_callable(value), text)
+        elif type(value) is functools.partial and _check_bound_arguments(value):
+            self.follow(value.func, text)
+        elif text in EFFECTS:
+            raise Unproven(f"calls {text}, which has effects or reads more than its arguments")
+        else:
+            raise Unproven(f"calls {text}, which is not known to be pure")
+
+
+def infer_purity(function: Callable[..., object]) -> Purity:
+    """Whether a function's source proves that it is immutable; it is volatile otherwise, with the reason.
+
+    `function` is any callable. Nothing is called, nothing is raised.
+    """
+    try:
+        reason, changes = _prove_callable(function)
+        return Purity("immutable", reason, changes=changes)
+    except Unproven as unproven:
+        return Purity("volatile", unproven.reason, unproven.line)
+    except RecursionError:
+        return Purity("volatile", "is nested too deeply to be followed")
+
+
+def _prove_callable(function: Any) -> tuple[str, bool]:
+    """Why a callable is immutable, and whether it may change its arguments. Raises `Unproven`."""
+    entry = find_known(function)
+    if entry is not None:
+        if entry.gives & ~(VALUE | SET):
+            raise Unproven("gives an iterator or a function, which is not a value")
+        if entry.function is not None:
+            raise Unproven("calls its arguments")
+        return "is known to be pure", entry.changes
+    if type(function) is functools.partial:
+        if not _check_bound_arguments(function):
+            raise Unproven("is a partial with an argument that may change")
+        try:
+            reason, changes = _prove_callable(function.func)
+            return f"is a partial of a function that is immutable: it {reason}", changes
+        except Unproven as unproven:
+            raise Unproven(f"is a partial of a function that {unproven.reason}", unproven.line) from None
+    if type(function) is CACHE_TYPE:
+        return _prove_callable(unwrap_callable(function))
+    if type(function) is FunctionType:
+        proof = Proof()
+        proof.prove(function)
+        if not proof.findings.constants:
+            return "has a source that uses only its arguments", proof.findings.changes
+        names = ", ".join(f"'{name}'" for name in proof.findings.constants)
+        reason = f"has a source that uses only its arguments and the constants {names}"
+        return reason, proof.findings.changes
+    raise Unproven(_find_obstacle(function))
+
+
+def _check_bound_arguments(function: functools.partial[Any]) -> bool:
+    return all(is_constant(value) for value in (*function.args, *function.keywords.values()))
+
+
+def _find_obstacle(function: Any) -> str:
+    if type(function) is MethodType:
+        return "is a method of an object, which may have state"
+    if type(function) in (BuiltinFunctionType, MethodDescriptorType):
+        return "has no Python source"
+    if issubclass(type(function), type):
+        return "is a class, whose objects may have state"
+    return "is an object with state"
+
+
+def infer_arity(function: Callable[..., object]) -> Arity:
+    """How many positional arguments a function takes, from its signature; 0 to any number where it has none.
+
+    Raises a `SessionError` S002 for something that cannot be called, or only with keyword arguments.
+    """
+    if not callable(function):
+        raise SessionError("S002", f"{function!r} cannot be called.", hints=("register a Python function",))
+    target: Any = unwrap_callable(function) if type(function) is CACHE_TYPE else function
+    try:
+        # Without __wrapped__: the function that is called counts, not the one that it claims to be.
+        signature = inspect.signature(target, follow_wrapped=False)
+    except (TypeError, ValueError):
+        return Arity(0, None, ())
+    names: list[str] = []
+    minimum, unbounded = 0, False
+    for parameter in signature.parameters.values():
+        match parameter.kind:
+            case inspect.Parameter.POSITIONAL_ONLY | inspect.Parameter.POSITIONAL_OR_KEYWORD:
+                names.append(parameter.name)
+                minimum += parameter.default is inspect.Parameter.empty
+            case inspect.Parameter.VAR_POSITIONAL:
+                unbounded = True
+            case inspect.Parameter.KEYWORD_ONLY if parameter.default is inspect.Parameter.empty:
+                name = getattr(function, "__name__", "the function")
+                raise SessionError(
+                    "S002",
+                    f"{name} needs the keyword argument '{parameter.name}', which a script cannot give.",
+                    hints=(f"give '{parameter.name}' a default value, or make it a positional parameter",),
+                )
+            case _:
+                pass
+    return Arity(minimum, None if unbounded else len(names), tuple(names))

@@ -1,0 +1,192 @@
+"""The shapes of result columns: the types that frames and files need before they take the values.
+
+The values decide; where there are none, or only None, the plan's promise does. `ANY` has no type in frames: objects,
+values of several kinds in one column, whole numbers beyond 2^53 beside floats.
+"""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Iterable, Sequence
+from itertools import chain
+from typing import Any, Literal, TypeAlias
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.kinds import Kind, Type
+
+EXACT = 2**53  # floats hold whole numbers up to this one
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """Values of one kind; `large`: some whole numbers have no exact float."""
+
+    name: Literal["none", "bool", "int", "float", "str", "bytes", "date", "datetime", "any"]
+    large: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ListOf:
+    item: Shape
+
+
+@dataclass(frozen=True, slots=True)
+class Struct:
+    """Dicts; a key that one of them lacks counts as None."""
+
+    fields: tuple[tuple[str, Shape], ...]
+
+
+Shape: TypeAlias = Scalar | ListOf | Struct
+
+NONE, BOOL, INT = Scalar("none"), Scalar("bool"), Scalar("int")
+FLOAT, STR, ANY = Scalar("float"), Scalar("str"), Scalar("any")
+LARGE = Scalar("int", large=True)
+SCALARS: dict[type, Scalar] = {
+    type(None): NONE, bool: BOOL, int: INT, float: FLOAT, str: STR,
+    bytes: Scalar("bytes"), datetime.date: Scalar("date"), datetime.datetime: Scalar("datetime"),
+}  # fmt: skip
+PLAN = ((Kind.BOOL, BOOL), (Kind.INT, INT), (Kind.NUMBER & ~Kind.BOOL, FLOAT), (Kind.STR, STR))
+
+
+def get_shape(values: Sequence[Any], promised: Type | None = None) -> Shape:
+    """The common shape of the values of a column; `promised` is the plan's type."""
+    found = _find_values_shape(values)
+    return found if promised is None else fill_from_plan(found, promised)
+
+
+def fill_from_plan(found: Shape, promised: Type) -> Shape:
+    """The shape found, completed by the plan's type where no values were."""
+    return _fill_shape(found, _convert_type(promised))
+
+
+def _find_values_shape(values: Sequence[Any]) -> Shape:
+    found: Shape = NONE
+    for kind in dict.fromkeys(map(type, values)):
+        found = merge(found, _find_kind_shape(kind, values))
+    return found
+
+
+def _find_kind_shape(kind: type, values: Sequence[Any]) -> Shape:
+    """The shape of those of the values that are of one Python type."""
+    if kind is type(None):
+        return NONE
+    own: list[Any] = [value for value in values if type(value) is kind]
+    if kind is list:
+        return ListOf(_find_values_shape(list(chain.from_iterable(own))))
+    if kind is dict:
+        return _find_dicts_shape(own)
+    if kind is int:
+        return INT if max(own) <= EXACT and min(own) >= -EXACT else LARGE
+    if kind is str and not _are_encodable(own):
+        return ANY
+    if kind is datetime.datetime and any(value.tzinfo is not None for value in own):
+        return ANY
+    return SCALARS.get(kind, ANY)
+
+
+def _find_dicts_shape(values: Sequence[dict[Any, Any]]) -> Shape:
+    names = dict.fromkeys(chain.from_iterable(values))
+    if not all(isinstance(name, str) for name in names) or not _are_encodable(names):
+        return ANY
+    return Struct(tuple((name, _find_values_shape([value.get(name) for value in values])) for name in names))
+
+
+def _are_encodable(texts: Iterable[str]) -> bool:
+    """Whether the texts can be written as UTF-8; those with a lone surrogate cannot."""
+    try:
+        for text in texts:
+            text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def merge(left: Shape, right: Shape) -> Shape:
+    """The smallest shape for the values of both."""
+    match left, right:
+        case _ if left == right:
+            return left
+        case Scalar("none"), _:
+            return right
+        case _, Scalar("none"):
+            return left
+        case Scalar("int"), Scalar("int"):
+            return LARGE
+        case (Scalar("int", large=large), Scalar("float")) | (Scalar("float"), Scalar("int", large=large)):
+            return ANY if large else FLOAT
+        case ListOf(one), ListOf(other):
+            return ListOf(merge(one, other))
+        case Struct(one), Struct(other):
+            known, more = dict(one), dict(other)
+            names = dict.fromkeys((*known, *more))
+            return Struct(tuple((name, merge(known.get(name, NONE), more.get(name, NONE))) for name in names))
+        case _:
+            return ANY
+
+
+def _convert_type(promised: Type) -> Shape:
+    """The shape of all values of a type, NONE where the type does not say it."""
+    kinds = promised.kinds & ~Kind.NONE
+    if not kinds:
+        return NONE
+    if kinds == Kind.LIST:
+        return ListOf(NONE if promised.item is None else _convert_type(promised.item))
+    if kinds == Kind.DICT and promised.columns:
+        return Struct(tuple((name, _convert_type(column)) for name, column in promised.columns))
+    return next((shape for wide, shape in PLAN if kinds | wide == wide), NONE)
+
+
+def _fill_shape(found: Shape, promised: Shape) -> Shape:
+    """The shape found, completed by the promised one where no values were."""
+    match found, promised:
+        case Scalar("none"), _:
+            return promised
+        case ListOf(one), ListOf(other):
+            return ListOf(_fill_shape(one, other))
+        case Struct(one), Struct(other):
+            known = dict(other)
+            return Struct(tuple((name, _fill_shape(shape, known.get(name, NONE))) for name, shape in one))
+        case _:
+            return found
+
+
+def holds_any(shape: Shape) -> bool:
+    """Whether it contains, at any depth, values without a type in frames."""
+    match shape:
+        case ListOf(item):
+            return holds_any(item)
+        case Struct(fields):
+            return any(holds_any(field) for _, field in fields)
+        case _:
+            return shape == ANY
+
+
+def to_floats(value: Any, shape: Shape) -> Any:
+    """The value with whole numbers as floats where its shape is float, for libraries that do not convert."""
+    match shape:
+        case _ if value is None:
+            return None
+        case Scalar("float"):
+            return float(value)
+        case ListOf(item):
+            return [to_floats(part, item) for part in value]
+        case Struct(fields):
+            return {name: to_floats(value.get(name), field) for name, field in fields}
+        case _:
+            return value
+
+
+def arrow_type(arrow: Any, shape: Shape) -> Any:
+    """The type of Arrow for the values of a shape."""
+    match shape:
+        case ListOf(item):
+            return arrow.list_(arrow_type(arrow, item))
+        case Struct(fields):
+            return arrow.struct([(name, arrow_type(arrow, field)) for name, field in fields])
+        case Scalar("datetime"):
+            return arrow.timestamp("us")
+        case Scalar(name):
+            own = {"none": "null", "bool": "bool_", "int": "int64", "float": "float64", "str": "string",
+                   "bytes": "binary", "date": "date32"}  # fmt: skip
+            return getattr(arrow, own[name])()

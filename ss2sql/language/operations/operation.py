@@ -1,0 +1,255 @@
+"""A row of the table of operations.
+
+Its *value*, a Python function, always decides. Everything else is a promise about the value (`result`, `can_fail`) or
+a faster *form* of it, code that an engine's compiler puts in place of the call:
+
+    Form("{0} || {1}", exactly(Kind.STR))                    right wherever `when` holds for the types of the arguments
+    Form("{0} + {1}", sql_numbers, check=Check.SIZE)         where the call may fail, the sum counts if it is a number
+    Form("sqrt({0})", sql_numbers, check="{0} >= 0")         where the call may fail, it counts if the check holds
+    Form("upper({0})", exactly(Kind.STR), only="...")        it counts only where this holds, so it is always checked
+
+The first form that fits is taken; one without a check only where the call cannot fail. Where no form fits, or a check
+does not hold, the engine calls the value, so a missing form costs only time.
+
+In a form `{0}` and `{1}` are arguments, `{*}` all of them, `{reversed}` all of them backwards, and `{value}`, in a
+check, the form itself. Forms are plain text until an engine compiles one, so this module needs no sqlglot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from enum import Enum, auto
+from typing import Any, TypeAlias
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.kinds import ANY, FLOAT, NOTHING, Kind, Type, type_of, union
+from ss2sql.language.operations.argument_checks import check_list, check_numbers
+from ss2sql.language.plan import Function, Volatility
+
+Types: TypeAlias = Sequence[Type]
+When: TypeAlias = Callable[[Types], bool]
+
+
+class Check(Enum):
+    """Checks that engines know by name, because they depend on bounds or the limits of the run."""
+
+    SIZE = auto()  # a number lies within 64 bits, or is finite; checked once for a whole sum
+    NOT_NULL = auto()  # SQL found a value
+    NUMBERS = auto()  # the arguments are two integers or two floats at run time, and their value is a small number
+    ROOM = auto()  # a string or a list is no larger than the run allows; always checked
+    ITSELF = auto()  # none is needed: the form fails as the value does
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Form:
+    """One form of an operation in SQL or Python, see above. `spread`: it takes the candidates of min and max."""
+
+    text: str | Callable[..., Any]  # in Python also a function that is called with the arguments
+    when: When = lambda types: True
+    check: str | Check | None = None
+    only: str | None = None
+    spread: bool = False
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Group:
+    """An aggregate of GROUP BY: a function of the list of a group's values that are not None."""
+
+    value: Callable[..., Any]  # of a list of one value at least
+    nothing: Any  # of no values
+    result: Callable[[Type], Type]  # the type of `value` for the type of the values
+    can_fail: Callable[[Type], bool]
+    in_sql: Callable[[Type], bool]  # whether the value is the same in any order, signs of zero apart: SQL has none
+    sqlite: tuple[Form, ...] = ()  # else a callback collects the values
+    python: tuple[Form, ...] = ()
+    portable: tuple[Form, ...] = ()
+    of_floats: Callable[[Iterable[float], int], float | None] | None = None  # for DuckDB, of so many floats
+
+    def type_of_group(self, kind: Type) -> Type:
+        """The type for a group, which has a row, of values of this type, None among them perhaps."""
+        given = self.result(without_none(kind))
+        return union((given, type_of(self.nothing))) if kind.may(Kind.NONE) else given
+
+    def of_group(self, values: Iterable[Any]) -> Any:
+        """The aggregate of the values of a group, where None is skipped."""
+        kept = [value for value in values if value is not None]
+        return self.value(kept) if kept else self.nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Operation:
+    """An operator, a built-in function, or an aggregate.
+
+    `value` works on values of the language and raises ExecutionError without a span; it is None for functions that the
+    session binds. `result` gives the type of the value for the types of the arguments; what would fail contributes
+    nothing to it. `can_fail` is False only where no call with arguments of these types fails. `by_hand` names the
+    engines that have code of their own for it.
+    """
+
+    name: str
+    arity: tuple[int, int | None]
+    value: Callable[..., Any] | None
+    result: Callable[[Types], Type]
+    can_fail: Callable[[Types], bool]
+    call: str  # how it is called, for messages, completion and the docs
+    about: str  # a line for help() and the docs
+    example: str  # a script, whose value the docs show
+    volatility: Volatility = "immutable"
+    sqlite: tuple[Form, ...] = ()
+    python: tuple[Form, ...] = ()
+    portable: tuple[Form, ...] = ()  # in DuckDB's SQL, for all other databases
+    by_hand: frozenset[str] = frozenset()
+    symbol: str = ""  # of an operator
+    negated: str = ""  # the comparison that holds where this one does not
+    mirrored: str = ""  # the comparison with its operands exchanged
+    cheap: bool = False  # a few machine instructions, so it may be computed twice
+    grows: bool = False  # the value may be larger than the arguments together, so it is measured
+    group: Group | None = None
+    collects: bool = False  # with GROUP BY the first argument is the list of the values of a group
+
+    def function(self, types: Types | None = None) -> Function:
+        """The function as the plan knows it; with `types` those of one call."""
+        raises = types is None or self.can_fail(types)
+        return Function(
+            self.name, *self.arity, self.volatility, raises=raises, reason="built in", collects=self.collects
+        )
+
+
+def operation(
+    name: str,
+    arity: int | tuple[int, int | None],
+    value: Callable[..., Any] | None,
+    result: Type | Callable[[Types], Type],
+    can_fail: bool | Callable[[Types], bool],
+    **others: Any,
+) -> Operation:
+    """Makes a row; a constant `result` or `can_fail` is passed itself."""
+    return Operation(
+        name=name,
+        arity=(arity, arity) if isinstance(arity, int) else arity,
+        value=value,
+        result=(lambda types: result) if isinstance(result, Type) else result,
+        can_fail=(lambda types: can_fail) if isinstance(can_fail, bool) else can_fail,
+        **others,
+    )
+
+
+def aggregate(
+    name: str,
+    compute: Callable[..., Any],
+    result: Type | Callable[[Type], Type],
+    *,
+    about: str,
+    example: str,
+    nothing: Any = None,
+    accepts: Callable[[str, list[Any]], Any] | None = check_numbers,
+    can_fail: Callable[[Type], bool] | None = None,
+    in_sql: Callable[[Type], bool] | None = None,
+    of_floats: Callable[[Iterable[float], int], float | None] | None = None,
+    of_list: dict[str, Any] | None = None,
+    **forms: Any,
+) -> Operation:
+    """The row of an aggregate, which is also a function of one list with the same value and type.
+
+    Args:
+        name: the function.
+        compute: gets a list of one value at least.
+        result: the type of the value for the type of the elements.
+        about, example: see Operation.
+        nothing: the value of an empty list.
+        accepts: raises the error for wrong values; by default they must be numbers.
+        can_fail: whether a value of such elements can fail; by default if they may be no numbers.
+        in_sql, of_floats: see Group.
+        of_list: fields of the function of a list, such as its forms.
+        **forms: those of the aggregate.
+    """
+
+    def value(values: list[Any]) -> Any:
+        if accepts is not None:
+            accepts(name, values)
+        return compute(values)
+
+    def value_of_list(argument: Any) -> Any:
+        values = check_list(name, argument)
+        return value(values) if values else nothing
+
+    def type_of_list(types: Types) -> Type:
+        return union((type_of_value(element(types[0])), type_of(nothing))) if types[0].may(Kind.LIST) else NOTHING
+
+    def fails(types: Types) -> bool:
+        return not types[0].only(Kind.LIST) or may_fail(element(types[0]))
+
+    def type_of_value(kind: Type) -> Type:
+        return result if isinstance(result, Type) else result(kind)
+
+    may_fail = can_fail or (lambda kind: not kind.only(Kind.NUMBER))
+    value_of_list.__name__ = name
+    if of_floats is None and type_of_value(FLOAT).only(Kind.FLOAT | Kind.NONE):
+        of_floats = lambda values, count: value(list(values))  # noqa: E731 - where there is nothing faster
+    group = Group(value, nothing, type_of_value, may_fail, in_sql or numbers_or_none, of_floats=of_floats, **forms)
+    row = operation(
+        name, 1, value_of_list, type_of_list, fails,
+        call=f"{name}(list)", about=about, example=example, group=group,
+    )  # fmt: skip
+    return replace(row, **of_list) if of_list else row
+
+
+# --- what `when` asks ----------------------------------------------------------------------------------
+
+
+def each(kinds: Kind) -> When:
+    """Tests that all arguments are of these kinds."""
+    return lambda types: all(kind.only(kinds) for kind in types)
+
+
+def exactly(kind: Kind) -> When:
+    """Tests that all arguments are of this one kind."""
+    return lambda types: all(one.kinds == kind for one in types)
+
+
+def ordered(types: Types) -> bool:
+    """Tests that all are numbers, or all are strings."""
+    return each(Kind.NUMBER)(types) or each(Kind.STR)(types)
+
+
+def sql_class(kind: Type, none: bool = False) -> str | None:
+    """`number` or `text` if all values are of that class in SQL, None apart if allowed.
+
+    A bool alone is a number; beside other kinds it is a handle, which has no class.
+    """
+    allowed = Kind.NONE if none else Kind(0)
+    real = Kind.INT | Kind.FLOAT
+    if kind.kinds == Kind.BOOL or (kind.only(real | allowed) and kind.may(real)):
+        return "number"
+    return "text" if kind.only(Kind.STR | allowed) and kind.may(Kind.STR) else None
+
+
+def sql_numbers(types: Types) -> bool:
+    """Numbers in SQL, or None, which the check looks for."""
+    return all(sql_class(kind, none=True) == "number" for kind in types)
+
+
+def sql_integers(types: Types) -> bool:
+    return sql_numbers(types) and each(Kind.BOOL | Kind.INT | Kind.NONE)(types)
+
+
+def one_sql_class(types: Types) -> bool:
+    """Tests that all are numbers or None in SQL, or all are text or None."""
+    classes = {sql_class(kind, none=True) for kind in types}
+    return len(classes) == 1 and None not in classes
+
+
+def numbers_or_none(kind: Type) -> bool:
+    return kind.only(Kind.NUMBER | Kind.NONE)
+
+
+def element(kind: Type) -> Type:
+    """The elements of the lists among the values."""
+    if not kind.may(Kind.LIST):
+        return NOTHING
+    return ANY if kind.item is None else kind.item
+
+
+def without_none(kind: Type) -> Type:
+    return replace(kind, kinds=kind.kinds & ~Kind.NONE)

@@ -1,0 +1,444 @@
+"""The plan: a script with every name resolved, the form between the frontend and the executors.
+
+The plan is independent of lark and of SQLite. Statements and queries are expressions. A source has a number that is
+unique in the program, a START WITH variable the number of its query, so executors need no scopes. An expression has
+a `Type`, a promise about its values, and the span of its text.
+"""
+
+from __future__ import annotations
+
+from dataclasses import field, replace
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+
+from ss2sql.errors import Span
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.kinds import ANY, BOOL, Type
+from ss2sql.language.plan_sources import SOURCES as SOURCES
+from ss2sql.language.plan_sources import QuerySource as QuerySource
+from ss2sql.language.plan_sources import Source as Source
+from ss2sql.language.plan_sources import TableSource as TableSource
+from ss2sql.language.plan_sources import ValueSource as ValueSource
+from ss2sql.language.plan_sources import WorldSource as WorldSource
+
+if TYPE_CHECKING:
+    from ss2sql.language import plan
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """One statement with what its plan relies on.
+
+    `reads` are the script variables and parameters that it reads, with the types that were assumed; `tables` those of
+    the database. `tentative`: columns were unknown, so it is resolved again after the statements before it have run.
+    """
+
+    expr: plan.Expr
+    reads: tuple[tuple[str, Type], ...] = ()
+    tables: tuple[plan.TableSource | plan.WorldSource, ...] = ()
+    tentative: bool = False
+    span: Span = field(compare=False, repr=False, kw_only=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A resolved script. `parameters` are its unknown names: they need a value when the program runs."""
+
+    statements: tuple[Statement, ...]
+    parameters: tuple[str, ...] = ()
+
+
+Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """What the plan knows of a function; the callable stays in the session.
+
+    `raises` is False only if the call cannot fail. `reason` explains the volatility, `body` see
+    frontend/inlining/function_bodies.py. `vectorized` functions take arrays. `of_world` is the name in scripts of a
+    function that worlds bring along. `has_inverse`: it was registered with an inverse; `inverse_of` names the function
+    whose inverse this is. `collects`: with GROUP BY it gets the list of the values of a group.
+    """
+
+    name: str
+    minimum: int
+    maximum: int | None
+    volatility: Volatility
+    builtin: bool = True
+    raises: bool = True
+    reason: str = field(default="", compare=False)
+    parameters: tuple[str, ...] = field(default=(), compare=False)
+    body: Any = field(default=None, compare=False, repr=False)
+    vectorized: bool = field(default=False, compare=False)
+    of_world: str = field(default="", compare=False)
+    has_inverse: bool = field(default=False, compare=False)
+    inverse_of: str = ""
+    collects: bool = False
+
+    def inverted(self) -> Function:
+        """The inverse: from the value of the function and the other arguments it computes the missing one."""
+        return replace(self, name=f"inverse of {self.name}", has_inverse=False, inverse_of=self.name, body=None)
+
+
+class FactColumn(NamedTuple):
+    """A column of SELECT as a fact. It has no expressions inside, so walks over the plan skip it.
+
+    An empty `name` means the column's own, `places` are the arguments' positions among the hidden columns, and `valued`
+    says whether the column's value is the last argument.
+    """
+
+    name: str
+    places: tuple[int, ...]
+    has_value: bool = True
+
+
+def _span() -> Any:
+    return field(compare=False, repr=False, kw_only=True)
+
+
+# --- expressions ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Constant:
+    """A value known from the text: None, bool, int, float, str, or a list of such values.
+
+    Constants compare by value and type: [1, 2.0] and [1.0, 2] differ.
+    """
+
+    value: Any
+    type: Type
+    span: Span = _span()
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Constant):
+            return NotImplemented
+        return self.type == other.type and repr(self.value) == repr(other.value)
+
+    def __hash__(self) -> int:
+        return hash(repr(self.value))
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """A script variable or parameter, read when the expression is evaluated; in FROM a `frame` stays a data frame."""
+
+    name: str
+    type: Type = ANY
+    frame: bool = False
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Temporal:
+    """`name{}` (when is None: all kept values) or `name{when}`."""
+
+    name: str
+    when: Expr | None
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Element:
+    """`this` of a source: the current element, of a table the row as a dict."""
+
+    source: int
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of the current element; `declared` is False where columns are known only at run time."""
+
+    source: int
+    name: str
+    type: Type = ANY
+    declared: bool = True
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """A START WITH variable of the query with this number, as it was before CONNECT BY of this step."""
+
+    query: int
+    name: str
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A call of a function or operator; errors point at its `place`: the call, or the operator's sign."""
+
+    function: Function
+    arguments: tuple[Expr, ...]
+    type: Type = ANY
+    span: Span = _span()
+    place: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    """Evaluates its parts from left to right until one is false; gives a bool."""
+
+    parts: tuple[Expr, ...]
+    type: Type = BOOL
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    """Evaluates its parts from left to right until one is true; gives a bool."""
+
+    parts: tuple[Expr, ...]
+    type: Type = BOOL
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Xor:
+    left: Expr
+    right: Expr
+    type: Type = BOOL
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    operand: Expr
+    type: Type = BOOL
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class If:
+    """One of two non-empty branches runs left to right; its last value is the result."""
+
+    condition: Expr
+    then: tuple[Expr, ...]
+    otherwise: tuple[Expr, ...]
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class MakeList:
+    items: tuple[Expr, ...]
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Assign:
+    """Assigns a script variable; its value is the assigned one."""
+
+    name: str
+    value: Expr
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class TemporalAssign:
+    """Stores the value with the time, and keeps what was in force during the last `keep` seconds."""
+
+    name: str
+    keep: Expr
+    value: Expr
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class AssignLate:
+    """Binds a variable to a list literal, a syntax tree, that is resolved where the variable is used as a source."""
+
+    name: str
+    literal: Any
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Eval:
+    """`eval(text)`: the string is parsed and resolved when it runs, in the scope of this place.
+
+    `scope` belongs to the resolver; `sources` and `states` are all that are visible here, for the script in the string.
+    """
+
+    text: Expr
+    scope: Any = field(compare=False, repr=False)
+    sources: tuple[int, ...]
+    states: tuple[tuple[int, str], ...]
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class GroupKey:
+    """The value of GROUP BY expression number `index` of a query, in a clause that sees groups."""
+
+    query: int
+    index: int
+    type: Type = ANY
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Aggregate:
+    """`count count_distinct sum min max average` over the rows of a group; `count(*)` has no argument.
+
+    The group `may_be_empty` where there is no GROUP BY.
+    """
+
+    function: str
+    argument: Expr | None
+    type: Type = ANY
+    may_be_empty: bool = False
+    span: Span = _span()
+
+
+@dataclass(frozen=True, slots=True)
+class Subquery:
+    """A query as an expression: its value is what its representation makes of its rows."""
+
+    query: Query
+    type: Type = ANY
+    span: Span = _span()
+
+
+# --- queries -------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """One column of SELECT; a computed `label` replaces its `name`, `star` lets SELECT * take the element apart."""
+
+    name: str
+    expr: Expr
+    label: Expr | None = None
+    star: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class OrderKey:
+    """A key of ORDER BY; `column` is the number of the column of SELECT that it names, which is computed once."""
+
+    expr: Expr
+    descending: bool
+    column: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Representation:
+    """`AS name(arguments)`; the arguments may mention script variables and outer queries only.
+
+    The last `hidden` columns of the query are for the representation alone, see frontend/resolve/hidden_columns.py.
+    `facts` names each other column as a fact, with the hidden columns that are its arguments. `labels` are the
+    positions of columns whose name is the value of a hidden column, one for each row.
+    """
+
+    name: str
+    arguments: tuple[Expr, ...] = ()
+    named: tuple[tuple[str, Expr], ...] = ()
+    span: Span | None = field(default=None, compare=False, repr=False)
+    hidden: int = 0
+    facts: tuple[FactColumn, ...] = ()
+    labels: tuple[int, ...] = ()
+
+
+Order: TypeAlias = Literal["depth first", "breadth first", "cost", "probability", "greedy"]
+Repeats: TypeAlias = Literal["allowed", "no cycle", "unique", "memorize"]
+By: TypeAlias = Literal["row", "step", "state"]
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """The hierarchical part of a query.
+
+    `order` says which step comes next, `repeats` what happens to a repeated row. `weight` is the COST or
+    PROBABILITY of a step. `bound` is MEMORIZE's greatest length, `maximum` the number of results (both are
+    evaluated once, at the start, and see outer queries and script variables). `stop` None: never. `states`
+    are the types that the START WITH variables keep throughout the search.
+
+    `made` is the condition of CONNECT BY that a step must meet, `first` that of START WITH, which replaces it for the
+    first steps. `each` are the lists whose elements START WITH takes one by one. `key`, if any, is compared in
+    place of the row: the columns that remain of a row (`by` is "row"), or the expressions of BY, evaluated in the step
+    or in the state after it. `siblings` order the elements of a step.
+    """
+
+    start: tuple[tuple[str, Expr], ...]
+    connect: tuple[tuple[str, Expr], ...]
+    stop: Expr | None
+    order: Order = "depth first"
+    repeats: Repeats = "allowed"
+    weight: Expr | None = None
+    heuristic: Expr | None = None
+    bound: Expr | None = None
+    maximum: Expr | None = None
+    states: tuple[tuple[str, Type], ...] = ()
+    made: Expr | None = None
+    first: Expr | None = None
+    each: tuple[ValueSource, ...] = ()
+    key: tuple[Expr, ...] = ()
+    by: By = "row"
+    siblings: tuple[OrderKey, ...] = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether START WITH and CONNECT BY consist of options and assignments alone, and whole rows are compared."""
+        return not (self.made or self.first or self.each or self.key or self.siblings or self.order == "greedy")
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """A query.
+
+    Without GROUP BY: the product of `sources` (the last varies fastest), filtered by `where`, gives one row
+    of `columns` each, sorted by `order`, cut to `limit` after the first `offset`. With `search` the results are
+    paths, see Search; `where` is then the goal (None: every step that does not stop), and `group`, `order` and
+    `limit` act on paths and see their last step.
+
+    With `group` and `aggregated`: one row per group; `columns`, `having` and `order` contain GroupKey and
+    Aggregate and no Element or Column of this query outside an Aggregate. With `aggregated` alone all rows are one
+    group, even if there are none. With `group` alone: a dict from group value to the partition; `columns` and `order`
+    see elements, `having` groups. `rows` are the compared rows of a search with `aggregated` columns. In a `distinct`
+    search the first of equal paths counts, before `order` and `limit`; a flat query is then one of groups. In a search
+    with `last` a result is the row of the last step.
+    """
+
+    id: int
+    sources: tuple[Source, ...]
+    columns: tuple[Output, ...]
+    where: Expr | None = None
+    search: Search | None = None
+    group: tuple[Expr, ...] = ()
+    having: Expr | None = None
+    aggregated: bool = False
+    order: tuple[OrderKey, ...] = ()
+    limit: Expr | None = None
+    offset: Expr | None = None
+    representation: Representation = Representation("dict")
+    rows: tuple[Expr, ...] = ()
+    distinct: bool = False
+    last: bool = False
+    span: Span = _span()
+
+    @property
+    def grouped(self) -> bool:
+        """Whether its results are groups, or parts of them."""
+        return bool(self.group) or self.aggregated
+
+    @property
+    def gives_paths(self) -> bool:
+        """Whether the results are paths instead of rows."""
+        return self.search is not None and not self.aggregated and not self.last
+
+
+Expr: TypeAlias = (
+    Constant | Variable | Temporal | Element | Column | State | Call | And | Or | Xor | Not | If | MakeList | Assign
+    | TemporalAssign | AssignLate | Eval | GroupKey | Aggregate | Subquery
+)  # fmt: skip

@@ -1,0 +1,210 @@
+"""Traversal of plans: the parts of an expression or query, and what it depends on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, TypeAlias, TypeVar
+
+from ss2sql.errors import Span
+from ss2sql.language import plan
+from ss2sql.language.kinds import Type
+
+Node: TypeAlias = Any  # an expression, or any plan dataclass that holds expressions
+E = TypeVar("E")
+
+_fields: dict[type, tuple[str, ...]] = {}
+_kinds: dict[type, bool] = {}  # whether the values of a class are nodes: compiling asks this 1,000 times for a query
+
+# Fields that never hold expressions.
+_PLAIN = frozenset({"span", "place", "type", "scope", "literal", "name", "element"})
+
+
+def list_parts(node: Node) -> Iterator[Node]:
+    """The plan nodes directly inside a node, in the order of its fields; nested queries are nodes, too."""
+    found: list[Node] = []
+    for name in _list_node_fields(type(node)):
+        _collect(getattr(node, name), found)
+    return iter(found)
+
+
+def _list_node_fields(kind: Any) -> tuple[str, ...]:
+    """The fields of a class that may hold nodes; cached by class."""
+    names = _fields.get(kind)
+    if names is None:
+        names = () if kind is plan.Constant else tuple(f.name for f in fields(kind) if f.name not in _PLAIN)
+        _fields[kind] = names
+    return names
+
+
+def _collect(value: Any, found: list[Node]) -> None:
+    if isinstance(value, tuple):
+        for item in value:
+            _collect(item, found)
+    elif _is_node(value):
+        found.append(value)
+
+
+def _is_node(value: Any) -> bool:
+    kind = type(value)
+    known = _kinds.get(kind)
+    if known is None:
+        known = _kinds[kind] = is_dataclass(kind) and not issubclass(kind, (plan.Function, Type))
+    return known
+
+
+def walk(node: Node) -> Iterator[Node]:
+    """The node and everything below it, parents first; iterative, so that depth does not matter."""
+    stack = [node]
+    while stack:
+        current = stack.pop()
+        yield current
+        stack.extend(reversed(list(list_parts(current))))
+
+
+def walk_own(node: Node) -> Iterator[Node]:
+    """Like `walk`, without the queries below the node."""
+    stack = [node]
+    while stack:
+        current = stack.pop()
+        yield current
+        stack.extend(part for part in reversed(list(list_parts(current))) if not isinstance(part, plan.Query))
+
+
+def rebuild(expr: E, change: Callable[[Node], Node]) -> E:
+    """The same node with `change` applied to every node directly inside it."""
+    changed = {}
+    for name in _list_node_fields(type(expr)):
+        before = getattr(expr, name)
+        after = _map_value(before, change)
+        if after is not before:
+            changed[name] = after
+    return replace(expr, **changed) if changed else expr  # type: ignore[type-var]
+
+
+def _map_value(value: Any, change: Callable[[Node], Node]) -> Any:
+    if isinstance(value, tuple):
+        items = tuple(_map_value(item, change) for item in value)
+        return items if any(a is not b for a, b in zip(items, value, strict=True)) else value
+    return change(value) if _is_node(value) else value
+
+
+def split_and(condition: plan.Expr | None) -> tuple[plan.Expr, ...]:
+    """The parts of a conjunction, in the order of their evaluation; none for a missing condition."""
+    return condition.parts if isinstance(condition, plan.And) else () if condition is None else (condition,)
+
+
+def join_conditions(kind: type[plan.And | plan.Or], parts: Sequence[plan.Expr], span: Span) -> plan.Expr:
+    """The parts, at least one, as one condition; a single part is itself the condition."""
+    return parts[0] if len(parts) == 1 else kind(tuple(parts), span=span)
+
+
+def is_exists(query: plan.Query) -> bool:
+    """Whether a query only tests for a row: True, or None without one, see lowering/rewrites/in_to_exists.py."""
+    constants = [output.expr for output in query.columns] + [query.limit]
+    known = [constant.value for constant in constants if isinstance(constant, plan.Constant)]
+    return query.representation.name == "value" and known == [True, 1] and not (query.search or query.order)
+
+
+def ends_early(query: plan.Query) -> bool:
+    """Whether LIMIT may end a flat query early, so that the rows that call functions can be observed."""
+    return query.limit is not None and not (query.search or query.order or query.group or is_exists(query))
+
+
+def has_constant_source(query: plan.Query) -> bool:
+    """Whether some source of the query is the same for all rows around it."""
+    inside = list_inside(query)
+    return any(list_sources(source) <= inside and not list_states(source) for source in query.sources)
+
+
+def list_sources(node: Node) -> frozenset[int]:
+    """The numbers of all sources whose element or columns the node reads, sources inside it included."""
+    found: set[int] = set()
+    for part in walk(node):
+        match part:
+            case plan.Element(source=source) | plan.Column(source=source):
+                found.add(source)
+            case plan.Eval(sources=sources):
+                found.update(sources)
+    return frozenset(found)
+
+
+def list_inside(node: Node) -> frozenset[int]:
+    """The numbers of the sources that the queries in a node bring along."""
+    return frozenset(part.id for part in walk(node) if isinstance(part, plan.SOURCES))
+
+
+def list_states(node: Node) -> frozenset[tuple[int, str]]:
+    """The START WITH variables that the node reads, as (query, name)."""
+    found: set[tuple[int, str]] = set()
+    for part in walk(node):
+        match part:
+            case plan.State(query=query, name=name):
+                found.add((query, name))
+            case plan.Eval(states=states):
+                found.update(states)
+    return frozenset(found)
+
+
+def varies_with(node: Node, sources: Collection[int], search: int | None) -> bool:
+    """Whether the node's value may change with the rows of these sources or the states of this query's search."""
+    return not list_sources(node).isdisjoint(sources) or any(query == search for query, _ in list_states(node))
+
+
+def find_direct_assignments(query: plan.Query) -> dict[str, plan.Expr]:
+    """The variables that CONNECT BY sets from the state before the step, with their new values.
+
+    Variables that are set twice, or from a variable that is already set, are left out.
+    """
+    assert query.search is not None
+    moved: set[tuple[int, str]] = set()
+    values: dict[str, plan.Expr] = {}
+    for name, expr in query.search.connect:
+        again = (query.id, name) in moved
+        values.pop(name, None)
+        if not again and not list_states(expr) & moved:
+            values[name] = expr
+        moved.add((query.id, name))
+    return values
+
+
+def has_query(node: Node) -> bool:
+    """Whether a node evaluates a query."""
+    return any(isinstance(part, plan.Subquery) for part in walk(node))
+
+
+def list_functions(node: Node) -> Iterator[plan.Function]:
+    """The functions that the node calls, in the order of its text."""
+    for part in walk(node):
+        if isinstance(part, plan.Call):
+            yield part.function
+
+
+def is_volatile(node: Node) -> bool:
+    """Whether evaluating the node again, or earlier, has an effect: volatile calls, assignments, `eval`."""
+    return any(
+        isinstance(part, (plan.Assign, plan.TemporalAssign, plan.AssignLate, plan.Eval))
+        or (isinstance(part, plan.Call) and part.function.volatility == "volatile")
+        for part in walk(node)
+    )
+
+
+def can_fail(node: Node) -> bool:
+    """Whether evaluating the expression can raise or has an effect, so that its place in the order matters."""
+    return is_volatile(node) or any(
+        (isinstance(part, plan.Call) and part.function.raises)
+        or isinstance(part, plan.Subquery)
+        or (isinstance(part, plan.Column) and not part.declared)
+        for part in walk(node)
+    )
+
+
+def list_choices(call: plan.Call) -> tuple[plan.Expr, ...]:
+    """The candidates of `min` or `max`: its arguments or the items of a list literal; none for another list."""
+    match call.arguments:
+        case (plan.MakeList(items=items),):
+            return items
+        case (_,):
+            return ()
+        case several:
+            return several

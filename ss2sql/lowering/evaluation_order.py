@@ -1,0 +1,172 @@
+"""When the parts of a flat query's row are evaluated: as soon as nobody can tell that from the written order.
+
+The *level* of an expression is the number of sources that are bound when it is evaluated. As written, WHERE
+and the columns are evaluated when all are bound. A part may be evaluated earlier if it does not fail and has
+no effect. One that may fail comes earlier only together with everything before it, and only where all later
+sources are known to have elements, for else the written order might never have come to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import field
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.plan_traversal import can_fail, list_sources, walk
+from ss2sql.lowering.expression_index import ExpressionKey, find_expression_key
+
+MAX_HOISTED = 24
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A part of WHERE with its level. A `free` one may be asked at any time from then on; one with a `key` is."""
+
+    expr: plan.Expr
+    level: int
+    free: bool
+    key: ExpressionKey | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class HoistedValue:
+    """A value that is computed once at its level and read further in."""
+
+    expr: plan.Expr
+    level: int
+
+
+@dataclass(slots=True)
+class EvaluationOrder:
+    """The levels of one query."""
+
+    query: plan.Query
+    early: bool
+    may_hoist: bool
+    may_look_up: bool
+    number: dict[int, int] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.number = {source.id: position for position, source in enumerate(self.query.sources, 1)}
+
+    # --- expressions -----------------------------------------------------------------------------------
+
+    def of(self, expr: object) -> int:
+        """The number of sources that have to be bound for the expression."""
+        return max((self.number.get(source, 0) for source in list_sources(expr)), default=0)
+
+    def conditions(self) -> list[Condition]:
+        """The parts of WHERE in written order. One that may fail is not asked before those that guard it."""
+        last = len(self.query.sources)
+        parts = () if self.query.where is None else tuple(_iterate_conjuncts(self.query.where))
+        placed: list[Condition] = []
+        reached = 1
+        for part in parts:
+            level, fails = self.of(part), can_fail(part)
+            key = self._key(part, level, [condition.expr for condition in placed])
+            if key is not None:
+                fails = False
+            if fails:
+                level = max(level, reached) if self.early else last
+            reached = max(reached, level)
+            placed.append(Condition(part, level, not fails, key))
+        return placed
+
+    def _key(self, part: plan.Expr, level: int, before: Sequence[plan.Expr]) -> ExpressionKey | None:
+        if not self.may_look_up or level == 0:
+            return None
+        return find_expression_key(self.query, self.query.sources[level - 1], part, before)
+
+    def find_hoisted_values(self, conditions: Sequence[Condition], outputs: Sequence[plan.Expr]) -> list[HoistedValue]:
+        """The values to compute early: those of costly expressions in WHERE, then in `outputs`, innermost first."""
+        if not self.may_hoist or len(self.query.sources) < 2:
+            return []
+        walk_over = _HoistingPass(self)
+        for condition in conditions:
+            walk_over.visit(condition.expr, condition.level)
+            walk_over.floor = max(walk_over.floor, condition.level)
+        for output in outputs:
+            walk_over.visit(output, len(self.query.sources))
+        return walk_over.found[:MAX_HOISTED]
+
+
+class _HoistingPass:
+    """Goes over what is evaluated of a row, in written order.
+
+    `floor` is the lowest level at which something may be evaluated that comes after all that was met so far.
+    """
+
+    def __init__(self, levels: EvaluationOrder) -> None:
+        self.levels = levels
+        self.floor = 1
+        self.found: list[HoistedValue] = []
+
+    def visit(self, expr: plan.Expr, level: int) -> None:
+        """An expression that is certainly evaluated, at this level."""
+        if not can_fail(expr) or any(known.expr == expr for known in self.found):
+            return
+        own = max(self.levels.of(expr), self.floor)
+        if own < level and _is_costly(expr):
+            self.parts(expr, own)
+            self.found.append(HoistedValue(expr, own))
+            self.floor = own
+        else:
+            self.parts(expr, level)
+            if _can_fail_alone(expr):
+                self.floor = max(self.floor, level)
+
+    def parts(self, expr: plan.Expr, level: int) -> None:
+        """What the expression evaluates before itself."""
+        for part in _iterate_certain_parts(expr):
+            self.visit(part, level)
+
+
+def _iterate_conjuncts(expr: plan.Expr) -> Iterator[plan.Expr]:
+    """The parts of a conjunction, those of conjunctions inside of it, too: SQLite takes it apart as well."""
+    if isinstance(expr, plan.And):
+        for part in expr.parts:
+            yield from _iterate_conjuncts(part)
+    else:
+        yield expr
+
+
+def _iterate_certain_parts(expr: plan.Expr) -> Iterator[plan.Expr]:
+    """The parts that are evaluated whenever the expression is, up to the first that may not be."""
+    match expr:
+        case plan.Call(arguments=arguments):
+            yield from arguments
+        case plan.MakeList(items=items):
+            yield from items
+        case plan.And(parts=parts) | plan.Or(parts=parts):
+            yield parts[0]
+        case plan.Not(operand=operand):
+            yield operand
+        case plan.If(condition=condition):
+            yield condition
+        case plan.Xor(left=left, right=right):
+            yield left
+            yield right
+
+
+def _can_fail_alone(expr: plan.Expr) -> bool:
+    """Whether something can fail that the expression evaluates besides its certain parts."""
+    match expr:
+        case plan.Call(function=function):
+            return function.raises or not function.builtin
+        case plan.MakeList() | plan.Not() | plan.Xor():
+            return False
+        case plan.And(parts=parts) | plan.Or(parts=parts):
+            return any(map(can_fail, parts[1:]))
+        case plan.If(then=then, otherwise=otherwise):
+            return any(map(can_fail, (*then, *otherwise)))
+        case _:
+            return True
+
+
+def _is_costly(expr: plan.Expr) -> bool:
+    """Whether keeping the value is worth a column: calls of user functions, and queries."""
+    return any(
+        isinstance(node, plan.Subquery) or (isinstance(node, plan.Call) and not node.function.builtin)
+        for node in walk(expr)
+    )

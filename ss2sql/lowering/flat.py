@@ -1,0 +1,316 @@
+"""Flat queries: FROM, WHERE, GROUP BY, ORDER BY and LIMIT, and queries nested in expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from sqlglot import exp
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind, Type, is_flag
+from ss2sql.language.plan_traversal import list_sources, split_and, walk_own
+from ss2sql.lowering import sql_builder
+from ss2sql.lowering.evaluation_order import EvaluationOrder
+from ss2sql.lowering.from_clause import open_sources
+from ss2sql.lowering.join import JoinBuilder
+from ss2sql.lowering.materialize import MaterializedTables
+from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sql_names import choose_column_names
+from ss2sql.lowering.sqlite_expressions import ExpressionLowering, SqlScope
+from ss2sql.lowering.statement_needs import StatementNeeds
+
+COLLECTORS = {
+    "list": "collect",
+    "rows": "collect_rows",
+    "set": "collect_set",
+    "value": "collect_value",
+    "void": "collect_nothing",
+}
+
+
+def is_sortable(kind: Type) -> bool:
+    """Whether SQLite's order of these values is the language's: numbers, or strings, or None among them."""
+    plain = Kind.INT | Kind.FLOAT | Kind.NONE
+    return is_flag(kind) or kind.only(plain) or kind.only(Kind.STR | Kind.NONE)
+
+
+def has_one_form(kind: Type) -> bool:
+    """Whether equal values of the type are the same value, so that any member can stand for its group."""
+    return is_flag(kind) or any(kind.only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
+
+
+class FlatLowering:
+    """Lowers flat queries of one statement, and queries nested in its expressions."""
+
+    def __init__(self, needs: StatementNeeds) -> None:
+        self.needs = needs
+        self.expressions = ExpressionLowering(needs, self.subquery, self.unordered)
+        self.tables: dict[str, plan.TableSource] = {}
+        self.copies: MaterializedTables | None = None  # where the statement can have some
+
+    # --- parts -----------------------------------------------------------------------------------------
+
+    def conditions(self, where: plan.Expr | None, env: SqlScope) -> list[Node]:
+        """WHERE, which cannot fail, as conditions that all have to hold, in any order."""
+        return [self.expressions.condition(part, env) for part in split_and(where)]
+
+    def flat(self, query: plan.Query, env: SqlScope) -> JoinBuilder:
+        """FROM and WHERE of a query."""
+        opened, inner = open_sources(self, query.sources, env)
+        tables = any(isinstance(source, plan.TableSource) for source in _find_all_sources(query))
+        disabled = self.needs.disabled
+        looks_up = self.copies is not None and "lookup" not in disabled
+        levels = EvaluationOrder(query, "early" not in disabled, "hoist" not in disabled and not tables, looks_up)
+        return JoinBuilder(self, query, opened, inner, levels)
+
+    def order(self, query: plan.Query, flat: JoinBuilder) -> list[tuple[Node, bool]] | None:
+        """The keys of ORDER BY, then those of the product's own order; None where Python has to sort."""
+        if not query.order:
+            kinds = {isinstance(source, plan.TableSource) for source in _find_all_sources(query)}
+            if kinds == {True} and not flat.rows_sorted:
+                return [(key, False) for key in flat.natural_order or ()]
+            self._scan_in_order(flat)
+            return []
+        natural = flat.natural_order if all(is_sortable(key.expr.type) for key in query.order) else None
+        if natural is None:
+            return None
+        keys = [(self.expressions.lower(key.expr, flat.env), key.descending) for key in query.order]
+        return keys + [(key, False) for key in natural]
+
+    def _scan_in_order(self, flat: JoinBuilder) -> None:
+        """Makes SQLite walk tables by their rowid.
+
+        Among virtual tables an ORDER BY would make it sort the whole product, and evaluate rows that a LIMIT cuts off.
+        """
+        copies = {*(self.copies.tables if self.copies else ()), *self.needs.list_world_modules}
+        copies |= {table.alias for table in self.needs.materialized_ctes.values()}
+        for joined in flat.items:
+            item = joined.this if isinstance(joined, exp.Join) else joined
+            if not isinstance(item, exp.Table) or isinstance(item.this, exp.Anonymous) or item.name in copies:
+                continue
+            if not item.args.get("indexed"):  # an index that is named keeps the order
+                item.set("indexed", False)
+
+    # --- grouped queries -------------------------------------------------------------------------------
+
+    def grouped(self, query: plan.Query, env: SqlScope, names: list[str | None]) -> exp.Select:
+        """One row per group, in order of first appearance."""
+        flat = self.flat(query, env)
+        where = sql_builder.conjunction(flat.terms)
+        first = flat.natural_order
+        if (not query.group or (first is not None and len(first) == 1)) and not _needs_numbers(query):
+            keys = [self.expressions.lower(key, flat.env) for key in query.group]
+            number = first[0] if query.group and first else sql_builder.null()
+            return self._group(query, _GroupInput(flat.env, flat.items, where, keys, number), names)
+        return self._group_numbered(query, flat, where, names)
+
+    def _group_numbered(
+        self, query: plan.Query, flat: JoinBuilder, where: Node | None, names: list[str | None]
+    ) -> exp.Select:
+        """Groups of a product: its rows are numbered first, so that groups can be sorted by first appearance."""
+        arguments = tuple(dict.fromkeys(find_aggregate_inputs(query)))
+        inner = self._number_product_rows(
+            flat, select_group_inputs(self, arguments, query.group, flat.env, False), where
+        )
+        return self.group_numbered_rows(query, inner, arguments, flat.env, names)
+
+    def group_numbered_rows(
+        self,
+        query: plan.Query,
+        inner: exp.Select,
+        arguments: Sequence[plan.Expr],
+        env: SqlScope,
+        names: list[str | None],
+    ) -> exp.Select:
+        """The groups of rows with the columns of `numbered`."""
+        label = self.needs.label("product")
+        columns = [sql_builder.column(f"argument_{index}", label) for index in range(1, len(arguments) + 1)]
+        keys: list[Node] = [sql_builder.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
+        rows = _GroupInput(env, [sql_builder.derived(inner, label)], None, keys, sql_builder.column("position", label))
+        return _NumberedLowering(self, arguments, columns)._group(query, rows, names)
+
+    def _number_product_rows(self, flat: JoinBuilder, outputs: list[Node], where: Node | None) -> exp.Select:
+        """The rows of a product with these columns, and their positions in its order."""
+        natural = flat.natural_order or []
+        if len(natural) == 1:
+            return sql_builder.select(
+                [*outputs, sql_builder.alias(natural[0], "position")], flat.items, where, (), sql_builder.unlimited()
+            )
+        number = sql_builder.row_number([(key, False) for key in natural])
+        return sql_builder.select([*outputs, sql_builder.alias(number, "position")], flat.items, where)
+
+    def _group(self, query: plan.Query, rows: _GroupInput, names: list[str | None]) -> exp.Select:
+        env = rows.env.with_groups({(query.id, index): key for index, key in enumerate(rows.keys)})
+        select = rows.grouped(self.outputs(query, env, names))
+        if query.having is not None:
+            having = self.expressions.condition(query.having, env)
+            select.set("having", exp.Having(this=having))
+        if not query.group:
+            return select
+        order = [(self.expressions.lower(key.expr, env), key.descending) for key in query.order]
+        if not all(isinstance(key, plan.Constant) for key in query.group):  # else there is one group
+            order.append((rows.first_row, False))
+        return sql_builder.sort_query(select, order)
+
+    # --- whole queries ---------------------------------------------------------------------------------
+
+    def outputs(self, query: plan.Query, env: SqlScope, names: list[str | None], boxed: bool = False) -> list[Node]:
+        lower = self.expressions.value if boxed else self.expressions.lower
+        nodes = [lower(output.expr, env) for output in query.columns]
+        return [sql_builder.named(node, name) for node, name in zip(nodes, names, strict=True)]
+
+    def rows(self, query: plan.Query, env: SqlScope, names: list[str | None], boxed: bool = False) -> exp.Select:
+        """The query's rows, sorted and cut; the caller guarantees that SQL can sort them."""
+        limit, offset = self.needs.limits(query)
+        if query.aggregated:
+            select = self.grouped(query, env, names)
+            return sql_builder.sort_query(select, (), limit, offset)
+        flat = self.flat(query, env)
+        order = self.order(query, flat)
+        assert order is not None, "declared in unsupported.py"
+        outputs = self.outputs(query, flat.env, names, boxed)
+        return sql_builder.select(outputs, flat.items, sql_builder.conjunction(flat.terms), order, limit, offset)
+
+    def derived(self, query: plan.Query, env: SqlScope) -> exp.Select:
+        """The query as a derived table, its columns under the names of sql_names."""
+        names = choose_column_names(tuple(output.name for output in query.columns))
+        select = self.rows(query, env, list(names.values()))
+        if select.args.get("limit") is None:
+            sql_builder.sort_query(select, (), sql_builder.unlimited())
+        return select
+
+    def subquery(self, query: plan.Query, env: SqlScope) -> Node:
+        """A query in an expression: the value that its representation gives."""
+        name = query.representation.name
+        flag = query.aggregated and is_flag(query.columns[0].expr.type)  # which would not be made a value again
+        if name == "value" and not flag:
+            select = self.rows(replace(query, columns=query.columns[:1]), env, [None], boxed=not query.aggregated)
+            if select.args.get("limit") is None:
+                sql_builder.sort_query(select, (), sql_builder.number(1))
+            return sql_builder.scalar(select)
+        # An aggregate of SQL belongs to the innermost query whose columns it mentions, so it must mention this one's.
+        own = {source.id for source in query.sources}
+        simple = any(list_sources(output.expr) & own for output in query.columns)
+        simple = simple and not (query.aggregated or query.order or query.limit)
+        tables = any(isinstance(source, plan.TableSource) for source in _find_all_sources(query))
+        if simple and not tables:
+            flat = self.flat(query, env)
+            values = self.outputs(query, flat.env, [None] * len(query.columns), boxed=True)
+            collected = self._collect_values(query, values)
+            return sql_builder.scalar(sql_builder.select([collected], flat.items, sql_builder.conjunction(flat.terms)))
+        label = self.needs.label("results")
+        select = self.derived(query, env)
+        columns: list[Node] = []
+        for output, name_ in zip(
+            query.columns, choose_column_names(tuple(o.name for o in query.columns)).values(), strict=True
+        ):
+            node: Node = sql_builder.column(name_, label)
+            columns.append(self.expressions.boxed(node) if is_flag(output.expr.type) else node)
+        return sql_builder.scalar(
+            sql_builder.select([self._collect_values(query, columns)], [sql_builder.derived(select, label)])
+        )
+
+    def unordered(self, query: plan.Query, env: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
+        """One column over the rows of a query whose order is of no account."""
+        flat = self.flat(replace(query, limit=None), env)
+        where = sql_builder.conjunction([term for term in flat.terms if term not in flat.ordering])
+        return sql_builder.select([output(flat.env)], flat.items, where)
+
+    def _collect_values(self, query: plan.Query, values: list[Node]) -> Node:
+        if query.representation.name != "dict":
+            return sql_builder.call(COLLECTORS[query.representation.name], *values)
+        arguments: list[Node] = []
+        for output, value in zip(query.columns, values, strict=True):
+            arguments += [sql_builder.string(output.name), value]
+        return sql_builder.call("collect_records", *arguments)
+
+
+@dataclass(frozen=True, slots=True)
+class _GroupInput:
+    """The rows that are put into groups: how they are read, FROM and WHERE, the keys, and what numbers them."""
+
+    env: SqlScope
+    items: list[Node]
+    where: Node | None
+    keys: list[Node]
+    number: Node
+
+    @property
+    def first_row(self) -> Node:
+        """The number of the first row of a group."""
+        return exp.Min(this=self.number.copy())
+
+    def grouped(self, outputs: list[Node]) -> exp.Select:
+        select = sql_builder.select(outputs, self.items, self.where)
+        if self.keys:
+            select.set("group", exp.Group(expressions=[sql_builder.sort_key(key.copy()) for key in self.keys]))
+        return select
+
+
+class _NumberedLowering(FlatLowering):
+    """Lowers what sees groups, with every aggregate's argument read from the numbered product."""
+
+    def __init__(self, parent: FlatLowering, arguments: Sequence[plan.Expr], columns: Sequence[Node]) -> None:
+        super().__init__(parent.needs)
+        self.expressions = _ArgumentLowering(self, arguments, columns)
+
+
+class _ArgumentLowering(ExpressionLowering):
+    def __init__(self, selects: FlatLowering, arguments: Sequence[plan.Expr], columns: Sequence[Node]) -> None:
+        super().__init__(selects.needs, selects.subquery, selects.unordered)
+        self.known = list(zip(arguments, columns, strict=True))
+
+    def value(self, expr: plan.Expr, env: SqlScope) -> Node:
+        for argument, column in self.known:
+            if argument == expr:
+                return column.copy()
+        return super().value(expr, env)
+
+
+def _find_all_sources(query: plan.Query) -> list[plan.Source]:
+    """The query's sources and those of queries in its FROM."""
+    found: list[plan.Source] = []
+    for source in query.sources:
+        found.append(source)
+        if isinstance(source, plan.QuerySource):
+            found.extend(_find_all_sources(source.query))
+    return found
+
+
+def _needs_numbers(query: plan.Query) -> bool:
+    """Whether an aggregate's argument has to be evaluated for each row before the groups are made.
+
+    An argument that mentions none of the query's own columns would make SQL take the aggregate for one of an
+    outer query.
+    """
+    own = {source.id for source in query.sources}
+    return any(not list_sources(argument) & own for argument in find_aggregate_inputs(query))
+
+
+def select_group_inputs(
+    selects: FlatLowering,
+    arguments: Sequence[plan.Expr],
+    keys: Sequence[plan.Expr],
+    env: SqlScope,
+    position: bool = True,
+) -> list[Node]:
+    """What is computed of each row before groups are made: arguments of aggregates, the keys, and its position."""
+    lower, value = selects.expressions.lower, selects.expressions.value
+    shown = [sql_builder.alias(value(expr, env), f"argument_{index}") for index, expr in enumerate(arguments, 1)]
+    shown += [sql_builder.alias(lower(key, env), f"key_{index}") for index, key in enumerate(keys, 1)]
+    return [*shown, sql_builder.alias(sql_builder.call("next_position"), "position")] if position else shown
+
+
+def find_aggregate_inputs(query: plan.Query) -> list[plan.Expr]:
+    """What the aggregates are fed with, row by row."""
+    nodes = (node for node in _find_group_nodes(query) if isinstance(node, plan.Aggregate))
+    return [node.argument for node in nodes if node.argument is not None]
+
+
+def _find_group_nodes(query: plan.Query) -> list[object]:
+    """What is evaluated in groups, in the order of evaluation: of SELECT, HAVING and ORDER BY."""
+    places = [output.expr for output in query.columns] + ([query.having] if query.having is not None else [])
+    places += [key.expr for key in query.order]
+    return [node for place in places for node in walk_own(place)]

@@ -1,0 +1,282 @@
+"""Sources as items of FROM.
+
+A list, a dict of columns or a single value is walked by the virtual table `elements`, or by one whose name
+carries the columns of its elements; it takes the value as its argument, so a source that mentions an earlier
+one or the search's state is a join from left to right. A query in FROM becomes part of the query around it
+where its evaluation cannot be told apart, a derived table where it stands alone, else a value to walk.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, assert_never
+
+from sqlglot import exp
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.kinds import ANY, is_flag
+from ss2sql.language.plan_traversal import can_fail, list_inside, list_sources, list_states, split_and, varies_with
+from ss2sql.lowering import sql_builder
+from ss2sql.lowering.materialize import add_row_numbers, build_materialized_cte, sort_by_row_number
+from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sql_names import choose_column_names
+from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
+from ss2sql.vtables.hidden_names import ROW_NUMBER
+
+if TYPE_CHECKING:
+    from ss2sql.lowering.flat import FlatLowering
+
+
+@dataclass(frozen=True, slots=True)
+class FromItem:
+    """A source as SQL: the item of FROM, how it is read, and what sorts it in its own order (empty: nothing does).
+
+    `witness` is some column of it; mentioning it keeps a condition from being asked before the source is read.
+    `conditions` filter it, when it stems from a query. With `on` it is the right side of a LEFT JOIN.
+    """
+
+    items: tuple[Node, ...]
+    reader: Reader
+    order: tuple[Node, ...]
+    witness_column: Node
+    conditions: tuple[Node, ...] = ()
+    on: tuple[Node, ...] | None = None
+
+
+def open_sources(
+    selects: FlatLowering, sources: tuple[plan.Source, ...], env: SqlScope, search: int | None = None
+) -> tuple[list[FromItem], SqlScope]:
+    """All sources of a query, from left to right, each in the sight of those before it.
+
+    `search` is the number of the query if its state may be mentioned.
+    """
+    siblings: set[int] = set()
+    opened: list[FromItem] = []
+    for source in sources:
+        part = open_source(selects, source, env, siblings, search)
+        env = env.with_source(source.id, part.reader)
+        siblings.add(source.id)
+        opened.append(part)
+    return opened, env
+
+
+def open_source(
+    selects: FlatLowering,
+    source: plan.Source,
+    env: SqlScope,
+    siblings: set[int],
+    search: int | None,
+) -> FromItem:
+    """One source."""
+    match source:
+        case plan.TableSource():
+            return _open_table(selects, source)
+        case plan.ValueSource(value=value):
+            return _open_elements(selects, source, selects.expressions.value(value, env))
+        case plan.QuerySource(optional=True):
+            return _open_left_joined(selects, source, env, siblings)
+        case plan.QuerySource(query=query):
+            if _can_join(query) and not (search is None and _reads_only_outer_rows(query, siblings)):
+                return _open_joined(selects, source, env, siblings, search)
+            lateral = varies_with(query, siblings, search)
+            whole = search is not None
+            outside = list_sources(query) - list_inside(query) or list_states(query)
+            apart = not lateral and not (whole and outside)
+            if apart and query.representation.name == "dict" and (not query.group or query.aggregated):
+                return _open_derived(selects, source, env, whole)
+            return _open_elements(selects, source, selects.subquery(query, replace(env, again=env.again or lateral)))
+        case plan.WorldSource():
+            return _open_world(selects, source, env)
+        case _:
+            assert_never(source)
+
+
+def _open_table(selects: FlatLowering, source: plan.TableSource) -> FromItem:
+    label = selects.needs.label(source.name)
+    selects.tables[label] = source
+    schema = None if source.schema == "main" and not sql_builder.may_need_schema(source.table) else source.schema
+    columns: dict[str, Node] = {name: sql_builder.column(name, label) for name, _ in source.columns}
+    for name in source.collated:
+        columns[name] = exp.Collate(this=columns[name], expression=exp.Var(this="BINARY"))
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        if isinstance(expr, plan.Column):
+            return columns[expr.name].copy()
+        return build_record({name: node.copy() for name, node in columns.items()})
+
+    order = tuple(sql_builder.column(name, label) for name in source.order)
+    return FromItem((sql_builder.table(source.table, label, schema),), read, order, next(iter(columns.values())))
+
+
+def _open_elements(selects: FlatLowering, source: plan.ValueSource | plan.QuerySource, value: Node) -> FromItem:
+    columns = tuple(name for name, _ in source.columns or ())
+    names = choose_column_names(columns)
+    label = selects.needs.label(source.name)
+    module = selects.needs.elements(columns)
+    if isinstance(value, exp.Placeholder):
+        selects.needs.walked[source.id] = value.name
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        this = sql_builder.column("this", label)
+        if isinstance(expr, plan.Element):
+            return selects.expressions.unbox_value(this, expr.type)
+        if expr.declared:
+            return selects.expressions.unbox_value(sql_builder.column(names[expr.name], label), expr.type)
+        return selects.expressions.field(this, expr)
+
+    item = sql_builder.table_function(module, [value], label)
+    # The elements of a data frame are made when they are read; its row numbers cost nothing.
+    framed = isinstance(source, plan.ValueSource) and isinstance(source.value, plan.Variable) and source.value.frame
+    witness = sql_builder.column("rowid" if framed else "this", label)
+    return FromItem((item,), read, (sql_builder.column("rowid", label),), witness)
+
+
+def _open_world(selects: FlatLowering, source: plan.WorldSource, env: SqlScope) -> FromItem:
+    """A table of a world, or one of its table functions; it is walked in its own order."""
+    label = selects.needs.label(source.name)
+    names = choose_column_names(tuple(name for name, _ in source.columns))
+    selects.needs.worlds[label] = source.table
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        return sql_builder.column("this" if isinstance(expr, plan.Element) else names[expr.name], label)
+
+    item = sql_builder.table(source.table.module, label)
+    if source.table.schema.parameters:
+        arguments = [selects.expressions.value(argument, env) for argument in source.arguments]
+        item = sql_builder.table_function(source.table.module, arguments, label)
+    return FromItem((item,), read, (sql_builder.column(ROW_NUMBER, label),), sql_builder.column(ROW_NUMBER, label))
+
+
+def build_record(columns: dict[str, Node]) -> Node:
+    """A row as a dict."""
+    arguments: list[Node] = []
+    for name, node in columns.items():
+        arguments += [sql_builder.string(name), node]
+    return sql_builder.call("record", *arguments)
+
+
+def _can_join(query: plan.Query) -> bool:
+    """Whether a query in FROM may be merged with the one around it: nothing but a product, filters and columns."""
+    plain = not (query.search or query.grouped or query.order or query.limit or query.having)
+    if not plain or query.representation.name != "dict" or any(output.label for output in query.columns):
+        return False
+    inside = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
+    inside += [output.expr for output in query.columns]
+    inside += [query.where] if query.where is not None else []
+    return not any(can_fail(part) for part in inside) and not any(
+        isinstance(source, plan.QuerySource) for source in query.sources
+    )
+
+
+def _reads_only_outer_rows(query: plan.Query, siblings: set[int]) -> bool:
+    """Whether a column reads nothing but rows around: an aggregate over it would be one of the query around in SQL."""
+    own = siblings | {source.id for source in query.sources}
+    exprs = [output.expr for output in query.columns]
+    return any((list_sources(expr) or list_states(expr)) and not list_sources(expr) & own for expr in exprs)
+
+
+def _open_joined(
+    selects: FlatLowering, source: plan.QuerySource, env: SqlScope, siblings: set[int], search: int | None
+) -> FromItem:
+    """The sources and conditions of a simple query, joined with those of the query around it."""
+    query = source.query
+    items: list[Node] = []
+    order: list[Node] = []
+    inner = env
+    for part in query.sources:
+        opened = open_source(selects, part, inner, siblings, search)
+        inner = inner.with_source(part.id, opened.reader)
+        items.extend(opened.items)
+        order.extend(opened.order)
+    conditions = selects.conditions(query.where, inner)
+    reader = make_column_reader(
+        selects, query, {o.name: selects.expressions.lower(o.expr, inner) for o in query.columns}
+    )
+    return FromItem(tuple(items), reader, tuple(order), opened.witness_column, tuple(conditions))
+
+
+def _read_through_query(opened: FromItem, query: plan.Query) -> Reader:
+    """Reads the elements of a query that are those of its only source."""
+    source = query.sources[0]
+    kinds = dict(source.columns or ())
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        if isinstance(expr, plan.Element):
+            return opened.reader(replace(expr, source=source.id, type=query.columns[0].expr.type))
+        known = expr.name in kinds
+        return opened.reader(replace(expr, source=source.id, type=kinds.get(expr.name, ANY), declared=known))
+
+    return read
+
+
+def _open_left_joined(selects: FlatLowering, source: plan.QuerySource, env: SqlScope, siblings: set[int]) -> FromItem:
+    """The right side of a LEFT JOIN. A number of its rows is needed, which says whether there is one."""
+    query = source.query
+    (inner,) = query.sources
+    if isinstance(inner, plan.QuerySource) and not inner.optional and not varies_with(inner.query, siblings, None):
+        part = _open_numbered(selects, _open_derived(selects, inner, env, False), inner)
+    else:
+        part = open_source(selects, inner, env, siblings, None)
+        part = part if part.order else _open_numbered(selects, part, inner)
+    here = env.with_source(inner.id, part.reader)
+    on = [selects.expressions.all_of(split_and(query.where), here)] if query.where is not None else []
+    plain, number = _read_through_query(part, query), part.order[-1]
+    element, kinds = query.columns[0].expr.type, dict(inner.columns or ())
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        node = plain(expr)
+        flag = is_flag(kinds.get(expr.name, ANY) if isinstance(expr, plan.Column) else element)
+        if isinstance(node, exp.Column) and not flag:
+            return node
+        found = exp.Not(this=exp.Is(this=number.copy(), expression=sql_builder.null()))
+        return sql_builder.case([(found, selects.expressions.boxed(node) if flag else node)], sql_builder.null())
+
+    return FromItem(part.items, read, part.order, part.witness_column, (), (*part.conditions, *on))
+
+
+def _open_numbered(selects: FlatLowering, part: FromItem, source: plan.Source) -> FromItem:
+    """A view, or a query, with the numbers of its rows, which keep their order where SQLite makes an index on them."""
+    (item,) = part.items
+    if not isinstance(item, exp.Subquery):
+        kinds = source.columns or ()
+        columns = [part.reader(plan.Column(source.id, name, kind, span=source.span)) for name, kind in kinds]
+        item = sql_builder.derived(
+            sql_builder.select(columns, [item], None, (), sql_builder.unlimited()), item.alias_or_name
+        )
+    label = item.alias_or_name
+    item.set("this", add_row_numbers(item.this, label))
+    number = sql_builder.column(item.this.expressions[0].alias, label)
+    return FromItem((item,), part.reader, (number,), number, (sort_by_row_number(label, number.name),))
+
+
+def _open_derived(selects: FlatLowering, source: plan.QuerySource, env: SqlScope, whole: bool) -> FromItem:
+    """`(SELECT ... LIMIT -1) AS name`, which the limit keeps apart, and its order with it; or a table of WITH."""
+    query, needs = source.query, selects.needs
+    label = needs.label(source.name)
+    if whole:
+        if source.id not in needs.materialized_ctes:  # a search opens its sources twice
+            made = selects.derived(query, env)
+            needs.materialized_ctes[source.id] = build_materialized_cte(needs.table(f"{source.name}_once"), made)
+        item: Node = sql_builder.table(needs.materialized_ctes[source.id].alias, label)
+    else:
+        item = sql_builder.derived(selects.derived(query, env), label)
+    names = choose_column_names(tuple(output.name for output in query.columns))
+    columns: dict[str, Node] = {name: sql_builder.column(short, label) for name, short in names.items()}
+    return FromItem((item,), make_column_reader(selects, query, columns), (), next(iter(columns.values())))
+
+
+def make_column_reader(selects: FlatLowering, query: plan.Query, columns: dict[str, Node]) -> Reader:
+    """Reads the rows of a query by the columns that its outputs have become."""
+    types = {output.name: output.expr.type for output in query.columns}
+
+    def read(expr: plan.Element | plan.Column) -> Node:
+        if isinstance(expr, plan.Column):
+            return columns[expr.name].copy()
+        boxed = {
+            name: selects.expressions.boxed(node.copy()) if is_flag(types[name]) else node.copy()
+            for name, node in columns.items()
+        }
+        return build_record(boxed)
+
+    return read

@@ -1,0 +1,445 @@
+"""FROM and WHERE of a flat query as SQL: the product of its sources, filtered as early as that may be.
+
+SQLite asks a term of WHERE as soon as the columns are known that it mentions; one that has to wait for a source
+that it does not mention is tied to it by `in_turn`. A value that is worth keeping (`hoist`) is computed in a
+table of its own, once for each row of the sources that it depends on:
+
+    FROM (SELECT m1.this AS m1, move(m1.this, :p1) AS move FROM elements(:moves) AS m1 LIMIT -1) AS to_m1
+    CROSS JOIN elements(:moves) AS m2
+
+LIMIT -1 keeps SQLite from putting the expression back to where it is used. SQLite takes the rows of such a
+table one by one, so nothing is evaluated ahead. Lists that are walked again and again are copied once, see
+materialize.py. Seven moves inside each other (279,936 rows) take 1.3 s without, 0.2 s so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import field, replace
+from typing import TYPE_CHECKING, TypeGuard
+
+from sqlglot import exp
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind
+from ss2sql.language.plan_traversal import can_fail, list_parts, list_sources, list_states
+from ss2sql.lowering import sql_builder
+from ss2sql.lowering.evaluation_order import Condition, EvaluationOrder, HoistedValue
+from ss2sql.lowering.expression_index import MIN_INDEXED_LENGTH, ExpressionKey
+from ss2sql.lowering.from_clause import FromItem
+from ss2sql.lowering.materialize import (
+    find_equality_columns,
+    number_indexed_rows,
+    require_ordered_index,
+    sort_by_row_number,
+    strip_affinity,
+)
+from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sql_names import choose_column_names, choose_free_name
+from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
+
+if TYPE_CHECKING:
+    from ss2sql.lowering.flat import FlatLowering
+
+
+@dataclass(slots=True)
+class DerivedTable:
+    """Sources joined in a table of their own; `carry` makes what is read of them columns of it."""
+
+    select: exp.Select
+    label: str
+    labels: frozenset[str]
+    names: dict[tuple[str, str], str] = field(default_factory=dict)
+    taken: set[str] = field(default_factory=lambda: {"rowid"})
+
+    def carry(self, node: Node) -> Node:
+        """The expression as it reads outside of the table."""
+        node = node.copy()
+        for column in list(node.find_all(exp.Column)):
+            if column.table in self.labels:
+                outside = sql_builder.column(self.name_of(column), self.label)
+                if column is node:
+                    return outside
+                column.replace(outside)
+        return node
+
+    def name_of(self, column: exp.Column) -> str:
+        key = (column.table, column.name)
+        if key not in self.names:
+            wanted = column.table if column.name == "this" else column.name
+            self.names[key] = self.add(wanted, column, len(self.names))
+        return self.names[key]
+
+    def add(self, wanted: str, node: Node, position: int | None = None) -> str:
+        """A new column of the table, the last one or one at a position; gives its name."""
+        name = choose_free_name(wanted, self.taken)
+        columns = list(self.select.expressions)
+        columns.insert(len(columns) if position is None else position, sql_builder.named(node.copy(), name))
+        self.select.set("expressions", columns)
+        return name
+
+
+MAX_TERMS = 14
+
+
+class JoinBuilder:
+    """The product of a query's sources, put together level by level."""
+
+    def __init__(
+        self, selects: FlatLowering, query: plan.Query, opened: list[FromItem], env: SqlScope, levels: EvaluationOrder
+    ) -> None:
+        self.selects = selects
+        self.query = query
+        self.opened = opened
+        self.levels = levels
+        self.tables: list[DerivedTable] = []
+        self.env = replace(env, sources={**env.sources, **self._make_readers(env)})
+        self.keys: dict[int, dict[ExpressionKey, str]] = {}  # by source: columns of its copy that are computed
+        self.items: list[Node] = []
+        self.terms: list[Node] = []
+        self.ordering: list[Node] = []  # terms that are there for the order of rows alone
+        self.optional: set[str] = set()  # what is joined with LEFT JOIN
+        self.keeps = self.rows_sorted = False
+        conditions = levels.conditions()
+        if self._must_sort(conditions):
+            self._sort(conditions)
+        else:
+            self._join_by_levels(conditions)
+
+    def _join_by_levels(self, conditions: list[Condition]) -> None:
+        """Joins the sources from level to level, and asks and computes at each what can be by then."""
+        query, opened, levels, applied = self.query, self.opened, self.levels, self.selects.needs.applied
+        outputs = () if query.aggregated else tuple(output.expr for output in query.columns)
+        hoisted = levels.find_hoisted_values(conditions, outputs)
+        self.keeps = bool(hoisted)
+        if any(not condition.free and condition.level < len(opened) for condition in conditions):
+            applied["early"] = None
+        if hoisted:
+            applied["hoist"] = None
+        bound = 0
+        for level in sorted({value.level for value in hoisted}):
+            self._bind(bound, level, conditions)
+            self._close_level(level, conditions, hoisted)
+            bound = level
+        self._bind(bound, len(opened), conditions)
+        self.terms = self._settled()
+
+    def translate_outward(self, node: Node) -> Node:
+        """An expression in terms of the sources as it reads outside of all tables that have been made of them."""
+        for table in self.tables:
+            node = table.carry(node)
+        return node
+
+    def _make_readers(self, env: SqlScope) -> dict[int, Reader]:
+        def outward(reader: Reader) -> Reader:
+            return lambda expr: self.translate_outward(reader(expr))
+
+        return {source.id: outward(env.sources[source.id]) for source in self.query.sources}
+
+    @property
+    def copies(self) -> bool:
+        """Whether lists are copied: the inner ones of three and more are walked often, at 0.5 us per element.
+
+        SQLite sees when a copy is empty, and then evaluates nothing before it: that must not show.
+        """
+        return self.keeps or len(self.query.sources) > 2
+
+    @property
+    def natural_order(self) -> list[Node] | None:
+        """The keys of the product's own order; None where a source has none."""
+        if not all(part.order for part in self.opened):
+            return None
+        return [self.translate_outward(key) for part in self.opened for key in part.order]
+
+    # --- tables ----------------------------------------------------------------------------------------
+
+    def _must_sort(self, conditions: list[Condition]) -> bool:
+        """Whether SQLite might evaluate rows that LIMIT cuts off: it may find rows by an index, not in order."""
+        query, tables = self.query, [one for one in self.query.sources if isinstance(one, plan.TableSource)]
+        if query.limit is None or query.order or query.grouped or not all(part.order for part in self.opened):
+            return False
+        asked = [condition.expr for condition in conditions if condition.free]
+        late = [condition.expr for condition in conditions if not condition.free]
+        late += [output.expr for output in query.columns]
+        if len(tables) < len(query.sources) or not any(map(list_sources, asked)):
+            return False
+        return any(map(can_fail, late))
+
+    def _sort(self, conditions: list[Condition]) -> None:
+        """Joins tables by what cannot fail, sorts the rows, and asks the rest of one after the other."""
+        for part in self.opened:
+            self.items += part.items
+            self.terms += part.conditions
+        self.terms += [self._free(condition) for condition in conditions if condition.free]
+        natural = self.natural_order or []
+        table = self._enclose_join("found", [(key.copy(), False) for key in natural])
+        for key in natural:
+            table.carry(key)  # one column has to be there
+        self.tables.append(table)
+        self.env = replace(self.env, known=tuple((expr, table.carry(node)) for expr, node in self.env.known))
+        late = [condition.expr for condition in conditions if not condition.free]
+        self.terms = [self.selects.expressions.all_of(tuple(late), self.env)] if late else []
+        self.rows_sorted = True
+
+    def _enclose_join(self, name: str, order: Sequence[tuple[Node, bool]] = ()) -> DerivedTable:
+        """A table of what is joined so far, which is all that is joined then."""
+        where, labels = sql_builder.conjunction(self._settled()), frozenset(item.alias_or_name for item in self.items)
+        select = sql_builder.select([], self.items, where, order, sql_builder.unlimited())
+        table = DerivedTable(select, self.selects.needs.label(name), labels)
+        self.items, self.terms = [sql_builder.derived(select, table.label)], []
+        return table
+
+    # --- joining ---------------------------------------------------------------------------------------
+
+    def _bind(self, bound: int, level: int, conditions: list[Condition]) -> None:
+        """Joins the sources after `bound` up to `level`, and asks what can be asked by then."""
+        first = 0 if bound == 0 else bound + 1
+        for condition in conditions:
+            if condition.key is not None and first <= condition.level <= level:
+                self._add_key(self.query.sources[condition.level - 1], condition.key)
+        terms = [(c.level, self._free(c)) for c in conditions if c.free and first <= c.level <= level]
+        for position in range(bound, level):
+            part = self.opened[position]
+            if part.on is not None:
+                self._left_join(self.query.sources[position], part)
+                continue
+            asked = [node for step, node in terms if step == position + 1]
+            for item in map(self.translate_outward, part.items):
+                source = self.query.sources[position]
+                found = self._look_up_source(source, item, asked, self.terms)
+                if found is None and self.copies:
+                    found = self._materialize_source(source, item)
+                self.items.append(found or item)
+            self.terms += [self.translate_outward(condition) for condition in part.conditions]
+        self.terms += [node for _, node in terms]
+        for step in range(first, level + 1):
+            group = [c.expr for c in conditions if not c.free and c.level == step]
+            if group:
+                free = [c.expr for c in conditions if c.free and c.level == step]
+                self.terms.append(self._in_order(group, step, free))
+
+    def _add_key(self, source: plan.Source, key: ExpressionKey) -> None:
+        """Plans a column of the source's copy, under a name that no other column of the source has."""
+        known = self.keys.setdefault(source.id, {})
+        if key not in known:
+            columns = source.columns if isinstance(source, plan.ValueSource) else ()
+            taken = {"this", "rowid", *choose_column_names(tuple(name for name, _ in columns or ())).values()}
+            known[key] = choose_free_name(key.name, taken | {name.lower() for name in known.values()})
+
+    def _write_key_equality(self, label: str, key: ExpressionKey, name: str) -> Node:
+        """The equality with a column of the copy."""
+        lower = self.selects.expressions
+        if key.plain:
+            sides = sql_builder.column(name, label), lower.lower(key.other, self.env)
+        else:
+            sides = sql_builder.column(name, label), sql_builder.call("as_key", lower.value(key.other, self.env))
+        none = not key.plain or any(side.type.may(Kind.NONE) for side in (key.expr, key.other))
+        return sql_builder.binary(exp.NullSafeEQ if none else exp.EQ, *sides)
+
+    def _write_key_column(self, key: ExpressionKey, name: str) -> Node:
+        """The column of the copy."""
+        lower = self.selects.expressions
+        node = (
+            lower.lower(key.expr, self.env)
+            if key.plain
+            else sql_builder.call("as_key", lower.value(key.expr, self.env))
+        )
+        if key.guards:
+            node = sql_builder.case([(lower.all_of(key.guards, self.env), node)], sql_builder.null())
+        return sql_builder.alias(node, name)
+
+    def _left_join(self, source: plan.Source, part: FromItem) -> None:
+        """Joins a source that may have no row."""
+        assert isinstance(source, plan.QuerySource)
+        (item,), on = (
+            map(self.translate_outward, part.items),
+            [self.translate_outward(condition) for condition in part.on or ()],
+        )
+        found = self._look_up_source(source.query.sources[0], item, on, on)
+        self.items.append(sql_builder.left_joined(found or item, on))
+        self.optional.add(item.alias_or_name)
+
+    def _free(self, condition: Condition) -> Node:
+        if condition.key is not None:
+            part = self.opened[condition.level - 1]
+            source = self.query.sources[condition.level - 1].id
+            return self._write_key_equality(
+                part.items[0].alias_or_name, condition.key, self.keys[source][condition.key]
+            )
+        node = self.selects.expressions.condition(condition.expr, self.env)
+        return self._delay_condition(condition.level, self.levels.of(condition.expr), node)
+
+    def _in_order(self, group: list[plan.Expr], level: int, free: list[plan.Expr]) -> Node:
+        """Parts of WHERE that may fail, in their order."""
+        node = self.selects.expressions.all_of(tuple(group), self.env)
+        if isinstance(self.query.sources[level - 1], plan.TableSource):
+            # SQLite asks first what an index of the table answers, whatever stands before it.
+            before = [self.selects.expressions.condition(part, self.env) for part in free]
+            node = sql_builder.case(
+                [(exp.Not(this=sql_builder.wrap_operand(part)), sql_builder.number(0)) for part in before], node
+            )
+        # What can fail calls a function, so that SQLite never asks it before the first source is read. Only the other
+        # side of `column = ...` it evaluates before a derived table, to look that up in an index that it makes.
+        indexed = isinstance(self.opened[level - 1].items[-1], exp.Subquery) and isinstance(node, exp.EQ)
+        return self._delay_condition(level, 0 if indexed else max(1, *map(self.levels.of, group)), node)
+
+    def _delay_condition(self, level: int, known: int, node: Node) -> Node:
+        """A condition that is not asked before the source at its level is read."""
+        return (
+            node
+            if known >= level
+            else sql_builder.call("in_turn", self.translate_outward(self.opened[level - 1].witness_column), node)
+        )
+
+    def _close_level(self, level: int, conditions: list[Condition], hoisted: list[HoistedValue]) -> None:
+        """Makes a table of what is joined so far, with the values of its level."""
+        table = self._enclose_join(f"to_{self.query.sources[level - 1].name}")
+        values = [value.expr for value in hoisted if value.level == level]
+        nodes = [self.selects.expressions.lower(expr, self.env) for expr in values]
+        self.tables.append(table)
+        here = [
+            (e, sql_builder.column(table.add(_choose_name(e), n), table.label))
+            for e, n in zip(values, nodes, strict=True)
+        ]
+        later = self._find_later_expressions(level, conditions, hoisted)
+        known = [(expr, table.carry(node)) for expr, node in self.env.known if _is_read_later(expr, later, values)]
+        self.env = replace(self.env, known=(*here, *known))
+
+    def _find_later_expressions(
+        self, level: int, conditions: list[Condition], hoisted: list[HoistedValue]
+    ) -> list[plan.Expr]:
+        """What is evaluated further in."""
+        later = [condition.expr for condition in conditions if condition.level > level]
+        later += [part for value in hoisted if value.level > level for part in list_parts(value.expr)]
+        later += [output.expr for output in self.query.columns]
+        return [*later, *self.query.group, *(key.expr for key in self.query.order)]
+
+    def _settled(self) -> list[Node]:
+        """The terms of WHERE, so written that SQLite does not put a constant in the place of a column.
+
+        It does so where the column is to be equal to it (`=`, not `IS`), and then asks what mentions the column
+        without waiting for its source. That matters where something must not be asked too early.
+        """
+        terms = [part for term in self.terms for part in (term.flatten() if isinstance(term, exp.And) else (term,))]
+        terms += number_indexed_rows(self.items, terms, self.selects.needs.materialized_ctes.values())
+        if not all(isinstance(term, (exp.Binary, exp.Not, exp.In, exp.Paren)) for term in terms):
+            terms = [_use_is_operator(term) if isinstance(term, exp.EQ) else term for term in terms]
+        if self.optional:
+            # Else SQLite sees where None cannot meet a term, makes a plain join of it, and changes the order of rows.
+            terms = [
+                _wrap_disjunction(t) if any(c.table in self.optional for c in t.find_all(exp.Column)) else t
+                for t in terms
+            ]
+        if self.selects.needs.worlds:
+            terms = [_wrap_disjunction(term) if isinstance(term.unnest(), exp.Or) else term for term in terms]
+        if len(terms) > MAX_TERMS and any(map(_may_be_none, self.query.sources)):
+            # Behind so many conditions SQLite asks `elements` again whether NULL equals its argument.
+            rest = sql_builder.conjunction(terms[MAX_TERMS:])
+            assert rest is not None
+            terms[MAX_TERMS:] = [sql_builder.case([(rest, sql_builder.number(1))], sql_builder.number(0))]
+        walked = {label for label, table in self.selects.needs.worlds.items() if not table.schema.parameters}
+        return sql_builder.merge_ranges(terms, walked) if walked else terms
+
+    def _materialize_source(self, source: plan.Source, item: Node) -> Node:
+        """A source that is walked again and again: a copy of its list, if that stays the same for the statement."""
+        copies = self.selects.copies
+        if copies is None or not isinstance(source, plan.ValueSource) or self.query.order or self.query.group:
+            return item
+        value = source.value
+        # SQLite may make an index on a copy; with one column it keeps equal elements in their order.
+        if not (
+            _is_statement_constant(value) and value.type.only(Kind.LIST) and source.columns == ()
+        ) or not _iterates_constant_list(item):
+            return item
+        name = f"{value.name if isinstance(value, plan.Variable) else source.name}_once"
+        return copies.walked(item, lambda: self.selects.needs.table(name))
+
+    def _look_up_source(self, source: plan.Source, item: Node, asked: list[Node], terms: list[Node]) -> Node | None:
+        """A source that SQLite can look rows up in, where these must equal something that is known before.
+
+        What keeps its rows in order is added to `terms`.
+        """
+        copies, needs = self.selects.copies, self.selects.needs
+        if copies is None or "lookup" in needs.disabled or not isinstance(item, exp.Table):
+            return None
+        label = item.alias_or_name
+        keys = {column for table, column, others in find_equality_columns(asked) if table == label and others}
+        if not keys:
+            return None
+        computed: list[Node] = []
+        match source:
+            case plan.TableSource() if not all(isinstance(one, plan.TableSource) for one in self.query.sources):
+                # Beside lists it is walked in its order.
+                if require_ordered_index(item, source, keys):
+                    needs.applied["lookup"] = None
+                    return item
+                if source.order != ("rowid",):
+                    return None
+                name, columns = f"{source.name}_in_order", tuple(name for name, _ in source.columns)
+            case plan.ValueSource(value=value) if _iterates_constant_list(item) and _is_statement_constant(value):
+                if (value.type.size or MIN_INDEXED_LENGTH) < MIN_INDEXED_LENGTH:
+                    return None
+                name = f"{label}_once"
+                columns = ("this", *choose_column_names(tuple(name for name, _ in source.columns or ())).values())
+                strip_affinity(asked, label, self.selects.tables)
+                computed = [self._write_key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
+            case _:
+                return None
+        ordered = sort_by_row_number(label)
+        self.ordering.append(ordered)
+        terms.append(ordered)
+        needs.applied["lookup"] = None
+        return copies.looked_up(item, needs.table(name), ("rowid", *columns), computed)
+
+
+def _is_statement_constant(value: plan.Expr) -> bool:
+    """Whether the value is the same for the whole statement."""
+    return not list_sources(value) and not list_states(value)
+
+
+def _iterates_constant_list(item: Node) -> TypeGuard[exp.Table]:
+    """Whether `elements` walks a list that is the same for all rows."""
+    return isinstance(item, exp.Table) and isinstance(item.this, exp.Anonymous) and item.find(exp.Column) is None
+
+
+def _may_be_none(source: plan.Source) -> bool:
+    """Whether a source that `elements` walks may be None instead of a list."""
+    match source:
+        case plan.ValueSource(value=value):
+            return value.type.may(Kind.NONE)
+        case plan.QuerySource(query=query):
+            return query.representation.name not in ("dict", "list", "rows")
+        case plan.WorldSource(arguments=arguments):
+            return any(argument.type.may(Kind.NONE) for argument in arguments)
+        case _:
+            assert isinstance(source, plan.TableSource)
+            return False
+
+
+def _use_is_operator(term: exp.EQ) -> Node:
+    """`column = constant` as `column IS constant`."""
+    sides = (term.this, term.expression)
+    constant = any(side.find(exp.Column, exp.Anonymous, exp.Query) is None for side in sides)
+    return exp.NullSafeEQ(this=sides[0], expression=sides[1]) if constant else term
+
+
+def _wrap_disjunction(term: Node) -> Node:
+    """`(a OR b) IS TRUE`: SQLite would walk a world's table once for each part, and put its rows out of order."""
+    return exp.Is(this=sql_builder.parenthesize(term, exp.Or), expression=exp.true())
+
+
+def _choose_name(expr: plan.Expr) -> str:
+    return expr.function.name if isinstance(expr, plan.Call) else "value"
+
+
+def _is_read_later(expr: plan.Expr, later: list[plan.Expr], made: list[plan.Expr]) -> bool:
+    """Whether a value is read by what comes later, not counting what has become a column itself."""
+    stack: list[object] = list(later)
+    while stack:
+        node = stack.pop()
+        if node == expr:
+            return True
+        if node not in made:
+            stack.extend(list_parts(node))
+    return False

@@ -1,0 +1,160 @@
+"""Lists and tables that a statement copies: what is walked again and again, and what a condition looks up.
+
+Walking a list costs three Python calls for each element, 0.5 us; its copy 0.04 us. Where a condition asks for equality,
+SQLite makes an index on the copy, as it never does on a virtual table:
+
+    WITH kinds_once AS MATERIALIZED (SELECT rowid, kind, shelf FROM elements_kind_shelf(:kinds))
+    SELECT sales.id, kinds.shelf FROM elements_id_kind(:sales) AS sales CROSS JOIN kinds_once AS kinds
+    WHERE sales.kind = kinds.kind AND NOT kinds.rowid IS NULL
+
+That index has the key and then the columns that are read, in their order: `rowid`, the first, keeps equal keys in the
+order of the list, and has to be read for that. 20,000 rows that look for theirs among 1,000 take 0.1 s, not 9 s. A
+table that stands beside lists is walked in its order, too, so an index that does not keep it is of no use there.
+
+On the rows of a query in FROM, too, SQLite makes such an index when it likes: where a condition asks for equality they
+are numbered, see `number_indexed_rows`. If something of that query may fail it is collected first:
+
+    WITH best_once AS MATERIALIZED (SELECT f(rows.v) AS v FROM elements_v(:rows) AS rows LIMIT -1)
+    SELECT best.v FROM best_once AS best LIMIT 1
+
+For all rows of FROM are made before the first is used. SQLite makes one when it needs it, and leaves out columns that
+nobody reads; of a table that is materialised it does neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+
+from sqlglot import exp
+
+from ss2sql.language import plan
+from ss2sql.lowering import sql_builder
+from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sql_names import choose_free_name
+
+
+class MaterializedTables:
+    """The copies of one statement, by their names."""
+
+    def __init__(self) -> None:
+        self.tables: dict[str, exp.Select] = {}
+
+    def walked(self, item: exp.Table, make_name: Callable[[], str]) -> exp.Table:
+        """A copy of a list whose elements have no columns, under a new name where there is none of this list."""
+        select = sql_builder.select([sql_builder.column("this")], [exp.Table(this=item.this.copy())])
+        name = next((name for name, made in self.tables.items() if made == select), None) or make_name()
+        self.tables[name] = select
+        return sql_builder.table(name, item.alias_or_name)
+
+    def looked_up(
+        self, item: exp.Table, name: str, columns: tuple[str, ...], computed: Sequence[Node] = ()
+    ) -> exp.Table:
+        """A copy of a list or table that SQLite can index, `rowid` first; what is `computed` reads the item's label."""
+        walked, label = item.copy(), item.alias_or_name if computed else None
+        if not computed:
+            walked.set("alias", None)
+        self.tables[name] = sql_builder.select(
+            [*(sql_builder.column(column, label) for column in columns), *computed], [walked]
+        )
+        return sql_builder.table(name, item.alias_or_name)
+
+    def add_materialized_tables(self, select: exp.Select) -> list[exp.CTE]:
+        """The copies as WITH of the statement, with the columns that it reads."""
+        made = [build_materialized_cte(name, copied) for name, copied in self.tables.items()]
+        for table in made:
+            prune_columns(table, select)
+        return made
+
+
+def build_materialized_cte(name: str, select: exp.Select) -> exp.CTE:
+    """`name AS MATERIALIZED (SELECT ...)`."""
+    return exp.CTE(this=select, alias=exp.TableAlias(this=sql_builder.identifier(name)), materialized=True)
+
+
+def number_indexed_rows(items: Sequence[Node], conditions: Sequence[Node], tables: Iterable[exp.CTE]) -> list[Node]:
+    """Numbers the rows of those queries in FROM that conditions let SQLite make an index on; what has it read them.
+
+    `tables` are the collected ones. An index on what a later item has to equal would not be of use.
+    """
+    found: list[Node] = []
+    asked = find_equality_columns(conditions)
+    labels = [item.alias_or_name for item in items]
+    by_name = {table.alias: table for table in tables}
+    for index, item in enumerate(items):
+        label, later = labels[index], set(labels[index + 1 :])
+        of_query = item if isinstance(item, exp.Subquery) else by_name.get(item.name)
+        if of_query is None or not any(table == label and others.isdisjoint(later) for table, _, others in asked):
+            continue
+        if not isinstance(of_query.this.expressions[0].unalias(), exp.Window):
+            of_query.set("this", add_row_numbers(of_query.this, label))
+        found.append(sort_by_row_number(label, of_query.this.expressions[0].alias))
+    return found
+
+
+def add_row_numbers(select: exp.Select, label: str) -> exp.Select:
+    """The same rows, and before their columns their numbers."""
+    names = [column.alias_or_name for column in select.expressions]
+    position = choose_free_name("position", {name.lower() for name in names})
+    shown = [
+        sql_builder.alias(sql_builder.row_number([]), position),
+        *(sql_builder.column(name, label) for name in names),
+    ]
+    return sql_builder.select(shown, [sql_builder.derived(select, label)])
+
+
+def require_ordered_index(item: exp.Table, source: plan.TableSource, keys: Collection[str]) -> bool:
+    """Has a table be read by an index that keeps its order, if columns that have to equal something have one."""
+    for columns, index in source.indexes:
+        if set(columns).issubset(keys):
+            item.set("indexed", sql_builder.identifier(index) if index else False)
+            return True
+    return False
+
+
+def sort_by_row_number(label: str, position: str = "rowid") -> Node:
+    """Has SQLite read the number of a copied row, which is all that puts the rows of its index in order."""
+    return exp.Not(this=exp.Is(this=sql_builder.column(position, label), expression=sql_builder.null()))
+
+
+def strip_affinity(conditions: list[Node], label: str, tables: Collection[str]) -> None:
+    """Takes the affinity from columns of tables, by their labels, that a copied list is compared with.
+
+    With an affinity a text could equal a number, so SQLite uses no index of the list. What `=` compares here is of one
+    kind. 20,000 rows of a table that look for theirs among 1,000 take 0.01 s, not 0.9 s.
+    """
+    for key, other in _find_equalities(conditions):
+        if (
+            isinstance(key, exp.Column)
+            and key.table == label
+            and isinstance(other, exp.Column)
+            and other.table in tables
+        ):
+            other.replace(sql_builder.WithoutAffinity(this=other.copy()))
+
+
+def find_equality_columns(conditions: Iterable[Node]) -> set[tuple[str, str, frozenset[str]]]:
+    """The columns whose values conditions ask for by equality, as (label, name, the labels of what they must equal)."""
+    found: set[tuple[str, str, frozenset[str]]] = set()
+    for left, other in _find_equalities(conditions):
+        bare = left.unnest()
+        side = bare.this if isinstance(bare, exp.Collate) else bare
+        others = frozenset(column.table for column in other.find_all(exp.Column))
+        if isinstance(side, exp.Column) and side.table not in others:
+            found.add((side.table, side.name, others))
+    return found
+
+
+def _find_equalities(conditions: Iterable[Node]) -> list[tuple[Node, Node]]:
+    """Each side of the conditions that ask for equality, with the other one."""
+    equal = [condition for condition in conditions if isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ))]
+    return [sides for one in equal for sides in ((one.this, one.expression), (one.expression, one.this))]
+
+
+def prune_columns(copied: exp.CTE, terms: exp.Expr) -> None:
+    """Leaves only those columns in the copy of a table that the terms read."""
+    name = copied.alias_or_name
+    labels = {item.alias_or_name for item in terms.find_all(exp.Table) if item.name == name}
+    read = {column.name for column in terms.find_all(exp.Column) if column.table in labels}
+    select = copied.this
+    kept = [column for column in select.expressions if column.alias_or_name in read]
+    select.set("expressions", kept or select.expressions[:1])

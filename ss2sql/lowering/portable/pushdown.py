@@ -1,0 +1,373 @@
+"""Queries that are no searches for a database that runs them here: its own tables, and others that it is given.
+
+What `portable_flat.py` refuses to other databases has an order here, because every row of a source has a number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from copy import copy
+from dataclasses import field
+from functools import partial
+from typing import Any
+
+from sqlglot import exp
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind, Type
+from ss2sql.language.operations import GROUPS, OPERATIONS
+from ss2sql.language.operations.operation import without_none
+from ss2sql.language.plan_traversal import can_fail
+from ss2sql.language.rows import make_unique_name
+from ss2sql.lowering import sql_builder
+from ss2sql.lowering.portable.portable_expressions import Node, PortableExpressions, PortableScope
+from ss2sql.lowering.portable.portable_flat import FlatWriter, GroupedExpressions, write_inner_limit
+from ss2sql.lowering.portable.portable_from import (
+    NUMBER_COLUMN,
+    OpenSource,
+    PortableSource,
+    get_element_columns,
+    get_literal_elements,
+    write_values,
+)
+from ss2sql.lowering.portable.portable_names import ColumnNames, is_plain_name
+from ss2sql.lowering.portable.sql_types import build_refusal, cast_node, get_column_type, is_exact_as_float, is_nullable
+
+# Begins the names of all that the database is given: nothing that a view of the user's reads is called so.
+FUNCTION_PREFIX = "ss2sql_"
+# Functions that the database is given, for the aggregates of floats: they take all values of a group as a list.
+EXACT_AGGREGATES = {name: f"{FUNCTION_PREFIX}{name}" for name, row in GROUPS.items() if row.of_floats is not None}
+LIMIT_PARAMETER = "most_rows"  # the parameter that has the value of LIMIT
+MAX_WRITTEN_ROWS = 100  # elements of a list that the script spells out
+
+
+@dataclass(frozen=True, slots=True)
+class ExternalTable:
+    """A table of the database itself: what stands in FROM, the column that numbers its rows, and its columns.
+
+    A column is None where only Python can make a value of the language of it. Those of one `shape` are
+    written alike.
+    """
+
+    item: Node
+    number: str
+    columns: Mapping[str, Node | None]
+    shape: tuple[Hashable, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedTable:
+    """A table that is made of the elements of a value, with a number: of each column its name in SQL and its type.
+
+    The column None is the element itself.
+    """
+
+    name: str
+    value: plan.Expr
+    columns: dict[str | None, tuple[str, Type]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class PushdownQuery:
+    """A query as a SELECT, the tables that it is given, and by parameters the script variables that are bound in it.
+
+    `functions` are those of Python that it calls: of each its call in the plan, None for those of EXACT.
+    """
+
+    select: exp.Select
+    loaded: tuple[LoadedTable, ...]
+    parameters: Mapping[str, str]
+    functions: Mapping[str, plan.Call | None]
+
+
+def write_pushdown(query: plan.Query, outside: Callable[[plan.ValueSource], ExternalTable | None]) -> PushdownQuery:
+    """The query for a database that runs it here. Raises UnsupportedError where it could mean something else.
+
+    Args:
+        query: a query without a search.
+        outside: finds the table of the database that a source is, if it is one.
+    """
+    sources = _SourceWriter(outside)
+    portable = _ExactExpressions()
+    select = _PushdownWriter(query, portable, sources.open).select(_write_limit(query.limit))
+    # Keys of ORDER BY that sort nothing are left out, and so are parameters that only they have.
+    bound = {node.this for node in select.find_all(exp.Placeholder)}
+    parameters = {label: name for label, name in portable.parameters.items() if label in bound}
+    return PushdownQuery(select, tuple(sources.loaded), parameters, portable.functions)
+
+
+def filter_table(
+    outside: ExternalTable,
+    source: plan.ValueSource,
+    conditions: Sequence[plan.Expr],
+    variable: Callable[[str], Any],
+) -> ExternalTable:
+    """A table with those rows alone that keep all conditions. Raises UnsupportedError where these could mean something
+    else.
+
+    Args:
+        outside: the table.
+        source: reads it; the conditions speak of nothing else.
+        conditions: of its rows, none of which can fail.
+        variable: gives the values of script variables.
+    """
+    label = "kept"
+    scope = PortableScope().with_source(source.id, partial(_read_external_column, label, outside.columns, source.name))
+    where = _write_conjunction(conditions, variable, scope)
+    number = choose_number_column(outside.columns)
+    numbered = exp.Alias(this=_build_column(outside.number, label), alias=quote_identifier(number))
+    every = exp.Column(this=exp.Star(), table=quote_identifier(label))
+    select = sql_builder.select([every, numbered], [_add_label(outside.item, label)], where)
+    return ExternalTable(exp.Subquery(this=select), number, outside.columns, (*outside.shape, select.sql("duckdb")))
+
+
+def join_tables(
+    tables: Sequence[tuple[plan.ValueSource, ExternalTable]],
+    names: Mapping[tuple[int, str], str],
+    conditions: Sequence[plan.Expr],
+    variable: Callable[[str], Any],
+) -> exp.Select:
+    """The rows of the product of tables that keep all conditions, in its order. Raises UnsupportedError as `narrowed`.
+
+    Args:
+        tables: what reads each table, and the table.
+        names: under which names to give the columns of sources.
+        conditions: of the rows of the product, none of which can fail.
+        variable: gives the values of script variables.
+    """
+    labels, scope, label_of = ColumnNames(), PortableScope(), dict[int, str]()
+    items, places = list[Node](), list[Node]()
+    for source, outside in tables:
+        label = label_of[source.id] = labels.free(source.name, "source")
+        items.append(_add_label(outside.item, label))
+        places.append(_build_column(outside.number, label))
+        scope = scope.with_source(source.id, partial(_read_external_column, label, outside.columns, source.name))
+    outputs = [sql_builder.alias(_build_column(name, label_of[source]), new) for (source, name), new in names.items()]
+    where = _write_conjunction(conditions, variable, scope)
+    return sql_builder.select(outputs, items, where, [(place, False) for place in places])
+
+
+def _write_conjunction(
+    conditions: Sequence[plan.Expr], variable: Callable[[str], Any], scope: PortableScope
+) -> Node | None:
+    portable = PortableExpressions(variable)
+    return sql_builder.conjunction([portable.condition(condition, scope) for condition in conditions])
+
+
+def choose_number_column(columns: Iterable[str]) -> str:
+    """A name for the numbers of rows that no column has."""
+    return make_unique_name(NUMBER_COLUMN, {name.lower() for name in columns})
+
+
+def _write_limit(limit: plan.Expr | None) -> Node | None:
+    if isinstance(limit, plan.Constant) and type(limit.value) is int:
+        return sql_builder.number(limit.value)
+    return None if limit is None else cast_node(sql_builder.parameter(LIMIT_PARAMETER), "BIGINT")
+
+
+class _SourceWriter:
+    """Opens the sources of one query."""
+
+    def __init__(self, outside: Callable[[plan.ValueSource], ExternalTable | None]) -> None:
+        self.outside = outside
+        self.loaded: list[LoadedTable] = []
+        self.names = ColumnNames()
+        self.count = 0
+
+    def open(self, source: plan.Source, label: str) -> PortableSource:
+        self.count += 1
+        match source:
+            case plan.TableSource(table=table):
+                raise build_refusal(f"{table} is a table of SQLite", source.span)
+            case plan.WorldSource():
+                raise build_refusal("worlds are read by Python", source.span)
+        assert isinstance(source, plan.ValueSource), "queries in FROM have sources of their own"
+        known = self.outside(source)
+        if known is not None:
+            read = partial(_read_external_column, label, known.columns, source.name)
+            return PortableSource(_add_label(known.item, label), (_build_column(known.number, label),), read)
+        spelt = get_literal_elements(source.value)
+        if spelt is not None and len(spelt) <= MAX_WRITTEN_ROWS:
+            return write_values(source, label, enumerate(spelt))
+        if self.count > 1 and can_fail(source.value):
+            raise build_refusal("the sources before decide whether this is evaluated, and it may fail", source.span)
+        return self._load(source, label)
+
+    def _load(self, source: plan.ValueSource, label: str) -> PortableSource:
+        table = LoadedTable(
+            self.names.free(f"{FUNCTION_PREFIX}{source.name}", f"{FUNCTION_PREFIX}source"), source.value
+        )
+        self.loaded.append(table)
+        kinds, names = get_element_columns(source), ColumnNames()
+
+        def read(expr: plan.Element | plan.Column) -> Node:
+            key = expr.name if isinstance(expr, plan.Column) else None
+            if get_column_type(kinds[key]) is None:
+                raise build_refusal(f"the kind of {source.name if key is None else key} is not known", expr.span)
+            if key not in table.columns:
+                table.columns[key] = (names.free(source.name if key is None else key, "element"), kinds[key])
+            return sql_builder.column(table.columns[key][0], label)
+
+        return PortableSource(sql_builder.table(table.name, label), (sql_builder.column(NUMBER_COLUMN, label),), read)
+
+
+class _ExactExpressions(GroupedExpressions):
+    """Aggregates of floats: rounded once, whatever the order, and the first of two that are equal.
+
+    `places` sort the sources of the query that `writer` writes. Built-in functions that have no form are called in
+    Python, which costs a microsecond or two.
+    """
+
+    places: list[Node]
+    writer: FlatWriter
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.names = ColumnNames()
+        self.names.free(LIMIT_PARAMETER, LIMIT_PARAMETER)
+        self.functions: dict[str, plan.Call | None] = {}
+
+    def label(self, name: str) -> str:
+        return self.names.free(name, "value")
+
+    def value(self, expr: plan.Expr, scope: PortableScope) -> Node:
+        if isinstance(expr, plan.Subquery) and _has_one_row(expr.query):
+            return exp.Subquery(this=self.rows_of(expr.query))
+        return super().value(expr, scope)
+
+    def rows_of(self, query: plan.Query) -> Node:
+        if len(query.columns) > 1 or query.search is not None:
+            raise build_refusal("the elements of this query are no single values", query.span)
+        select = self.writer.inner(query).select(write_inner_limit(query))
+        if query.limit is None:
+            select.set("order", None)
+        return select
+
+    def write_python_call(self, expr: plan.Call, scope: PortableScope) -> Node | None:
+        """The call of the function itself, where all its values have types in the database."""
+        name = expr.function.name
+        row, kinds = OPERATIONS[name], [get_column_type(one.type) for one in expr.arguments]
+        if row.value is None or row.volatility != "immutable" or None in kinds or not kinds:
+            return None
+        known = (other for other, call in self.functions.items() if call is not None and _is_same_function(call, expr))
+        function = next(known, None) or self.names.free(f"{FUNCTION_PREFIX}{name}", name)
+        self.functions[function] = expr
+        return exp.Anonymous(this=function, expressions=[self.value(one, scope) for one in expr.arguments])
+
+    def _aggregate(self, expr: plan.Aggregate, scope: PortableScope) -> Node:
+        argument = expr.argument
+        if argument is None:
+            return super()._aggregate(expr, scope)
+        kind = without_none(argument.type)
+        floats = kind.kinds == Kind.FLOAT
+        if expr.function in EXACT_AGGREGATES and (floats or _gives_floats(expr, kind)):
+            return self._write_exact(EXACT_AGGREGATES[expr.function], argument, scope)
+        if expr.function in ("min", "max") and floats:
+            return self._write_extreme(expr, argument, scope)
+        return super()._aggregate(expr, scope)
+
+    def _write_exact(self, function: str, argument: plan.Expr, scope: PortableScope) -> Node:
+        self.functions[function] = None
+        node = self.value(argument, scope)
+        if not argument.type.may(Kind.FLOAT):
+            node = cast_node(node, "DOUBLE")
+        values: Node = exp.Anonymous(this="LIST", expressions=[node])
+        if is_nullable(argument.type):
+            present = exp.Not(this=exp.Is(this=sql_builder.wrap_operand(node.copy()), expression=exp.Null()))
+            values = exp.Filter(this=values, expression=exp.Where(this=present))
+        return exp.Anonymous(this=function, expressions=[values])
+
+    def _write_extreme(self, expr: plan.Aggregate, argument: plan.Expr, scope: PortableScope) -> Node:
+        """`min` or `max`."""
+        node, kind = self.value(argument, scope), argument.type
+        found = (exp.Min if expr.function == "min" else exp.Max)(this=node)
+        if (kind.low is not None and kind.low > 0) or (kind.high is not None and kind.high < 0):
+            return found
+        # 0.0 and -0.0 are equal; the first of them counts.
+        zero = sql_builder.binary(exp.EQ, node.copy(), sql_builder.number(0))
+        first = exp.Filter(this=self.first(node.copy()), expression=exp.Where(this=zero))
+        nonzero = exp.Anonymous(this="NULLIF", expressions=[found, sql_builder.number(0)])
+        return exp.Coalesce(this=nonzero, expressions=[first])
+
+    def first(self, node: Node) -> Node:
+        """The value in the first row of a group."""
+        return exp.ArgMin(this=node, expression=_write_row_order(self.places))
+
+
+def _is_same_function(one: plan.Call, other: plan.Call) -> bool:
+    """Whether two calls are those of one function in the database."""
+    kinds = [[get_column_type(part.type) for part in (call, *call.arguments)] for call in (one, other)]
+    return one.function.name == other.function.name and kinds[0] == kinds[1]
+
+
+def _has_one_row(query: plan.Query) -> bool:
+    """Whether the value of a query is that of its only row, or of none."""
+    whole = query.aggregated and not query.group
+    first = isinstance(query.limit, plan.Constant) and query.limit.value == 1
+    return query.representation.name == "value" and (whole or first)
+
+
+def _gives_floats(expr: plan.Aggregate, kind: Type) -> bool:
+    """Whether integers, which are floats as well, make a float for which there is no form."""
+    row = GROUPS[expr.function]
+    known = any(form.when([kind]) for form in row.portable)
+    return not known and is_exact_as_float(kind) and not row.result(kind).may(Kind.INT)
+
+
+class _PushdownWriter(FlatWriter):
+    """Writes one query: columns have names of the script where these are plain, groups have an order."""
+
+    portable: _ExactExpressions
+
+    def __init__(self, query: plan.Query, portable: _ExactExpressions, open: OpenSource) -> None:
+        super().__init__(query, portable, open)
+        portable.places, portable.writer = self.places, self
+
+    def inner(self, query: plan.Query) -> FlatWriter:
+        return _PushdownWriter(query, copy(self.portable), self.open)
+
+    def _named(self, node: Node, name: str) -> Node:
+        return super()._named(node, name) if is_plain_name(name) else node
+
+    def _first(self) -> list[Node]:
+        return [exp.Min(this=_write_row_order(self.places))]
+
+    def _write_group_value(self, key: Node, expr: plan.Expr) -> Node:
+        # Of 0.0 and -0.0, which are equal, the first is shown.
+        return self.portable.first(key.copy()) if expr.type.may(Kind.FLOAT) else key
+
+
+def _write_row_order(places: list[Node]) -> Node:
+    """What sorts rows as the product of the sources does."""
+    copies = [place.copy() for place in places]
+    return copies[0] if len(copies) == 1 else exp.Anonymous(this="ROW", expressions=copies)
+
+
+def _build_column(name: str, label: str) -> exp.Column:
+    return exp.Column(this=quote_identifier(name), table=quote_identifier(label))
+
+
+def quote_identifier(name: str) -> exp.Identifier:
+    """A name of the user's, in quotes where any database could take it for something else."""
+    return exp.Identifier(this=name, quoted=not is_plain_name(name))
+
+
+def _add_label(item: Node, label: str) -> Node:
+    labelled = item.copy()
+    labelled.set("alias", exp.TableAlias(this=quote_identifier(label)))
+    return labelled
+
+
+def _read_external_column(
+    label: str, columns: Mapping[str, Node | None], owner: str, expr: plan.Element | plan.Column
+) -> Node:
+    """The value of a column, which is read from the label."""
+    assert isinstance(expr, plan.Column), "a whole row is a dict, which has no type there"
+    node = columns.get(expr.name)
+    if node is None:
+        raise build_refusal(f"the values of {owner}.{expr.name} are made in Python", expr.span)
+    read = node.copy()
+    for column in read.find_all(exp.Column):
+        column.set("table", quote_identifier(label))
+    return read

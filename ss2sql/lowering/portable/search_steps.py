@@ -1,0 +1,243 @@
+"""The steps of a search as SQL: one SELECT makes all steps from the states of a level.
+
+They are made from `steps`, which has those of the level before (`depth`) with the columns of their row, and one for
+each START WITH variable that none of these has; `goes_on` says which are expanded. `elements` has what is read of the
+sources, one row for each combination. A step's `place` is that of its state and its combination.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import sqlglot
+from sqlglot import exp
+
+from ss2sql.errors import UnsupportedError
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.kinds import INT, Kind
+from ss2sql.language.plan_traversal import find_direct_assignments, walk
+from ss2sql.lowering import sql_builder
+from ss2sql.lowering.portable.portable_expressions import PortableExpressions, PortableScope
+from ss2sql.lowering.portable.portable_names import ColumnNames
+from ss2sql.lowering.portable.sql_types import build_refusal, cast_literal, get_column_type, is_nullable
+
+MAX_ELEMENTS = 1 << 24  # of a state; a place is a step and an element, in 64 bits
+Node = exp.Expr
+
+
+@dataclass(frozen=True, slots=True)
+class TypedColumn:
+    """A column: its name and its type in SQL."""
+
+    name: str
+    type: str
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.type}"
+
+
+@dataclass(frozen=True, slots=True)
+class StepSelect:
+    """`tries` is the SELECT, with the columns place, `rows`, goal, goes_on, and those of `own`.
+
+    `goal` and `goes_on` are what these columns have in every row, None where it depends on the row.
+
+    `states` names for each START WITH variable the column that has it after a step: one of `rows`, or of `own`.
+    `reads` are the columns of `elements` beside `nth`, `elements` the query that gives them. `parameters` are what
+    stands for script variables in the text, with these.
+    """
+
+    tries: str
+    rows: tuple[TypedColumn, ...]
+    own: tuple[TypedColumn, ...]
+    states: tuple[TypedColumn, ...]
+    reads: tuple[TypedColumn, ...]
+    elements: plan.Query | None
+    parameters: dict[str, str]
+    goal: bool | None
+    goes_on: bool | None
+
+    def after(self, state: Sequence[Any] | None) -> dict[TypedColumn, Any]:
+        """The columns that have a state, with their values; none where there is no state."""
+        return {} if state is None else dict(zip(self.states, state, strict=True))
+
+
+def write_steps(query: plan.Query, apart: bool = False) -> StepSelect:
+    """The steps of a search as SQL. Raises UnsupportedError where they could mean something else, or need Python.
+
+    Args:
+        query: the search.
+        apart: the states that are expanded have a table `frontier` of their own.
+    """
+    return _StepWriter(query).written(apart)
+
+
+class _StepWriter:
+    def __init__(self, query: plan.Query) -> None:
+        assert query.search is not None
+        self.query, self.search = query, query.search
+        self.portable = PortableExpressions()
+        self.reads: list[tuple[plan.Element | plan.Column, TypedColumn]] = []
+        for source in query.sources:
+            self._check(source)
+        for node in walk(query):
+            if isinstance(node, plan.Call) and not node.function.builtin:
+                raise build_refusal(f"{node.function.name} is a Python function", node.span)
+        self.names, self.element_names = ColumnNames(), ColumnNames()
+        assigned = {expr: name for name, expr in self.search.connect}
+        self.rows = tuple(
+            TypedColumn(self.names.free(assigned.get(output.expr, output.name), "row"), self._get_sql_type(output.expr))
+            for output in query.columns
+        )
+        self.states = self._states()
+        scope = PortableScope()
+        for source in query.sources:
+            scope = scope.with_source(source.id, partial(self._read, source))
+        before = {(query.id, name): sql_builder.column(kept.name, "frontier") for name, kept in self.states}
+        self.name_scope = PortableScope(scope.sources, before)
+
+    def _get_sql_type(self, expr: plan.Expr) -> str:
+        kind = expr.type
+        found = get_column_type(kind)
+        if found is None or is_nullable(kind):
+            raise build_refusal("the kind of this value is not known, or may be None", expr.span)
+        if kind.may(Kind.FLOAT) and self.search.repeats != "allowed":
+            raise build_refusal("rows with floats are not compared in the same way everywhere", expr.span)
+        return found
+
+    def _states(self) -> list[tuple[str, TypedColumn]]:
+        """The column for each START WITH variable."""
+        shown = {output.expr: column for output, column in zip(self.query.columns, self.rows, strict=True)}
+        at_once, kinds = find_direct_assignments(self.query), dict(self.search.states)
+        states: list[tuple[str, TypedColumn]] = []
+        for name, start in self.search.start:
+            kind = get_column_type(kinds[name])
+            if kind is None or is_nullable(kinds[name]):
+                raise build_refusal("the kind of this variable is not known, or may be None", start.span)
+            column = shown.get(at_once[name]) if name in at_once else None
+            # Two that are equal after each step can differ at the start.
+            if column is None or column.type != kind or any(column == other for _, other in states):
+                column = TypedColumn(self.names.free(name, "state"), kind)
+            states.append((name, column))
+        return states
+
+    def _check(self, source: plan.Source) -> None:
+        """That the source has the same elements for all states."""
+        own = {other.id for other in self.query.sources}
+        for node in walk(source):
+            if isinstance(node, plan.State) and node.query == self.query.id:
+                raise build_refusal("what stands in FROM depends on the state", source.span)
+            if isinstance(node, (plan.Element, plan.Column)) and node.source in own:
+                raise build_refusal("what stands in FROM depends on another source", source.span)
+
+    def _read(self, source: plan.Source, expr: plan.Element | plan.Column) -> Node:
+        for known, column in self.reads:
+            if known == expr:
+                return sql_builder.column(column.name, "elements")
+        kind = get_column_type(expr.type)
+        assert kind is not None, "`PortableExpressions.value` has looked"
+        name = expr.name if isinstance(expr, plan.Column) else source.name
+        self.reads.append((expr, TypedColumn(self.element_names.free(name, "element"), kind)))
+        return sql_builder.column(self.reads[-1][1].name, "elements")
+
+    def _elements(self) -> plan.Query:
+        """What is read of the sources, for each combination in their order."""
+        columns = tuple(plan.Output(column.name, expr) for expr, column in self.reads)
+        return replace(
+            self.query,
+            columns=columns or (plan.Output("nothing", plan.Constant(0, INT, span=self.query.span)),),
+            where=None,
+            search=None,
+            group=(),
+            having=None,
+            order=(),
+            limit=None,
+            aggregated=False,
+            rows=(),
+            representation=plan.Representation("rows"),
+        )
+
+    # --- the statement -----------------------------------------------------------------------------------
+
+    def written(self, apart: bool) -> StepSelect:
+        goal, goes_on, kept = self._write_flags()
+        place: Node = sqlglot.parse_one(f"frontier.step * {MAX_ELEMENTS} + elements.nth", read="duckdb")
+        outputs: list[Node] = [sql_builder.alias(place, "place")]
+        for output, column in zip(self.query.columns, self.rows, strict=True):
+            outputs.append(self._column(self.portable.value(output.expr, self.name_scope), column))
+        outputs += [sql_builder.alias(goal, "goal"), sql_builder.alias(goes_on, "goes_on")]
+        following = self._following()
+        own = [(name, column) for name, column in self.states if column not in self.rows]
+        outputs += [self._column(following[name], column) for name, column in own]
+        expanded: Node = sqlglot.parse_one("frontier.depth = :depth - 1 AND frontier.goes_on", read="duckdb")
+        frontier = sql_builder.table("frontier", "frontier") if apart else sql_builder.table("steps", "frontier")
+        where = sql_builder.conjunction(kept if apart else [expanded, *kept])
+        select = sql_builder.select(outputs, [frontier, sql_builder.table("elements", "elements")], where)
+        states = tuple(column for _, column in self.states)
+        return StepSelect(
+            select.sql("duckdb"),
+            self.rows,
+            tuple(column for _, column in own),
+            states,
+            tuple(column for _, column in self.reads),
+            self._elements(),
+            self.portable.parameters,
+            _get_constant_truth(goal),
+            _get_constant_truth(goes_on),
+        )
+
+    def _write_flags(self) -> tuple[Node, Node, list[Node]]:
+        """Whether a step is a goal, whether the search goes on from it, and what is asked of those that are kept."""
+        where, stop = self.query.where, self.search.stop
+        goal = exp.true() if where is None else self.portable.condition(where, self.name_scope)
+        if stop is None:
+            return goal, exp.true(), []
+        goes_on = negate_condition(self.portable.condition(stop, self.name_scope))
+        if where is None or goal == exp.false():
+            return goal, exp.true(), [goes_on]  # what stops leaves no trace
+        return goal, goes_on, [sql_builder.disjunction([goes_on.copy(), goal.copy()])]
+
+    def _following(self) -> dict[str, Node]:
+        """The state after a step; a later assignment sees an earlier one."""
+        states = dict(self.name_scope.states)
+        for name, expr in self.search.connect:
+            states[self.query.id, name] = self.portable.value(expr, PortableScope(self.name_scope.sources, states))
+        return {name: states[self.query.id, name].copy() for name, _ in self.search.start}
+
+    def _column(self, node: Node, column: TypedColumn) -> Node:
+        """A column of the SELECT."""
+        return sql_builder.alias(cast_literal(node, column.type), column.name)
+
+
+def build_element_limit_error(what: str) -> UnsupportedError:
+    return UnsupportedError("U001", f"{what} has more than {MAX_ELEMENTS:,} elements", hints=("bound FROM",))
+
+
+_OPPOSITE: dict[type[exp.Expr], type[exp.Binary]] = {
+    exp.EQ: exp.NEQ,
+    exp.NEQ: exp.EQ,
+    exp.LT: exp.GTE,
+    exp.GTE: exp.LT,
+    exp.GT: exp.LTE,
+    exp.LTE: exp.GT,
+}
+
+
+def negate_condition(node: Node) -> Node:
+    """The opposite of a condition that is never NULL; an equality is what databases look up."""
+    if type(node) in _OPPOSITE:
+        return sql_builder.binary(_OPPOSITE[type(node)], node.this.copy(), node.expression.copy())
+    if isinstance(node, exp.Not):
+        inside: Node = node.this.unnest()
+        return inside.copy()
+    if isinstance(node, exp.Or):
+        return sql_builder.binary(exp.And, negate_condition(node.this), negate_condition(node.expression))
+    return exp.Not(this=sql_builder.wrap_operand(node.copy()))
+
+
+def _get_constant_truth(condition: Node) -> bool | None:
+    return bool(condition.this) if isinstance(condition, exp.Boolean) else None

@@ -1,0 +1,132 @@
+"""`fold`: what is made of constants alone is computed when the query is compiled.
+
+    WHERE this > 60 * 60 AND True          becomes          WHERE this > 3600
+
+A call of a built-in function is computed if that does not fail; one that fails stays and fails when the query
+runs. Functions of the user are not run. In AND, OR and IF a constant decides or goes away; what stood to its
+left and may fail stays, what would not have been evaluated goes. Aggregates are: they are fed before anything is asked
+of their group, so those that may fail hold the constant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from ss2sql.errors import Error
+from ss2sql.language import plan
+from ss2sql.language.kinds import covers
+from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.plan_traversal import is_volatile
+from ss2sql.lowering.rewrites.plan_nodes import is_true, make_bool, make_constant, rewrite_bottom_up
+from ss2sql.lowering.rewrites.rewrite_context import MAX_ELEMENTS, RewriteContext, is_plain_value
+
+
+def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
+    """The query with all constant expressions in it computed."""
+    return rewrite_bottom_up(query, fold_node)
+
+
+def fold_node(node: Any) -> Any:
+    """The node, whose parts are folded already, as a constant or a simpler node, if it is one."""
+    match node:
+        case plan.Call(function=plan.Function(builtin=True)):
+            return _fold_call(node)
+        case plan.And() | plan.Or():
+            return _fold_connective(node)
+        case plan.Xor(left=left, right=right):
+            return _fold_exclusive(node, left, right)
+        case plan.Not(operand=plan.Constant() as known):
+            return make_constant(not is_true(known), node.span)
+        case plan.If(condition=plan.Constant() as known):
+            return _take_branch(node, node.then if is_true(known) else node.otherwise)
+        case plan.MakeList(items=items) if all(isinstance(item, plan.Constant) for item in items):
+            return _make_small_constant([item.value for item in items if isinstance(item, plan.Constant)], node)
+        case plan.Query():
+            return _drop_true_conditions(node)
+        case _:
+            return node
+
+
+def _fold_call(call: plan.Call) -> plan.Expr:
+    """The call's value, or the call with the types of its present arguments."""
+    row = OPERATIONS[call.function.name]
+    if row.value is None or row.volatility != "immutable":
+        return call
+    match call.function.name, call.arguments:
+        case "item", (plan.MakeList(items=items), plan.Constant(value=int(index))) if -len(items) <= index < len(items):
+            rest = (item for position, item in enumerate(items) if position != index % len(items))
+            return call if any(map(is_volatile, rest)) else items[index]
+        case "len" | "count", (plan.MakeList(items=items),) if not any(map(is_volatile, items)):
+            return make_constant(len(items), call.span)
+    if all(isinstance(argument, plan.Constant) for argument in call.arguments):
+        values = [argument.value for argument in call.arguments if isinstance(argument, plan.Constant)]
+        if call.function.name != "range" or _is_short_range(values):
+            try:
+                return _make_small_constant(row.value(*values), call)
+            except Error:
+                return call
+    types = tuple(argument.type for argument in call.arguments)
+    # What cannot fail where it stands, behind a condition perhaps, never can.
+    kind, raises = row.result(types), call.function.raises and row.can_fail(types)
+    if raises == call.function.raises and covers(kind, call.type):
+        return call
+    return replace(call, type=kind, function=replace(call.function, raises=raises))
+
+
+def _is_short_range(bounds: list[Any]) -> bool:
+    return all(type(bound) is int for bound in bounds) and max(map(abs, bounds)) <= MAX_ELEMENTS
+
+
+def _make_small_constant(value: Any, node: plan.Expr) -> plan.Expr:
+    """The value as a constant; a large one stays as it is written."""
+    return make_constant(value, node.span) if is_plain_value(value) and _measure_size(value) <= MAX_ELEMENTS else node
+
+
+def _measure_size(value: Any) -> int:
+    return 1 + sum(map(_measure_size, value)) if type(value) is list else 1
+
+
+def _fold_connective(node: plan.And | plan.Or) -> plan.Expr:
+    deciding = isinstance(node, plan.Or)
+    parts: list[plan.Expr] = []
+    decided = False
+    for part in node.parts:
+        if not isinstance(part, plan.Constant):
+            parts.append(part)
+        elif is_true(part) is deciding:
+            decided = True
+            break
+    if decided or not parts:
+        value = make_constant(deciding is decided, node.span)
+        kept = parts if any(map(is_volatile, parts)) else []
+        return replace(node, parts=(*kept, value)) if kept else value
+    if len(parts) == 1:
+        return make_bool(parts[0])
+    return node if len(parts) == len(node.parts) else replace(node, parts=tuple(parts))
+
+
+def _fold_exclusive(node: plan.Xor, left: plan.Expr, right: plan.Expr) -> plan.Expr:
+    for known, other in ((left, right), (right, left)):
+        if isinstance(known, plan.Constant):
+            turned = plan.Not(other, span=node.span) if is_true(known) else make_bool(other)
+            folded_turned: plan.Expr = fold_node(turned)
+            return folded_turned
+    return node
+
+
+def _take_branch(node: plan.If, branch: tuple[plan.Expr, ...]) -> plan.Expr:
+    """The value of the branch that is always taken."""
+    return node if any(map(is_volatile, branch[:-1])) else branch[-1]
+
+
+def _drop_true_conditions(query: plan.Query) -> plan.Query:
+    """The query without conditions that always hold. Without WHERE a search has other goals, so it keeps that."""
+    if query.search is None and isinstance(query.where, plan.Constant) and is_true(query.where):
+        query = replace(query, where=None)
+    if isinstance(query.having, plan.Constant) and is_true(query.having):
+        query = replace(query, having=None)
+    stop = query.search.stop if query.search is not None else None
+    if query.search is not None and isinstance(stop, plan.Constant) and not is_true(stop):
+        query = replace(query, search=replace(query.search, stop=None))
+    return query

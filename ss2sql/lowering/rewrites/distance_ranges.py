@@ -1,0 +1,162 @@
+"""`near`: what is at most so far from a point lies in a box around it, and a world can be asked for that.
+
+    WHERE distance(this, p) <= 1            also asks            x BETWEEN p[0] - 1.000001 AND p[0] + 1.000001 ...
+
+The distance is tested as before, of what the adapter finds in the box: that 1,006 bodies of PyBullet all ask for their
+neighbours within 1 m takes 0.3 s in place of 180 s, for 6,794 distances are measured in place of a million.
+
+The adapter has promised what `distance` measures, by `Table.places`; the point and the radius must be numbers that are
+known before the table is walked. Nothing that is compared can fail then, so nobody can tell that the rest is asked of
+fewer elements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind
+from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.plan_traversal import can_fail, list_sources, split_and, walk
+from ss2sql.lowering.rewrites.plan_nodes import make_call, make_constant, rewrite_bottom_up
+from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
+
+# So much wider is the box: more than what floats lose between the distance and the ends of the box. It can be a factor,
+# for where a float ends a range, rounding the end never leaves the float outside.
+RADIUS_TOLERANCE = 1.000001
+MAX_DISTANCE = 1e150  # of coordinates, so that no distance is infinite
+_NEEDED_OPERATORS = frozenset({"ge", "le", "lt", "gt", "add", "sub", "mul", "item"})
+_NUMBER = Kind.INT | Kind.FLOAT
+
+Sources = Mapping[int, plan.Source]
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Something at a point: its coordinates, and the source whose element it is, if it is one."""
+
+    coordinates: tuple[plan.Expr, ...]
+    source: plan.WorldSource | None = None
+    is_element: bool = False
+
+
+def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
+    """The query with the boxes that distances imply."""
+    sources: Sources = {node.id: node for node in walk(query) if isinstance(node, plan.SOURCES)}
+    placed = any(isinstance(source, plan.WorldSource) and source.table.schema.places for source in sources.values())
+    if not placed or not _NEEDED_OPERATORS.isdisjoint(world.replaced):
+        return query
+    return rewrite_bottom_up(query, lambda node: _add_boxes(node, sources) if isinstance(node, plan.Query) else node)
+
+
+def _add_boxes(query: plan.Query, sources: Sources) -> plan.Query:
+    if query.where is None:
+        return query
+    parts = split_and(query.where)
+    number = {source.id: index for index, source in enumerate(query.sources)}
+    wanted: list[plan.Expr] = []
+    for part in parts:
+        wanted += [one for one in _build_box(part, number, sources) if one not in parts]
+        wanted.append(part)
+    return query if len(wanted) == len(parts) else replace(query, where=plan.And(tuple(wanted), span=query.where.span))
+
+
+def _build_box(part: plan.Expr, number: Mapping[int, int], sources: Sources) -> list[plan.Expr]:
+    """What a condition implies of columns of one of the query's own sources, `number` of them by their ids."""
+    match part:
+        case plan.Call(function=plan.Function(name="lt" | "le", builtin=True), arguments=(plan.Call() as away, radius)):
+            pass
+        case plan.Call(function=plan.Function(name="gt" | "ge", builtin=True), arguments=(radius, plan.Call() as away)):
+            pass
+        case _:
+            return []
+    if not radius.type.only(_NUMBER):
+        return []
+    places = _find_points(away, sources)
+    if places is None:
+        return []
+    for place, centre in (places, places[::-1]):
+        source = place.source
+        if source is not None and source.id in number and _supports_ranges(source, place):
+            known = list_sources(plan.MakeList((*centre.coordinates, radius), span=part.span))
+            if all(number.get(other, -1) < number[source.id] for other in known):
+                return _build_ranges(place, centre, _widen_radius(radius))
+    return []
+
+
+def _find_points(away: plan.Call, sources: Sources) -> tuple[Point, Point] | None:
+    """Between which two places a call measures the straight way, if it is certain to do so."""
+    function = away.function
+    world, _, _ = function.name.rpartition(".")
+    if len(away.arguments) != 2 or (function.of_world or function.name) != "distance":
+        return None
+    one, other = (_find_point(argument, sources) for argument in away.arguments)
+    if one is None or other is None:
+        return None
+    elements = [place.source for place in (one, other) if place.is_element and place.source is not None]
+    if elements:
+        owned = not world or elements[0].table.world_name == world
+        return (one, other) if function.of_world and owned else None
+    if not (function.of_world or function.builtin) or world:
+        return None
+    if OPERATIONS["distance"].can_fail(tuple(argument.type for argument in away.arguments)):
+        return None
+    return one, other
+
+
+def _find_point(expr: plan.Expr, sources: Sources) -> Point | None:
+    """The place of an element, of a column that says where an element is, or of a list of two or three numbers."""
+    if isinstance(expr, (plan.Element, plan.Column)):
+        source = sources.get(expr.source)
+        name = "this" if isinstance(expr, plan.Element) else expr.name
+        if isinstance(source, plan.WorldSource) and name in source.table.schema.places:
+            kinds = dict(source.columns)
+            columns = (plan.Column(source.id, c, kinds[c], span=expr.span) for c in source.table.schema.places[name])
+            return Point(tuple(columns), source, isinstance(expr, plan.Element))
+    coordinates = _get_coordinates(expr)
+    return Point(coordinates) if coordinates and all(map(_is_plain, coordinates)) else None
+
+
+def _get_coordinates(expr: plan.Expr) -> tuple[plan.Expr, ...]:
+    positions = expr.type.positions
+    if not expr.type.only(Kind.LIST) or positions is None or len(positions) not in (2, 3):
+        return ()
+    match expr:
+        case plan.MakeList(items=items):
+            return items
+        case plan.Constant(value=list() as values):
+            return tuple(make_constant(value, expr.span) for value in values)
+        case _:
+            return tuple(
+                make_call("item", expr, make_constant(index, expr.span), span=expr.span)
+                for index in range(len(positions))
+            )
+
+
+def _is_plain(expr: plan.Expr) -> bool:
+    return expr.type.only(_NUMBER) and expr.type.bounded(MAX_DISTANCE) and not can_fail(expr)
+
+
+def _supports_ranges(source: plan.WorldSource, place: Point) -> bool:
+    """Whether the adapter takes ranges of the coordinates."""
+    schema = source.table.schema
+    operators = {column.name: column.operators for column in schema.columns}
+    names = [column.name for column in place.coordinates if isinstance(column, plan.Column)]
+    return schema.walked is None and all({"<=", ">="} <= operators[name] for name in names)
+
+
+def _widen_radius(radius: plan.Expr) -> plan.Expr:
+    if isinstance(radius, plan.Constant):
+        return make_constant(float(f"{radius.value * RADIUS_TOLERANCE:.9g}"), radius.span)
+    return make_call("mul", radius, make_constant(RADIUS_TOLERANCE, radius.span), span=radius.span)
+
+
+def _build_ranges(place: Point, centre: Point, radius: plan.Expr) -> list[plan.Expr]:
+    found: list[plan.Expr] = []
+    for column, value in zip(place.coordinates, centre.coordinates, strict=False):
+        span = column.span
+        found.append(make_call("ge", column, make_call("sub", value, radius, span=span), span=span))
+        found.append(make_call("le", column, make_call("add", value, radius, span=span), span=span))
+    return [] if any(map(can_fail, found)) else found

@@ -1,0 +1,198 @@
+"""`split`: WHERE, STOP WITH and every other condition as flat conjunctions and disjunctions of simple parts.
+
+    WHERE NOT (a.this == b.this OR a.this == c.this)    becomes    a.this != b.this AND a.this != c.this
+
+so that later stages see parts: each is asked as soon as its sources are bound, looked up, or compared with a
+part of another clause. Parts keep their order. A part that stands there a second time goes, for it was true
+(in a conjunction) or false when it was asked first; so does a part that every branch of OR begins with, of
+which only the first is kept. Comparisons of one value with several constants become IN.
+
+    (boss == None AND parent == None) OR parent == boss    becomes    parent == boss
+
+for two values that equal one constant equal each other: what is left is an equality, by which rows are looked up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, TypeGuard
+
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind, Type
+from ss2sql.language.plan_traversal import is_volatile, split_and
+from ss2sql.language.values import SCALARS
+from ss2sql.lowering.rewrites.plan_nodes import (
+    COMPARISONS,
+    make_bool,
+    make_call,
+    make_conjunction,
+    make_constant,
+    make_disjunction,
+    negate_expression,
+    rewrite_bottom_up,
+)
+from ss2sql.lowering.rewrites.rewrite_context import RewriteContext, is_plain_value
+
+MIN_MEMBERS = 3  # comparisons that are worth an IN
+
+
+def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
+    """The query with all conditions in it split."""
+    return query if not COMPARISONS.isdisjoint(world.replaced) else rewrite_bottom_up(query, _rewrite_node)
+
+
+def _rewrite_node(node: Any) -> Any:
+    match node:
+        case plan.And() | plan.Or():
+            return _flatten_connective(node)
+        case plan.Not(operand=operand):
+            return _push_negation(node, operand)
+        case plan.If(condition=condition):
+            return _replace_condition(node, "condition", condition)
+        case plan.Query(where=where, having=having):
+            node = node if where is None else _replace_condition(node, "where", where)
+            return node if having is None else _replace_condition(node, "having", having)
+        case plan.Search(stop=stop) if stop is not None:
+            return _replace_condition(node, "stop", stop)
+        case _:
+            return node
+
+
+def _replace_condition(node: Any, name: str, condition: plan.Expr) -> Any:
+    bare = _strip_bool_call(condition)
+    return node if bare is condition else replace(node, **{name: bare})
+
+
+def _strip_bool_call(expr: plan.Expr) -> plan.Expr:
+    """The expression of whose value only the truth counts, without what only makes a bool of it."""
+    while isinstance(expr, plan.Not) and isinstance(expr.operand, plan.Not):
+        expr = expr.operand.operand
+    return expr
+
+
+def _push_negation(node: plan.Not, operand: plan.Expr) -> plan.Expr:
+    turned: plan.Expr
+    match operand:
+        case plan.Not(operand=inner):
+            return inner if inner.type.only(Kind.BOOL) else node
+        case plan.And() | plan.Or():
+            turned = _flatten_connective(negate_expression(operand))
+            return turned
+        case plan.Call():
+            turned = negate_expression(operand)
+            return node if isinstance(turned, plan.Not) else turned
+        case _:
+            return node
+
+
+def _flatten_connective(node: Any) -> Any:
+    """A conjunction or disjunction, whose parts are split already."""
+    assert isinstance(node, (plan.And, plan.Or))
+    steady = not is_volatile(node)  # else a part may be another one when it is asked again
+    flat = [
+        one
+        for part in map(_strip_bool_call, node.parts)
+        for one in (part.parts if type(part) is type(node) else (part,))
+    ]
+    parts = _drop_implied_parts(list(dict.fromkeys(flat)), isinstance(node, plan.Or)) if steady else flat
+    parts = _merge_equalities(parts, isinstance(node, plan.Or))
+    if len(parts) == 1:
+        return make_bool(parts[0])
+    if isinstance(node, plan.Or) and steady:
+        common = _count_common_parts(parts)
+        if common:
+            return _factor_common_parts(parts, common, node)
+    same = len(parts) == len(node.parts) and all(a is b for a, b in zip(parts, node.parts, strict=True))
+    return node if same else replace(node, parts=tuple(parts))
+
+
+def _drop_implied_parts(parts: list[plan.Expr], is_or: bool) -> list[plan.Expr]:
+    """The parts of OR without those that imply another one, `a == b`: both equal one constant. Of AND the opposite."""
+    operator, inner = ("eq", plan.And) if is_or else ("ne", plan.Or)
+    pairs = [frozenset(part.arguments) for part in parts if _is_call(part, operator)]
+    if not pairs:
+        return parts
+
+    def is_implied(part: plan.Expr) -> bool:
+        if not isinstance(part, inner) or is_volatile(part):
+            return False
+        same: dict[plan.Constant, set[plan.Expr]] = {}
+        for one in part.parts:
+            if _is_call(one, operator):
+                for constant, other in (one.arguments, one.arguments[::-1]):
+                    if isinstance(constant, plan.Constant) and type(constant.value) in SCALARS:
+                        same.setdefault(constant, {constant}).add(other)
+        return any(pair <= equal for equal in same.values() for pair in pairs)
+
+    return [part for part in parts if not is_implied(part)]
+
+
+def _is_call(expr: plan.Expr, name: str) -> TypeGuard[plan.Call]:
+    return isinstance(expr, plan.Call) and expr.function.builtin and expr.function.name == name
+
+
+def _count_common_parts(parts: list[plan.Expr]) -> int:
+    """How many parts all branches of a disjunction begin with."""
+    branches = [split_and(part) for part in parts]
+    shortest = min(map(len, branches))
+    number = 0
+    while number < shortest and all(branch[number] == branches[0][number] for branch in branches):
+        number += 1
+    return number
+
+
+def _factor_common_parts(parts: list[plan.Expr], common: int, node: plan.Or) -> plan.Expr:
+    """`(a AND b) OR (a AND c)` as `a AND (b OR c)`; a branch that is `a` alone makes the rest of no account."""
+    first = list(split_and(parts[0])[:common])
+    rests = [list(split_and(part)[common:]) for part in parts]
+    if all(rests):
+        first.append(make_disjunction([make_conjunction(rest, node.span) for rest in rests], node.span))
+    return make_conjunction(first, node.span)
+
+
+def _merge_equalities(parts: list[plan.Expr], is_or: bool) -> list[plan.Expr]:
+    """`x == 1 OR x == 2 OR x == 3` as `x IN [1, 2, 3]`, and `!=` in a conjunction as NOT IN; the rest as it is."""
+    result: list[plan.Expr] = []
+    run: list[plan.Expr] = []
+    values: list[Any] = []
+    item: plan.Expr | None = None
+
+    def close() -> None:
+        if item is not None and len(run) >= MIN_MEMBERS:
+            span = run[0].span
+            known = make_constant(list(values), span)
+            result.append(make_call("in" if is_or else "not_in", item, known, span=span))
+        else:
+            result.extend(run)
+        run.clear()
+        values.clear()
+
+    for part in parts:
+        found = _get_constant_comparison(part, "eq" if is_or else "ne")
+        if found is None or (run and found[0] != item):
+            close()
+        if found is None:
+            result.append(part)
+            continue
+        item = found[0]
+        run.append(part)
+        values.append(found[1])
+    close()
+    return result
+
+
+def _get_constant_comparison(expr: plan.Expr, operator: str) -> tuple[plan.Expr, Any] | None:
+    """What a comparison compares with which constant."""
+    match expr:
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(one, other)) if name == operator:
+            for item, known in ((one, other), (other, one)):
+                if isinstance(known, plan.Constant) and is_plain_value(known.value) and not is_volatile(item):
+                    return (item, known.value) if _can_share_membership(item.type, known.type) else None
+    return None
+
+
+def _can_share_membership(item: Type, known: Type) -> bool:
+    """Whether IN compares them no slower than == does: of one class for SQLite, or not of one anyway."""
+    classes = (Kind.INT | Kind.FLOAT, Kind.STR)
+    plain = any(item.only(kind | Kind.NONE) for kind in classes)
+    return not plain or any(item.only(kind) and known.only(kind) for kind in classes)

@@ -1,0 +1,262 @@
+"""`unnest`: a nested query over a known list, which only asks something of its elements, becomes conditions.
+
+    [] == (SELECT this FROM [[a.this, b.this], [b.this, c.this]] WHERE this[0] == this[1] AS list)
+
+asks the same as `a.this != b.this AND b.this != c.this`, which both executors can ask as soon as the sources
+are bound: the four-colour map over eight countries takes 8.7 s nested and 0.01 s so. The list may be a
+literal, a constant, or a variable's value; in the last case the query relies on the value, and is made anew
+when it has changed. A text for `eval` that is constant by then is read, too. The conditions must not fail,
+because the nested query asks all of them and a conjunction stops early.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+from ss2sql.errors import Span
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind, union
+from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.plan_traversal import can_fail, walk
+from ss2sql.lowering.rewrites.constant_eval import resolve_constant_string
+from ss2sql.lowering.rewrites.constant_folding import fold_node
+from ss2sql.lowering.rewrites.plan_nodes import (
+    COMPARISONS,
+    NEGATED_COMPARISONS,
+    is_true,
+    make_bool,
+    make_call,
+    make_conjunction,
+    make_constant,
+    make_disjunction,
+    negate_expression,
+    rewrite_bottom_up,
+)
+from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
+from ss2sql.lowering.rewrites.unroll_lists import UnrolledRow, find_searched_item, unroll_rows
+
+MIRRORED_COMPARISONS = {name: row.mirrored for name, row in OPERATIONS.items() if row.mirrored}
+MAX_COUNTED = 50  # elements that are counted one by one
+Test: TypeAlias = Callable[[plan.Expr], plan.Expr]
+
+
+def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
+    """The query with every such nested query in it turned into conditions."""
+    asks = any(isinstance(node, (plan.Subquery, plan.Eval)) for node in walk(query))
+    if not asks or not COMPARISONS.isdisjoint(world.replaced):
+        return query
+    rewritten = SubqueryUnnester(world).query(query)
+    if _may_assign(rewritten, {*world.lists, *world.types}):
+        world.forget()
+        return SubqueryUnnester(world).query(query)
+    return rewritten
+
+
+def _may_assign(query: plan.Query, names: Collection[str]) -> bool:
+    """Whether the query itself may change one of the variables while it runs."""
+    return bool(names) and any(
+        isinstance(node, (plan.Eval, plan.AssignLate))
+        or (isinstance(node, (plan.Assign, plan.TemporalAssign)) and node.name in names)
+        for node in walk(query)
+    )
+
+
+class SubqueryUnnester:
+    """The rewrite in one world."""
+
+    def __init__(self, world: RewriteContext) -> None:
+        self.world = world
+
+    def query(self, query: plan.Query) -> plan.Query:
+        return rewrite_bottom_up(query, self.changed)
+
+    def changed(self, node: Any) -> Any:
+        """The node, whose parts are rewritten already, rewritten."""
+        match node:
+            case plan.Call(function=plan.Function(builtin=True)):
+                known = fold_node(node)  # a text that was read has told more of its type
+                return self.call(known) if isinstance(known, plan.Call) else known
+            case plan.And(parts=parts) | plan.Or(parts=parts):
+                tested = tuple(map(self.tested, parts))
+                return node if _are_identical(tested, parts) else fold_node(replace(node, parts=tested))
+            case plan.Not(operand=operand):
+                test = self.tested(operand)
+                return node if test is operand else fold_node(replace(node, operand=test))
+            case plan.If(condition=condition):
+                test = self.tested(condition)
+                return node if test is condition else fold_node(replace(node, condition=test))
+            case plan.Query(where=where) if where is not None:
+                test = self.tested(where)
+                return node if test is where else fold_node(replace(node, where=test))
+            case plan.Search(stop=stop) if stop is not None:
+                test = self.tested(stop)
+                return node if test is stop else replace(node, stop=test)
+            case plan.Eval():
+                return resolve_constant_string(node, self.world) or node
+            case _:
+                return node
+
+    def rows(self, expr: plan.Expr) -> list[UnrolledRow] | None:
+        return unroll_rows(expr.query, self.world) if isinstance(expr, plan.Subquery) else None
+
+    def tested(self, expr: plan.Expr) -> plan.Expr:
+        """An expression of which only the truth counts: a list is true if it has elements."""
+        found = self.has_rows(_get_counted_query(expr) or expr, True, expr.span)
+        return expr if found is None else found
+
+    def has_rows(self, expr: plan.Expr, wanted: bool, span: Span) -> plan.Expr | None:
+        """Whether a query has rows, or, if that is wanted, none."""
+        if not isinstance(expr, plan.Subquery):
+            return None
+        found = find_searched_item(expr.query, self.world)
+        if found is not None:
+            item, values = found
+            return make_call("in" if wanted else "not_in", item, values, span=span)
+        rows = self.rows(expr)
+        return None if rows is None else _make_some_row_test(rows, span) if wanted else _make_no_row_test(rows, span)
+
+    # --- comparisons -----------------------------------------------------------------------------------
+
+    def call(self, call: plan.Call) -> plan.Expr:
+        """A comparison or membership with a nested query on one side, as conditions."""
+        name = call.function.name
+        new: plan.Expr | None = None
+        if name in ("in", "not_in"):
+            new = self.rewrite_membership(call)
+        elif name in MIRRORED_COMPARISONS:
+            one, other = call.arguments
+            if isinstance(other, plan.Constant):
+                new = self.comparison(name, one, other, call.span)
+            elif isinstance(one, plan.Constant):
+                new = self.comparison(MIRRORED_COMPARISONS[name], other, one, call.span)
+        return new or call
+
+    def comparison(self, name: str, value: plan.Expr, known: plan.Constant, span: Span) -> plan.Expr | None:
+        """`query == []`, `len(query) > 2`, `max(query) == 3` and their kin."""
+        if known.value == [] and name in ("eq", "ne"):
+            return self.has_rows(value, name == "ne", span)
+        counted = _get_counted_query(value)
+        if counted is not None and type(known.value) is int:
+            if (name, known.value) in (("eq", 0), ("lt", 1), ("le", 0), ("ne", 0), ("gt", 0), ("ge", 1)):
+                return self.has_rows(counted, name in ("ne", "gt", "ge"), span)
+            rows = self.rows(counted)
+            width = len(counted.query.columns) if counted.query.representation.name == "list" else 1
+            return None if rows is None else self.count(name, rows, width, known.value, span)
+        match value:
+            case plan.Call(function=plan.Function(name="max" | "min" as extreme, builtin=True), arguments=(query,)):
+                return self.rewrite_extreme(name, extreme, query, known, span)
+            case _:
+                return None
+
+    def count(self, name: str, rows: list[UnrolledRow], width: int, number: int, span: Span) -> plan.Expr | None:
+        """The number of rows, of `width` elements each, compared with a constant."""
+        match name:
+            case "eq" | "ne":
+                least, rest = divmod(number, width)
+                assert number, "whether there are rows is asked in another way"
+                return make_constant(name == "ne", span) if rest or least < 0 else self.total(name, rows, least, span)
+            case "lt" | "ge":
+                least = -(-number // width)
+            case _:
+                least = number // width + 1
+        enough = name in ("ge", "gt")
+        if least <= 0 or least > len(rows):
+            return make_constant(enough is (least <= 0), span)
+        if least == 1:
+            return _make_some_row_test(rows, span) if enough else _make_no_row_test(rows, span)
+        return self.total("ge" if enough else "lt", rows, least, span)
+
+    def total(self, name: str, rows: list[UnrolledRow], number: int, span: Span) -> plan.Expr | None:
+        """The number of rows that pass, as a sum, compared with a number."""
+        if len(rows) > MAX_COUNTED or "add" in self.world.replaced:
+            return None
+        one, zero = make_constant(1, span), make_constant(0, span)
+        kind = union((one.type, zero.type))
+        total: plan.Expr = zero
+        for row in rows:
+            counts = fold_node(plan.If(row.passes, (one,), (zero,), kind, span=span))
+            total = counts if total is zero else fold_node(make_call("add", total, counts, span=span))
+        return _make_bool(fold_node(make_call(name, total, make_constant(number, span), span=span)))
+
+    def rewrite_extreme(
+        self, name: str, extreme: str, query: plan.Expr, known: plan.Constant, span: Span
+    ) -> plan.Expr | None:
+        """The greatest or least value compared with a constant. Of no rows it is None, which has no order."""
+        rows = self.rows(query)
+        if not rows or not isinstance(query, plan.Subquery) or query.query.representation.name != "list":
+            return None
+        compared = (known, *(value for row in rows for value in row.columns))
+        if not any(all(value.type.only(kind) for value in compared) for kind in (Kind.NUMBER, Kind.STR)):
+            return None
+
+        def against(operator: str) -> Test:
+            return lambda value: fold_node(make_call(operator, value, known, span=span))
+
+        beyond = "gt" if extreme == "max" else "lt"
+        if name in ("eq", "ne"):
+            reached, exceeded = (
+                _make_some_row_test(rows, span, against("eq")),
+                _make_some_row_test(rows, span, against(beyond)),
+            )
+            equal = _make_bool(
+                fold_node(plan.And((reached, _make_bool(fold_node(negate_expression(exceeded)))), span=span))
+            )
+            return equal if name == "eq" else _make_bool(fold_node(negate_expression(equal)))
+        if not all(isinstance(row.passes, plan.Constant) and is_true(row.passes) for row in rows):
+            return None
+        if name[0] == beyond[0]:
+            return _make_some_row_test(rows, span, against(name))
+        return _make_bool(
+            fold_node(negate_expression(_make_some_row_test(rows, span, against(NEGATED_COMPARISONS[name]))))
+        )
+
+    def rewrite_membership(self, test: plan.Call) -> plan.Expr | None:
+        """`x IN query`: some row passes and has x among its columns."""
+        item, query = test.arguments
+        if can_fail(item) or not isinstance(query, plan.Subquery) or query.query.representation.name != "list":
+            return None
+        rows = self.rows(query)
+        if rows is None:
+            return None
+        found = _make_some_row_test(
+            rows, test.span, lambda value: fold_node(make_call("eq", item, value, span=test.span))
+        )
+        return found if test.function.name == "in" else _make_bool(fold_node(negate_expression(found)))
+
+
+def _are_identical(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
+    return all(a is b for a, b in zip(one, other, strict=True))
+
+
+def _get_counted_query(expr: plan.Expr) -> plan.Subquery | None:
+    """The query whose rows a call of `len` or `count` counts."""
+    match expr:
+        case plan.Call(
+            function=plan.Function(name="len" | "count", builtin=True), arguments=(plan.Subquery() as query,)
+        ):
+            return query
+        case _:
+            return None
+
+
+def _make_some_row_test(rows: list[UnrolledRow], span: Span, test: Test | None = None) -> plan.Expr:
+    """Whether some row passes, and a value of it passes the test."""
+    parts: list[plan.Expr] = []
+    for row in rows:
+        passed = row.passes
+        if test is not None:
+            hit = fold_node(make_disjunction([test(value) for value in row.columns], span))
+            passed = fold_node(plan.And((passed, hit), span=span))
+        parts.append(passed)
+    return _make_bool(fold_node(make_disjunction(parts, span)))
+
+
+def _make_no_row_test(rows: list[UnrolledRow], span: Span) -> plan.Expr:
+    """Whether no row passes."""
+    return _make_bool(fold_node(make_conjunction([negate_expression(row.passes) for row in rows], span)))
+
+
+def _make_bool(expr: Any) -> plan.Expr:
+    return make_bool(expr) if not isinstance(expr, plan.Constant) else make_constant(is_true(expr), expr.span)

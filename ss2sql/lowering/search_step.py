@@ -1,0 +1,385 @@
+"""One step while it is made: what decides whether it enters the queue, and what it carries (see search.py).
+
+The order of the parts is that of the language: the guard, STOP WITH, WHERE, the row, the weight, HEURISTIC,
+CONNECT BY. Where nobody sees the order, what SQLite does by itself is asked before what costs a Python call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from sqlglot import exp
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind, Type, is_flag, may_be_equal
+from ss2sql.language.plan_traversal import (
+    can_fail,
+    is_volatile,
+    join_conditions,
+    list_parts,
+    list_sources,
+    split_and,
+    walk,
+)
+from ss2sql.lowering import sql_builder
+from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sqlite_expressions import SqlScope
+
+if TYPE_CHECKING:
+    from ss2sql.lowering.search import EagerSearch
+
+
+class SearchStep:
+    """`env` reads the elements and the state before the step; `first` says that this is the START WITH state.
+
+    `item` is that of the list which the step is one with, where each has a SELECT of its own.
+    """
+
+    def __init__(self, search: EagerSearch, env: SqlScope, first: bool, item: plan.Expr | None = None) -> None:
+        self.of = search
+        self.item = item
+        self.env = env
+        self.first = first
+        self.expressions = search.expressions
+        self.query = search.query
+        self.search = search.search
+        self.parent: Node = sql_builder.number(0) if first else search.column("step")
+        self.best = search.total is not None and self.search.repeats == "unique"
+        self.next = search.following(env)
+
+    def row(self) -> list[Node]:
+        """The row, as far as it is shown on paths or compared."""
+        if self.of.arms is not None and self.item is not None:
+            return list(self.of.arms.row(self.expressions, self.query, self.item, self.env))
+        if not self.query.gives_paths and (self.search.repeats == "allowed" or self.of.keyed):
+            return []
+        return [self.expressions.value(expr, self.env) for expr in self.of.outputs]
+
+    def key(self) -> list[Node]:
+        """What is compared: the row, or what BY names."""
+        if not self.of.keyed:
+            return self.row()
+        env = self.env if self.search.by != "state" else self.env.with_states(self.next)
+        return [self.expressions.value(expr, env) for expr in self.of.compared]
+
+    @property
+    def made(self) -> plan.Expr | None:
+        """The condition without which there is no step."""
+        other = self.search.first if self.first else None
+        return self.search.made if other is None else other
+
+    def stop(self) -> Node:
+        """Whether a step that enters stops."""
+        assert self.of.stops.goals is not None
+        return self.expressions.condition(self.of.stops.goals, self.env)
+
+    def goal(self) -> Node:
+        assert self.query.where is not None
+        return self.expressions.condition(self.query.where, self.env)
+
+    def lookups(self) -> list[Node]:
+        """What SQLite may look up or ask early: the condition of CONNECT BY, as far as it cannot fail, and equalities
+        without which the step would stop and be no goal.
+        """
+        parts = [part for part in split_and(self.made) if not can_fail(part)]
+        return [self.expressions.condition(part, self.env) for part in (*parts, *self.of.looked_up)]
+
+    def _meets_connect(self) -> list[Node]:
+        """The condition of CONNECT BY where it has to be asked before the rest, which may fail."""
+        made = self.made
+        clauses = [self.search.stop, self.query.where, self.search.weight, *self.of.compared, made]
+        if made is None or not any(clause is not None and can_fail(clause) for clause in clauses):
+            return []
+        return [self.expressions.condition(made, self.env)]
+
+    # --- whether it enters -----------------------------------------------------------------------------
+
+    def enters(self) -> list[Node]:
+        """The conditions on entering."""
+        new, alive = self._is_new(), self._continues_or_is_goal()
+        weighed = [] if self.of.total is None else self._weighed()
+        weighs = self.best and not new
+        if weighs:
+            new, weighed = weighed, []
+        # What SQLite answers by itself is asked before what calls Python.
+        fails = self.search.weight is not None and can_fail(self.search.weight)
+        asks = self._calls_python(alive) or bool(self.of.shared)
+        new_first = asks and not (weighs and fails) and self.search.by == "row"
+        made = self._meets_connect()
+        conditions = [*made, *(new + alive if new_first else alive + new), *weighed]
+        guarded = bool(made) or (fails and bool(alive)) or (bool(alive) and self._can_key_fail())
+        if guarded and len(conditions) > 1:
+            # STOP WITH guards the weight; parts of AND SQLite asks as early as it can.
+            return [
+                sql_builder.case([(_negate(one), sql_builder.number(0)) for one in conditions[:-1]], conditions[-1])
+            ]
+        return conditions
+
+    def _can_key_fail(self) -> bool:
+        """Whether the key, which is asked for after STOP WITH, can fail."""
+        parts = [*self.of.compared, *(expr for _, expr in self.search.connect)]
+        return self.search.by != "row" and any(map(can_fail, parts))
+
+    def _calls_python(self, drops: list[Node]) -> bool:
+        return any(map(sql_builder.calls_python, drops))
+
+    def _is_new(self) -> list[Node]:
+        """Whether the row was not met; `improves` asks for more than `closed`, but needs the weight."""
+        name = self.of.guard.repeat_test
+        if name is None:
+            return []
+        arguments: list[Node] = []
+        if name == "on_path":
+            arguments.append(self.parent.copy())
+        elif self.of.total is not None:
+            if not self.of.weight_calls_functions:
+                return []
+            arguments.append(self.of.rank_total(self.of.column(self.of.total)))
+        if self.first and name in ("on_path", "closed") and not self.of.keyed:
+            return []  # nothing was met yet
+        return [_negate(sql_builder.call(name, *arguments, *self.key()))]
+
+    def _continues_or_is_goal(self) -> list[Node]:
+        """Whether the step goes on or is a goal: each part of STOP WITH by itself where it is never true of a goal."""
+        conditions = [_negate(self.expressions.condition(part, self.env)) for part in self.of.stops.others]
+        drops = self.of.stops.pruning_condition
+        if drops is not None:
+            conditions.append(
+                sql_builder.disjunction([_negate(self.expressions.condition(drops, self.env)), self.goal()])
+            )
+        return conditions
+
+    def _weighed(self) -> list[Node]:
+        """What COST or PROBABILITY ask of a step."""
+        asked: list[Node] = []
+        if self.search.order == "probability":
+            asked.append(sql_builder.binary(exp.GT, self.weight(), sql_builder.number(0)))
+        if self.best:
+            asked.append(sql_builder.call("improves", self.of.rank_total(self.total()), *self.key()))
+        return asked
+
+    # --- what it carries -------------------------------------------------------------------------------
+
+    def outputs(self, positions: list[Node]) -> list[Node]:
+        """The columns of the recursive table; `positions` are looked at where SQLite looks rows up."""
+        of = self.of
+        carried: dict[str | None, Node] = {"step": self._number(positions), "parent": self.parent}
+        carried[of.depth] = (
+            sql_builder.number(1) if self.first else _add_nodes(of.column(of.depth or ""), sql_builder.number(1))
+        )
+        if of.goal is not None:
+            carried[of.goal] = self.goal()
+        if of.continues_column is not None:
+            # Whatever enters goes on, unless it is a goal: only then STOP WITH is asked once more.
+            both = not self._calls_python([self.goal()])
+            if of.stops.pruning_condition != of.stops.goals and both:
+                carried[of.continues_column] = _negate(self.goal())
+            else:
+                asks = both and self._calls_python([self.stop()])
+                carried[of.continues_column] = (
+                    sql_builder.case([(self.goal(), _negate(self.stop()))], sql_builder.number(1))
+                    if asks
+                    else _negate(self.stop())
+                )
+        if of.waits is not None:
+            carried[of.waits] = self._write_waiting_flag()
+        if of.total is not None:
+            carried[of.total] = self.total()
+        if of.estimate is not None:
+            goal = None if self.query.where is None else self.goal()
+            zero = sql_builder.number(0)
+            carried[of.estimate] = zero if goal is None else sql_builder.case([(goal, zero)], self.estimate())
+            if of.rank is not None:
+                later = _add_nodes(self.total(), self.estimate())
+                carried[of.rank] = self.total() if goal is None else sql_builder.case([(goal, self.total())], later)
+            if of.later is not None:
+                # Only a goal waits twice, and needs the estimate when it has come out.
+                estimate = self.estimate()
+                if of.admits_stopping_goals and self._can_estimate_fail():
+                    estimate = self._null_if_stopped(estimate, sql_builder.number(0))
+                carried[of.later] = (
+                    estimate if goal is None else sql_builder.case([(goal, estimate)], sql_builder.null())
+                )
+        for name, key in zip(of.siblings, self.search.siblings, strict=True):
+            carried[name] = self.expressions.lower(key.expr, self.env)
+        for name, node in zip(of.variables, self._build_next_state(), strict=True):
+            anyway = name not in of.assigned or of.assigns_when_stopped(name)
+            carried[of.states[name]] = node if anyway else self._null_if_stopped(node, sql_builder.null())
+        for name, short in of.before.items():
+            carried[short] = self.env.states[(self.query.id, name)].copy()
+        for short, read in of.reads:
+            carried[short] = self.expressions.lower(read, self.env)
+        return [carried[name] for name in of.all_column_names]
+
+    def _number(self, positions: list[Node]) -> Node:
+        """The number of the step; it notes the step's row with it."""
+        guard = self.of.guard
+        # Depth first, a row is marked when its step is taken.
+        number = "enter" if guard.number == "enter_first" and self.of.depth is not None else guard.number
+        rank = [self.of.rank_total(self.total())] if self.best else []
+        if self.of.all_results or self.of.steps_unkept:
+            entered = sql_builder.call("next_number")
+            return sql_builder.call("in_turn", *positions, entered) if positions else entered
+        # The guard that was asked last knows the row: `enter_first` and `enter_best` take it from there.
+        row = self.row() if number == "enter" or self.of.keyed else []
+        keyed = "_keyed" if self.of.keyed else ""
+        entered = sql_builder.call(number + keyed, self.parent.copy(), *rank, *row)
+        return sql_builder.call("in_turn", *positions, entered) if positions else entered
+
+    def _write_waiting_flag(self) -> Node:
+        """0 for a goal."""
+        return sql_builder.number(0) if self.query.where is None else _negate(self.goal())
+
+    def _build_next_state(self) -> list[Node]:
+        return [self.next[(self.query.id, name)].copy() for name in self.of.variables]
+
+    def _null_if_stopped(self, node: Node, otherwise: Node) -> Node:
+        return sql_builder.case([(self.stop(), otherwise)], node)
+
+    # --- weights ---------------------------------------------------------------------------------------
+
+    def weight(self) -> Node:
+        weight = self.search.weight
+        assert weight is not None
+        return self._checked(weight, f"step_{self.search.order}")
+
+    def estimate(self) -> Node:
+        assert self.search.heuristic is not None
+        return self._checked(self.search.heuristic, "step_heuristic")
+
+    def _can_estimate_fail(self) -> bool:
+        heuristic = self.search.heuristic
+        return heuristic is not None and (can_fail(heuristic) or not is_within_bound(heuristic.type, self.of.most))
+
+    def _checked(self, expr: plan.Expr, check: str) -> Node:
+        node = self.expressions.lower(expr, self.env)
+        if is_within_bound(expr.type, self.of.most):
+            return node
+        return sql_builder.call(check, node, self.expressions.place(expr.span))
+
+    def total(self) -> Node:
+        """What the path comes to with this step."""
+        of = self.of
+        assert of.total is not None
+        if self.first:
+            return self.weight()
+        kind = exp.Mul if self.search.order == "probability" else exp.Add
+        return sql_builder.binary(kind, of.column(of.total), self.weight())
+
+
+@dataclass(frozen=True, slots=True)
+class StopConditions:
+    """STOP WITH as what it says of goals and of other steps.
+
+    `others` are the parts that are true of no goal: whatever they stop does not enter. `goals` is the rest, which may
+    be true of a step that enters, `drops` what of that drops a step that is no goal: `STOP WITH there OR far` drops
+    what is far. Both are None where there is nothing of the kind.
+    """
+
+    others: tuple[plan.Expr, ...] = ()
+    goals: plan.Expr | None = None
+    pruning_condition: plan.Expr | None = None
+
+
+def split_stop_conditions(query: plan.Query, steady: Sequence[plan.Expr]) -> StopConditions:
+    """STOP WITH, taken apart; `steady` are calls that cannot fail where they stand, for they are columns.
+
+    What stands apart reads the last source: of the state alone SQLite would ask it before it makes the steps.
+    """
+    stop = None if query.search is None else query.search.stop
+    goal = query.where
+    if stop is None:
+        return StopConditions()
+    parts = stop.parts if isinstance(stop, plan.Or) else (stop,)
+    apart = [
+        part for part in parts if query.sources[-1].id in list_sources(part) and _can_evaluate_anytime(part, steady)
+    ]
+    if goal is None:
+        return StopConditions((stop,))
+    assert not is_volatile(goal), "a search that calls volatile functions is not lowered"
+    others = tuple(part for part in apart if are_exclusive(part, goal))
+    left = tuple(part for part in parts if part not in others)
+    drops = tuple(part for part in left if part != goal)
+    return StopConditions(
+        others, *(join_conditions(plan.Or, some, stop.span) if some else None for some in (left, drops))
+    )
+
+
+def _can_evaluate_anytime(part: plan.Expr, steady: Sequence[plan.Expr]) -> bool:
+    """Whether a part may be evaluated by itself, at any time."""
+    return all(any(node == known for known in steady) for node in find_fallible_parts(part))
+
+
+def are_exclusive(one: plan.Expr, other: plan.Expr) -> bool:
+    """Whether two conditions are never true together: they demand of something that it equals what is not equal."""
+    return any(
+        a == c and not may_be_equal(b.type, d.type)
+        for part in split_and(other)
+        for a, b in _get_sides(one)
+        for c, d in _get_sides(part)
+    )
+
+
+def _get_sides(expr: plan.Expr) -> list[tuple[plan.Expr, plan.Expr]]:
+    """The sides of an equality, in both orders."""
+    match expr:
+        case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)):
+            return [(left, right), (right, left)]
+        case _:
+            return []
+
+
+def is_within_bound(kind: Type, most: float) -> bool:
+    """Whether the type promises numbers from 0 to `most`; a bool among others is a handle, not a number as yet."""
+    return (kind.only(Kind.INT | Kind.FLOAT) or is_flag(kind)) and kind.at_least(0) and kind.bounded(most)
+
+
+def _negate(node: Node) -> Node:
+    match node:
+        case exp.Not():
+            return node.this.unnest()  # type: ignore[no-any-return]
+        case exp.NullSafeEQ(this=left, expression=right):
+            return exp.NullSafeNEQ(this=left, expression=right)
+        case exp.EQ(this=left, expression=right):  # neither of which is NULL, for the node is a flag
+            return exp.NEQ(this=left, expression=right)
+        case _:
+            return exp.Not(this=sql_builder.wrap_operand(node))
+
+
+def _add_nodes(left: Node, right: Node) -> Node:
+    return sql_builder.binary(exp.Add, left, right)
+
+
+def find_fallible_parts(expr: plan.Expr | None) -> list[plan.Expr]:
+    """The parts of an expression that can fail by themselves."""
+    return [node for node in walk(expr) if _can_fail_alone(node)] if expr is not None else []
+
+
+def _can_fail_alone(node: object) -> bool:
+    match node:
+        case plan.Subquery():
+            return True
+        case plan.Column(declared=declared):
+            return not declared
+        case plan.Call():
+            return can_fail(replace(node, arguments=()))
+        case _:
+            return False
+
+
+def find_certain_parts(clause: plan.Expr | None) -> list[plan.Expr]:
+    """The parts of a clause that are evaluated whenever the clause is."""
+    inside: Iterable[plan.Expr]
+    match clause:
+        case None:
+            return []
+        case plan.And(parts=(first, *_)) | plan.Or(parts=(first, *_)):
+            inside = [first]
+        case plan.If(condition=condition):
+            inside = [condition]
+        case _:
+            inside = [part for part in list_parts(clause) if not isinstance(part, plan.Query)]
+    return [clause, *(known for part in inside for known in find_certain_parts(part))]

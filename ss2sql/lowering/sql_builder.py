@@ -1,0 +1,306 @@
+"""Small constructors for SQL as sqlglot trees, so that the rest of lowering reads like the SQL that it makes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import TypeAlias
+
+import apsw
+from sqlglot import exp
+
+from ss2sql.errors.renderer import CONTROL_CHARACTERS
+from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS, strip_unwritable
+
+Node: TypeAlias = exp.Expr
+
+MAX_OPERANDS_IN_ROW = 250  # parts joined by AND or OR without parentheses
+_PLAIN_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+_WORDS = frozenset(apsw.keywords) | {"TRUE", "FALSE"}
+
+
+class WithoutAffinity(exp.Unary):
+    """`+column`: the value without the affinity of its column. The dialect of SQLite prints it."""
+
+
+def identifier(name: str) -> exp.Identifier:
+    """A name, quoted where SQLite would take it for something else."""
+    plain = _PLAIN_NAME.match(name) and name.upper() not in _WORDS
+    return exp.Identifier(this=strip_unwritable(name), quoted=not plain)
+
+
+# Modules, the recursive table of a search, and copies of lists and tables.
+_OF_A_STATEMENT = re.compile(r"elements|search|.*_(once|in_order)(_\d+)?\Z", re.DOTALL)
+
+
+def may_need_schema(name: str) -> bool:
+    """Whether a table may have the name of such a virtual table or of a copy: its schema has to be written, too."""
+    return bool(_OF_A_STATEMENT.match(name.lower()))
+
+
+def column(name: str, table: str | None = None) -> exp.Column:
+    return exp.Column(this=identifier(name), table=identifier(table) if table else None)
+
+
+def call(name: str, *arguments: Node) -> exp.Anonymous:
+    """A call of a function registered under this name."""
+    return exp.Anonymous(this=identifier(name), expressions=list(arguments))
+
+
+def number(value: int | float) -> Node:
+    text = repr(value)
+    literal = exp.Literal.number(text.removeprefix("-"))
+    return exp.Neg(this=literal) if text.startswith("-") else literal
+
+
+def string(value: str) -> Node:
+    """A text; characters that a terminal would obey, and 0, which would end the statement, are computed."""
+    parts: list[Node] = [exp.Literal.string(part) for part in CONTROL_CHARACTERS.split(value)]
+    result = parts[0]
+    for char, part in zip(CONTROL_CHARACTERS.findall(value), parts[1:], strict=True):
+        result = exp.DPipe(this=exp.DPipe(this=result, expression=call("char", number(ord(char)))), expression=part)
+    return result if len(parts) == 1 else exp.Paren(this=result)
+
+
+def null() -> exp.Null:
+    return exp.Null()
+
+
+def parameter(name: str) -> exp.Placeholder:
+    return exp.Placeholder(this=name)
+
+
+def case(branches: Iterable[tuple[Node, Node]], default: Node) -> Node:
+    """`CASE WHEN condition THEN value ... ELSE default END`; the only form that promises an order of evaluation."""
+    ifs = [exp.If(this=condition, true=value) for condition, value in branches]
+    return exp.Case(ifs=ifs, default=default) if ifs else default
+
+
+def conjunction(parts: Sequence[Node]) -> Node | None:
+    """`a AND b AND ...`, None where there are no parts."""
+    if not parts:
+        return None
+    parts = _group_operands(parts, conjunction)
+    result = parenthesize(parts[0], exp.Or)
+    for part in parts[1:]:
+        result = exp.And(this=result, expression=parenthesize(part, exp.Or))
+    return result
+
+
+def merge_ranges(parts: Sequence[Node], labels: Collection[str]) -> list[Node]:
+    """`x >= a`, `x <= b` as `x BETWEEN a AND b`, for columns of these tables.
+
+    Both ends have to be known at the same time, for SQLite asks the two together.
+    """
+    result: list[Node] = []
+    for part in parts:
+        before = result[-1] if result else None
+        match before, part:
+            case exp.GTE(this=exp.Column() as column), exp.LTE(this=exp.Column() as same) if (
+                column == same and column.table in labels and _find_tables_read(before) == _find_tables_read(part)
+            ):
+                low, high = (_wrap_bound(side) for side in (before.expression, part.expression))
+                result[-1] = exp.Between(this=column, low=low, high=high)
+            case _:
+                result.append(part)
+    return result
+
+
+def _find_tables_read(node: Node) -> set[str]:
+    """The tables of whose columns a node reads."""
+    return {column.table for column in node.find_all(exp.Column)}
+
+
+def _wrap_bound(node: Node) -> Node:
+    """The node, in parentheses where BETWEEN could tear it apart."""
+    return node if isinstance(node, _SUMS + _PRODUCTS) else wrap_operand(node)
+
+
+def _group_operands(parts: Sequence[Node], join: Callable[[Sequence[Node]], Node | None]) -> Sequence[Node]:
+    """Many parts in groups of parentheses, because SQLite takes no expression deeper than 1,000."""
+    if len(parts) <= MAX_OPERANDS_IN_ROW:
+        return parts
+    groups = [join(parts[start : start + MAX_OPERANDS_IN_ROW]) for start in range(0, len(parts), MAX_OPERANDS_IN_ROW)]
+    return [exp.Paren(this=group) for group in groups if group is not None]
+
+
+def disjunction(parts: Sequence[Node]) -> Node:
+    parts = _group_operands(parts, disjunction)
+    result = parts[0]
+    for part in parts[1:]:
+        result = exp.Or(this=result, expression=part)
+    return result
+
+
+def parenthesize(node: Node, *kinds: type[Node]) -> Node:
+    """The node in parentheses if it is one of the given kinds."""
+    return exp.Paren(this=node) if isinstance(node, kinds) else node
+
+
+def wrap_operand(node: Node) -> Node:
+    """The node, in parentheses where a neighbouring operator could tear it apart."""
+    return parenthesize(node, exp.Binary, exp.Connector, exp.Not, exp.Neg, exp.In)
+
+
+_SUMS: tuple[type[Node], ...] = (exp.Add, exp.Sub)
+_PRODUCTS: tuple[type[Node], ...] = (exp.Mul, exp.Div, exp.Mod)
+
+
+def binary(kind: type[exp.Binary], left: Node, right: Node) -> Node:
+    """`left kind right`, with parentheses where they are needed."""
+    if issubclass(kind, exp.Predicate):  # comparisons
+        loose = _SUMS + _PRODUCTS + (exp.DPipe,)
+        return kind(this=_wrap_operand_unless(loose, left), expression=_wrap_operand_unless(loose, right))
+    if issubclass(kind, _SUMS):
+        return kind(
+            this=_wrap_operand_unless(_SUMS + _PRODUCTS, left), expression=_wrap_operand_unless(_PRODUCTS, right)
+        )
+    return kind(
+        this=_wrap_operand_unless(_PRODUCTS if issubclass(kind, _PRODUCTS) else (), left),
+        expression=wrap_operand(right),
+    )
+
+
+def _wrap_operand_unless(loose: tuple[type[Node], ...], node: Node) -> Node:
+    """The operand, as it is if it is one of these."""
+    return node if isinstance(node, loose) else wrap_operand(node)
+
+
+def divide_as_floats(left: Node, right: Node) -> Node:
+    """`left / right` as a float: SQLite would divide integers without a remainder."""
+    if isinstance(left, exp.Literal) and left.this.isdigit():
+        left = exp.Literal.number(f"{left.this}.0")
+    else:
+        left = exp.Cast(this=left, to=exp.DataType.build("REAL", dialect="sqlite"))
+    return exp.Div(
+        this=wrap_operand(left), expression=wrap_operand(right), typed=True
+    )  # typed: sqlglot adds no cast of its own
+
+
+def mark_as_rare(node: Node) -> Node:
+    """The node, marked as what is evaluated hardly ever."""
+    node.meta["rare"] = True
+    return node
+
+
+def calls_python(node: Node) -> bool:
+    """Whether the SQL has a call in it that is not one of SQLite's own functions, and not a rare one."""
+    parts = node.walk(prune=lambda part: part.meta.get("rare", False))
+    return any(
+        isinstance(part, exp.Anonymous) and part.name.lower() not in SQLITE_FUNCTIONS and not part.meta.get("rare")
+        for part in parts
+    )
+
+
+def alias(node: Node, name: str) -> Node:
+    return exp.Alias(this=node, alias=identifier(name))
+
+
+def named(node: Node, name: str | None) -> Node:
+    """A column of SELECT under a name; without one, or where it has that name, as it is."""
+    return node if name is None or (isinstance(node, exp.Column) and node.name == name) else alias(node, name)
+
+
+def scalar(select: exp.Query) -> exp.Subquery:
+    """A query in parentheses."""
+    return exp.Subquery(this=select)
+
+
+def table(name: str, label: str, schema: str | None = None) -> exp.Table:
+    """`schema.name AS label`."""
+    short = label == name and schema is None
+    return exp.Table(
+        this=identifier(name),
+        db=identifier(schema) if schema else None,
+        alias=None if short else exp.TableAlias(this=identifier(label)),
+    )
+
+
+def table_function(name: str, arguments: Sequence[Node], label: str) -> exp.Table:
+    """`name(arguments) AS label`."""
+    return exp.Table(this=call(name, *arguments), alias=exp.TableAlias(this=identifier(label)))
+
+
+def left_joined(item: Node, on: Sequence[Node]) -> exp.Join:
+    """`LEFT JOIN item ON ...`."""
+    return exp.Join(this=item, side="LEFT", on=conjunction(on))
+
+
+def derived(select: exp.Query, label: str) -> exp.Subquery:
+    """`(SELECT ...) AS label`."""
+    return exp.Subquery(this=select, alias=exp.TableAlias(this=identifier(label)))
+
+
+def union(selects: Sequence[exp.Select]) -> exp.Query:
+    """The SELECTs with UNION ALL between them."""
+    joined: exp.Query = selects[0]
+    for one in selects[1:]:
+        joined = exp.Union(this=joined, expression=one, distinct=False)
+    return joined
+
+
+def select(
+    outputs: Sequence[Node],
+    sources: Sequence[Node],
+    where: Node | None = None,
+    order: Sequence[tuple[Node, bool]] = (),
+    limit: Node | None = None,
+    offset: Node | None = None,
+) -> exp.Select:
+    """A SELECT over sources joined in the order written. `order` holds (key, descending)."""
+    query = exp.Select(expressions=list(outputs))
+    if sources:
+        query.set("from_", exp.From(this=sources[0]))
+    joins = [source if isinstance(source, exp.Join) else exp.Join(this=source, kind="CROSS") for source in sources[1:]]
+    query.set("joins", joins)
+    if where is not None:
+        query.set("where", exp.Where(this=where))
+    return sort_query(query, order, limit, offset)
+
+
+def replace_outputs(select: exp.Select, outputs: Sequence[Node]) -> exp.Select:
+    """A copy of a SELECT with other columns."""
+    changed = select.copy()
+    changed.set("expressions", list(outputs))
+    return changed
+
+
+def sort_key(node: Node) -> Node:
+    """A key of ORDER BY or GROUP BY; a number alone would be taken for the position of a column."""
+    plain = node
+    while isinstance(plain, (exp.Neg, exp.Paren)):
+        plain = plain.this
+    return string("") if isinstance(plain, exp.Literal) and not plain.is_string else node
+
+
+def sort_query(
+    query: exp.Select, order: Sequence[tuple[Node, bool]], limit: Node | None = None, offset: Node | None = None
+) -> exp.Select:
+    """The query with ORDER BY, LIMIT and OFFSET."""
+    if order:
+        query.set("order", _build_order(order))
+    if limit is not None:
+        query.set("limit", exp.Limit(expression=limit))
+    if offset is not None:
+        query.set("offset", exp.Offset(expression=offset))
+    return query
+
+
+def row_number(order: Sequence[tuple[Node, bool]]) -> exp.Window:
+    """The number of a row, from 1, sorted by (key, descending)."""
+    return exp.Window(this=exp.RowNumber(), order=_build_order(order) if order else None)
+
+
+def _build_order(order: Sequence[tuple[Node, bool]]) -> exp.Order:
+    keys = [exp.Ordered(this=sort_key(node), desc=descending, nulls_first=not descending) for node, descending in order]
+    return exp.Order(expressions=keys)
+
+
+def keep_condition(condition: Node) -> Node:
+    """A condition within AND or OR; `0 AND x` would go away, and with it the sources in x, for which the rest waits."""
+    return binary(exp.NEQ, condition, number(0)) if isinstance(condition, exp.Literal) else condition
+
+
+def unlimited() -> Node:
+    """`LIMIT -1`: no limit, but SQLite then keeps a subquery apart and its order as written."""
+    return number(-1)

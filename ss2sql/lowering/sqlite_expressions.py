@@ -1,0 +1,285 @@
+"""Expressions as SQL.
+
+An expression whose type is bool alone is a *flag* in SQL, the integer 0 or 1, never NULL. Every other
+expression is a *value*: None, numbers and strings are themselves, all else is a handle of the pool (see
+runtime/sqlite/interning.py). SQLite's own operators are used only where the types promise that they do what the
+language demands; everything else is a call of the function of the language, whose last argument is the
+place in the script, for its errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field, replace
+from typing import TypeAlias, TypeVar
+
+from sqlglot import exp
+
+from ss2sql.errors import Source, Span
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.implied_bounds import Comparison, collect_comparisons
+from ss2sql.language.kinds import BOOL, Kind, Type, is_flag
+from ss2sql.language.operations import PREDICATES
+from ss2sql.language.plan_traversal import can_fail, walk, walk_own
+from ss2sql.lowering import sql_builder, sqlite_forms
+from ss2sql.lowering.aggregate_subqueries import lower_function_of_rows
+from ss2sql.lowering.equality import SPECIAL_OPERATIONS
+from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sql_names import get_builtin_name
+from ss2sql.lowering.statement_needs import StatementNeeds
+
+N = TypeVar("N")
+Reader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
+
+
+@dataclass(frozen=True, slots=True)
+class SqlScope:
+    """How sources and START WITH variables are read in the SQL scope at hand.
+
+    A reader, state or group value gives what stands in a column: a flag where the type is bool alone. `known`
+    are expressions that stand in a column already, `facts` comparisons that hold wherever an expression is evaluated.
+    `again` says that what stands here is evaluated any number of times, maybe not at all.
+    """
+
+    sources: Mapping[int, Reader] = field(default_factory=dict)
+    states: Mapping[tuple[int, str], Node] = field(default_factory=dict)
+    groups: Mapping[tuple[int, int], Node] = field(default_factory=dict)
+    known: tuple[tuple[plan.Expr, Node], ...] = ()
+    facts: tuple[Comparison, ...] = ()
+    again: bool = False
+
+    def with_facts(self, condition: plan.Expr, truth: bool) -> SqlScope:
+        return replace(self, facts=(*self.facts, *collect_comparisons(condition, truth)))
+
+    def with_source(self, source: int, reader: Reader) -> SqlScope:
+        return replace(self, sources={**self.sources, source: reader})
+
+    def with_states(self, states: Mapping[tuple[int, str], Node]) -> SqlScope:
+        return replace(self, states={**self.states, **states})
+
+    def enter_query(self) -> SqlScope:
+        """The sight of a query in an expression: an aggregate is one of the innermost query, whatever looks like it."""
+        kept = [one for one in self.known if not any(isinstance(node, plan.Aggregate) for node in walk_own(one[0]))]
+        return replace(self, known=tuple(kept), again=True)
+
+    def with_groups(self, groups: Mapping[tuple[int, int], Node]) -> SqlScope:
+        return replace(self, groups={**self.groups, **groups})
+
+
+class ExpressionLowering:
+    """Lowers the expressions of one statement; `needs` collects what they ask for."""
+
+    def __init__(
+        self,
+        needs: StatementNeeds,
+        subquery: Callable[[plan.Query, SqlScope], Node],
+        rows: Callable[[plan.Query, SqlScope, Callable[[SqlScope], Node]], exp.Select],
+    ) -> None:
+        self.needs = needs
+        self.subquery = subquery
+        self.rows = rows
+        self._lowered: dict[tuple[int, int], tuple[plan.Expr, SqlScope, Node]] | None = None
+
+    def value(self, expr: plan.Expr, env: SqlScope) -> Node:
+        """The expression as a value."""
+        node = self.lower(expr, env)
+        return self.boxed(node) if is_flag(expr.type) else node
+
+    def boxed(self, flag: Node) -> Node:
+        """A flag as a value: True or False."""
+        return sql_builder.case([(flag, self.needs.bind(TRUE, "true"))], self.needs.bind(FALSE, "false"))
+
+    def unbox_value(self, node: Node, kind: Type) -> Node:
+        """A value as what stands for its type: a bool becomes a flag."""
+        return sql_builder.binary(exp.NullSafeEQ, node, self.needs.bind(TRUE, "true")) if is_flag(kind) else node
+
+    def condition(self, expr: plan.Expr, env: SqlScope) -> Node:
+        """The truth of an expression as a flag."""
+        node = self.lower(expr, env)
+        kind = expr.type
+        if is_flag(kind):
+            return node
+        if kind.only(Kind.INT | Kind.FLOAT):
+            return sql_builder.binary(exp.NEQ, node, sql_builder.number(0))
+        if kind.only(Kind.STR):
+            return sql_builder.binary(exp.NEQ, node, sql_builder.string(""))
+        if kind.only(Kind.NONE | Kind.NUMBER | Kind.LIST | Kind.DICT):
+            # A handle begins with the number that SQLite takes for its truth.
+            return exp.Is(this=sql_builder.wrap_operand(node), expression=exp.true())
+        return sql_builder.call("truth", node)
+
+    def lower(self, expr: plan.Expr, env: SqlScope) -> Node:
+        """The expression as a flag or a value, by its type.
+
+        A guard lowers its operands, and where they are too long to be written twice they are arguments of a call
+        instead. So all within an expression is kept until that is lowered, else n of them in each other took 2^n steps.
+        """
+        outermost = self._lowered is None
+        lowered = self._lowered = {} if self._lowered is None else self._lowered
+        key = id(expr), id(env)
+        if key in lowered:
+            return lowered[key][-1].copy()
+        try:
+            node = self._lower(expr, env)
+        finally:
+            if outermost:
+                self._lowered = None
+        lowered[key] = expr, env, node  # with what has the identities, lest others come to have them
+        return node
+
+    def _lower(self, expr: plan.Expr, env: SqlScope) -> Node:
+        for known, node in env.known:
+            if known == expr:
+                return node.copy()
+        match expr:
+            case plan.Constant():
+                return self.constant(expr)
+            case plan.Variable(name=name, type=kind):
+                return self.needs.bind(expr, name, is_flag(kind))
+            case plan.Element(source=source) | plan.Column(source=source):
+                return env.sources[source](expr)
+            case plan.State(query=query, name=name):
+                return env.states[(query, name)]
+            case plan.Call():
+                return self.call(expr, env)
+            case plan.And(parts=parts):
+                return self.all_of(parts, env)
+            case plan.Or(parts=parts):
+                return self.any_of(parts, env)
+            case plan.Xor(left=left, right=right):
+                one, other = self.condition(left, env), self.condition(right, env)
+                return sql_builder.binary(exp.NEQ, one, other)
+            case plan.Not(operand=operand):
+                return exp.Not(this=sql_builder.wrap_operand(self.condition(operand, env)))
+            case plan.If():
+                return self.conditional(expr, env)
+            case plan.MakeList() if not can_fail(expr) and is_run_constant(expr):
+                return self.needs.bind(expr)
+            case plan.MakeList(items=items):
+                return sql_builder.call("list", *(self.value(item, env) for item in items))
+            case plan.GroupKey(query=query, index=index):
+                return env.groups[(query, index)]
+            case plan.Aggregate():
+                return self.aggregate(expr, env)
+            case _:
+                assert isinstance(expr, plan.Subquery), "all others are declared in unsupported.py"
+                return self.unbox_value(self._query(self.subquery, expr, env), expr.type)
+
+    def exists(self, expr: plan.Subquery, env: SqlScope) -> Node:
+        """Whether a query that only says so has a row, as a flag."""
+        return exp.Exists(this=self.unordered(expr, env, lambda env: sql_builder.number(1)))
+
+    def unordered(self, expr: plan.Subquery, env: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
+        """What is made of the rows of a query whose order is of no account."""
+        return self._query(lambda query, env: self.rows(query, env, output), expr, env)
+
+    def _query(self, lower: Callable[[plan.Query, SqlScope], N], expr: plan.Subquery, env: SqlScope) -> N:
+        outer, self._lowered = self._lowered, None  # the parts of a query change after they are lowered
+        try:
+            return lower(expr.query, env.enter_query())
+        finally:
+            self._lowered = outer
+
+    def constant(self, expr: plan.Constant) -> Node:
+        value = expr.value
+        match value:
+            case None:
+                return sql_builder.null()
+            case bool():
+                return sql_builder.number(int(value))
+            case int() if abs(value) < 2**53:
+                return sql_builder.number(value)
+            case float() if _prints_exactly(value):
+                return sql_builder.number(value)
+            case str() if value.isprintable() and len(value) <= 200:
+                return sql_builder.string(value)
+            case _:
+                return self.needs.bind(expr)
+
+    def call(self, expr: plan.Call, env: SqlScope) -> Node:
+        function = expr.function
+        if not function.builtin:
+            name = self.needs.function(function.name, expr.place)
+            return self.unbox_value(sql_builder.call(name, *(self.value(a, env) for a in expr.arguments)), expr.type)
+        reduced = lower_function_of_rows(self, expr, env)
+        if reduced is not None:
+            return reduced
+        by_hand = SPECIAL_OPERATIONS.get(function.name, sqlite_forms.lower_unchecked)
+        node = by_hand(self, expr, env)
+        if node is not None:
+            return node
+        if not can_fail(expr) and is_run_constant(expr):
+            return self.needs.bind(expr, None, is_flag(expr.type))
+        node = sqlite_forms.lower_checked(self, expr, env)
+        if node is not None:
+            return node
+        return self.python(expr, [self.value(argument, env) for argument in expr.arguments])
+
+    def python(self, expr: plan.Call, arguments: Sequence[Node]) -> Node:
+        """A call of the language's own function on values."""
+        node = sql_builder.call(get_builtin_name(expr.function.name), *arguments, self.place(expr.place))
+        return node if expr.function.name in PREDICATES else self.unbox_value(node, expr.type)
+
+    def field(self, element: Node, column: plan.Column) -> Node:
+        """A column that is looked for in the element when it is read."""
+        return sql_builder.call("field", element, sql_builder.string(column.name), self.place(column.span))
+
+    def place(self, span: Span) -> Node:
+        return sql_builder.string(f"{span.line}:{span.column}")
+
+    def all_of(self, parts: tuple[plan.Expr, ...], env: SqlScope) -> Node:
+        conditions = self.in_order(parts, env, True)
+        if not any(can_fail(part) for part in parts[1:]):
+            joined = sql_builder.conjunction([sql_builder.keep_condition(condition) for condition in conditions])
+            assert joined is not None
+            return joined
+        stops = [
+            (exp.Not(this=sql_builder.wrap_operand(condition)), sql_builder.number(0)) for condition in conditions[:-1]
+        ]
+        return sql_builder.case(stops, conditions[-1])
+
+    def any_of(self, parts: tuple[plan.Expr, ...], env: SqlScope) -> Node:
+        return sql_builder.disjunction(
+            [sql_builder.keep_condition(condition) for condition in self.in_order(parts, env, False)]
+        )
+
+    def in_order(self, parts: tuple[plan.Expr, ...], env: SqlScope, truth: bool) -> list[Node]:
+        """The truth of expressions, each where those before it have this truth."""
+        conditions: list[Node] = []
+        for part in parts:
+            conditions.append(self.condition(part, env))
+            env = env.with_facts(part, truth)
+        return conditions
+
+    def conditional(self, expr: plan.If, env: SqlScope) -> Node:
+        branches = []
+        for branch, truth in ((expr.then, True), (expr.otherwise, False)):
+            here = env.with_facts(expr.condition, truth)
+            branches.append(self.lower(branch[-1], here) if is_flag(expr.type) else self.value(branch[-1], here))
+        return sql_builder.case([(self.condition(expr.condition, env), branches[0])], branches[1])
+
+    def aggregate(self, expr: plan.Aggregate, env: SqlScope) -> Node:
+        if expr.argument is None:
+            return exp.Count(this=exp.Star())
+        argument = self.value(expr.argument, env)
+        node = sqlite_forms.lower_aggregate(expr, argument)
+        if node is not None:
+            return node
+        return self.unbox_value(sql_builder.call(f"group_{expr.function}", argument, self.place(expr.span)), expr.type)
+
+
+def is_run_constant(expr: plan.Expr) -> bool:
+    """Whether an expression is made of constants and script variables alone, so that it has one value per run."""
+    return all(isinstance(part, (plan.Constant, plan.Variable, plan.Call, plan.MakeList)) for part in walk(expr))
+
+
+def _prints_exactly(value: float) -> bool:
+    """Whether SQLite reads the float's shortest text back exactly: few digits and a small exponent."""
+    digits, _, power = repr(abs(value)).partition("e")
+    return len(digits.replace(".", "").strip("0")) <= 15 and (not power or abs(int(power)) <= 20)
+
+
+_NOWHERE = Span(Source(""), 0, 0)
+TRUE = plan.Constant(True, BOOL, span=_NOWHERE)
+FALSE = plan.Constant(False, BOOL, span=_NOWHERE)

@@ -1,0 +1,263 @@
+"""Collects the facts about a script: engines, rewrites, functions, SQLite's plan, the run."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import apsw
+
+from ss2sql.frontend.inlining.inliner import InlinedCall
+from ss2sql.frontend.inlining.substitution import FunctionBody
+from ss2sql.frontend.user_functions import UserFunction
+from ss2sql.language import plan
+from ss2sql.language.plan_traversal import list_functions
+from ss2sql.language.recursion_limit import retry_with_stack
+from ss2sql.language.values import format_value
+from ss2sql.lowering.rewrites import REWRITES
+from ss2sql.lowering.rewrites.inline_functions import list_call_sites
+from ss2sql.results.explain.findings import (
+    FunctionFacts,
+    LevelTable,
+    ParameterFacts,
+    PlanLine,
+    QueryFacts,
+    RunFacts,
+    ScriptFacts,
+    StatementFacts,
+)
+from ss2sql.results.explain.level_counts import count_levels
+from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement
+from ss2sql.results.explain.python_plan import describe_duckdb_plan, describe_python_plan, describe_table_plan
+from ss2sql.results.explain.sqlite_plan import describe_sqlite_plan
+from ss2sql.results.explain.termination import warn_of_endless_searches
+from ss2sql.results.explain.vocabulary import cut_script, describe_search
+from ss2sql.results.result_notes import find_notes
+from ss2sql.runtime.graph_cache.cache_policy import calls_user_functions
+from ss2sql.runtime.run.run_state import Stats
+from ss2sql.runtime.run.search_paths import SearchPaths, measure_lengths
+from ss2sql.runtime.search.regression import find_regression
+
+if TYPE_CHECKING:
+    from ss2sql.results.result import Result
+
+MOST_TEXT = 70  # characters of a bound value, and of its expression
+
+
+def collect_facts(
+    outlined: Sequence[OutlinedStatement], result: Result | None, missing: Sequence[str] = (), levels: bool = False
+) -> ScriptFacts:
+    """All facts about the statements, and about the run of a result, with its `levels` counted."""
+    stats = None if result is None else result.stats
+    statements = tuple(
+        StatementFacts(statement.text, tuple(_collect_query(query, stats) for query in statement.queries))
+        for statement in outlined
+    )
+    return ScriptFacts(statements, None if result is None else _collect_run(result, levels), tuple(missing))
+
+
+def _collect_query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
+    lowered, query = outlined.lowered, outlined.query
+    lines, missing = _collect_plan(outlined)
+    return QueryFacts(
+        text=outlined.written.span.text,
+        engine=outlined.engine,
+        reason=_find_reason(outlined),
+        cures=() if lowered else tuple(filter(None, map(_find_cures, outlined.cures))),
+        search=describe_search(query),
+        rewrites={name: REWRITES[name].done for name in outlined.rewrites},
+        functions=tuple(_collect_functions(outlined, stats)),
+        notes=tuple(_collect_notes(outlined, stats)),
+        warnings=(*warn_of_endless_searches(query), *find_notes(outlined.written)) if stats is None else (),
+        plan=lines,
+        plan_missing=missing,
+        afterwards=tuple(_list_post_processing(outlined)),
+        sql=lowered.text if lowered else str(outlined.sql) if outlined.levels or outlined.duck else None,
+        parameters=tuple(_collect_parameters(outlined)),
+    )
+
+
+def _find_reason(outlined: OutlinedQuery) -> str:
+    if outlined.lowered and outlined.passed_on:
+        return outlined.passed_on
+    reason = "all of it can be said in SQL" if outlined.lowered else outlined.reason
+    return f"{outlined.passed_on}; {reason}" if outlined.passed_on else reason
+
+
+def _find_cures(hint: str) -> str:
+    """The cure in a hint of `engine="database"`, if it has one."""
+    return hint.removesuffix("leave the engine to ss2sql").removesuffix(", or ")
+
+
+def _collect_plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
+    """The engine's plan, or the reason why SQLite's plan is gone."""
+    if outlined.levels is not None:
+        return describe_table_plan(outlined.query, outlined.levels.level_plan), None
+    if outlined.duck is not None:
+        return describe_duckdb_plan(outlined.query, outlined.duck.written), None
+    if outlined.lowered is None:
+        return describe_python_plan(outlined.query), None
+    try:
+        return describe_sqlite_plan(outlined), None
+    except apsw.ConnectionClosedError:
+        return (), "the session is closed"
+    except apsw.Error as error:
+        return (), str(error)
+
+
+def _collect_parameters(outlined: OutlinedQuery) -> Iterator[ParameterFacts]:
+    given = [(p.name, p.expr.span.text) for p in outlined.lowered.parameters] if outlined.lowered else []
+    if outlined.duck is not None:
+        given = list(outlined.duck.parameters.items())
+    for name, written in given:
+        value = format_value(outlined.sql.parameters[name], MOST_TEXT) if name in outlined.sql.parameters else None
+        yield ParameterFacts(name, cut_script(written, MOST_TEXT), value)
+
+
+def _list_post_processing(outlined: OutlinedQuery) -> Iterator[str]:
+    """The post-processing after SQL."""
+    lowered, query = outlined.lowered, outlined.query
+    if lowered is None:
+        return
+    if query.order and lowered.orders:
+        yield "sorts the results for ORDER BY"
+    if query.limit is not None and not lowered.limited:
+        yield "keeps as many results as LIMIT says"
+    if query.group and not query.aggregated:
+        yield "puts the results into groups"
+
+
+# --- functions -----------------------------------------------------------------------------------------
+
+
+def _collect_functions(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[FunctionFacts]:
+    """The functions of the user that the query calls, in the order in which they are written."""
+    off = "inline" in outlined.host.disabled
+    found = [] if off else retry_with_stack(lambda: list_call_sites(outlined.written))
+    names = dict.fromkeys(function.name for function in list_functions(outlined.written) if not function.builtin)
+    for name in names:
+        entry = outlined.host.functions.get(name)
+        if entry is not None:
+            yield _collect_function(entry, [site for site in found if site.function.name == name], off, stats)
+
+
+def _collect_function(entry: UserFunction, found: list[InlinedCall], off: bool, stats: Stats | None) -> FunctionFacts:
+    body = entry.body
+    inlined = []
+    for limit in dict.fromkeys(site.limit for site in found if site.reason is None):
+        assert isinstance(body, FunctionBody)
+        beyond = "" if limit is None else f"; called for numbers beyond {limit:,}"
+        inlined.append(f"{entry.name}({', '.join(body.parameters)}) is inlined: {body.text}{beyond}")
+    reasons = [site.reason for site in found if site.reason is not None]
+    if not found:
+        reasons = [f"it {body}" if isinstance(body, str) else _list_switched_off(off)]
+    return FunctionFacts(
+        name=entry.name,
+        inlined=tuple(inlined),
+        called=tuple(dict.fromkeys(reasons)),
+        volatility=entry.volatility,
+        volatility_reason=f"{'it ' if entry.inferred else ''}{entry.reason}",
+        calls=None if stats is None else stats.calls[entry.name],
+        remembered=None if stats is None else stats.remembered[entry.name],
+        blocks=None if stats is None or entry.name not in stats.blocks else stats.blocks[entry.name],
+    )
+
+
+def _list_switched_off(off: bool) -> str:
+    if off:
+        return "the rewrite inline is switched off"
+    return "a built-in function or operator that it uses is replaced"
+
+
+# --- searches with MEMORIZE ----------------------------------------------------------------------------
+
+
+def _collect_notes(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[str]:
+    query = outlined.query
+    for handed in outlined.handed:
+        conditions = " AND ".join(" ".join(part.span.text.split()) for part in handed.conditions)
+        tables = ", ".join(source.name for source in handed.sources)
+        yield f"DuckDB hands over the rows of {tables} with {conditions}"
+    if outlined.lowered is not None or query.search is None or query.search.repeats != "memorize":
+        return
+    remembered = outlined.host.graphs is not None and calls_user_functions(query)
+    yield from _explain_bidirectional(query, stats, remembered)
+    if stats is not None and stats.graph is not None:
+        steps = "1 step was" if stats.remembered_steps == 1 else f"{stats.remembered_steps:,} steps were"
+        yield f"graph: remembered, with the number {stats.graph} in ss2sql_graphs; {steps} known from there"
+
+
+def _explain_bidirectional(query: plan.Query, stats: Stats | None, remembered: bool) -> Iterator[str]:
+    """Whether MEMORIZE searches from both ends, and why not."""
+    regression = find_regression(query)
+    if isinstance(regression, str):
+        yield f"searched from the start only: {regression}"
+        return
+    if remembered:
+        yield "searched from the start only: its graph is remembered"
+        return
+    undone = [call for expr in regression.before if expr is not None for call in list_functions(expr)]
+    names = dict.fromkeys(f"the {function.name}" for function in undone if function.inverse_of)
+    how = f"by {' and '.join(names)}" if names else "because sums of whole numbers can be undone"
+    if stats is None:
+        yield f"searched from both ends, from the goal {how}"
+    elif stats.backward:
+        back = "1 level" if len(stats.backward) == 1 else f"{len(stats.backward)} levels"
+        yield f"searched from both ends: {back} back from the goal {how}"
+
+
+# --- the run -------------------------------------------------------------------------------------------
+
+
+def _collect_run(result: Result, by_level: bool) -> RunFacts:
+    stats = result.stats
+    rows = None if result.answer is None else result.answer.rows
+    levels, notes = _collect_levels(result, by_level)
+    return RunFacts(
+        status=result.status,
+        engine=result.engine,
+        rows=len(result),
+        paths=None if rows is None or rows.paths is None else len(rows.paths),
+        generated=stats.generated,
+        expanded=stats.expanded,
+        pruned=stats.pruned,
+        seconds=dict(stats.seconds),
+        levels=levels,
+        notes=(*result.notes, *stats.notes, *notes),
+    )
+
+
+def _collect_levels(result: Result, by_level: bool) -> tuple[LevelTable | None, tuple[str, ...]]:
+    """The levels of a search, counted where that is wanted, and why they could not be."""
+    counted = count_levels(result) if by_level and not result.stats.levels else "not wanted"
+    if isinstance(counted, str):
+        wanted = by_level and not result.stats.levels and result.stats.generated
+        return _list_known_levels(result), (f"steps are not counted by level: {counted}",) if wanted else ()
+    paths = None if result.answer is None else result.answer.rows.paths
+    results = Counter(measure_lengths(paths or ()))
+    rows = tuple(
+        (number, level.generated, level.expanded, level.pruned, results[number])
+        for number, level in enumerate(counted, 1)
+    )
+    return LevelTable("the search by level", ("level", "generated", "expanded", "pruned", "results"), rows), ()
+
+
+def _list_known_levels(result: Result) -> LevelTable | None:
+    """The graph of MEMORIZE by levels; of other searches the results, and the steps that SQLite has kept."""
+    if result.stats.levels and result.engine not in ("database", "native"):
+        told = tuple((n, x.steps, x.pruned) for n, x in enumerate(result.stats.levels, 1))
+        return LevelTable("the search by level", ("level", "kept", "left out"), told)
+    if result.stats.levels:
+        table = ((n, x.rows, x.steps, x.repeated, x.pruned) for n, x in enumerate(result.stats.levels, 1))
+        return LevelTable("the graph of MEMORIZE", ("level", "rows", "steps", "repeated", "pruned"), tuple(table))
+    paths = None if result.answer is None else result.answer.rows.paths
+    if not paths:
+        return None
+    results = Counter(measure_lengths(paths))
+    kept = paths.count_kept_by_level() if isinstance(paths, SearchPaths) else {}
+    levels = range(1, max((*results, *kept)) + 1)
+    if kept:
+        rows = tuple((level, kept.get(level, 0), results[level]) for level in levels)
+        return LevelTable("the search by level", ("level", "kept", "results"), rows)
+    return LevelTable("the search by level", ("level", "results"), tuple((level, results[level]) for level in levels))

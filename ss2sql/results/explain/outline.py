@@ -1,0 +1,88 @@
+"""Outlines: what a result keeps of its compiled queries, so that it can be explained later.
+
+A compiled query is replaced when its assumptions change, so an outline has its parts as they were in this run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import TYPE_CHECKING, Protocol
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.lowering.sql_query import SqlQuery
+from ss2sql.lowering.sql_string import Sql, join_sql
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.user_functions import UserFunction
+    from ss2sql.runtime.external.duckdb_query import DuckQuery
+    from ss2sql.runtime.external.level_query import LevelQuery
+    from ss2sql.runtime.external.predicate_pushdown import PushedTable
+    from ss2sql.runtime.graph_cache.cache_policy import CachePolicy
+    from ss2sql.runtime.sqlite.executor import Database
+
+
+class Owner(Protocol):
+    """The session of a query, as an explanation sees it: rewrites that are off, functions, cached graphs, SQLite."""
+
+    @property
+    def disabled(self) -> Collection[str]: ...
+
+    @property
+    def functions(self) -> Mapping[str, UserFunction]: ...
+
+    @property
+    def database(self) -> Database: ...
+
+    @property
+    def graphs(self) -> CachePolicy | None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class OutlinedQuery:
+    """One query: as written and after the rewrites; SQLite's statement, or the reason against it and the cure.
+
+    `levels` is a search by levels in another database, `duck` another query in DuckDB. `sql` is the text that runs, or
+    that SQLite would run, with its bound values as far as they are known; `tell` makes it. `passed_on` is the reason
+    why the requested engine does not run the query. `handed` are the reads that replace tables of DuckDB.
+    """
+
+    host: Owner
+    written: plan.Query
+    query: plan.Query
+    engine: str
+    lowered: SqlQuery | None
+    levels: LevelQuery | None
+    duck: DuckQuery | None
+    passed_on: str | None
+    reason: str
+    cures: tuple[str, ...]
+    rewrites: tuple[str, ...]
+    tell: Callable[[], Sql]
+    handed: tuple[PushedTable, ...]
+
+    @property
+    def sql(self) -> Sql:
+        return self.tell()
+
+
+@dataclass(frozen=True, slots=True)
+class OutlinedStatement:
+    """The text of a statement and its queries."""
+
+    text: str
+    queries: tuple[OutlinedQuery, ...]
+
+    @property
+    def sql(self) -> Sql:
+        texts = [query.sql for query in self.queries]
+        if len(texts) == 1:
+            return texts[0]
+        if not texts:
+            return Sql(f"-- no query: {' '.join(self.text.split())}")
+        return Sql("\n".join(f"{text};" for text in texts), statements=tuple(texts))
+
+
+def join_script_sql(statements: Iterable[OutlinedStatement]) -> Sql:
+    """The texts of all statements as one, each with its own parameters in `statements`."""
+    return join_sql([statement.sql for statement in statements])

@@ -1,0 +1,209 @@
+"""A query that is no search, in DuckDB."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+from ss2sql.errors import Error, ExecutionError, UnsupportedError
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind
+from ss2sql.language.plan_traversal import walk
+from ss2sql.language.rows import Row, Rows, iterate_within_limit
+from ss2sql.lowering.dialects import DUCKDB
+from ss2sql.lowering.portable.pushdown import LIMIT_PARAMETER, ExternalTable, LoadedTable, PushdownQuery, write_pushdown
+from ss2sql.lowering.sql_string import Sql
+from ss2sql.runtime.external.duckdb_functions import register_functions
+from ss2sql.runtime.external.duckdb_loading import build_arrow_table, collect_columns
+from ss2sql.runtime.external.duckdb_sources import DuckFrame, DuckSources, DuckTransaction
+from ss2sql.runtime.external.statement_cancellation import interrupt_when_due
+from ss2sql.runtime.python.native_query import compile_statement
+from ss2sql.runtime.run.option_values import check_count
+from ss2sql.runtime.run.run_state import OtherEngineNeededError, Run
+from ss2sql.runtime.run.value_sizes import CELL_SIZE
+
+ROWS_PER_BLOCK = 10_000  # rows that are read at once
+
+
+class DuckQuery:
+    """A query to be run many times. Raises UnsupportedError where it could mean something else in DuckDB.
+
+    `variable` gives the values that variables will have, and raises KeyError or an Error where that is not known.
+    """
+
+    engine = "duckdb"
+
+    def __init__(self, query: plan.Query, sources: DuckSources, variable: Callable[[str], Any]) -> None:
+        self.query, self.sources = query, sources
+        self._known: dict[tuple[Any, ...], tuple[PushdownQuery, str]] = {}
+        self._computed: dict[int, Callable[[Run], Any]] = {}
+        self.written, self.text = self._write(variable)
+
+    def sql(self, run: Run | None) -> Sql:
+        """The text that runs, with what is bound in it."""
+        return Sql(self.text, {} if run is None else run.bound.get(self))
+
+    @property
+    def parameters(self) -> dict[str, str]:
+        """What is bound in the text, as the script has it."""
+        limit = self.query.limit
+        own = {} if limit is None or isinstance(limit, plan.Constant) else {LIMIT_PARAMETER: limit.span.text}
+        return {**self.written.parameters, **own}
+
+    # --- what is run ---------------------------------------------------------------------------------------
+
+    @cached_property
+    def _has_lists(self) -> bool:
+        sources = (node for node in walk(self.query) if isinstance(node, plan.QuerySource))
+        return any(source.query.representation.name == "list" for source in sources)
+
+    @cached_property
+    def _values(self) -> list[plan.ValueSource]:
+        """The values in FROM, also in that of queries in FROM."""
+        return [node for node in walk(self.query) if isinstance(node, plan.ValueSource)]
+
+    def _write(self, variable: Callable[[str], Any]) -> tuple[PushdownQuery, str]:
+        """The query over the tables that its sources are now, and its text."""
+        found = {source.id: _find_external_table(source, variable) for source in self._values}
+        key = tuple(None if table is None else table.shape for table in found.values())
+        if key not in self._known:
+            written = write_pushdown(self.query, lambda source: found[source.id])
+            self._known = {key: (written, DUCKDB.print(written.select))}
+        return self._known[key]
+
+    # --- running it ----------------------------------------------------------------------------------------
+
+    def rows(self, run: Run, sink: Rows | None = None) -> Rows:
+        """The answer of the query, see `NativeQuery.rows`. Raises NotHereError before anything is in the sink."""
+        sink = sink or Rows(tuple(output.name for output in self.query.columns), [])
+        assert sink.rows is not None
+        limit = self._evaluate_limit(run)
+        if limit == 0:
+            return sink  # nothing of the query is evaluated
+        reading = self.sources.reading(run)
+        with self.sources.asked():
+            strange = reading.strange
+        if strange:
+            raise OtherEngineNeededError("settings of the connection say how texts compare, or where None is sorted")
+        if run.max_rows is not None and self._has_lists:
+            raise OtherEngineNeededError("max_rows counts the elements of the list that a query in FROM gives")
+        try:
+            self.written, self.text = self._write(run.source)
+        except UnsupportedError as error:  # a table is not what it was
+            raise OtherEngineNeededError(error.message) from None
+        given = [(table, self._columns(table, run)) for table in self.written.loaded]
+        values = {
+            name: limit if name == LIMIT_PARAMETER else run.variable(wanted) for name, wanted in self.parameters.items()
+        }
+        self._check(run, reading, given, values)
+        run.bound[self] = values
+        try:
+            with interrupt_when_due(run, reading):
+                found = self._found(reading, given, values, run)
+                sink.rows.extend(found if run.max_rows is None else iterate_within_limit(found, run.max_rows))
+        except OtherEngineNeededError:
+            sink.rows.clear()
+            raise
+        except self.sources.errors as error:
+            hint = "look at its limit of memory and the room on its disk"
+            raise ExecutionError("X009", f"duckdb: {error}", self.query.span, (hint,)) from error
+        return sink
+
+    def _evaluate_limit(self, run: Run) -> int | None:
+        limit = self.query.limit
+        if limit is None:
+            return None
+        try:
+            return check_count(self._value(limit, run), 0, "LIMIT")
+        except ExecutionError as error:
+            raise error.located(limit.span) from None
+
+    def _columns(self, table: LoadedTable, run: Run) -> list[Sequence[Any]]:
+        try:
+            return collect_columns(table, self._value(table.value, run))
+        except Error as error:
+            raise error.located(table.value.span) from None
+
+    def _value(self, expr: plan.Expr, run: Run) -> Any:
+        if id(expr) not in self._computed:
+            self._computed[id(expr)] = compile_statement(expr)
+        return self._computed[id(expr)](run)
+
+    def _found(
+        self,
+        reading: DuckTransaction,
+        given: list[tuple[LoadedTable, list[Sequence[Any]]]],
+        values: Mapping[str, Any],
+        run: Run,
+    ) -> Iterator[Row]:
+        cursor, functions = reading.cursor, self.written.functions
+        for table, columns in given:
+            cursor.register(table.name, build_arrow_table(table, columns))
+        failed = register_functions(cursor, functions, run)
+        cursor.execute(self.text, dict(values) or None)
+        while block := cursor.fetchmany(ROWS_PER_BLOCK):
+            yield from () if failed else block
+            run.check()
+        for table, _ in given:  # where anything fails, they go with the transaction
+            cursor.unregister(table.name)
+        for name in functions:
+            cursor.remove_function(name)
+        if failed:
+            raise OtherEngineNeededError(failed[0])
+
+    # --- sizes ---------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _count_joined_values(self) -> int:
+        """How many values at the most a text or list can be put together from; 0 where none is."""
+        nodes = list(walk(self.query))
+        joined = Kind.STR | Kind.LIST
+        if not any(isinstance(n, plan.Call) and n.function.name == "add" and n.type.may(joined) for n in nodes):
+            return 0
+        return len(nodes)
+
+    def _check(
+        self,
+        run: Run,
+        reading: DuckTransaction,
+        given: list[tuple[LoadedTable, list[Sequence[Any]]]],
+        values: Mapping[str, Any],
+    ) -> None:
+        """Raises NotHereError where a text or list could become larger than one may be."""
+        if not self._count_joined_values:
+            return
+        loaded = (value for _, (_, *columns) in given for column in columns for value in column)
+        sizes = [
+            _estimate_size(self.query.span.source.text),
+            *map(_estimate_size, loaded),
+            *map(_estimate_size, values.values()),
+        ]
+        frames = (find_duck_frame(source, run.source) for source in self._values)
+        sizes += [frame.longest() for frame in frames if frame is not None]
+        if max(sizes) * self._count_joined_values > run.sizes.limit:
+            raise OtherEngineNeededError("texts or lists may become larger than max_size")
+
+
+def _estimate_size(value: Any) -> int:
+    """What a value takes at the most, as value_sizes.py counts."""
+    if isinstance(value, str):
+        return 4 * len(value)
+    return CELL_SIZE + sum(map(_estimate_size, value)) if isinstance(value, list) else CELL_SIZE
+
+
+def find_duck_frame(source: plan.ValueSource, variable: Callable[[str], Any]) -> DuckFrame | None:
+    """The table of DuckDB that a source is, if it is one."""
+    value = source.value
+    if not isinstance(value, plan.Variable) or not value.frame:
+        return None
+    try:
+        frame = variable(value.name)
+    except (KeyError, Error):
+        return None
+    return frame if isinstance(frame, DuckFrame) else None
+
+
+def _find_external_table(source: plan.ValueSource, variable: Callable[[str], Any]) -> ExternalTable | None:
+    frame = find_duck_frame(source, variable)
+    return None if frame is None else frame.outside

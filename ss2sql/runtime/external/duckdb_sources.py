@@ -1,0 +1,329 @@
+"""Tables and views of a connection of DuckDB by their names, and Parquet files, as data frames.
+
+What one run reads of them is of one state of the database: all of it happens in one transaction of a cursor. A name
+means what the catalogue of DuckDB has under it, never a file, a function or a variable of Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sqlglot import exp
+
+from ss2sql.errors import ExecutionError, SessionError, Span
+from ss2sql.language.kinds import Kind, Type
+from ss2sql.lowering import sql_builder
+from ss2sql.lowering.dialects import DUCKDB
+from ss2sql.lowering.portable.pushdown import ExternalTable, choose_number_column, quote_identifier
+from ss2sql.runtime.external.duckdb_columns import ColumnFacts, DuckColumn
+from ss2sql.runtime.run.run_state import Run
+from ss2sql.vtables.frames.frame import Column as FrameColumn
+from ss2sql.vtables.frames.frame import Frame
+
+if TYPE_CHECKING:
+    import duckdb
+
+_FIND_TABLE = """
+    SELECT database_name, schema_name, name, is_table AND type = 'duckdb'
+    FROM (
+      SELECT database_name, schema_name, table_name AS name, internal, temporary, TRUE AS is_table FROM duckdb_tables()
+      UNION ALL
+      SELECT database_name, schema_name, view_name, internal, temporary, FALSE FROM duckdb_views()
+    ) AS known
+    JOIN (SELECT database_name, type FROM duckdb_databases()) AS databases USING (database_name)
+    WHERE NOT internal AND NOT temporary
+      AND ($schema::VARCHAR IS NULL AND database_name = current_database() AND schema_name = current_schema()
+        OR schema_name = $schema AND database_name = current_database()
+        OR database_name = $schema AND schema_name = 'main')
+"""
+# Whether columns may compare their texts in a way of their own, and whether the connection does so with all texts, or
+# sorts None in another way than DuckDB does by itself.
+_SETTINGS = """
+    SELECT
+      EXISTS (SELECT 1 FROM duckdb_tables() WHERE sql ILIKE '%collate%')
+        OR EXISTS (SELECT 1 FROM duckdb_views() WHERE NOT internal AND sql ILIKE '%collate%'),
+      current_setting('default_collation') <> ''
+        OR lower(current_setting('default_null_order')) NOT IN ('nulls_last', 'last')
+"""
+
+
+PREFIX = "duckdb."  # of the variables as which tables are read; a script has none with a dot
+
+
+class DuckTransaction:
+    """A cursor of its own on a connection, in a transaction, which ends with the run.
+
+    In a `strange` connection SQL means something else than by itself.
+    """
+
+    def __init__(self, cursor: duckdb.DuckDBPyConnection) -> None:
+        self.cursor = cursor
+        self.cursor.begin()
+
+    @property
+    def collated(self) -> bool:
+        return self._settings[0]
+
+    @property
+    def strange(self) -> bool:
+        return self._settings[1]
+
+    @cached_property
+    def _settings(self) -> tuple[bool, bool]:
+        """Asked when it is wanted, which takes 4 ms: to find a name it is not."""
+        ((collated, strange),) = self.rows(_SETTINGS)
+        return collated, strange
+
+    def rows(self, text: str, values: Any = None) -> list[tuple[Any, ...]]:
+        return self.cursor.execute(text, values).fetchall()
+
+    def arrow(self, text: str) -> Any:
+        return self.cursor.sql(text).to_arrow_table()
+
+    def interrupt(self) -> None:
+        self.cursor.interrupt()
+
+
+class DuckFrame(Frame):
+    """A table of DuckDB as a data frame: how it is written in SQL, what has read it, and the `reader` of its values."""
+
+    __slots__ = ("_longest", "outside", "reader", "reading")
+
+    def __init__(
+        self,
+        columns: dict[str, FrameColumn],
+        length: int,
+        outside: ExternalTable,
+        reading: DuckTransaction,
+        reader: _DuckValues,
+    ) -> None:
+        super().__init__(columns, length)
+        self.outside, self.reading, self.reader = outside, reading, reader
+        self._longest: int | None = None
+
+    def within(self, outside: ExternalTable) -> DuckFrame:
+        """The table with some of its rows, which `outside` chooses."""
+        count = exp.Select(expressions=[exp.Count(this=exp.Star())]).from_(outside.item.copy())
+        ((rows,),) = self.reading.rows(DUCKDB.print(count))
+        values = self.reader.within(outside)
+        columns = {name: values.later(name, column.type) for name, column in self.columns.items()}
+        return DuckFrame(columns, rows, outside, self.reading, values)
+
+    def asked(self, span: Span) -> AbstractContextManager[None]:
+        """Makes what DuckDB raises ExecutionError X009, at the source that asks."""
+        return self.reader.reader.sources.asked(span)
+
+    def read_column_values(self, name: str, read: Callable[[], Any]) -> list[Any]:
+        """The values of a column in the rows that `read` gives as an array. Raises ExecutionError X004 and X009."""
+        return self.reader.column(name, read).values
+
+    def longest(self) -> int:
+        """The bytes of the longest text of the table."""
+        if self._longest is None:
+            texts = [
+                node for name, node in self.outside.columns.items() if node and self.columns[name].type.may(Kind.STR)
+            ]
+            asked = [exp.Max(this=exp.Anonymous(this="STRLEN", expressions=[text.copy()])) for text in texts]
+            select = exp.Select(expressions=[exp.Count(this=exp.Star()), *asked]).from_(self.outside.item.copy())
+            ((_, *found),) = self.reading.rows(DUCKDB.print(select))
+            self._longest = max((length or 0 for length in found), default=0)
+        return self._longest
+
+
+class DuckSources:
+    """What scripts can read of a connection, of which `cursor` gives new ones. `errors` are those of DuckDB.
+
+    `begun` are the runs of the session, the innermost last.
+    """
+
+    def __init__(
+        self,
+        cursor: Callable[[], duckdb.DuckDBPyConnection],
+        errors: tuple[type[Exception], ...],
+        active_runs: Sequence[Run],
+    ) -> None:
+        self.cursor, self.errors, self.active_runs = cursor, errors, active_runs
+
+    def reading(self, run: Run | None = None) -> DuckTransaction:
+        """The transaction of a run; of none a new one. Raises ExecutionError X009 where the connection is closed."""
+        run = run or (self.active_runs[-1] if self.active_runs else None)
+        if run is not None and self in run.readings:
+            return run.readings[self]  # type: ignore[no-any-return]
+        with self.asked():
+            made = DuckTransaction(self.cursor())
+        if run is not None:
+            run.readings[self] = made
+            run.cleanups.append(made.cursor.close)
+        return made
+
+    def find(self, name: str) -> str | None:
+        """As what variable the table or view `name`, or `schema.name`, is read; None if there is none."""
+        return PREFIX + name if self._found(name) else None
+
+    def reader(self, variable: str) -> Callable[[], Frame] | None:
+        """What reads the table behind such a variable, if there is one."""
+        if not variable.startswith(PREFIX):
+            return None
+        name = variable.removeprefix(PREFIX)
+        found = self._found(name)
+        if not found:
+            return None
+        database, home, exact, has_rowid = found[0]
+        item = exp.Table(this=quote_identifier(exact), db=quote_identifier(home), catalog=quote_identifier(database))
+        return DuckTableReader(self, name, item, "rowid" if has_rowid else None)
+
+    def names(self) -> list[str]:
+        """The names of all tables and views that need no schema before them."""
+        with self.asked():
+            found = self.reading().rows(_FIND_TABLE, {"schema": None})
+        return [name for _, _, name, _ in found]
+
+    def columns(self, name: str) -> tuple[tuple[str, Type], ...]:
+        """The columns of a table or view; nothing where there is none or it cannot be read."""
+        reader = self.reader(PREFIX + name)
+        try:
+            frame = None if reader is None else reader()
+        except ExecutionError:
+            return ()
+        return () if frame is None else tuple((word, column.type) for word, column in frame.columns.items())
+
+    def parquet(self, path: Path, name: str) -> Callable[[], Frame]:
+        """What reads a Parquet file. Raises SessionError S002 where it cannot be read."""
+        hint = "give the path of one Parquet file; of several a view of DuckDB makes one table"
+        if not path.is_file() or set("*?[") & set(str(path)):
+            raise SessionError("S002", f"{path} is not a Parquet file that can be read", hints=(hint,))
+        arguments = [exp.Literal.string(str(path)), exp.EQ(this=exp.column("file_row_number"), expression=exp.true())]
+        item = exp.Table(this=exp.Anonymous(this="read_parquet", expressions=arguments))
+        reader = DuckTableReader(self, name, item, "file_row_number")
+        try:
+            reader.columns(DuckTransaction(self.cursor()))
+        except self.errors as error:
+            message = f"{path} is not a Parquet file that can be read: {error}"
+            raise SessionError("S002", message, hints=(hint,)) from error
+        return reader
+
+    def _found(self, name: str) -> list[tuple[Any, ...]]:
+        """Where the catalogue has the table; asked once in a run."""
+        run, key = self.active_runs[-1] if self.active_runs else None, (self, name)
+        if run is not None and key in run.readings:
+            return run.readings[key]  # type: ignore[no-any-return]
+        schema, _, table = name.rpartition(".")
+        values = {"schema": schema or None, "name": table}
+        with self.asked():
+            found = self.reading().rows(f"{_FIND_TABLE} AND name = $name", values)
+        if run is not None:
+            run.readings[key] = found
+        return found
+
+    @contextmanager
+    def asked(self, span: Span | None = None) -> Iterator[None]:
+        """Makes what DuckDB raises ExecutionError X009, at the place that asks."""
+        try:
+            yield
+        except self.errors as error:
+            raise ExecutionError("X009", f"duckdb: {error}", span) from error
+
+
+class DuckTableReader:
+    """Reads one table as it stands, once in a run."""
+
+    def __init__(self, sources: DuckSources, name: str, item: exp.Table, number: str | None) -> None:
+        self.sources, self.name, self.item, self.number = sources, name, item, number
+        self.key = (sources, DUCKDB.print(item))
+
+    def __call__(self) -> Frame:
+        sources = self.sources
+        run = sources.active_runs[-1] if sources.active_runs else None
+        if run is not None and self.key in run.readings:
+            return run.readings[self.key]  # type: ignore[no-any-return]
+        try:
+            frame = self._read(sources.reading())
+        except sources.errors as error:
+            raise ExecutionError("X009", f"the table '{self.name}' cannot be read: {error}") from error
+        if run is not None:
+            run.readings[self.key] = frame
+        return frame
+
+    def columns(self, reading: DuckTransaction) -> list[DuckColumn]:
+        described = reading.rows(f"DESCRIBE SELECT * FROM {DUCKDB.print(self.item)}")
+        return [
+            DuckColumn(name, kind) for name, kind, *_ in described if name != "file_row_number" or self.number != name
+        ]
+
+    def _read(self, reading: DuckTransaction) -> Frame:
+        columns = self.columns(reading)
+        questions = [question for column in columns for question in column.questions()]
+        asked = exp.Select(expressions=[exp.Count(this=exp.Star()), *questions]).from_(self.item.copy())
+        (found,) = reading.rows(DUCKDB.print(asked))
+        rows, *rest = found
+        answers = iter(rest)
+        seen = {column.name: column.read(rows, answers, reading.collated) for column in columns}
+        outside = self._make_external_table(seen, reading.collated)
+        strange = {column.name: column.kind for column in columns if column.strange}
+        values = _DuckValues(self, reading, outside, strange)
+        for name, known in seen.items():
+            if known.refused:
+                values.column(name)  # raises, with the row's number
+        kept = {name: values.later(name, known.type) for name, known in seen.items()}
+        return DuckFrame(kept, rows, outside, reading, values)
+
+    def _make_external_table(self, seen: dict[str, ColumnFacts], collated: bool) -> ExternalTable:
+        columns = {name: known.sql for name, known in seen.items()}
+        shape = (self.key[1], collated, tuple((name, repr(column)) for name, column in columns.items()))
+        if self.number is not None and self.number not in {name.lower() for name in columns}:
+            return ExternalTable(self.item, self.number, columns, shape)
+        number = choose_number_column(columns)
+        row = exp.Alias(this=sql_builder.row_number(()), alias=quote_identifier(number))
+        numbered = exp.Select(expressions=[exp.Star(), row]).from_(self.item.copy())
+        return ExternalTable(exp.Subquery(this=numbered), number, columns, shape)
+
+
+class _DuckValues:
+    """The values of a table as Python gets them: column by column, or all at once where rows have no fixed order."""
+
+    def __init__(
+        self, reader: DuckTableReader, reading: DuckTransaction, outside: ExternalTable, strange: dict[str, str]
+    ) -> None:
+        self.reader, self.reading, self.outside, self.strange = reader, reading, outside, strange
+        self.whole: Any = None
+
+    def within(self, outside: ExternalTable) -> _DuckValues:
+        """Those of some rows."""
+        return _DuckValues(self.reader, self.reading, outside, self.strange)
+
+    def later(self, name: str, kind: Type) -> FrameColumn:
+        return FrameColumn(kind, lambda: self.column(name).values)
+
+    def column(self, name: str, read: Callable[[], Any] | None = None) -> FrameColumn:
+        """The column, of the rows that `read` gives as an array, or of all of them.
+
+        Raises ExecutionError X004 for what is no value of the language, X009 where DuckDB fails.
+        """
+        from ss2sql.vtables.frames.arrow import make_arrow_column
+
+        place = f"the column '{name}' of '{self.reader.name}'"
+        if name in self.strange:
+            hint = "make texts or numbers of them in a view of DuckDB"
+            raise ExecutionError("X004", f"{place} holds values of the type {self.strange[name]}", hints=(hint,))
+        try:
+            array = self._read_array(name) if read is None else read()
+        except self.reader.sources.errors as error:
+            raise ExecutionError("X009", f"{place} cannot be read: {error}") from error
+        return make_arrow_column(array, place)
+
+    def _read_array(self, name: str) -> Any:
+        if self.reader.number is not None:
+            return self._select([name]).column(0)
+        if self.whole is None:
+            self.whole = self._select([name for name in self.outside.columns if name not in self.strange])
+        return self.whole.column(name)
+
+    def _select(self, names: Sequence[str]) -> Any:
+        columns = [exp.Column(this=quote_identifier(name)) for name in names]
+        select = exp.Select(expressions=columns).from_(self.outside.item.copy())
+        ordered = select.order_by(exp.Column(this=quote_identifier(self.outside.number)))
+        return self.reading.arrow(DUCKDB.print(ordered))

@@ -1,0 +1,180 @@
+"""One level of a search as statements, for DuckDB and for Spark.
+
+`steps` has all steps that were kept. `tries` has the steps from the states of a level: a SELECT where they are SQL,
+else a table that Python fills. Their `place` orders them as a search would try them that takes one step after the
+other: by the step before, then by their elements. For NO CYCLE each step has with it the `trail` of the rows of its
+path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ss2sql.language import plan
+from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, StepSelect, TypedColumn
+from ss2sql.runtime.external.table_statements import join_columns, names_of
+
+# What Python notes of each step: a `row_key` that is the same for equal rows; the others are bytes.
+_KEY = (TypedColumn("row_key", "BLOB"),)
+_NOTED = (TypedColumn("row", "BLOB"), TypedColumn("last", "BLOB"), TypedColumn("state", "BLOB"))
+TRIED = StepSelect("SELECT * FROM tries", _KEY, _NOTED, (), (), None, {}, None, None)
+WORDS: dict[plan.Repeats, str] = {
+    "allowed": "keeps all of them",
+    "unique": "keeps the first step to each row that no level before has reached",
+    "no cycle": "keeps those whose row is not met on the way back to the start",
+}
+
+
+class Level:
+    """What the statements of a level consist of. `frontier` has the states that are expanded."""
+
+    frontier = "frontier"
+    met = ""  # what is asked of a row of `steps` that was met, beside being the same
+
+    def __init__(self, search: plan.Search, steps: StepSelect) -> None:
+        self.search, self.steps = search, steps
+        self.tries = (TypedColumn("place", "BIGINT"), *steps.rows, *FLAGS, *steps.own)
+        self.elements = (TypedColumn("nth", "BIGINT"), *steps.reads)
+        self.shown = ["row", "last"] if steps is TRIED else names_of((*steps.rows, *steps.own))  # of paths
+        keys = names_of(steps.rows)
+        fields = join_columns(*map(str, steps.rows))
+        self.trail = TypedColumn("trail", f"{steps.rows[0].type if len(keys) == 1 else f'STRUCT({fields})'}[]")
+        self.trails = (self.trail,) if search.repeats == "no cycle" else ()
+        self._keys, self._numbers_by_identity = keys, " AND ".join(f"steps.{name} = tries.{name}" for name in keys)
+        self.outputs = join_columns(*names_of((*self.tries[1:], *self.trails)))
+        match search.repeats:
+            case "unique":
+                self.chosen = self._first_to_each_row()
+            case "no cycle":
+                self.chosen = self._off_the_trail()
+            case _:
+                self.chosen = steps.tries
+
+    def statements(self) -> Iterator[str]:
+        """All of one level, in order, once its steps are tried."""
+        raise NotImplementedError
+
+    def _first_to_each_row(self) -> str:
+        raise NotImplementedError
+
+    def _make_handle(self, tries: str) -> str:
+        # NOT EXISTS takes 1.3 times as long in DuckDB, which looks for other ways to ask it.
+        return f"SELECT tries.* FROM ({tries}) AS tries ANTI JOIN steps ON {self._numbers_by_identity} {self.met}"
+
+    def _off_the_trail(self) -> str:
+        row = f"tries.{self._keys[0]}"
+        if len(self._keys) > 1:
+            fields = join_columns(*(f"'{name}': tries.{name}" for name in self._keys))
+            row = f"{{{fields}}}"
+        return f"""
+            SELECT tries.*, LIST_CONCAT(frontier.trail, [{row}]) AS trail
+            FROM ({self.steps.tries}) AS tries
+            LEFT JOIN {self.frontier} AS frontier ON frontier.step = tries.place // {MAX_ELEMENTS}
+            WHERE NOT COALESCE(LIST_CONTAINS(frontier.trail, {row}), FALSE)
+        """
+
+
+FLAGS = (TypedColumn("goal", "BOOLEAN"), TypedColumn("goes_on", "BOOLEAN"))
+
+
+class DuckLevel(Level):
+    """A level in DuckDB. Steps are numbered from 1 through all levels; step 0 is the start, which is no row."""
+
+    frontier = "steps"
+    met = "AND steps.depth > 0"
+
+    def _first_to_each_row(self) -> str:
+        keys = join_columns(*(f"tries.{name}" for name in self._keys))
+        # One value for both takes 8 % less time.
+        flags = "MIN_BY(CASE WHEN NOT goal THEN 1 WHEN goes_on THEN 3 ELSE 2 END, place) AS flags"
+        others = (f"MIN_BY({name}, place) AS {name}" for name in names_of(self.steps.own))
+        tries = self._make_handle(self.steps.tries)
+        columns = join_columns(keys, "MIN(place) AS place", flags, *others)
+        firsts = f"SELECT {columns} FROM ({tries}) AS tries GROUP BY {keys}"
+        return f"SELECT *, flags > 1 AS goal, flags <> 2 AS goes_on FROM ({firsts}) AS firsts"
+
+    def __init__(self, search: plan.Search, steps: StepSelect) -> None:
+        super().__init__(search, steps)
+        numbers = (TypedColumn(name, "BIGINT") for name in ("step", "parent", "nth", "depth"))
+        self.columns = (*numbers, *self.tries[1:], *self.trails)
+        places, more = "*", ""
+        if steps is TRIED:  # they may be large, so they are put together at the end
+            places, more = join_columns("place", *names_of(self.trails)), "JOIN tries USING (place)"
+        self.kept = f"""
+            INSERT INTO steps
+            SELECT step, place // {MAX_ELEMENTS}, place % {MAX_ELEMENTS}, :depth, {self.outputs}
+            FROM (
+              SELECT ROW_NUMBER() OVER (ORDER BY place) + :before AS step, {places} FROM ({self.chosen}) AS unnumbered
+            ) AS numbered {more}
+        """
+        shown = join_columns(*(f"steps.{name}" for name in self.shown))
+        self.paths = f"""
+            SELECT ways.goal, steps.nth, {shown}
+            FROM ways
+            JOIN steps ON steps.step = ways.step
+            ORDER BY ways.goal, ways.distance DESC
+        """
+
+    # The steps on the ways from goals back to the start, by their numbers alone: rows may be large.
+    ways = """
+        CREATE OR REPLACE TABLE ways AS
+        WITH RECURSIVE walk(goal, step, previous, distance) AS (
+          SELECT step, step, parent, 0 FROM steps WHERE depth = :depth AND goal
+          UNION ALL
+          SELECT walk.goal, steps.step, steps.parent, walk.distance + 1
+          FROM walk
+          JOIN steps ON steps.step = walk.previous AND steps.depth > 0
+        )
+        SELECT goal, step, distance FROM walk
+    """
+    counts = """
+        SELECT COUNT(CASE WHEN goal THEN 1 END), COUNT(CASE WHEN goes_on THEN 1 END) FROM steps WHERE depth = :depth
+    """
+    # In pages, so that nothing large waits while the steps from some states are tried.
+    page = """
+        SELECT step, state FROM steps
+        WHERE depth = :depth - 1 AND goes_on AND step > :after
+        ORDER BY step
+        LIMIT 5000
+    """
+
+    def statements(self) -> Iterator[str]:
+        yield from (self.kept, self.counts, self.ways, self.paths)
+
+
+class SparkLevel(Level):
+    """A level in Spark as one query, so that it is one job.
+
+    `kept` are the steps that are kept, `steps` has the rows of all levels before. Steps are numbered within their
+    level, from 1, so a level can be planned before it is known how many the one before has kept.
+
+    A row of `tries` with a `place` below 0 is the account of a task, see spark_executor.py. It passes through to
+    `kept`, so that what is counted there belongs to the rows, however often Spark begins a task anew.
+    """
+
+    counts = """
+        SELECT COUNT(CASE WHEN place >= 0 THEN 1 END), COUNT(CASE WHEN goal THEN 1 END),
+          COUNT(CASE WHEN goes_on THEN 1 END), {accounts}
+        FROM kept
+    """
+
+    def __init__(self, search: plan.Search, steps: StepSelect) -> None:
+        super().__init__(search, steps)
+        step = "CAST(ROW_NUMBER() OVER (ORDER BY place) AS BIGINT) AS step"
+        self.chosen = f"SELECT place, {self.outputs} FROM ({self.chosen}) AS chosen"
+        self.kept = f"SELECT {step}, * FROM ({self.chosen}) AS unnumbered"
+        accounts = "LIST(CASE WHEN place < 0 THEN state END)" if steps is TRIED else "[]"
+        self.counts = self.counts.format(accounts=accounts)
+
+    def _first_to_each_row(self) -> str:
+        # The rows before are looked up for the first try to each row alone.
+        firsts = f"SELECT DISTINCT ON ({join_columns(*self._keys)}) * FROM ({self.steps.tries}) AS tries ORDER BY place"
+        return self._make_handle(firsts)
+
+    def statements(self) -> Iterator[str]:
+        yield f"CREATE TABLE kept AS {self.kept}"
+        yield self.counts
+        yield "DROP TABLE frontier"
+        yield "CREATE TABLE frontier AS SELECT * FROM kept WHERE goes_on"
+        if self.search.repeats == "unique":
+            yield f"INSERT INTO steps SELECT {join_columns(*self._keys)} FROM kept WHERE place >= 0"

@@ -1,0 +1,154 @@
+"""The paths of a search as a DataFrame of Spark: nothing of them passes through this process.
+
+Ways lead back from the goals of all levels together, by a join with each level. Where steps are tried in Python rows
+are bytes until then, of which the executors make columns; these have the types that frames of other libraries have.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.errors import RepresentationError
+from ss2sql.language.column_shapes import fill_from_plan, holds_any
+from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
+from ss2sql.runtime.external.first_levels import FirstLevels, FirstStep
+from ss2sql.runtime.external.level_steps import TypedSteps
+from ss2sql.runtime.external.spark_row_columns import (
+    NO_SHAPE,
+    ColumnShape,
+    build_spark_types,
+    describe_columns,
+    read_shapes,
+    unpickle_columns,
+)
+from ss2sql.runtime.external.spark_search import MAX_IN_ONE_PARTITION, ComputedLevel, SparkSearch
+from ss2sql.runtime.external.spark_tasks import make_task
+
+if TYPE_CHECKING:
+    from pyspark.sql import DataFrame
+
+MAX_JOINS = 16  # of ways that are computed at once
+
+
+class DataFrameSearch(SparkSearch):
+    """One search whose results stay in Spark."""
+
+    def frame(self, most: int | None) -> DataFrame:
+        """The rows of the first `most` paths: path, step, and the columns of SELECT; steps of Spark's own session."""
+        with self._begun() as beginning:
+            parts = [] if most == 0 else list(self._parts(beginning, most))
+            rows = parts[0] if parts else self._load_graph("path", [])
+            for part in parts[1:]:
+                rows = rows.unionAll(part)
+            return self.store.hand_over_frame(self._columns(rows))
+
+    @property
+    def _kept(self) -> tuple[TypedColumn, ...]:
+        """What is kept of a row."""
+        return self.written.steps.rows if self._typed else (TypedColumn("row", "BLOB"),)
+
+    @property
+    def _typed(self) -> bool:
+        return isinstance(self.steps.made, TypedSteps)
+
+    def _load_graph(self, first: str, rows: list[Any]) -> DataFrame:
+        numbers = TypedColumn(first, "BIGINT"), TypedColumn("place" if first == "step" else "step", "BIGINT")
+        return self.store.loaded((*numbers, *self._kept), rows)
+
+    def _parts(self, beginning: FirstLevels, most: int | None) -> Iterator[DataFrame]:
+        """The rows of the paths, part by part."""
+        begun_paths = []
+        for goal in beginning.goals():
+            begun_paths.append(beginning.way(goal, len(beginning.levels) + 1))
+            if len(begun_paths) == most:
+                break
+        if begun_paths:
+            yield self._rows_of(begun_paths)
+        if len(begun_paths) != most:
+            yield from self._join_paths_back(self._find_level_goals(beginning, len(begun_paths), most))
+
+    def _rows_of(self, begun_paths: list[list[FirstStep]]) -> DataFrame:
+        """The rows of paths that this process knows."""
+        rows = [
+            (path, step, *self._select_kept_columns(begun))
+            for path, path_steps in enumerate(begun_paths, 1)
+            for step, begun in enumerate(path_steps, 1)
+        ]
+        return self._load_graph("path", rows)
+
+    def _select_kept_columns(self, begun: FirstStep) -> Any:
+        return self.steps.made.shown_of(begun)[: len(self._kept)]
+
+    # --- goals and ways ----------------------------------------------------------------------------------
+
+    def _find_level_goals(self, beginning: FirstLevels, before: int, most: int | None) -> dict[int, DataFrame]:
+        """The goals of each level, with the numbers of their paths, which follow those of the paths before."""
+        goals: dict[int, DataFrame] = {}
+        for reached in self._levels(beginning):
+            found = reached.counts.goals
+            if found:
+                goals[reached.depth] = self._number_goals(reached, found, before, most)
+                before += found
+            if most is not None and before >= most:
+                break
+        for depth, level in enumerate(beginning.levels, 1) if goals else ():
+            rows = [(step, begun.place, *self._select_kept_columns(begun)) for step, begun in enumerate(level, 1)]
+            self.levels[depth] = self._load_graph("step", rows)
+        return goals
+
+    def _number_goals(self, reached: ComputedLevel, found: int, before: int, most: int | None) -> DataFrame:
+        goals = reached.goals.select("step")
+        if found > MAX_IN_ONE_PARTITION:
+            numbered = self._number_spark_rows(goals, "step", "nth")
+        else:
+            numbered = goals.selectExpr("CAST(ROW_NUMBER() OVER (ORDER BY step) AS BIGINT) AS nth", "step")
+        numbered = numbered.selectExpr(f"nth + {before} AS path", "step")
+        return numbered if most is None else numbered.where(f"path <= {most}")
+
+    def _join_paths_back(self, goals: dict[int, DataFrame]) -> Iterator[DataFrame]:
+        """The rows of the ways to goals, from the last level to the first."""
+        begun_paths: DataFrame | None = None
+        columns = [column.name for column in self._kept]
+        for depth in range(max(goals, default=0), 0, -1):
+            self._pause()
+            own = goals.get(depth)
+            if own is not None:
+                begun_paths = own if begun_paths is None else begun_paths.unionAll(own)
+            assert begun_paths is not None
+            met = self.store.persist_frame(
+                begun_paths.join(self.levels[depth].select("step", "place", *columns), "step")
+            )
+            if depth % MAX_JOINS == 0:
+                met.count()
+            yield met.selectExpr("path", f"CAST({depth} AS BIGINT) AS step", *columns)
+            begun_paths = met.selectExpr("path", f"place DIV {MAX_ELEMENTS} AS step")
+
+    # --- columns -----------------------------------------------------------------------------------------
+
+    def _columns(self, rows: DataFrame) -> DataFrame:
+        """The rows with the columns of SELECT, numbered."""
+        outputs = self.search_run.query.columns
+        if self._typed:
+            return rows.toDF("path", "step", *(f"c{number}" for number in range(len(outputs))))
+        rows = self.store.persist_frame(rows)  # it is read twice
+        told = [NO_SHAPE] * len(outputs)
+        asked = rows.select("row").mapInArrow(make_task(describe_columns, len(outputs)), "told BINARY")
+        for (part,) in asked.collect():
+            told = [one.merge_shapes(other) for one, other in zip(told, read_shapes(bytes(part)), strict=True)]
+        shapes = []
+        for output, column in zip(outputs, told, strict=True):
+            if holds_any(column.shape):
+                raise _build_type_error(output.name, column)
+            shapes.append(fill_from_plan(column.shape, output.expr.type))
+        return rows.mapInArrow(make_task(unpickle_columns, pickle.dumps(shapes)), build_spark_types(shapes))
+
+
+def _build_type_error(name: str, told: ColumnShape) -> RepresentationError:
+    if told.other is None:
+        message = f"Spark has no type for {told.first} in the column '{name}'"
+    else:
+        kinds = f"values of several kinds, such as {told.first} and {told.other}"
+        message = f"the column '{name}' has {kinds}; a column of Spark has one"
+    return RepresentationError("V001", message, hints=("make them alike in SELECT, with str(...) or float(...)",))

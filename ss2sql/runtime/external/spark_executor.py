@@ -1,0 +1,86 @@
+"""Trying steps in a Python process of an executor of Spark.
+
+Each task gives the rows of `tries`, and at its end its account: a row with a place below 0 that says what it has
+counted. So what is counted belongs to the rows, however often Spark begins a task anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from marshal import dumps, loads
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.lowering.portable.search_steps import TypedColumn
+from ss2sql.runtime.external.arrow_columns import batch_of_rows
+from ss2sql.runtime.external.step_evaluation import Try
+from ss2sql.runtime.external.task_pickle import Unpacked
+
+if TYPE_CHECKING:
+    import pyarrow as pa  # type: ignore[import-untyped]
+    from pyspark import Broadcast
+
+ROWS_PER_BLOCK = 5_000  # of a batch
+BYTES_PER_BLOCK = 1 << 22  # of its rows and states, at about which a batch ends
+_unpacked_tasks: dict[str, Unpacked] = {}  # by the names of runs; a process serves one after the other, seldom two
+
+
+def try_batches(
+    batches: Iterable[pa.RecordBatch], name: str, parcel: Broadcast[bytes], typed: list[tuple[str, str]]
+) -> Iterator[pa.RecordBatch]:
+    """The steps from the states of a task, as rows of `tries`, and what was counted."""
+    from pyspark import TaskContext
+
+    here, columns = TaskContext.get(), [TypedColumn(*column) for column in typed]
+    number = here.partitionId() if here else 0
+    told: dict[str, Any] = {"refused": None, "trouble": ""}
+    try:
+        unpacked = _get_unpacked_task(name, parcel)
+    except Exception as error:
+        told["trouble"] = f"{type(error).__name__}: {error}"
+    else:
+        unpacked.counted()  # of a task that was broken off
+        with unpacked.room():
+            for rows in _iterate_tries(batches, unpacked, told):
+                yield batch_of_rows(columns, rows)
+        told |= unpacked.counted()
+    # The row without a row of the search; no key of one begins like its key.
+    values: dict[str, Any] = {"place": -1 - number, "row_key": b"\xff%d" % number, "state": dumps(told)}
+    values |= {"goal": False, "goes_on": False}
+    yield batch_of_rows(columns, [[values.get(column.name) for column in columns]])
+
+
+def _get_unpacked_task(name: str, parcel: Broadcast[bytes]) -> Unpacked:
+    if name not in _unpacked_tasks:
+        made = Unpacked(parcel.value)
+        while len(_unpacked_tasks) > 1:
+            del _unpacked_tasks[next(iter(_unpacked_tasks))]
+        _unpacked_tasks[name] = made
+    return _unpacked_tasks[name]
+
+
+def _iterate_tries(batches: Iterable[pa.RecordBatch], unpacked: Unpacked, told: dict[str, Any]) -> Iterator[list[Try]]:
+    """The rows of `tries`, in blocks. Ends at the first state with a step that fails: it is taken again where the
+    search runs, and raises what it raises there.
+    """
+    rows: list[Try] = []
+    size, steps = 0, unpacked.trial.steps
+    for block in batches:
+        for step, state in zip(block.column(0).to_pylist(), block.column(1).to_pylist(), strict=True):
+            try:
+                for made in steps(step, state):
+                    rows.append(made)
+                    size += len(made[4]) + len(made[6] or b"")
+            except BaseException:
+                told["refused"] = step
+                return
+            if len(rows) >= ROWS_PER_BLOCK or size >= BYTES_PER_BLOCK:
+                yield rows
+                rows, size = [], 0
+    if rows:
+        yield rows
+
+
+def read_account(state: bytes) -> dict[str, Any]:
+    """What a task has counted, from its last row."""
+    told: dict[str, Any] = loads(state)
+    return told

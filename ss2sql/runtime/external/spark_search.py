@@ -1,0 +1,245 @@
+"""Going from level to level in Spark.
+
+Each level is one query, whose rows the executors keep, and one job, which counts them. While the job runs the next
+level is planned, because a plan takes as long as the job of a level with some thousand steps. The levels of a search
+that are smaller than that this process does itself, see first_levels.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
+from ss2sql.runtime.external.first_levels import FirstLevels
+from ss2sql.runtime.external.level_statements import SparkLevel
+from ss2sql.runtime.external.spark_steps import LevelCounts, SparkSteps
+from ss2sql.runtime.external.spark_store import SparkStore
+from ss2sql.runtime.external.table_statements import join_columns, names_of
+from ss2sql.runtime.run.run_state import GraphLevel
+from ss2sql.runtime.search.search_run import Found, SearchRun
+
+if TYPE_CHECKING:
+    from pyspark.sql import DataFrame
+
+TABLES = 16  # of rows, before they become one; to plan with each takes some milliseconds
+MAX_IN_ONE_PARTITION = 100_000  # steps of a level that are numbered in one partition, which takes a job less
+MAX_COLLECTED_GOALS = 10_000  # whose ways are looked up at once
+SECONDS = 0.1  # that a level may take here, where Spark takes about 0.3
+STEPS_PER_QUERY = 1_000  # steps that are looked up by naming them in a query
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlannedLevel:
+    """A level that was not computed yet: the states to go on from, what will be kept, and what counts that."""
+
+    frontier: DataFrame
+    kept: DataFrame
+    counts: DataFrame
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComputedLevel:
+    """A level that was computed."""
+
+    depth: int
+    planned: PlannedLevel
+    counts: LevelCounts
+
+    @property
+    def goals(self) -> DataFrame:
+        return self.planned.kept.where("goal")
+
+
+class SparkSearch:
+    """One search in a store of Spark."""
+
+    def __init__(self, search_run: SearchRun, store: SparkStore, written: SparkLevel) -> None:
+        self.search_run, self.store, self.written = search_run, store, written
+        self.steps = SparkSteps(search_run, store, written)
+        self.planner = ThreadPoolExecutor(1)
+        self.levels: dict[int, DataFrame] = {}
+        self.met: DataFrame | None = None  # the rows of all levels, for UNIQUE
+        self.tables = 0  # of which they are put together
+        # Steps on ways to goals, by level and number: their place, and what is shown of them.
+        self.known: dict[tuple[int, int], tuple[int, Sequence[Any]]] = {}
+
+    def results(self) -> Iterator[Found]:
+        """The paths and the last parts of their last steps."""
+        with self._begun() as beginning:
+            for goal in beginning.goals():
+                yield beginning.found(goal)
+            for reached in self._levels(beginning):
+                yield from self._found(reached)
+
+    @contextmanager
+    def _begun(self) -> Iterator[FirstLevels]:
+        """The first levels, for the time of the search."""
+        try:
+            self.steps.prepare()
+            yield FirstLevels(self.search_run, seconds=SECONDS)
+        finally:
+            self.planner.shutdown(cancel_futures=True)
+            self.steps.close()
+
+    def _pause(self) -> None:
+        self.search_run.flush()
+        self.search_run.check()
+
+    # --- from level to level -----------------------------------------------------------------------------
+
+    def _levels(self, beginning: FirstLevels) -> Iterator[ComputedLevel]:
+        """The levels after the first ones."""
+        expanded = len(beginning.frontier)
+        if not expanded:
+            return
+        self.steps.load()
+        self._load(beginning)
+        depth = len(beginning.levels)
+        planned = self._planned(self._make_frontier(beginning), few=True)
+        while expanded:
+            depth += 1
+            self._pause()
+            self.levels[depth] = planned.kept
+            following = self.planner.submit(self._following, depth)
+            counts = self.steps.counted(tuple(planned.counts.collect()[0]), planned.frontier, expanded)
+            yield ComputedLevel(depth, planned, counts)
+            self.search_run.stats.levels.append(GraphLevel(counts.kept, counts.kept, counts.tried - counts.kept))
+            few = (
+                counts.continuing * counts.kept <= MAX_IN_ONE_PARTITION * expanded
+            )  # that will be kept, if as many for each state
+            expanded = counts.continuing
+            if expanded:
+                planned = following.result()
+                if not few:
+                    planned = self._planned(self._select_continuing(depth), few)
+
+    def _following(self, depth: int) -> PlannedLevel:
+        """Plans the level after one that is being computed."""
+        if self.written.search.repeats == "unique":
+            self._add_to_closed_list(self.levels[depth].where("place >= 0"))
+        return self._planned(self._select_continuing(depth), few=True)
+
+    def _select_continuing(self, depth: int) -> DataFrame:
+        return self.levels[depth].where("goes_on")
+
+    def _planned(self, frontier: DataFrame, few: bool) -> PlannedLevel:
+        """Plans a level and makes its job ready, which takes a tenth of a second or more.
+
+        Done while the job before runs, the gap between the jobs of the 8-puzzle is 24 ms, not 45 ms.
+        """
+        self.steps.look_at(frontier)
+        if self.met is not None:
+            self.met.createOrReplaceTempView("steps")
+        kept = self._select_kept_in_one_partition() if few else self._select_kept_in_partitions()
+        kept.createOrReplaceTempView("kept")
+        counts = self.store.query(self.written.counts)
+        counts._jdf.queryExecution().toRdd()
+        return PlannedLevel(frontier, kept, counts)
+
+    def _select_kept_in_one_partition(self) -> DataFrame:
+        return self.store.persist_frame(self.store.query(self.written.kept, self.steps.made.values))
+
+    def _select_kept_in_partitions(self) -> DataFrame:
+        """The same without bringing all rows into one partition."""
+        chosen = self.store.query(self.written.chosen, self.steps.made.values)
+        return self._number_spark_rows(
+            self.store.persist_frame(chosen), "place", "step"
+        )  # it is read twice to be sorted
+
+    def _number_spark_rows(self, rows: DataFrame, order: str, name: str) -> DataFrame:
+        """Rows with their numbers from 1: sorted parts; where each begins follows from the counts of those before."""
+        numbers = ("spark_partition_id() AS part", f"monotonically_increasing_id() & {(1 << 33) - 1} AS nth_of_part")
+        ranged = rows.repartitionByRange(order).sortWithinPartitions(order).selectExpr(*numbers, "*")
+        in_order = self.store.persist_frame(ranged)
+        found = dict(map(tuple, in_order.groupBy("part").count().collect()))
+        starts = accumulate((found.get(number, 0) for number in range(max(found, default=0))), initial=0)
+        offsets = join_columns(*(f"{start}L" for start in starts))
+        return in_order.selectExpr(f"array({offsets})[part] + nth_of_part + 1 AS {name}", *rows.columns)
+
+    def _add_to_closed_list(self, rows: DataFrame) -> None:
+        """Notes rows, for UNIQUE."""
+        rows = rows.select(*names_of(self.written.steps.rows))
+        self.met = rows if self.met is None else self.met.unionAll(rows)
+        self.tables += 1
+        if self.tables == TABLES:
+            self.met, self.tables = self.store.persist_frame(self.met), 1
+
+    # --- from this process to Spark ----------------------------------------------------------------------
+
+    def _load(self, beginning: FirstLevels) -> None:
+        """Hands over what the first levels have come to."""
+        made = self.steps.made
+        for depth, level in enumerate(beginning.levels, 1):
+            for step, begun in enumerate(level, 1):
+                self.known[depth, step] = begun.place, made.shown_of(begun)
+        if self.written.search.repeats == "unique":
+            keys = [made.key_of(begun) for level in beginning.levels for begun in level]
+            self._add_to_closed_list(self.store.loaded(self.written.steps.rows, keys))
+
+    def _make_frontier(self, beginning: FirstLevels) -> DataFrame:
+        """The states that the first levels go on from."""
+        depth, made, trails = len(beginning.levels), self.steps.made, self.written.trails
+        columns = (TypedColumn("step", "BIGINT"), *made.expanded(beginning.frontier[0][1]), *trails)
+        rows = []
+        for step, begun in beginning.frontier:
+            trail = [made.trail_of(beginning.way(begun, depth) if depth else [])] if trails else []
+            rows.append((step, *made.expanded(begun).values(), *trail))
+        return self.store.loaded(columns, rows)
+
+    # --- paths -------------------------------------------------------------------------------------------
+
+    def _found(self, reached: ComputedLevel) -> Iterator[Found]:
+        """The paths to the goals of a level."""
+        depth, counts = reached.depth, reached.counts
+        if counts.goals:
+            rows = reached.goals.select("step", "place", *self.written.shown)
+            few = counts.goals <= MAX_COLLECTED_GOALS
+            block: list[int] = []
+            for step, place, *values in sorted(rows.collect(), key=_get_step) if few else rows.toLocalIterator():
+                self.known[depth, step] = place, values
+                block.append(step)
+                if len(block) == MAX_COLLECTED_GOALS:
+                    yield from self._iterate_paths(depth, block)
+                    block.clear()
+            yield from self._iterate_paths(depth, block)
+
+    def _iterate_paths(self, depth: int, goals: list[int]) -> Iterator[Found]:
+        """The paths to some goals of a level, which are put together here: they are results.
+
+        Most of a way is known from goals of levels before, and from the levels that began here.
+        """
+        missing, above = goals, depth
+        while missing and above > 1:
+            wanted = {self.known[above, step][0] // MAX_ELEMENTS for step in missing}
+            above -= 1
+            missing = sorted(step for step in wanted if (above, step) not in self.known)
+            self._remember_steps(above, missing)
+        for goal in goals:
+            path_steps, step = list[tuple[int, Sequence[Any]]](), goal
+            for above in range(depth, 0, -1):
+                path_steps.append(self.known[above, step])
+                step = path_steps[-1][0] // MAX_ELEMENTS
+            last = self.steps.made.last(*path_steps[0], path_steps[1][1] if depth > 1 else None)
+            yield [self.steps.made.row(shown) for _, shown in reversed(path_steps)], last
+
+    def _remember_steps(self, depth: int, steps: list[int]) -> None:
+        """Has this process know some steps of a level."""
+        if not steps:
+            return
+        level = self.levels[depth]
+        if len(steps) <= STEPS_PER_QUERY:
+            some = level.where(f"step IN ({join_columns(*steps)})")
+        else:
+            some = level.join(self.store.loaded((TypedColumn("step", "BIGINT"),), [[step] for step in steps]), "step")
+        for step, place, *values in some.select("step", "place", *self.written.shown).collect():
+            self.known[depth, step] = place, values
+
+
+def _get_step(row: Any) -> int:
+    step: int = row[0]
+    return step

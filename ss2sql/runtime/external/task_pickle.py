@@ -1,0 +1,266 @@
+"""A search as other machines get it: its plan with the functions and values that its steps ask for.
+
+There the clauses are compiled once more, so what is sent is small, and nothing of a session goes along. Functions
+travel as they are here and now, with what they mention; a process of another machine has no other way to them.
+"""
+
+from __future__ import annotations
+
+import pickle
+import sys
+import sysconfig
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.errors import Error, ExecutionError, UnsupportedError
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.user_functions import UserFunction
+from ss2sql.language import plan
+from ss2sql.language.kinds import ANY, Type
+from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.plan_traversal import list_functions, walk
+from ss2sql.language.recursion_limit import MAX_LEVELS, deepen_stack
+from ss2sql.language.rows import Rows
+from ss2sql.lowering.unsupported import Rule
+from ss2sql.runtime.external.step_evaluation import Trial, encoded
+from ss2sql.runtime.python.call_memo import make_callable, make_unmemoized_call, report_calls
+from ss2sql.runtime.python.native_query import NativeQuery
+from ss2sql.runtime.representations.shape import Representations, expand_stars
+from ss2sql.runtime.run.run_state import Run, Stats
+from ss2sql.runtime.run.value_sizes import ValueSizes
+from ss2sql.runtime.search.search_run import SearchRun
+from ss2sql.runtime.sqlite.vectorized_functions import NativeVectorizedFunction
+from ss2sql.vtables.frames.frame import Column, Frame
+from ss2sql.vtables.query_cache import QueryCaches
+
+if TYPE_CHECKING:
+    from ss2sql.errors import Span
+    from ss2sql.runtime.graph_cache.cache_policy import CachePolicy
+
+FrameParts = tuple[dict[str, tuple[Type, list[Any]]], int]
+_TOP = "write it so that it needs nothing but its arguments"
+
+
+@dataclass(frozen=True, slots=True)
+class Parcel:
+    """What the steps of a search ask for. `frames` are the data frames among the variables, as columns of values."""
+
+    query: plan.Query
+    functions: dict[str, UserFunction]
+    variables: dict[str, Any]
+    frames: dict[str, FrameParts]
+    tables: dict[int, list[tuple[Any, ...]]]
+    shapes: dict[str, Callable[..., Any]]
+    max_size: int
+    memo_limit: int
+    keyed: bool
+
+
+def _world(query: plan.Query, nested: bool) -> Span | None:
+    return next((node.span for node in walk(query) if isinstance(node, plan.WorldSource)), None)
+
+
+RULES = (
+    Rule("a world is in this process only", "copy its table into a variable, or leave the engine to ss2sql", _world),
+)
+
+
+# --- packing -------------------------------------------------------------------------------------------
+
+
+def packed(hunt: SearchRun) -> bytes:
+    """The search as bytes. Raises UnsupportedError where something of it belongs to this process."""
+    host: Any = hunt.run.host  # that of a session, which has more than a run sees
+    query = _of_steps(hunt.query)
+    sent: dict[str, UserFunction] = {}
+    with deepen_stack(MAX_LEVELS):  # a plan is as deep as its script
+        for name in sorted({known.inverse_of or known.name for known in list_functions(query) if not known.builtin}):
+            sent[name] = _function(host.planned[name], hunt.query.span)
+        variables, frames = _values(query, hunt.run)
+        tables = {node.id: host.read_table_rows(node) for node in walk(query) if isinstance(node, plan.TableSource)}
+        forms = {node.representation.name for node in walk(query) if isinstance(node, plan.Query) and node is not query}
+        shapes = {name: host.shapes.functions[name] for name in forms & host.shapes.functions.keys()}
+        rest = host.limits.max_size, host.memo_limit, hunt.keyed
+        parcel = Parcel(query, sent, variables, frames, tables, shapes, *rest)
+        return _pickled(parcel, sent.values())
+
+
+def _of_steps(query: plan.Query) -> plan.Query:
+    """The query without what is evaluated once, in this process: LIMIT, MAXIMUM, and START WITH, which states have."""
+    assert query.search is not None
+    start = tuple((name, plan.Constant(None, ANY, span=expr.span)) for name, expr in query.search.start)
+    return replace(query, limit=None, search=replace(query.search, start=start, maximum=None))
+
+
+def _function(entry: UserFunction, span: Span) -> UserFunction:
+    """A function without what is known of its text. Raises UnsupportedError where it cannot be had elsewhere."""
+    sent = replace(entry, body="")
+    if entry.of_world:
+        raise _kept(f"'{entry.name}' belongs to a world, which is in this process only", "take values from it", span)
+    if entry.volatility != "immutable":
+        reason = f"'{entry.name}' is {entry.volatility}: it may depend on what only this process knows"
+        raise _kept(reason, "register it with volatility='immutable' if it depends on nothing but its arguments", span)
+    try:
+        _pickled(sent, [entry])
+    except Exception as error:
+        raise _kept(f"'{entry.name}' cannot be pickled: {error}", _TOP, span) from error
+    return sent
+
+
+def _kept(reason: str, cure: str, span: Span) -> UnsupportedError:
+    return UnsupportedError("U001", f"{reason}, so Spark cannot have it", span, (cure,))
+
+
+def _values(query: plan.Query, run: Run) -> tuple[dict[str, Any], dict[str, FrameParts]]:
+    """The variables that the query reads; one without a value is missed where it is read."""
+    variables: dict[str, Any] = {}
+    frames: dict[str, FrameParts] = {}
+    for node in walk(query):
+        if not isinstance(node, plan.Variable) or node.name in variables or node.name in frames:
+            continue
+        try:
+            value = run.source(node.name)
+        except Error as error:
+            if error.code != "R001":
+                raise
+            continue
+        if isinstance(value, Frame):
+            columns = {name: (column.type, column.values) for name, column in value.columns.items()}
+            frames[node.name] = columns, value.length
+        else:
+            try:
+                encoded((value,))
+            except UnsupportedError:
+                cure = "give numbers, texts and lists"
+                raise _kept(f"the variable '{node.name}' holds objects", cure, node.span) from None
+            variables[node.name] = value
+    return variables, frames
+
+
+def _pickled(value: Any, entries: Iterable[UserFunction]) -> bytes:
+    """A value as bytes. The modules of the user that functions are from go along; those of packages are imported."""
+    from pyspark import cloudpickle
+
+    pickler: Any = cloudpickle
+    modules = {module for entry in entries if (module := _own_module(entry.function)) is not None}
+    added = [module for module in modules if module.__name__ not in pickler.list_registry_pickle_by_value()]
+    for module in added:
+        pickler.register_pickle_by_value(module)
+    try:
+        made: bytes = pickler.dumps(value)
+    finally:
+        for module in added:
+            pickler.unregister_pickle_by_value(module)
+    return made
+
+
+def _own_module(function: Callable[..., Any]) -> ModuleType | None:
+    """The module that a function is from, if that is a file of the user's."""
+    module = sys.modules.get(getattr(function, "__module__", None) or "")
+    file = getattr(module, "__file__", None)
+    if module is None or file is None or module.__name__ == "__main__":  # which is sent in any case
+        return None
+    if module.__name__.startswith("ss2sql."):
+        return None
+    installed = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")}
+    return None if installed.intersection(Path(file).resolve().parents) else module
+
+
+# --- unpacking -----------------------------------------------------------------------------------------
+
+
+class Unpacked:
+    """A search in the process that tries its steps."""
+
+    def __init__(self, parcel: bytes) -> None:
+        with deepen_stack(MAX_LEVELS):
+            content: Parcel = pickle.loads(parcel)
+        self.run = Run(_Host(content), sizes=ValueSizes(content.max_size))
+        native = NativeQuery(content.query, find=lambda search_run: iter(()))
+        self.trial = Trial(*native.steps(self.run), content.keyed)
+        self.room = partial(deepen_stack, native.levels)  # on the stack, for the time of trying steps
+
+    def counted(self) -> dict[str, Any]:
+        """What was counted since this was asked the last time, see Stats."""
+        self.trial.flush()
+        report_calls(self.run)
+        stats, none = self.run.stats, Stats()
+        told = {name: getattr(stats, name) for name in COUNTS}
+        told["calls"], told["remembered"] = dict(stats.calls), dict(stats.remembered)
+        for name in COUNTS:
+            setattr(stats, name, getattr(none, name))
+        stats.calls.clear()
+        stats.remembered.clear()
+        return told
+
+
+COUNTS = ("generated", "expanded", "pruned")
+
+
+def add_counts(stats: Stats, told: dict[str, Any]) -> None:
+    """Adds what was counted elsewhere."""
+    for name in COUNTS:
+        setattr(stats, name, getattr(stats, name) + told[name])
+    stats.calls.update(told["calls"])
+    stats.remembered.update(told["remembered"])
+
+
+class _Host:
+    """What the session is to a run, where there is no session."""
+
+    def __init__(self, parcel: Parcel) -> None:
+        self.memories = QueryCaches()
+        self.graphs: CachePolicy | None = None
+        self.memo_limit = parcel.memo_limit
+        self.parcel = parcel
+        self.shapes = Representations(parcel.max_size)
+        self.shapes.functions.update(parcel.shapes)
+        self.values = dict(parcel.variables)
+        self.values.update((name, _frame(*parts)) for name, parts in parcel.frames.items())
+
+    def variable(self, name: str, run: Run) -> Any:
+        if name not in self.values:
+            hints = ("assign it before it is read",)
+            raise ExecutionError("R001", f"the variable '{name}' has no value yet", hints=hints)
+        return self.values[name]
+
+    def call(self, function: plan.Function, run: Run) -> Callable[..., Any]:
+        if function.builtin:
+            python = OPERATIONS[function.name].value
+            assert python is not None  # those of the session are volatile
+            return run.sizes.wrap_function(function.name, python)
+        known = run.callables.get(function.name)
+        if known is None:
+            entry = self.parcel.functions[function.inverse_of or function.name]
+            if function.inverse_of:
+                known = make_unmemoized_call(entry.inverted(), run)
+            else:
+                known = (NativeVectorizedFunction if entry.vectorized else make_callable)(
+                    entry, run, self.parcel.memo_limit
+                )
+            run.callables[function.name] = known
+        return known
+
+    def read_table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]:
+        return self.parcel.tables[source.id]
+
+    def integers(self, source: plan.TableSource, *places: int) -> None:
+        return None
+
+    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
+        return self.shapes.represent_subquery(
+            query, expand_stars(query, rows, run.sizes.pause), arguments, named, run.sizes
+        )
+
+    def _never(self, *given: Any) -> Any:
+        raise AssertionError("a search that keeps the written order does not go by levels")
+
+    assign = resolve_text = bind_late = temporal = store_temporal = _never
+
+
+def _frame(columns: dict[str, tuple[Type, list[Any]]], length: int) -> Frame:
+    return Frame({name: Column(kind, partial(list, values)) for name, (kind, values) in columns.items()}, length)

@@ -1,0 +1,257 @@
+"""One remembered graph while a search works on it: the part of it that is in memory, read from the tables by levels."""
+
+from __future__ import annotations
+
+import gc
+import math
+from collections.abc import Iterable, Sequence
+from itertools import islice
+from operator import is_
+from typing import Any
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.frozen_values import State
+from ss2sql.language.rows import Row
+from ss2sql.runtime.graph_cache.graph_store import GraphStore, build_damage_error
+from ss2sql.runtime.graph_cache.value_json import decode_values, encode_values
+
+MAX_HELD = 200_000  # of each kind of thing that stays in memory, to be read again where need be
+
+
+class CachedEdge:
+    """A step: its row, the node it leads to, its elements, and what clauses said of it.
+
+    The elements are None where FROM is read again; `verdicts` go by the names of the clauses. `unknown` is how much of
+    its note was not known.
+    """
+
+    __slots__ = ("elements", "row", "target", "unknown", "verdicts")
+
+    def __init__(self, row: Row, elements: tuple[Any, ...] | None, target: CachedNode | None = None) -> None:
+        self.row = row
+        self.elements = elements
+        self.target = target
+        self.unknown = 0
+        self.verdicts: dict[str, Any] | None = None
+
+
+class CachedNode:
+    """A state. `number` is that of its row in the tables, as long as `era` is that of the graph.
+
+    `edges` are None as long as they are not known; `loaded` says that another search has found them out, `touched`
+    that there is something new to write.
+    """
+
+    __slots__ = ("edges", "era", "loaded", "number", "state", "text", "touched")
+
+    def __init__(self, state: State, number: int | None = None, era: int = 0) -> None:
+        self.state = state
+        self.number = number
+        self.era = era
+        self.text: str | None = None
+        self.edges: list[CachedEdge] | None = None
+        self.loaded = False
+        self.touched = False
+
+    def written(self) -> str:
+        """The state as text. Raises NotKept where that is impossible."""
+        if self.text is None:
+            self.text = encode_values(self.state)
+        return self.text
+
+
+@dataclass(frozen=True, slots=True)
+class CachedClause:
+    """A clause whose values are remembered; `kind` is condition, cost or probability, `name` what notes call it."""
+
+    name: str
+    key: str
+    kind: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class GraphDescription:
+    """What people are told of a graph: JSON but for the text of the query."""
+
+    query: str
+    functions: str
+    parameters: str
+    variables: str
+    columns: str
+
+
+class CachedGraph:
+    """A graph in the tables of a file."""
+
+    def __init__(
+        self, store: GraphStore, key: str, described: GraphDescription, clauses: Sequence[CachedClause]
+    ) -> None:
+        self.store = store
+        self.key = key
+        self.described = described
+        self.clauses = clauses
+        self.number: int | None = None
+        self.made = False  # by this search
+        self.era = 0  # how often somebody has dropped the graph
+        self._nodes: dict[int, CachedNode] = {}
+        self._nodes_by_text: dict[str, CachedNode] = {}  # nodes that came without a number
+        self._own: set[int] = set()  # the numbers of those whose steps this search has written
+        self._rows: dict[str, Row] = {}
+
+    # --- reading ---------------------------------------------------------------------------------------
+
+    def load(self, nodes: Sequence[CachedNode]) -> list[CachedNode]:
+        """Reads what the tables have of these nodes; gives a node for each, the same one where states are the same.
+
+        Raises NotKept where a state has no text, ExecutionError X009 where the tables cannot be read.
+        """
+        collects = gc.isenabled()
+        gc.disable()  # nothing of what is made here is garbage: looking for some takes a third of the time
+        try:
+            return self._load(nodes)
+        finally:
+            if collects:
+                gc.enable()
+
+    def _load(self, nodes: Sequence[CachedNode]) -> list[CachedNode]:
+        if len(self._nodes_by_text) > MAX_HELD:
+            self._nodes_by_text.clear()
+        self._check(nodes)
+        known = len(self._nodes_by_text)
+        held = self._nodes_by_text
+        one_of_each = [held.setdefault(node.written(), node) if node.number is None else node for node in nodes]
+        texts = list(islice(held, known, None))
+        with self.store.reading():
+            if self.number is None:
+                self.number = self.store.graph(self.key)
+            if self.number is None:
+                return one_of_each
+            for place, number in self.store.find(self.number, texts):
+                self._nodes_by_text[texts[place]].number = number
+            one_of_each = [
+                node if node.number is None else self._nodes.setdefault(node.number, node) for node in one_of_each
+            ]
+            try:
+                self._load_edges({node.number: node for node in one_of_each if node.number and node.edges is None})
+            except (ValueError, TypeError, LookupError) as error:
+                raise build_damage_error(f"what they hold is no graph ({error})") from error
+        return one_of_each
+
+    def _load_edges(self, nodes: dict[int, CachedNode]) -> None:
+        assert self.number is not None
+        counts = self.store.steps(self.number, nodes)
+        found = self.store.edges(counts)
+        sources, _, rows, targets, given = zip(*found, strict=True) if found else ((), (), (), (), ())
+        self._decode_rows(set(rows))
+        self._decode_states(set(targets) - {None})
+        self._decode_rows(set(given) - {None})
+        elements = {None: None, **{text: self._rows[text] for text in set(given) - {None}}}
+        edges: dict[int, list[CachedEdge]] = {number: [] for number in counts}
+        made = map(
+            CachedEdge,
+            map(self._rows.__getitem__, rows),
+            map(elements.__getitem__, given),
+            map(self._nodes.get, targets),
+        )
+        for source, edge in zip(sources, made, strict=True):
+            edges[source].append(edge)
+        self._load_verdicts(edges)
+        for number, count in counts.items():
+            if len(edges[number]) == count:  # else the graph was dropped meanwhile
+                nodes[number].edges = edges[number]
+                nodes[number].loaded = number not in self._own
+
+    def _decode_rows(self, texts: Iterable[str]) -> None:
+        new = [text for text in texts if text not in self._rows]
+        for text, values in zip(new, decode_values(new), strict=True):
+            self._rows[text] = tuple(values)
+
+    def _decode_states(self, numbers: Iterable[int]) -> None:
+        found = self.store.states([number for number in numbers if number not in self._nodes])
+        for (number, _), values in zip(found, decode_values([text for _, text in found]), strict=True):
+            self._nodes[number] = CachedNode(tuple(values), number, self.era)
+
+    def _load_verdicts(self, edges: dict[int, list[CachedEdge]]) -> None:
+        assert self.number is not None
+        known = self.store.clauses(self.number) if self.clauses else {}
+        for clause in self.clauses:
+            if clause.key in known:
+                most = math.inf if clause.kind == "cost" else 1
+                for source, position, value in self.store.verdicts(known[clause.key], edges):
+                    if position < 0 or not 0 <= value <= most or math.isinf(value):
+                        raise ValueError(f"a {clause.kind} is {value!r}")
+                    edge = edges[source][position]
+                    edge.verdicts = {**(edge.verdicts or {}), clause.name: value}
+
+    # --- writing ---------------------------------------------------------------------------------------
+
+    def write(self, nodes: Sequence[CachedNode], levels: int) -> None:
+        """Writes what is new of these nodes. Raises NotKept, and apsw's errors where the file cannot be written."""
+        rows = [[encode_values(edge.row) for edge in node.edges or ()] for node in nodes]
+        elements = [
+            [_encode_elements(edge, text) for edge, text in zip(node.edges or (), texts, strict=True)]
+            for node, texts in zip(nodes, rows, strict=True)
+        ]
+        targets = [edge.target for node in nodes for edge in node.edges or () if edge.target is not None]
+        with self.store.writing():
+            number = self.store.graph(self.key)
+            made = number is None
+            if number is None:
+                one = self.described
+                described = (one.query, one.functions, one.parameters, one.variables, one.columns)
+                number = self.store.make_graph(self.key, described)
+            if self.number not in (None, number):  # somebody has dropped the graph, and perhaps begun it again
+                self.era += 1
+                self._nodes.clear()
+                self._nodes_by_text.clear()
+                self._own.clear()
+            self._check((*nodes, *targets))
+            numbers = self._numbers(number, (*nodes, *targets))
+            clauses = {one.name: self.store.clause(number, one.key, one.kind, one.text) for one in self.clauses}
+            self.store.write_edges(
+                (numbers[id(node)], position, row, None if edge.target is None else numbers[id(edge.target)], given)
+                for node, row_texts, given_texts in zip(nodes, rows, elements, strict=True)
+                for position, (edge, row, given) in enumerate(
+                    zip(node.edges or (), row_texts, given_texts, strict=True)
+                )
+            )
+            self.store.write_steps((len(node.edges), numbers[id(node)]) for node in nodes if node.edges is not None)
+            self.store.write_clause_values(
+                (clauses[name], numbers[id(node)], position, value)
+                for node in nodes
+                for position, edge in enumerate(node.edges or ())
+                if edge.verdicts is not None
+                for name, value in edge.verdicts.items()
+            )
+            self.store.touch(number, levels)
+        self.made |= made
+        self.number = number
+        self._own.update(numbers[id(node)] for node in nodes if node.edges is not None)
+        for node in (*nodes, *targets):
+            node.number = numbers[id(node)]
+
+    def _numbers(self, graph: int, nodes: Iterable[CachedNode]) -> dict[int, int]:
+        """The numbers of nodes by their identities; those that have none get one."""
+        numbers = {id(node): node.number for node in nodes if node.number is not None}
+        new = {id(node): node.written() for node in nodes if node.number is None}
+        texts = list(dict.fromkeys(new.values()))
+        found = self.store.make_nodes(graph, texts)
+        if len(found) != len(texts):
+            raise build_damage_error("a state that was written cannot be found")
+        made = dict(zip(texts, found, strict=True))
+        return numbers | {identity: made[text] for identity, text in new.items()}
+
+    def _check(self, nodes: Iterable[CachedNode]) -> None:
+        """Forgets numbers that nodes had in a graph that was dropped: others may have them now."""
+        for node in nodes:
+            if node.era != self.era:
+                node.number, node.era = None, self.era
+
+
+def _encode_elements(edge: CachedEdge, row: str) -> str | None:
+    """The elements of a step, which often are its row."""
+    if edge.elements is None:
+        return None
+    same = len(edge.elements) == len(edge.row) and all(map(is_, edge.elements, edge.row))
+    return row if same else encode_values(edge.elements)

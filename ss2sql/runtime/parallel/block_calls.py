@@ -1,0 +1,342 @@
+"""The calls that a block of states needs, made by other processes before the states are expanded.
+
+The step function is run ahead over the states of a block, with notes (runtime/search/step_notes.py): a call of the
+user's whose result is not known is not made, but sent to the processes. Then the steps that asked for it are taken
+again. In the end the states are expanded as ever, with the notes at hand; so the paths, their order and the errors are
+those of one process, whatever the processes do. A call that raises elsewhere is made once more, here.
+
+To hand a call to another process and to take back its result costs 10 to 15 us.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Hashable, Iterator, Mapping, Sequence
+from dataclasses import field, replace
+from marshal import dumps
+from pickle import loads
+from queue import Empty, SimpleQueue
+from time import perf_counter
+from typing import Any
+
+from ss2sql.errors import ExecutionError, Stopped
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.user_functions import UserFunction
+from ss2sql.language.frozen_values import State
+from ss2sql.language.plan_traversal import list_functions
+from ss2sql.runtime.parallel.process_pool import Answer, Processes, Task
+from ss2sql.runtime.parallel.transferable_functions import Kept, Sent, sent, tell
+from ss2sql.runtime.parallel.worker_process import NO_VALUE
+from ss2sql.runtime.python.call_memo import Result, make_checked_call, report_calls
+from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.search.search_run import SearchRun
+from ss2sql.runtime.search.step_notes import Notes, Pair
+
+BLOCK = 256  # states
+SAMPLES = 3  # calls that are made here, to see what they cost
+LONG = 0.01  # seconds of a call that is sample enough by itself
+CHEAP = 50e-6  # seconds of a call below which it stays here
+START = 0.05  # seconds of work before processes are started, which takes longer if the user's modules are large
+PATIENCE = 0.0  # seconds that this process waits for those that start; until they are ready it makes the calls itself
+LEAST = 0.001  # seconds of work that are worth a round of messages
+FEWEST = 2  # calls that are worth it
+BATCH = 0.01  # seconds of work for one message
+LOOK = 0.02  # seconds between two looks at whether the run has to end
+
+
+class PendingError(BaseException):
+    """A result is not known yet."""
+
+
+@dataclass(slots=True)
+class Timed:
+    """A function of the user in one run: what its calls have cost here and elsewhere, and which of them wait.
+
+    `sent` is what other processes get, or why they cannot have it.
+    """
+
+    name: str
+    sent: Sent | Kept
+    calls: int = 0
+    seconds: float = 0.0
+    waiting: dict[bytes, None] = field(default_factory=dict)
+
+    @property
+    def cost(self) -> float:
+        """Seconds of one call."""
+        return self.seconds / self.calls if self.calls else 0.0
+
+    @property
+    def may_be_shared(self) -> bool:
+        """Whether other processes get calls of it, or it is too early to say."""
+        return isinstance(self.sent, Sent) and (self.cost >= CHEAP or not self.is_known)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether enough calls were made to say what one costs."""
+        return self.calls >= SAMPLES or self.seconds >= LONG
+
+    @property
+    def is_shared(self) -> bool:
+        return self.may_be_shared and self.is_known
+
+    def batches(self, workers: int) -> list[list[bytes]]:
+        """The calls that wait in equal parts, as many for each worker as make messages worth while."""
+        calls, self.waiting = list(self.waiting), {}
+        parts = min(len(calls), workers * max(1, round(len(calls) * self.cost / (BATCH * workers))))
+        return [calls[number::parts] for number in range(parts)]
+
+
+class Ahead:
+    """The steps from one state, taken as far as the results of calls are known. They do not count."""
+
+    counted = 0
+
+    def __init__(self, notes: Notes, at: int, state: State) -> None:
+        self.notes, self.at, self.state = notes, at, state
+        self.open: list[Pair] | None = notes.pairs[at]
+
+    def known(self) -> list[Pair] | None:
+        return self.open
+
+    def begin(self, items: list[Any]) -> list[Pair]:
+        self.open = self.notes.pairs[self.at] = self.notes.paired(self.at, items)
+        return self.open
+
+    def advance(self, seen: Container[Hashable], claimed: set[Hashable]) -> bool:
+        """Takes the steps that are open; gives whether some of them still wait for a result.
+
+        `claimed` are rows that steps of the block lead to. Where a step fails, the search ends.
+        """
+        closed, waiting = _Either(seen, claimed), list[Pair]()
+        while True:
+            for note, _ in self.open or ():
+                note[-1] = False
+            try:
+                for _, key, goal, *_ in self.notes.noted.expand(self.state, closed, self):
+                    if goal is not None:
+                        claimed.add(key)
+                break
+            except PendingError:
+                asked = sum(note[-1] for note, _ in self.open or ())
+                if not asked or self.open is None:  # the elements wait, or what all steps share
+                    return True
+                waiting.append(self.open[asked - 1])
+                self.open = self.open[asked:]
+            except Stopped:
+                raise
+            except Exception:
+                return False
+        self.open = waiting
+        return bool(waiting)
+
+
+@dataclass(frozen=True, slots=True)
+class _Either:
+    one: Container[Hashable]
+    other: Container[Hashable]
+
+    def __contains__(self, key: Hashable) -> bool:
+        return key in self.one or key in self.other
+
+
+class Foreteller:
+    """Makes calls of one run in other processes; says what hinders it."""
+
+    def __init__(
+        self, run: Run, workers: int, processes: Processes, planned: Mapping[str, UserFunction], remembers: bool
+    ) -> None:
+        self.run = run
+        self.workers = workers
+        self.processes = processes
+        self.planned = planned
+        self.remembers = remembers
+        self.searches: list[int] = []  # those with MEMORIZE
+        self.asked: dict[str, Timed] = {}  # the functions that these call
+        self.functions: dict[str, Timed] = {}
+        self.noting = False
+        self.results: dict[tuple[str, bytes], bytes | None] = {}
+        self.answers: SimpleQueue[Answer] = SimpleQueue()
+        self.outstanding = 0
+        self.names: dict[int, str] = {}
+
+    # --- calls -----------------------------------------------------------------------------------------
+
+    def call_of(self, entry: UserFunction, real: Callable[[Any], Result]) -> Callable[[Any], Result]:
+        """A call as generated code makes it where it is not remembered: `real`, or what another process gave."""
+        timed = self._timed(entry)
+        name, calls, results = entry.name, self.run.stats.calls, self.results
+        as_result = make_checked_call(replace(entry, function=loads), self.run)
+
+        def call(arguments: Any) -> Result:
+            given = tuple(arguments)
+            if self.noting or results:
+                key = _key(name, given)
+                found = results.get(key)
+                if found:
+                    calls[name] -= 1  # it was counted when it came
+                    return as_result((found,))
+                if self.noting and (key is None or key in results or timed.is_shared):
+                    if key is not None and key not in results:
+                        timed.waiting[key[1]] = None
+                    raise PendingError
+            started = perf_counter()
+            try:
+                result = real(given)
+            except Stopped:
+                raise
+            except Exception:
+                calls[name] -= self.noting  # it will be made again
+                raise
+            timed.calls += 1
+            timed.seconds += perf_counter() - started
+            return result
+
+        return call
+
+    def _timed(self, entry: UserFunction) -> Timed:
+        return self.functions.setdefault(entry.name, Timed(entry.name, sent(entry)))
+
+    def _keep(self, timed: Timed, kept: Kept) -> None:
+        """Other processes cannot have a function."""
+        timed.sent = kept
+        tell(self.run.stats, f"'{timed.name}' is called in this process only: it {kept.reason}", kept.cure)
+
+    # --- blocks of states ------------------------------------------------------------------------------
+
+    def blocks(self, level: Sequence[State], notes: Notes, seen: Container[Hashable]) -> Iterator[State]:
+        """The states of a level; before they come out their calls are made, block by block.
+
+        `seen` are the rows that are known.
+        """
+        for place in range(0, len(level), BLOCK):
+            block = level[place : place + BLOCK]
+            if self.remembers and any(timed.may_be_shared for timed in self.functions.values()):
+                ahead = [Ahead(notes, at, state) for at, state in enumerate(block, place)]
+                self._foretell(ahead, seen)
+            yield from block
+            self.results.clear()
+
+    def begin(self, hunt: SearchRun) -> None:
+        """Takes note of a search, and says what stays in this process."""
+        if hunt.query.id in self.searches:
+            return
+        self.searches.append(hunt.query.id)
+        if hunt.noted is None:
+            cure = "declare functions immutable that are, and assign nothing inside of the search"
+            tell(self.run.stats, "the search calls a function that is volatile, or assigns a variable", cure)
+            return
+        for function in list_functions(hunt.query):
+            if not function.builtin and function.name not in self.asked:
+                timed = self.asked[function.name] = self._timed(self.planned[function.name])
+                if isinstance(timed.sent, Kept):
+                    self._keep(timed, timed.sent)
+
+    def _foretell(self, ahead: list[Ahead], seen: Container[Hashable]) -> None:
+        """Makes the calls of some states."""
+        claimed: set[Hashable] = set()
+        self.noting = True
+        try:
+            while ahead:
+                ahead = [one for one in ahead if one.advance(seen, claimed)]
+                if not self._hand_over():
+                    break
+                self._wait()
+        except BaseException:  # a timeout, Ctrl-C, a process that died: nobody waits for the answers any more
+            self.processes.end()
+            raise
+        finally:
+            self.noting = False
+            for timed in self.functions.values():
+                timed.waiting.clear()
+
+    def close(self) -> None:
+        """Says why there was nothing to do, if so."""
+        stats = self.run.stats
+        report_calls(self.run)
+        if not self.searches:
+            tell(stats, "no effect: only searches with MEMORIZE have levels")
+        elif not self.remembers:
+            tell(stats, "no effect: calls are not remembered", "leave 'memo' out of connect(disable=...)")
+        elif not self.asked and not any(note.startswith("workers: ") for note in stats.notes):
+            tell(stats, "no effect: the search calls no Python function")
+        for timed in self.asked.values():
+            if isinstance(timed.sent, Sent) and timed.calls and not timed.is_shared:
+                stats.notes.append(f"workers: a call of '{timed.name}' is too short to be made by another process")
+
+    # --- messages --------------------------------------------------------------------------------------
+
+    def _hand_over(self) -> bool:
+        """Gives calls that wait to the processes, where that is worth it."""
+        waiting = [timed for timed in self.functions.values() if timed.waiting]
+        work = sum(len(timed.waiting) * timed.cost for timed in waiting)
+        enough = work >= LEAST * self.workers and sum(len(timed.waiting) for timed in waiting) >= FEWEST
+        if not enough or not self._may_start(work):
+            return False
+        for timed in waiting:
+            number = self._number(timed)
+            for batch in timed.batches(self.workers):
+                self.processes.add(Task(number, batch, self.answers))
+                self.outstanding += 1
+        return True
+
+    def _may_start(self, work: float) -> bool:
+        """Whether processes are ready; they are started when that is worth it for what has been to do until now."""
+        done = sum(timed.seconds for timed in self.functions.values() if timed.is_shared)
+        if not self.processes.started and work + done < START:
+            return False
+        for timed in self.functions.values():
+            if timed.may_be_shared:
+                self._number(timed)  # so that they learn it before they are ready
+        try:
+            self.processes.start(self.workers)
+        except OSError as error:
+            for timed in self.asked.values():
+                timed.sent = Kept("")
+            tell(self.run.stats, f"no other process can be started: {error}")
+            return False
+        return self.processes.are_ready(PATIENCE)
+
+    def _number(self, timed: Timed) -> int:
+        """The number of a function in tasks."""
+        assert isinstance(timed.sent, Sent)
+        number = self.processes.number(timed.sent)
+        self.names[number] = timed.name
+        return number
+
+    def _wait(self) -> None:
+        """Waits for all answers; raises ExecutionError X013 where a process has died."""
+        while self.outstanding:
+            self.run.check()
+            try:
+                answer = self.answers.get(timeout=LOOK)
+            except Empty:
+                continue
+            self.outstanding -= 1
+            self._take(answer)
+
+    def _take(self, answer: Answer) -> None:
+        task = answer.task
+        timed = self.functions[self.names[task.number]]
+        if answer.died and not answer.ended:
+            hints = (
+                f"'{timed.name}' ends its process or needs more memory than there is; workers=1 calls it in this one",
+                "the session works on, with new workers",
+            )
+            raise ExecutionError("X013", f"a worker {answer.died} while it called '{timed.name}'", hints=hints)
+        if answer.refused:
+            self._keep(timed, Kept(answer.refused, "what a module is made of must not change while it is used"))
+        if NO_VALUE in answer.results:
+            self._keep(timed, Kept("returns objects, which would be others in another process"))
+        timed.calls += len(answer.results)
+        timed.seconds += answer.seconds
+        self.run.stats.calls[timed.name] += sum(map(bool, answer.results))
+        for arguments, result in zip(task.calls, answer.results, strict=False):
+            self.results[timed.name, arguments] = result
+
+
+def _key(name: str, arguments: tuple[Any, ...]) -> Any:
+    """What tells a call from others; None where there are objects among the arguments."""
+    try:
+        return name, dumps(arguments, 2)
+    except ValueError:
+        return None

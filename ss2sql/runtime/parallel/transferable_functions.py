@@ -1,0 +1,126 @@
+"""Which functions other processes can have: those that are the same there as here.
+
+A process that starts afresh imports the user's modules, it shares no memory. So a function has to be found by its name
+in a module or in a file of functions, and to depend on nothing but its arguments. A script that is run with `python
+script.py` is such a file only where it says what it does when it is run, `if __name__ == "__main__":`; all else in it
+would be done once more by each process.
+"""
+
+from __future__ import annotations
+
+import ast
+import pickle
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+from ss2sql.errors import WorkersWarning
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.user_functions import UserFunction
+from ss2sql.runtime.parallel.worker_process import fingerprint
+from ss2sql.runtime.run.run_state import Stats
+
+_PACKAGE = str(Path(__file__).parents[2])
+_TOP = "write it at the top of a module"
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A function as other processes get it: where it is, and what it must consist of there."""
+
+    place: tuple[Any, ...]
+    fingerprint: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Why other processes cannot have a function, and what could be done."""
+
+    reason: str
+    cure: str = ""
+
+
+def sent(entry: UserFunction) -> Sent | Kept:
+    """A function for other processes, or why they cannot have it."""
+    if entry.of_world:
+        return Kept("belongs to a world, which is in this process only")
+    if entry.vectorized:
+        return Kept("takes arrays, so it is called for many rows at once already")
+    if entry.volatility != "immutable":
+        cure = "declare it immutable if it depends on nothing but its arguments"
+        return Kept(f"is {entry.volatility}: it may depend on what only this process knows", cure)
+    place = _place(entry.function)
+    if isinstance(place, Kept):
+        return place
+    return Sent(place, pickle.dumps(fingerprint(entry.function), 5))
+
+
+def _place(function: Callable[..., Any]) -> tuple[Any, ...] | Kept:
+    if type(function) is FunctionType:
+        name = function.__qualname__
+        if "<lambda>" in name:
+            return Kept("is a lambda", f"{_TOP} with def")
+        if "<locals>" in name:
+            return Kept("is defined inside of another function", _TOP)
+        if function.__module__ in ("__main__", "<run_path>"):
+            return _in_file(function, name)
+    try:
+        pickled = pickle.dumps(function, 5)
+    except Exception as error:
+        return Kept(f"cannot be pickled: {error}", _TOP)
+    if b"__main__" in pickled:
+        return Kept("consists of what is defined where Python was started", "write that in a module and import it")
+    if type(function) is FunctionType:
+        return "module", function.__module__, function.__qualname__
+    return "pickled", pickled
+
+
+def _in_file(function: FunctionType, name: str) -> tuple[str, ...] | Kept:
+    """A function of the script that runs, or of a file of functions that was given on the command line."""
+    found = function.__globals__.get(name.partition(".")[0])
+    for part in name.split(".")[1:]:
+        found = getattr(found, part, None)
+    if found is not function:
+        return Kept(f"is no longer what is called '{name}' there", _TOP)
+    main = sys.modules.get("__main__")
+    if function.__module__ == "__main__" and getattr(main, "__spec__", None) is not None:
+        return "module", main.__spec__.name, name  # type: ignore[union-attr]
+    path = function.__globals__.get("__file__")
+    if path is None or not Path(path).is_file():
+        return Kept("is defined in a notebook or a shell, which no other process can import", "write it in a module")
+    if function.__module__ == "__main__" and not _says_what_is_run(Path(path)):
+        cure = 'write `if __name__ == "__main__":` before what is run, or the function in a module of its own'
+        return Kept(f"is defined in {Path(path).name}, which does its work whenever it is imported", cure)
+    return "file", str(Path(path).resolve()), name
+
+
+def _says_what_is_run(path: Path) -> bool:
+    """Whether a script asks for `__name__` at its top."""
+    try:
+        tree = ast.parse(path.read_bytes())
+    except (OSError, SyntaxError, ValueError):
+        return False
+    tests = [node.test for node in tree.body if isinstance(node, ast.If)]
+    return any(isinstance(node, ast.Name) and node.id == "__name__" for test in tests for node in ast.walk(test))
+
+
+# --- why not -------------------------------------------------------------------------------------------
+
+
+def tell(stats: Stats, reason: str, cure: str = "") -> None:
+    """Warns with a `WorkersWarning` at the place in the user's code that started the run, and notes the same."""
+    text = f"workers: {reason}; {cure}" if cure else f"workers: {reason}"
+    if text not in stats.notes:
+        stats.notes.append(text)
+        warnings.warn(text, WorkersWarning, stacklevel=_frames_of_the_package())
+
+
+def _frames_of_the_package() -> int:
+    """The number of frames up to the first one that is not of ss2sql, nor of code that it has made."""
+    frame, number = sys._getframe(1), 1
+    while frame.f_back is not None and frame.f_code.co_filename.startswith((_PACKAGE, "<")):
+        frame, number = frame.f_back, number + 1
+    return number

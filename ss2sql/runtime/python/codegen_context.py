@@ -1,0 +1,404 @@
+"""One piece of generated code, its functions under construction, and the values that they keep.
+
+A unit becomes one Python function, `bound(run)`. It binds what a run offers (functions of the user, values of
+variables), defines a function for every query inside, and returns what the unit is for. `Body` is a function
+under construction. Values that need not be computed again are kept in *slots*: a slot belongs to the
+outermost function and loop where everything that its expression reads is known, and is filled when the
+expression is first needed. So nothing is evaluated that the written order would not evaluate.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import field
+from types import CodeType, FunctionType
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.errors import Error, Span
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.frozen_values import UNSET
+from ss2sql.language.kinds import Type
+from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.plan_traversal import list_parts
+from ss2sql.runtime.python.ast_builder import AstBuilder
+from ss2sql.runtime.python.expression_facts import ExpressionAnalysis, ExpressionFacts
+from ss2sql.runtime.python.loop_cancellation import make_step_meter, make_turn_check
+from ss2sql.runtime.run.error_locations import PAGE, CodePage
+from ss2sql.runtime.run.run_state import Run
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.search.search_run import FindPaths
+
+COUNTERS = ("generated", "expanded", "pruned")
+MAX_LOOPS = 16  # Python refuses more than 20 blocks inside of each other
+
+
+class MissingValueError(Exception):
+    """A variable has no value when its query starts; whoever reads it then gets Python's NameError."""
+
+
+@dataclass(slots=True)
+class PythonScope:
+    """A generated function under construction.
+
+    `blocks` holds its statements and those of each loop that is open, outermost first. `levels` gives for
+    each source that is bound here the number of loops that must be open (0: a parameter). `states` are the
+    START WITH variables bound here, `moved` those that CONNECT BY has given a new value under a new name.
+    `groups` names the values of groups that are bound here, see `get_group_key`. `shared` are names of
+    the functions around that are set here, `locals` names that are set here and read further in. `counts`
+    says how often an expression is written here, `slots` where the values of costly ones are kept. `known` has
+    for each open loop the names of expressions that have been computed wherever the code after them is reached;
+    `sure` says whether what is being written is such an expression, not one that may be skipped; `forgotten` are values
+    of that kind, by identity. While `trusting`, indexes are written as Python's own, and `trusted` says whether there
+    were any, see `write_with_later_check`. `before` is the function that this one goes on for. `early_keys`: the keys
+    of arguments are computed before the loop.
+    """
+
+    unit: CodegenContext
+    name: str
+    parameters: list[str]
+    parent: PythonScope | None
+    blocks: list[list[ast.stmt]] = field(default_factory=lambda: [[]])
+    levels: dict[int, int] = field(default_factory=dict)
+    states: set[tuple[int, str]] = field(default_factory=set)
+    moved: dict[tuple[int, str], str] = field(default_factory=dict)
+    groups: dict[tuple[int, int], str] = field(default_factory=dict)
+    shared: dict[str, None] = field(default_factory=dict)
+    locals: list[str] = field(default_factory=list)
+    counts: Counter[int] = field(default_factory=Counter)
+    slots: dict[int, str] = field(default_factory=dict)
+    known: list[dict[int, str]] = field(default_factory=lambda: [{}])
+    forgotten_values: dict[int, ast.expr] = field(default_factory=dict)
+    before: PythonScope | None = None
+    sure: bool = True
+    may_check_later: bool = False
+    trusted: bool = False
+    early_keys: bool = True
+
+    def is_source_visible(self, source: int) -> bool:
+        """Whether a source is bound here or in a function around this one."""
+        return source in self.levels or (self.parent is not None and self.parent.is_source_visible(source))
+
+    def is_state_visible(self, state: tuple[int, str]) -> bool:
+        """Whether a START WITH variable is bound here or in a function around this one."""
+        return state in self.states or (self.parent is not None and self.parent.is_state_visible(state))
+
+    @property
+    def list_visible_groups(self) -> dict[tuple[int, int], str]:
+        """The names of the values of groups that are bound here or in a function around this one."""
+        return self.groups if self.parent is None else {**self.parent.list_visible_groups, **self.groups}
+
+    @property
+    def level(self) -> int:
+        """The number of open loops."""
+        return len(self.blocks) - 1
+
+    def add(self, *statements: ast.stmt) -> None:
+        """Statements for the innermost open loop."""
+        self.blocks[-1].extend(statements)
+
+    def home(self, facts: ExpressionFacts) -> tuple[PythonScope, int]:
+        """The outermost function and loop where everything is known that the facts' expression reads."""
+        levels = [self.levels[source] for source in facts.sources if source in self.levels]
+        grouped = any(query in facts.groups for query, _ in self.groups)
+        if levels or grouped or not self.states.isdisjoint(facts.states):
+            return self, max(levels, default=0)
+        return (self, 0) if self.parent is None else self.parent.home(facts)
+
+    def kept(self, facts: ExpressionFacts, value: ast.expr, build: AstBuilder, hint: str) -> ast.expr:
+        """The value, computed at most once for each turn of its home's loop; the facts are of a steady node.
+
+        Equal expressions share a slot. What is read only once, right at home, needs none.
+        """
+        home, level = self.home(facts)
+        if self.has_state_changed(facts):
+            return value
+        if home is self and level == self.level:
+            slot = facts.key is not None and home.slots.get(facts.key)
+            if facts.key is None or self.counts[facts.key] < 2 or (self.sure and not slot):
+                return self.named(facts, value, build, hint)
+        name = home.slots.get(facts.key) if facts.key is not None else None
+        if name is None:
+            name = self.unit.local(hint)
+            home.blocks[level].insert(0, build.assign(name, build.name("UNSET")))
+            self.unit.namespace["UNSET"] = UNSET
+            if facts.key is not None:
+                home.slots[facts.key] = name
+        if home is not self:
+            self.shared[name] = None
+        self.forget(value)
+        if self.sure and facts.key is not None:
+            self.known[-1][facts.key] = name
+        fresh = build.compare(build.name(name), ast.IsNot(), build.name("UNSET"))
+        return build.if_else(fresh, build.name(name), build.bind(name, value))
+
+    def forget(self, value: ast.expr) -> None:
+        """No longer knows the names that are set in a value, which may be skipped: they would keep older values.
+
+        Those within a value in it are forgotten already; 240 calls in each other took 3 s when all were walked again.
+        """
+        inside: set[str] = set()
+        ahead: list[ast.AST] = [value]
+        while ahead:
+            node = ahead.pop()
+            if isinstance(node, ast.NamedExpr):
+                inside.add(node.target.id)
+            if id(node) not in self.forgotten_values:
+                ahead.extend(ast.iter_child_nodes(node))
+        self.forgotten_values[id(value)] = value
+        for names in self.known:
+            for key in [key for key, name in names.items() if name in inside]:
+                del names[key]
+
+    def named(self, facts: ExpressionFacts, value: ast.expr, build: AstBuilder, hint: str) -> ast.expr:
+        """The value, with a name where it is certain to be computed here and is written again further down."""
+        if facts.key is None or self.counts[facts.key] < 2 or not self.sure or self.has_state_changed(facts):
+            return value
+        name = self.known[-1][facts.key] = self.unit.local(hint)
+        return build.bind(name, value)
+
+    def write_with_later_check(self, facts: ExpressionFacts, write: Callable[[], ast.stmt], build: AstBuilder) -> None:
+        """A statement whose indexes are Python's own; where one is out of range it runs again, and says so.
+
+        Asking before costs 0.2 us, a `try` nothing. What the facts are of must give the same once more.
+        """
+        self.may_check_later, self.trusted = facts.steady and not facts.calls, False
+        before = dict(self.known[-1])
+        statement = write()
+        self.may_check_later = False
+        if self.trusted:
+            after, self.known[-1] = self.known[-1], before
+            with self.write_skippable():
+                checked = write()
+            self.known[-1] = after
+            statement = build.try_except(statement, "IndexError", checked)
+        self.add(statement)
+
+    def variable(self, value: ast.expr, build: AstBuilder, hint: str) -> ast.expr:
+        """A name or a constant that stands for the value."""
+        return value if isinstance(value, ast.Constant) else build.name(self.assigned(value, build, hint))
+
+    def assigned(self, value: ast.expr, build: AstBuilder, hint: str) -> str:
+        """The name of a value, which is computed here unless it has one already."""
+        if isinstance(value, ast.Name):
+            return value.id
+        if isinstance(value, ast.NamedExpr):
+            name, value = value.target.id, value.value
+        else:
+            name = self.unit.local(hint)
+        self.add(build.assign(name, value))
+        return name
+
+    def name_of(self, facts: ExpressionFacts) -> str | None:
+        """The name of a value that has been computed already, wherever this place is reached."""
+        if facts.key is None or self.has_state_changed(facts):
+            return None
+        return next((names[facts.key] for names in self.known if facts.key in names), None)
+
+    def has_state_changed(self, facts: ExpressionFacts) -> bool:
+        """Whether CONNECT BY has changed what the expression reads."""
+        return not facts.states.isdisjoint(self.moved)
+
+    @contextmanager
+    def write_skippable(self) -> Iterator[None]:
+        """For the time of writing what may be skipped when the code runs."""
+        before, self.sure = self.sure, False
+        yield
+        self.sure = before
+
+    def loop(self, names: list[str], items: ast.expr, build: AstBuilder) -> None:
+        """Opens a loop over items, which are tuples where there are several names."""
+        inner: list[ast.stmt] = []
+        self.add(build.loop(names, items, inner))
+        self.blocks.append(inner)
+        self.known.append({})
+        self.locals.extend(names)
+
+    def count(self, nodes: Iterable[Any]) -> None:
+        """Notes which expressions will be evaluated in this function, and how often they are written.
+
+        What stands only inside of a cheap expression that is written twice is computed once, with it.
+        """
+        stack = list(nodes)
+        while stack:
+            node = stack.pop()
+            facts = self.unit.analysis.of(node)
+            if facts.key is not None:
+                self.counts[facts.key] += 1
+            again = facts.key is not None and self.counts[facts.key] > 1 and not facts.calls
+            if not isinstance(node, plan.Subquery) and not again:
+                stack.extend(list_parts(node))
+
+    def finished(self, build: AstBuilder) -> ast.stmt:
+        """The function's definition."""
+        statements = self.blocks[0] or [build.run(build.constant(None))]
+        if self.shared:
+            statements = [build.shared(list(self.shared)), *statements]
+        return build.function(self.name, self.parameters, statements)
+
+    def define(self) -> None:
+        """Puts the finished function into the one around it."""
+        assert self.parent is not None
+        if self.before is not None:
+            self.before.define()
+        if self.parent is self.unit.root:
+            self.unit.definitions.append(self.finished(self.unit.build))
+        else:
+            self.parent.add(self.finished(self.unit.build))
+
+
+class CodegenContext:
+    """One piece of generated code.
+
+    `names` and `states` give the local names of sources and START WITH variables, `tuples` the columns of the
+    sources whose elements are tuples (of those that are `bare`, a name stands for the one column that is read),
+    `elements` the types of those whose elements are values. `worlds` are the tables of those that walk keys of a world.
+    `keys` names the exact keys that elements come with, see call_memo.py. `by_level` is the search whose steps are
+    counted level by level, see level_counts.py; `watched` the one that trace.py hears of; `searched` the one whose
+    results `find` finds.
+    """
+
+    def __init__(self, span: Span, analysis: ExpressionAnalysis, parameters: tuple[str, ...] = ()) -> None:
+        self.page = CodePage(span.source)
+        self.build = self.build_at(span)
+        self.analysis = analysis
+        self.namespace: dict[str, Any] = {"__name__": __name__, PAGE: self.page}
+        self.root = PythonScope(self, "bound", ["run"], None)
+        self.names: dict[int, str] = {}
+        self.states: dict[tuple[int, str], str] = {}
+        self.tuples: dict[int, tuple[str, ...]] = {}
+        self.single_column_queries: set[int] = set()
+        self.elements: dict[int, Type] = {}
+        self.worlds: dict[int, Any] = {}
+        self.keys: dict[int, str] = {}
+        self.bindings: list[ast.stmt] = []
+        self.definitions: list[ast.stmt] = []
+        self.by_level: plan.Query | None = None
+        self.watched: plan.Query | None = None
+        self.level_searched_query: plan.Query | None = None
+        self.find: FindPaths | None = None
+        self._bound: dict[Any, str] = {}
+        self._count = 0
+
+    def build_at(self, span: Span) -> AstBuilder:
+        return AstBuilder(self.page.position(span))
+
+    # --- names -----------------------------------------------------------------------------------------
+
+    def local(self, hint: str) -> str:
+        """A new name, with a hint for the reader; its number keeps it apart from every other."""
+        self._count += 1
+        return f"{hint if hint.isascii() and hint.isidentifier() else 'name'}_{self._count}"
+
+    def constant(self, value: Any, hint: str = "constant") -> str:
+        """A name for an object of the compiler's."""
+        name = self.local(hint)
+        self.namespace[name] = value
+        return name
+
+    def helper(self, function: Callable[..., Any]) -> str:
+        """The name of a function of the library."""
+        name = function.__name__
+        assert self.namespace.setdefault(name, function) is function
+        return name
+
+    def bind(self, key: Any, hint: str, value: ast.expr, build: AstBuilder, error: str | None = None) -> str:
+        """A name for a value that is computed once, when a run begins; `error` names what may go wrong there."""
+        if key not in self._bound:
+            name = self._bound[key] = self.local(hint)
+            statement = build.assign(name, value)
+            self.bindings.append(statement if error is None else build.try_except(statement, error))
+        return self._bound[key]
+
+    def function(self, function: plan.Function, build: AstBuilder) -> str:
+        """A name for the callable behind a function of the plan."""
+        key = (function.name, function.builtin)
+        if key not in self._bound:
+            python = OPERATIONS[function.name].value if function.builtin else None
+            if python is not None and not OPERATIONS[function.name].grows:
+                self._bound[key] = self.constant(python, function.name)
+            else:
+                constant = build.name(self.constant(function, "function"))
+                self.bind(key, function.name, build.call(self.helper(get_callable), build.name("run"), constant), build)
+        return self._bound[key]
+
+    def sizes(self, part: str, build: AstBuilder) -> ast.expr:
+        """What measures the values that are made, or a number that it goes by."""
+        return build.name(
+            self.bind(("sizes", part), part, build.part(build.part(build.name("run"), "sizes"), part), build)
+        )
+
+    def variable(self, name: str, build: AstBuilder) -> ast.expr:
+        """The value of a script variable: read once where nothing in the unit changes it, else each time."""
+        run, text = build.name("run"), build.constant(name)
+        if not self.analysis.is_fixed(name):
+            return build.call(self.helper(get_variable), run, text)
+        self.helper(MissingValueError)
+        value = build.call(self.helper(get_variable_if_set), run, text)
+        return build.name(self.bind(("variable", name), name, value, build, "MissingValueError"))
+
+    def frame(self, name: str, build: AstBuilder) -> ast.expr:
+        """A data frame, as it was when the run first read it."""
+        return build.call(self.helper(get_frame), build.name("run"), build.constant(name))
+
+    def name_counter(self, name: str, body: PythonScope) -> str:
+        """A counter of the whole run, to be increased in `body`."""
+        if name not in self._bound:
+            self._bound[name] = name
+            self.bindings.append(self.build.assign(name, self.build.constant(0)))
+        if body is not self.root:
+            body.shared[name] = None
+        return name
+
+    def write_turn_check(self, counter: str) -> ast.expr:
+        """A call that ends the run if it has to end; its value is the count at which to ask again."""
+        build = self.build
+        pace = self.bind("pace", "pace", build.call(self.helper(make_turn_check), build.name("run")), build)
+        return build.call(pace, build.name(counter))
+
+    def write_step_check(self) -> ast.expr:
+        """The same for the steps of searches; it also hands on what they have counted."""
+        build = self.build
+        counters = [build.name(self.name_counter(name, self.root)) for name in COUNTERS]
+        meter = self.bind("meter", "meter", build.call(self.helper(make_step_meter), build.name("run")), build)
+        return build.call(meter, *counters)
+
+    # --- the end ---------------------------------------------------------------------------------------
+
+    def module(self, result: ast.expr) -> ast.Module:
+        """The code of the unit, whose function `bound` gives `result`."""
+        # Slots stand in the root's block; what they are filled with comes later.
+        self.root.blocks[0].extend((*self.bindings, *self.definitions, self.build.back(result)))
+        return ast.Module([self.root.finished(self.build)], [])
+
+    def compiled(self, module: ast.Module) -> Callable[..., Any]:
+        """The function `bound` of the unit's module."""
+        code = compile(module, self.page.name, "exec", dont_inherit=True)
+        inner = next(constant for constant in code.co_consts if isinstance(constant, CodeType))
+        return FunctionType(inner, self.namespace)
+
+
+def get_callable(run: Run, function: plan.Function) -> Callable[..., Any]:
+    return run.host.call(function, run)
+
+
+def get_variable(run: Run, name: str) -> Any:
+    return run.variable(name)
+
+
+def get_frame(run: Run, name: str) -> Any:
+    return run.source(name)
+
+
+def get_variable_if_set(run: Run, name: str) -> Any:
+    """The value of a variable when a query starts; MissingValueError where it has none yet."""
+    try:
+        return run.variable(name)
+    except Error as error:
+        if error.code == "R001":
+            raise MissingValueError from None
+        raise

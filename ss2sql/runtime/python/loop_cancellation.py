@@ -1,0 +1,122 @@
+"""How often a run looks at the clock while it works.
+
+Turns of a loop may take a tenth of a microsecond or, with a slow function, seconds. So the turns between two
+looks are counted, and their number follows the time that they took.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
+from operator import length_hint
+from typing import Any
+
+from ss2sql.runtime.run.run_state import Run
+
+QUICK, SLOW = 0.002, 0.01  # seconds between two looks: below the one there may be more turns, above the other fewer
+MAX_TURNS = 128
+TURNS_PER_CHECK = 64  # so many turns are quick enough not to look at the clock between them
+
+
+class ClockChecks:
+    """Ends the run where it has to end, and says at which turn to look again."""
+
+    def __init__(self, run: Run) -> None:
+        self._check = run.check
+        self._turns = 1
+        self._last = time.perf_counter()
+
+    def next(self, turn: int) -> int:
+        """The turn at which to ask again."""
+        self._check()
+        now = time.perf_counter()
+        if now - self._last < QUICK:
+            self._turns = min(2 * self._turns, MAX_TURNS)
+        elif now - self._last > SLOW:
+            self._turns = max(self._turns // 4, 1)
+        self._last = now
+        return turn + self._turns
+
+
+def make_turn_check(run: Run) -> Callable[[int], int]:
+    return ClockChecks(run).next
+
+
+def make_step_meter(run: Run) -> Callable[[int, int, int], int]:
+    """The pace of searches, which also hands on to the run what generated code has counted."""
+    stats, check_turn = run.stats, ClockChecks(run).next
+    before = (0, 0, 0)
+
+    def meter(generated: int, expanded: int, pruned: int) -> int:
+        nonlocal before
+        stats.generated += generated - before[0]
+        stats.expanded += expanded - before[1]
+        stats.pruned += pruned - before[2]
+        before = (generated, expanded, pruned)
+        return check_turn(generated)
+
+    return meter
+
+
+def make_countdown_meter(run: Run) -> Callable[[int, int, int], int]:
+    """The same for searches that count from one look to the next; gives the number of steps until then."""
+    count, check_turn = make_count_report(run), ClockChecks(run).next
+
+    def meter(generated: int, expanded: int, pruned: int) -> int:
+        count(generated, expanded, pruned)
+        return check_turn(0)
+
+    return meter
+
+
+def make_count_report(run: Run) -> Callable[[int, int, int], None]:
+    """Hands on to the run what a search has counted."""
+    stats = run.stats
+
+    def count(generated: int, expanded: int, pruned: int) -> None:
+        stats.generated += generated
+        stats.expanded += expanded
+        stats.pruned += pruned
+
+    return count
+
+
+def make_known_steps_check(run: Run) -> Callable[[int], None]:
+    """Counts the steps of a state that were known, and looks at the clock now and then."""
+    stats, check_turn = run.stats, ClockChecks(run).next
+    steps, due = 0, 1
+
+    def look(elements: int) -> None:
+        nonlocal steps, due
+        stats.generated += elements
+        stats.expanded += 1
+        steps += elements
+        if steps >= due:
+            due = check_turn(steps)
+
+    return look
+
+
+class Parts:
+    """The items of a long list, which looks at the clock between parts of it; it knows how many are left."""
+
+    def __init__(self, items: Sequence[Any], run: Run) -> None:
+        self._items = items
+        self._run = run
+        self._begun = 0
+        self._part: Iterator[Any] = iter(())
+
+    def __iter__(self) -> Iterator[Any]:
+        return chain.from_iterable(self._parts())
+
+    def _parts(self) -> Iterator[Iterator[Any]]:
+        for start in range(0, len(self._items), TURNS_PER_CHECK):
+            self._run.check()
+            self._run.check_steps(start)
+            part = self._items[start : start + TURNS_PER_CHECK]
+            self._begun, self._part = start + len(part), iter(part)
+            yield self._part
+
+    def __length_hint__(self) -> int:
+        return len(self._items) - self._begun + length_hint(self._part)

@@ -1,0 +1,164 @@
+"""What the rest of ss2sql sees of the native executor: compiled queries and compiled statements."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.errors import Error
+from ss2sql.language import plan
+from ss2sql.language.recursion_limit import deepen_stack
+from ss2sql.language.rows import Row, Rows
+from ss2sql.runtime.python.call_memo import report_calls
+from ss2sql.runtime.python.codegen_context import CodegenContext
+from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
+from ss2sql.runtime.python.python_expressions import write_expression
+from ss2sql.runtime.python.query_compiler import Dispatch, QueryCompiler
+from ss2sql.runtime.run.error_locations import locate_error
+from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.sqlite.call_sites import takes_arrays
+
+if TYPE_CHECKING:
+    from ss2sql.language.frozen_values import FrozenShapes
+    from ss2sql.runtime.search.search_run import FindPaths
+    from ss2sql.runtime.search.step_contract import Expand
+    from ss2sql.runtime.sqlite.argument_queries import Scouts
+
+
+class NativeQuery:
+    """A query that stands by itself, compiled to Python once, to be run many times.
+
+    The steps of a search are counted `by_level` on demand, see level_counts.py; one that is `watched` goes step by
+    step, and `run.trace` hears of it. `find` finds its results in the place of a loop. `levels` says how deeply its
+    expressions are nested.
+    """
+
+    engine = "native"
+
+    def __init__(
+        self, query: plan.Query, by_level: bool = False, find: FindPaths | None = None, watched: bool = False
+    ) -> None:
+        self.query = query
+        self._takes_arrays = takes_arrays(query)
+        analysis = ExpressionAnalysis((query,))
+        self.levels = analysis.levels
+        with deepen_stack(self.levels):
+            unit = CodegenContext(query.span, analysis)
+            unit.by_level = query if by_level else None
+            unit.watched = query if watched else None
+            unit.level_searched_query, unit.find = query, find
+            nested = QueryCompiler(unit).query(query, unit.root)
+            self._module = unit.module(unit.build.name(nested.task))
+            self._bound = unit.compiled(self._module)
+
+    @property
+    def generated_code(self) -> str:
+        """The generated code as text."""
+        with deepen_stack(2 * self.levels):
+            return ast.unparse(ast.fix_missing_locations(self._module))
+
+    def rows(self, run: Run, sink: Rows | None = None) -> Rows:
+        """The answer of the query.
+
+        Args:
+            run: the run that it belongs to.
+            sink: is filled while the query runs, so that what was found by then outlives an error; it is
+                then also the result.
+
+        Raises:
+            Error: with the place in the script. Exceptions of the user's functions pass with a note.
+        """
+        work = self._looking_ahead(run, lambda: self._bound(run).rows(sink=sink, outermost=True))
+        return self._run_with_location(run, work)  # type: ignore[no-any-return]
+
+    def value(self, run: Run) -> Any:
+        """The value that the query's representation makes of its answer; raises what `rows` raises."""
+
+        def value() -> Any:
+            task = self._bound(run)
+            return task.shaped(task.rows(outermost=True))
+
+        return self._run_with_location(run, self._looking_ahead(run, value))
+
+    def stream(self, run: Run) -> Iterator[Row]:
+        """The rows of a query, one by one where that is possible; errors have no place."""
+        return self._bound(run).stream()  # type: ignore[no-any-return]
+
+    def steps(self, run: Run) -> tuple[Expand, FrozenShapes, Callable[[], None]]:
+        """The step function of a search with `find`, how its values are frozen, and what brings `run.stats` up to
+        date.
+        """
+        with deepen_stack(self.levels):
+            task = self._bound(run)
+            _, expand, *_ = task.find()
+        return expand, task.form.search.shapes, task.flush
+
+    def _looking_ahead(self, run: Run, work: Callable[[], Any]) -> Callable[[], Any]:
+        """The work, for the time of which functions that take arrays know what is coming."""
+        if not self._takes_arrays:
+            return work
+
+        def with_scouts() -> Any:
+            run.ahead.append(self.scouts.of_run(run))
+            try:
+                return work()
+            finally:
+                run.ahead.pop().close()
+
+        return with_scouts
+
+    @cached_property
+    def scouts(self) -> Scouts:
+        from ss2sql.runtime.sqlite.argument_queries import Scouts  # which run natively themselves
+
+        return Scouts(self.query)
+
+    def _run_with_location(self, run: Run, work: Callable[[], Any]) -> Any:
+        try:
+            with deepen_stack(self.levels):
+                return work()
+        except Exception as error:
+            other = locate_error(error)
+            if isinstance(other, Error):
+                other.located(self.query.span)
+            if other is error:
+                raise
+            raise other from None
+        finally:
+            report_calls(run)
+
+
+def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Callable[[Run], Any]:
+    """A statement as a function of the run.
+
+    Args:
+        expr: the statement's expression.
+        dispatch: is asked once for every query that is not inside of another one, and gives the function that
+            runs it and has its value; without it queries run natively.
+
+    Returns:
+        The function; it raises as `NativeQuery.rows` does.
+    """
+    if isinstance(expr, plan.Constant):
+        return lambda run: expr.value
+    analysis = ExpressionAnalysis((expr,), open_world=True, inside=False)
+    with deepen_stack(analysis.levels):
+        unit = CodegenContext(expr.span, analysis)
+        builder = QueryCompiler(unit, dispatch or (lambda query: NativeQuery(query).value))
+        bound = unit.compiled(unit.module(write_expression(builder, expr, unit.root)))
+
+    def statement(run: Run) -> Any:
+        try:
+            with deepen_stack(analysis.levels):
+                return bound(run)
+        except Exception as error:
+            other = locate_error(error)
+            if other is error:
+                raise
+            raise other from None
+        finally:
+            report_calls(run)
+
+    return statement

@@ -1,0 +1,223 @@
+"""The step function of MEMORIZE with notes, and the functions that go a step back: see runtime/search/step_notes.py.
+
+A note is a list of what the clauses of one step have come to. `SELECT f(this, n) ... STOP WITH far(n)` becomes
+
+    for note, this in turns:
+        value, stop_value, _ = note
+        try:
+            value_1 = value if value is not UNSET else (value := f(this, n))
+            ...
+        finally:
+            note[:] = [value, stop_value, True]
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from ss2sql.language import plan
+from ss2sql.language.frozen_values import UNSET, Shape
+from ss2sql.language.plan_traversal import find_direct_assignments
+from ss2sql.runtime.python.codegen_context import PythonScope
+from ss2sql.runtime.python.expression_facts import OWN_GROUP
+from ss2sql.runtime.python.python_expressions import write_expression
+from ss2sql.runtime.python.step_clauses import StepForm
+from ss2sql.runtime.python.step_function import StepFunction, StepLoops
+from ss2sql.runtime.search.memorize_by_key import shows_path_values
+from ss2sql.runtime.search.regression import Regression, find_regression
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.python.query_compiler import QueryCompiler
+
+
+def can_be_noted(builder: QueryCompiler, query: plan.Query) -> bool:
+    """Whether nobody can notice when, and how often, a clause of the search is evaluated, but by what it costs."""
+    search = query.search
+    if search is None or not search.plain:
+        return False
+    clauses = [*(output.expr for output in query.columns), *query.rows, *(expr for _, expr in search.connect)]
+    clauses += [clause for clause in (search.stop, query.where, search.weight) if clause is not None]
+    facts = [builder.unit.analysis.of(expr) for expr in clauses] + [builder.get_source_facts(s) for s in query.sources]
+    return all(fact.steady and OWN_GROUP not in fact.groups for fact in facts)
+
+
+def noted_steps(
+    builder: QueryCompiler,
+    query: plan.Query,
+    owner: PythonScope,
+    loops: StepLoops,
+    form: StepForm,
+    columns: list[Shape],
+) -> ast.expr:
+    """What `Noted` is made of, in the order of its fields; None where steps are taken in one go."""
+    unit, pen = builder.unit, builder.unit.build_at(query.span)
+    search = query.search
+    assert search is not None
+    loops = copy(loops)
+    loops.lookups, loops.world_conditions = {}, {}
+    if not search.plain and shows_path_values(search):  # of a step its row and the state after it are wanted
+        search = replace(search, made=None, key=(), by="row", siblings=())
+        query = replace(query, where=None, search=replace(search, stop=None, weight=None, heuristic=None))
+    elif not can_be_noted(builder, query):
+        return pen.constant(None)
+    step = NotedStep(builder, query, loops, replace(form, noted=True), columns)
+    function = step.write_function()
+    reverse = find_regression(query) if query.search is not None and search.plain else "it has options"
+    backwards = [pen.constant(None)] * 2
+    if isinstance(reverse, Regression):
+        writer = Backwards(builder, query, owner)
+        backwards = [pen.name(writer.goals(reverse)), pen.name(writer.before(reverse))]
+    plain = not any(source.id in unit.tuples or source.id in unit.worlds for source in query.sources)
+    made = (step.places(), search.order == "probability", len(query.sources), plain)
+    return pen.pack(pen.name(function), *backwards, *(pen.name(unit.constant(part)) for part in made))
+
+
+class NotedStep(StepFunction):
+    """Writes the step function with notes."""
+
+    def __init__(
+        self, builder: QueryCompiler, query: plan.Query, loops: StepLoops, form: StepForm, columns: list[Shape]
+    ) -> None:
+        super().__init__(builder, query, loops, form, None)
+        self.columns = columns
+        self.body.early_keys = False  # often all calls are known
+        self.loops = copy(loops)
+        self.loops.frozen = {}  # the elements come by themselves
+        self.note = self.unit.local("note")
+        target = self.loop.target
+        pair = [ast.Name(self.note, ast.Store(), **self.build.at), target]
+        self.loop.target = ast.Tuple(pair, ast.Store(), **self.build.at)
+        self.at_once = find_direct_assignments(query)
+        self.unit.namespace["UNSET"] = UNSET
+        self.slots: dict[object, str] = {}  # by the key of an expression, else by identity
+        clauses = [*self.outputs, *(expr for _, expr in self.search.connect), *self.clauses]
+        for expr in clauses:
+            self.slots.setdefault(self._slot_key(expr), self.unit.local("noted"))
+        self.plain = {self._slot_key(expr): expr for expr in self.outputs if _is_at_hand(expr)}
+        for expr in clauses:  # calls find their slots themselves
+            key = self.unit.analysis.of(expr).key
+            if key is not None and self._slot_key(expr) == key:
+                self.body.slots[key] = self.slots[key]
+
+    def _slot_key(self, expr: plan.Expr) -> object:
+        """Equal expressions share a slot, unless CONNECT BY has changed what one of them reads."""
+        sequential = any(expr is other and self.at_once.get(name) is not expr for name, other in self.search.connect)
+        key = self.unit.analysis.of(expr).key
+        return id(expr) if key is None or sequential else key
+
+    def places(self) -> tuple[tuple[int, ...], tuple[int | None, ...], dict[str, int], int]:
+        """Where in a note the columns of its row are, the variables after the step, and its clauses; its size."""
+        at = {key: place for place, key in enumerate(self.slots)}
+        rows = tuple(at[self._slot_key(expr)] for expr in self.outputs)
+        after = (self.connect.get(name) for name in self.shapes)
+        states = tuple(None if expr is None else at[self._slot_key(expr)] for expr in after)
+        named = {"stop": self.search.stop, "goal": self.query.where, "weight": self.search.weight}
+        clauses = {name: at[self._slot_key(clause)] for name, clause in named.items() if clause is not None}
+        return rows, states, clauses, len(at)
+
+    def _value(self, expr: plan.Expr) -> ast.expr:
+        inner, pen, slot = self.inner, self.unit.build_at(expr.span), self.slots[self._slot_key(expr)]
+        if self._slot_key(expr) in self.plain:
+            return super()._value(expr)
+        with inner.write_skippable():
+            value = super()._value(expr)
+        facts = self.unit.analysis.of(expr)
+        if isinstance(value, ast.Name) and value.id == slot:
+            return value
+        inner.forget(value)
+        if facts.key is not None and not inner.has_state_changed(facts):
+            inner.known[-1][facts.key] = slot
+        is_known = pen.compare(pen.name(slot), ast.IsNot(), pen.name("UNSET"))
+        return pen.name(inner.assigned(pen.if_else(is_known, pen.name(slot), pen.bind(slot, value)), pen, "value"))
+
+    def write_clauses(self) -> None:
+        super().write_clauses()
+        self.inner.moved = {}
+        pen, names = self.build, list(self.slots.values())
+        values = [
+            super(NotedStep, self)._value(self.plain[key]) if key in self.plain else pen.name(name)
+            for key, name in self.slots.items()
+        ]
+        note = ast.Subscript(pen.name(self.note), ast.Slice(None, None, None, **pen.at), ast.Store(), **pen.at)
+        kept = ast.Assign([note], pen.array(*values, pen.constant(True)), **pen.at)
+        body = self.loop.body
+        taken = pen.unpack([*names, "_"], pen.name(self.note))
+        self.loop.body = [taken, ast.Try(body, [], [], [kept], **pen.at)]
+
+    def _session_name(self, items: ast.expr) -> ast.expr:
+        """The elements with their notes, which are known or begun."""
+        pen, known = self.build, self.unit.local("known")
+        choose = pen.name("choose")
+        is_new = pen.compare(pen.bind(known, pen.call(pen.part(choose, "known"))), ast.Is(), pen.constant(None))
+        begun = pen.call(pen.part(choose, "begin"), pen.call("list", items))
+        return pen.if_else(is_new, begun, pen.name(known))
+
+
+def _is_at_hand(expr: plan.Expr) -> bool:
+    return isinstance(expr, (plan.Element, plan.State, plan.Constant))
+
+
+class Backwards:
+    """Writes the functions that give the states at the goal, and the state before a step."""
+
+    def __init__(self, builder: QueryCompiler, query: plan.Query, outer: PythonScope) -> None:
+        assert query.search is not None
+        self.builder, self.unit, self.query, self.outer = builder, builder.unit, query, outer
+        self.build = self.unit.build_at(query.span)
+        self.states = [self.unit.states[query.id, name] for name, _ in query.search.start]
+
+    def goals(self, reverse: Regression) -> str:
+        """The states at the goal; what no step changes has its value from the start."""
+        self.unit.analysis.include(tuple(value for goal in reverse.goals for value in goal if value is not None))
+        body, pen = PythonScope(self.unit, self.unit.local("goals"), ["state"], self.outer), self.build
+        start = [pen.item(pen.name("state"), position) for position in range(len(self.states))]
+        states = []
+        for goal in reverse.goals:
+            pairs = zip(start, goal, strict=True)
+            values = (old if value is None else write_expression(self.builder, value, body) for old, value in pairs)
+            states.append(pen.pack(*values))
+        body.add(pen.back(pen.array(*states)))
+        body.define()
+        return body.name
+
+    def before(self, reverse: Regression) -> str:
+        """The state before a step, from its elements and the state after it; None where there is none."""
+        exprs = [expr for expr in reverse.before if expr is not None]
+        self.unit.analysis.include(tuple(exprs))
+        body, pen = self._function(exprs), self.build
+        values = []
+        for expr, after in zip(reverse.before, self.states, strict=True):
+            if isinstance(expr, plan.Call) and expr.function.inverse_of:
+                values.append(self._undone(expr, body))
+            else:
+                values.append(pen.name(after) if expr is None else write_expression(self.builder, expr, body))
+        body.add(pen.back(pen.pack(*values)))
+        body.define()
+        return body.name
+
+    def _function(self, clauses: Sequence[plan.Expr]) -> PythonScope:
+        body = PythonScope(self.unit, self.unit.local("before"), ["last"], self.outer)
+        body.levels.update((source.id, 0) for source in self.query.sources)
+        assert self.query.search is not None
+        body.states.update((self.query.id, name) for name, _ in self.query.search.start)
+        body.count(clauses)
+        names = [*(self.unit.names[source.id] for source in self.query.sources), *self.states]
+        body.add(self.build.unpack(names, self.build.name("last")))
+        body.locals.extend(names)
+        return body
+
+    def _undone(self, expr: plan.Call, body: PythonScope) -> ast.expr:
+        """The value of an inverse; ends the function where it is None."""
+        unit, pen = self.unit, self.unit.build_at(expr.place)
+        arguments = pen.pack(*(write_expression(self.builder, argument, body) for argument in expr.arguments))
+        unit.page.note_call(expr.place, expr.function.name)
+        value = unit.local("before")
+        result = pen.call(unit.function(expr.function, pen), arguments)
+        body.add(pen.assign(value, pen.item(result, 0)))
+        nothing = pen.compare(pen.name(value), ast.Is(), pen.constant(None))
+        body.add(pen.when(nothing, pen.back(pen.constant(None))))
+        return pen.name(value)

@@ -1,0 +1,289 @@
+"""Compiles the queries of a unit, each with the queries inside of it.
+
+A query becomes a function that finds its results (flat_query.py, search_compiler.py), functions for what stands around
+them (LIMIT and its kin, groups, the arguments of AS), and a `Task` that puts them together when a run begins.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.frozen_values import UNSET
+from ss2sql.language.kinds import SCALAR, Kind
+from ss2sql.language.plan_traversal import has_constant_source, walk
+from ss2sql.language.representation_table import make_label
+from ss2sql.runtime.python import flat_query
+from ss2sql.runtime.python.ast_builder import AstBuilder
+from ss2sql.runtime.python.call_memo import make_exact_key
+from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
+from ss2sql.runtime.python.eval_compiler import EvalScope, make_eval_cache
+from ss2sql.runtime.python.expression_facts import ExpressionFacts
+from ss2sql.runtime.python.python_expressions import get_group_key, write_expression
+from ss2sql.runtime.python.query_execution import get_tuples_function, get_value_function, make_execution
+from ss2sql.runtime.run.call_memory import MEMO_LIMIT, forget_older_half
+from ss2sql.runtime.run.option_values import check_count
+from ss2sql.runtime.run.post_processing import QueryForm, find_aggregates
+from ss2sql.runtime.run.run_state import Run
+
+SELF_KEYED_KINDS = Kind.INT | Kind.STR | Kind.NONE  # equal values of these kinds are the same
+
+Dispatch = Callable[[plan.Query], Callable[[Run], Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledSubquery:
+    """A compiled query as the code around it uses it: names of functions, and the outer values that they take.
+
+    `found` gives the rows of a query after which nothing follows when they were found.
+    """
+
+    task: str
+    value: str
+    tuples: str
+    found: str | None
+    arguments: list[ast.expr]
+
+
+class QueryCompiler:
+    """Compiles into one unit. With `dispatch` the queries are somebody else's, see `compile_statement`."""
+
+    def __init__(self, unit: CodegenContext, dispatch: Dispatch | None = None) -> None:
+        self.unit = unit
+        self.dispatch = dispatch
+
+    # --- queries and texts inside of expressions -------------------------------------------------------
+
+    def subquery(self, node: plan.Subquery, body: PythonScope) -> ast.expr:
+        """The value of a query in an expression."""
+        unit, build = self.unit, self.unit.build_at(node.span)
+        if self.dispatch is not None:
+            return build.call(unit.constant(self.dispatch(node.query), "query"), build.name("run"))
+        nested = self.query(node.query, body)
+        call = build.call(nested.value, *nested.arguments)
+        facts = unit.analysis.of(node)
+        return body.kept(facts, call, build, "value") if facts.steady else call
+
+    def reduction(self, node: plan.Call, body: PythonScope) -> ast.expr | None:
+        """A value that a built-in function makes of the rows of a query, once for equal values of the rows around it.
+
+        None for any other call, and where what the query reads of them may be objects, which have no exact keys.
+        """
+        unit, facts = self.unit, self.unit.analysis.of(node)
+        match node.arguments:
+            case (plan.Subquery(query=query) as inner,) if facts.steady and node.type.only(SCALAR):
+                read = [part for part in walk(inner) if _reads_outer_rows(part, body)]
+            case _:
+                return None
+        if self.dispatch is not None or facts.groups or not (read and has_constant_source(query)):
+            return None
+        if any(part.type.may(Kind.OBJECT) for part in read):
+            return None
+        build = unit.build_at(node.span)
+        unit.page.note_call(node.place, node.function.name)
+        keys = [write_expression(self, part, body) for part in dict.fromkeys(read)]
+        keys = [
+            key if part.type.only(SELF_KEYED_KINDS) else build.call(unit.helper(make_exact_key), key)
+            for key, part in zip(keys, dict.fromkeys(read), strict=True)
+        ]
+        memo = unit.bind(("reduction", id(node)), "reduced", build.record((), ()), build)
+        key, found = unit.local("key"), unit.local("found")
+        with body.write_skippable():
+            value = build.call(unit.function(node.function, build), write_expression(self, inner, body))
+        asked = build.bind(key, keys[0] if len(keys) == 1 else build.pack(*keys))
+        unit.namespace["UNSET"] = UNSET
+        known = build.bind(found, build.call(build.part(build.name(memo), "get"), asked, build.name("UNSET")))
+        missed = build.call(unit.helper(memoize_value), build.name(memo), build.name(key), value)
+        return build.if_else(build.compare(known, ast.IsNot(), build.name("UNSET")), build.name(found), missed)
+
+    def text(self, node: plan.Eval, body: PythonScope) -> ast.expr:
+        """The value of a text that is compiled when it is met."""
+        unit, build = self.unit, self.unit.build_at(node.span)
+        unit.page.note_eval(node.span)
+        sources = tuple(source for source in node.sources if body.is_source_visible(source))
+        states = tuple(state for state in node.states if body.is_state_visible(state))
+        kept = ((source, unit.tuples.get(source), unit.elements.get(source)) for source in sources)
+        sight = EvalScope(
+            node.scope,
+            tuple((*known, unit.worlds.get(known[0])) for known in kept),
+            states,
+            self.dispatch,
+        )
+        constant = build.name(unit.constant(sight, "sight"))
+        texts = unit.bind(
+            ("texts", id(node)), "texts", build.call(unit.helper(make_eval_cache), build.name("run"), constant), build
+        )
+        function = build.item(build.name(texts), write_expression(self, node.text, body))
+        return build.call(function, *self._list_outer_values(sources, states, body, build))
+
+    def get_source_facts(self, source: plan.Source) -> ExpressionFacts:
+        """What the reading of a source depends on."""
+        match source:
+            case plan.ValueSource(value=value):
+                return replace(self.unit.analysis.of(value), key=None)
+            case plan.QuerySource(query=query):
+                return replace(self.unit.analysis.of(query), key=None, total=False)
+            case plan.TableSource():
+                return ExpressionFacts(total=False)
+            case plan.WorldSource(arguments=arguments):
+                facts = [self.unit.analysis.of(argument) for argument in arguments]
+                return ExpressionFacts(
+                    frozenset().union(*(one.sources for one in facts)),
+                    frozenset().union(*(one.states for one in facts)),
+                    steady=all(one.steady for one in facts),
+                    total=all(one.total for one in facts),
+                )
+
+    def _list_outer_values(
+        self, sources: Sequence[int], states: Sequence[tuple[int, str]], body: PythonScope, build: AstBuilder
+    ) -> list[ast.expr]:
+        unit = self.unit
+        values = [build.name(unit.names[source]) for source in sources]
+        return values + [build.name(body.moved.get(state) or unit.states[state]) for state in states]
+
+    # --- queries ---------------------------------------------------------------------------------------
+
+    def query(self, query: plan.Query, caller: PythonScope) -> CompiledSubquery:
+        """Compiles a query that is used in `caller`."""
+        unit = self.unit
+        facts = unit.analysis.of(query)
+        sources = [source for source in sorted(facts.sources) if caller.is_source_visible(source)]
+        states = [state for state in sorted(facts.states) if caller.is_state_visible(state)]
+        groups = {key: name for key, name in caller.list_visible_groups.items() if key[0] in facts.groups}
+        build = unit.build_at(query.span)
+
+        def part(name: str) -> PythonScope:
+            """A function of the query; it takes what the query reads of the queries around it."""
+            names = [*(unit.names[s] for s in sources), *(unit.states[s] for s in states), *groups.values()]
+            body = PythonScope(unit, unit.local(name), names, unit.root)
+            body.levels = dict.fromkeys(sources, 0)
+            body.states, body.groups = set(states), dict(groups)
+            return body
+
+        own, searched = find_aggregates(query), None
+        if query.search is None:
+            finder = flat_query.compile_flat_query(self, query, part("rows"), own)
+        else:
+            from ss2sql.runtime.python import search_compiler
+
+            finder, searched = search_compiler.compile_search(self, query, part("rows"), own)
+        functions = {
+            "settings": self._settings(query, part),
+            "find": finder,
+            "group": self._group(query, part),
+            "arguments": self._arguments(query, part),
+            "flush": self._flush(build) if query.search else None,
+        }
+        find = unit.find if query is unit.level_searched_query else None
+        form = build.name(unit.constant(QueryForm.of(query, tuple(own), searched, find), "form"))
+        given = [build.constant(None) if name is None else build.name(name) for name in functions.values()]
+        task, value, tuples = unit.local("task"), unit.local("value_of"), unit.local("rows_of")
+        unit.definitions += [
+            build.assign(task, build.call(unit.helper(make_execution), build.name("run"), form, *given)),
+            build.assign(value, build.call(unit.helper(get_value_function), build.name(task))),
+            build.assign(tuples, build.call(unit.helper(get_tuples_function), build.name(task))),
+        ]
+        outer = self._list_outer_values(sources, states, caller, build) + [build.name(name) for name in groups.values()]
+        ends = query.search or query.grouped or query.order or functions["settings"]
+        return CompiledSubquery(task, value, tuples, None if ends else functions["find"], outer)
+
+    def _flush(self, build: AstBuilder) -> str:
+        """A function that hands on what was counted."""
+        name = self.unit.local("flush")
+        self.unit.definitions.append(build.function(name, [], [build.run(self.unit.write_step_check())]))
+        return name
+
+    def _settings(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
+        """A function that gives LIMIT, OFFSET, MAXIMUM and MEMORIZE's bound, and the names of the columns."""
+        search = query.search
+        counts = [(query.limit, 0, "LIMIT"), (query.offset, 0, "OFFSET")]
+        counts.append((search.maximum if search else None, 1, "MAXIMUM"))
+        counts.append((search.bound if search else None, 1, "MEMORIZE"))
+        labelled = any(output.label for output in query.columns)
+        if not labelled and not any(expr for expr, _, _ in counts):
+            return None
+        body = part("settings")
+        values = [self._count(expr, least, word, body) for expr, least, word in counts]
+        build = self.unit.build_at(query.span)
+        labels = [
+            build.constant(output.name) if output.label is None else self._write_label(output.label, body)
+            for output in query.columns
+        ]
+        body.add(build.back(build.pack(*values, build.pack(*labels) if labelled else build.constant(None))))
+        body.define()
+        return body.name
+
+    def _count(self, expr: plan.Expr | None, least: int, word: str, body: PythonScope) -> ast.expr:
+        if expr is None:
+            return self.unit.build.constant(None)
+        build = self.unit.build_at(expr.span)
+        value = write_expression(self, expr, body)
+        return build.call(self.unit.helper(check_count), value, build.constant(least), build.constant(word))
+
+    def _write_label(self, expr: plan.Expr, body: PythonScope) -> ast.expr:
+        build = self.unit.build_at(expr.span)
+        return build.call(self.unit.helper(make_label), write_expression(self, expr, body))
+
+    def _group(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
+        """A function of a group's aggregates and keys.
+
+        It gives None for a group that HAVING drops, else the group's row and its sort keys; the row is None
+        where the group is a partition.
+        """
+        if not query.aggregated and not (query.group and query.having):
+            return None
+        unit, build = self.unit, self.unit.build_at(query.span)
+        body = part("group")
+        names = {get_group_key(node): unit.local(node.function) for node in find_aggregates(query)}
+        names.update({(query.id, index): unit.local("key") for index in range(len(query.group))})
+        body.groups.update(names)
+        body.parameters = [*names.values(), *body.parameters]
+        outputs = [output.expr for output in query.columns] if query.aggregated else []
+        keys = [key.expr for key in query.order] if query.aggregated else []
+        body.count([*([query.having] if query.having else []), *outputs, *keys])
+        if query.having is not None:
+            kept = write_expression(self, query.having, body)
+            body.add(unit.build_at(query.having.span).if_not(kept, ast.Return(build.constant(None), **build.at)))
+        row, behind = flat_query.write_row_and_keys(
+            self, query if query.aggregated else replace(query, order=()), outputs, keys, body
+        )
+        shown = build.pack(*row) if query.aggregated else build.constant(None)
+        body.add(build.back(build.pack(shown, build.pack(*behind))))
+        body.define()
+        return body.name
+
+    def _arguments(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
+        """A function that gives the arguments of AS."""
+        representation = query.representation
+        if not representation.arguments and not representation.named:
+            return None
+        body = part("arguments")
+        build = self.unit.build_at(query.span)
+        positional = build.pack(*(write_expression(self, expr, body) for expr in representation.arguments))
+        names = tuple(name for name, _ in representation.named)
+        named = build.record(names, tuple(write_expression(self, expr, body) for _, expr in representation.named))
+        body.add(build.back(build.pack(positional, named)))
+        body.define()
+        return body.name
+
+
+def _reads_outer_rows(part: Any, body: PythonScope) -> bool:
+    match part:
+        case plan.Element(source=source) | plan.Column(source=source):
+            return body.is_source_visible(source)
+        case plan.State(query=query, name=name):
+            return body.is_state_visible((query, name))
+        case _:
+            return False
+
+
+def memoize_value(memo: dict[Any, Any], key: Any, value: Any) -> Any:
+    """The value, kept by its key."""
+    if len(memo) >= MEMO_LIMIT:
+        forget_older_half(memo)
+    memo[key] = value
+    return value

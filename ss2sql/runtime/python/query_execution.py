@@ -1,0 +1,166 @@
+"""Running a compiled query: finding its results, and what comes after that, see post_processing.py."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Hashable, Iterator
+from functools import partial
+from itertools import islice
+from typing import Any
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.rows import Row, Rows, build_row_limit_error, make_unique_names
+from ss2sql.language.values import make_hashable
+from ss2sql.runtime.run.option_values import find_least
+from ss2sql.runtime.run.post_processing import PostProcessing, QueryForm
+from ss2sql.runtime.run.run_state import Run
+
+
+@dataclass(frozen=True, slots=True)
+class QuerySettings:
+    """The values of LIMIT, OFFSET, MAXIMUM and MEMORIZE's bound, and the names of columns where `to` computes one."""
+
+    limit: int | None = None
+    offset: int | None = None
+    maximum: int | None = None
+    bound: int | None = None
+    labels: tuple[str, ...] | None = None
+
+
+NO_SETTINGS = QuerySettings()
+
+
+@dataclass(frozen=True, slots=True)
+class QueryExecution:
+    """A query bound to a run. The functions are generated; they take the values of outer queries that it reads."""
+
+    run: Run
+    form: QueryForm
+    settings: Callable[..., tuple[Any, ...]] | None
+    find: Callable[..., Any]
+    group: Callable[..., tuple[Row | None, Row] | None] | None
+    arguments: Callable[..., tuple[tuple[Any, ...], dict[str, Any]]] | None
+    flush: Callable[[], None] | None
+
+    def value(self, *outer: Any) -> Any:
+        """The query's value, as its representation makes it."""
+        counted = self.form.query.representation.name != "value"  # of which the first row alone is kept
+        return self.shaped(self.rows(outer, counted=counted), outer)
+
+    def shaped(self, rows: Rows, outer: tuple[Any, ...] = ()) -> Any:
+        """What the query's representation makes of its answer."""
+        arguments, named = self.arguments(*outer) if self.arguments else ((), {})
+        return self.run.host.shape(self.form.query, rows, arguments, named, self.run)
+
+    def tuples(self, *outer: Any) -> list[Row]:
+        """The rows of a query whose results are rows."""
+        rows = self.rows(outer).rows
+        assert rows is not None
+        return rows
+
+    def stream(self) -> Iterator[Row]:
+        """The rows of a query whose results are rows, one by one where nothing follows after they were found."""
+        return iter(self.tuples()) if self._needs_keys else self._found(None, ())
+
+    def rows(
+        self, outer: tuple[Any, ...] = (), sink: Rows | None = None, outermost: bool = False, counted: bool = False
+    ) -> Rows:
+        """The answer of the query, in `sink` where one is given. The run's limits hold for the `outermost` query;
+        that of its rows for queries inside of others whose value is asked for, which are `counted`.
+        """
+        form, query = self.form, self.form.query
+        settings = QuerySettings(*self.settings(*outer)) if self.settings else NO_SETTINGS
+        nothing = settings.limit == 0 and not self._needs_keys  # is evaluated then
+        every = _yield_nothing() if nothing else self._found(settings.bound, outer)
+        answer = Rows(form.columns) if sink is None else sink
+        maximum = find_least(settings.maximum, self.run.maximum if outermost and query.search else None)
+        found: Iterator[Any] = every if maximum is None else _take_first(every, maximum, answer)
+        found = _drop_duplicates(found, self._needs_keys) if query.distinct else found
+        if settings.labels is not None:
+            answer.columns = make_unique_names(settings.labels)
+        results: list[Any] = []
+        if not query.gives_paths:
+            answer.rows, answer.paths = results, None
+        else:
+            answer.rows, answer.paths = None, results
+        most = self.run.max_rows if outermost or counted else None
+        try:
+            if self._needs_keys:
+                group = None if self.group is None else partial(_bind_outer_values, self.group, outer)
+                PostProcessing(form, group, settings.limit, settings.offset or 0, most).finish(found, results, answer)
+            else:
+                self._stream(found, results, settings.limit, settings.offset or 0, most)
+        finally:
+            every.close()  # so that a search hands on what it has counted
+            self.tell()
+        return answer
+
+    @property
+    def _needs_keys(self) -> bool:
+        """Whether the results come with keys, because something has to be done with them when all are found."""
+        return bool(self.form.query.grouped or self.form.query.order)
+
+    def _found(self, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
+        """The results as they are found; `bound` is MEMORIZE's."""
+        if self.form.query.search is None or self.form.search is None:
+            return self.find(*outer)  # type: ignore[no-any-return]
+        from ss2sql.runtime.python.search_execution import find_results
+
+        return find_results(self, self.form.query.search, self.form.search, bound, outer)
+
+    def tell(self) -> None:
+        """Hands on to the run what was counted."""
+        if self.flush is not None:
+            self.flush()
+
+    def _stream(
+        self, found: Iterator[Any], results: list[Any], limit: int | None, offset: int, most: int | None
+    ) -> None:
+        """Fills `results`, of which there must not be more than `most`."""
+        if limit is not None:
+            found = islice(found, offset, offset + limit)
+            most = None if most is None or limit <= most else most
+        results.extend(found if most is None else islice(found, most + 1))
+        if most is not None and len(results) > most:
+            raise build_row_limit_error(most, self.form.query.span)
+
+
+def _yield_nothing() -> Generator[Any, None, None]:
+    yield from ()
+
+
+def _take_first(every: Iterator[Any], maximum: int, answer: Rows) -> Iterator[Any]:
+    """The first results; the answer hears it if there are as many, and no other one is looked for."""
+    for number, result in enumerate(every, 1):
+        answer.ended = number == maximum
+        yield result
+        if answer.ended:
+            return
+
+
+def _drop_duplicates(every: Iterator[Any], keyed: bool) -> Iterator[Any]:
+    """The first of equal paths, which may come with keys."""
+    met: set[Hashable] = set()
+    for result in every:
+        key = tuple(tuple(map(make_hashable, row)) for row in (result[0] if keyed else result))
+        if key not in met:
+            met.add(key)
+            yield result
+
+
+def _bind_outer_values(function: Callable[..., Any], outer: tuple[Any, ...], *seen: Any) -> Any:
+    return function(*seen, *outer)
+
+
+# --- what generated code calls -------------------------------------------------------------------------
+
+
+def make_execution(run: Run, form: QueryForm, *functions: Any) -> QueryExecution:
+    return QueryExecution(run, form, *functions)
+
+
+def get_value_function(task: QueryExecution) -> Callable[..., Any]:
+    return task.value
+
+
+def get_tuples_function(task: QueryExecution) -> Callable[..., list[Row]]:
+    return task.tuples

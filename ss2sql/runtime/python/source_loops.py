@@ -1,0 +1,452 @@
+"""The sources of a query as loops, the last one innermost, and the conditions that are tested between them.
+
+A source that mentions neither an earlier source nor the search's state is read once, when its query begins,
+in written order. Any other is read again for each of their values. What is read is a list of its own, so a
+value that changes during the walk does no harm.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from itertools import chain
+from typing import TYPE_CHECKING, assert_never
+
+from ss2sql.errors import Stopped
+from ss2sql.language import plan
+from ss2sql.language.frozen_values import freeze_any
+from ss2sql.language.kinds import Kind
+from ss2sql.language.plan_traversal import ends_early, walk
+from ss2sql.runtime.python.ast_builder import AstBuilder
+from ss2sql.runtime.python.call_memo import make_exact_key
+from ss2sql.runtime.python.codegen_context import MAX_LOOPS, PythonScope
+from ss2sql.runtime.python.equality_index import (
+    Lookup,
+    index_columns,
+    index_computed_keys,
+    index_elements,
+    index_integers,
+    index_plain_rows,
+    index_single_column,
+    index_tuples,
+    look_up,
+    look_up_several,
+)
+from ss2sql.runtime.python.expression_facts import ExpressionFacts
+from ss2sql.runtime.python.loop_items import (
+    attach_computed,
+    iterate_with_checks,
+    iterate_with_progress,
+    read_columns,
+    read_frame_rows,
+    read_table_rows,
+)
+from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, write_expression
+from ss2sql.runtime.python.world_loops import WorldCondition, find_world_condition, write_world_items
+from ss2sql.runtime.run.elements import list_elements, list_elements_or_none
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.python.query_compiler import QueryCompiler
+
+
+class SourceLoops:
+    """The loops of one query, opened in `body`; what is read once is read in `owner`, around it or the same.
+
+    They stand `inside` of the loops of another query, see subquery_loops.py, or are loops of their own.
+    """
+
+    def __init__(self, builder: QueryCompiler, query: plan.Query, owner: PythonScope, inside: bool = False) -> None:
+        from ss2sql.runtime.python.subquery_loops import can_open_inside, tests_before_loop
+
+        self.builder = builder
+        self.query = query
+        self.owner = owner
+        self.sources = query.sources
+        self.facts = [builder.get_source_facts(source) for source in query.sources]
+        own = {source.id for source in query.sources}
+        self.lateral = [
+            # What is asked of a world depends on the conditions that it gets.
+            isinstance(source, plan.WorldSource)
+            # How often something happens, and whether it fails, must not depend on rewrites.
+            or (not isinstance(source, plan.TableSource) and source.lateral and not (facts.steady and facts.total))
+            or not own.isdisjoint(facts.sources)
+            or any(number == query.id for number, _ in facts.states)
+            for source, facts in zip(self.sources, self.facts, strict=True)
+        ]
+        self.inside = inside
+        ends = None if query.search is None else query.sources[0]  # what is tested before its loop would end the search
+        self.opened = {
+            source.id
+            for source, lateral in zip(self.sources, self.lateral, strict=True)
+            if lateral
+            and isinstance(source, plan.QuerySource)
+            and can_open_inside(source.query, builder.unit.analysis)
+            and not (source is ends and tests_before_loop(source.query, builder.unit.analysis))
+        }
+        own_function = query.search is None and not inside and not owner.parameters
+        self.alone = own_function and len(self.sources) == 1 and not any(self.lateral)
+        self.outermost = own_function and len(self.sources) > 1 and not self.lateral[0]
+        self.items: dict[int, str] = {}  # by source: what is read once
+        self.ready: dict[int, ast.expr] = {}  # the same inside of other loops, where it has no name
+        self.lookups: dict[int, list[Lookup]] = {}  # by source: what its loop looks up
+        self.world_conditions: dict[int, list[WorldCondition]] = {}  # by source: what a world is told of conditions
+        self.wanted: dict[int, str] = {}  # by source: the only column that is read of what its loop looks up
+        self.frozen: dict[int, str] = {}  # sources whose elements come with their frozen form
+
+    @property
+    def first_read_once(self) -> int:
+        """The number of the first source from which on all are read once."""
+        return max((index + 1 for index, lateral in enumerate(self.lateral) if lateral), default=0)
+
+    @property
+    def first_unnoticed(self) -> int:
+        """The number of the first source from which on nobody can notice whether a source is read."""
+        loud = (
+            index + 1
+            for index, facts in enumerate(self.facts)
+            if self.lateral[index] and not (facts.steady and facts.total)
+        )
+        return max(loud, default=0)
+
+    def read_constant_sources(self) -> None:
+        """Reads what has to be read once."""
+        for source, lateral in zip(self.sources, self.lateral, strict=True):
+            if not lateral:
+                if self.inside and isinstance(source, plan.TableSource):
+                    self.builder.unit.tuples[source.id] = tuple(name for name, _ in source.columns)
+                    continue
+                build, items = self.builder.unit.build_at(source.span), self._items(source, self.owner)
+                if self.inside:
+                    self.ready[source.id] = items
+                    continue
+                name = self.items[source.id] = self.builder.unit.local("items")
+                self.owner.add(build.assign(name, items))
+                self.owner.locals.append(name)
+
+    def attach_keys(self, source: plan.Source, frozen: bool, keyed: bool) -> None:
+        """Lets elements come with their frozen forms, or with their exact keys, where they are values read once."""
+        unit = self.builder.unit
+        if source.id not in self.items or source.id in self.lookups or source.id in unit.tuples:
+            return
+        build, name = unit.build_at(source.span), self.items[source.id]
+        makers: list[ast.expr] = []
+        if frozen:
+            self.frozen[source.id] = unit.local("key")
+            makers.append(build.name(unit.helper(freeze_any)))
+        if keyed:
+            unit.keys[source.id] = unit.local("exact")
+            makers.append(build.name(unit.helper(make_exact_key)))
+        self.owner.add(build.assign(name, build.call(unit.helper(attach_computed), build.name(name), *makers)))
+
+    @staticmethod
+    def has_scalar_elements(source: plan.Source) -> bool:
+        """Whether the elements are numbers and strings, which need no frozen form."""
+        return isinstance(source, (plan.ValueSource, plan.QuerySource)) and source.element.only(Kind.NUMBER | Kind.STR)
+
+    def plan_lookup(self, condition: Lookup) -> bool:
+        """Plans to look up what the condition asks for; gives whether that is possible and worth it.
+
+        What the column must equal has to be known before the source's loop, and nothing that is read after it
+        may notice. A loop that runs only once is as quick without an index.
+        """
+        number = {source.id: index for index, source in enumerate(self.sources)}
+        if condition.source not in number or self._makes_noticeable_calls(condition.key):
+            return False
+        source, other = condition.source, self.builder.unit.analysis.of(condition.other)
+        index = number[source]
+        facts = self.facts[index]
+        if source in self.frozen or self.lateral[index] or not facts.steady:
+            return False
+        if index + 1 < self.first_unnoticed or any(number.get(known, -1) > index for known in other.sources):
+            return False
+        correlated = bool(other.sources or other.states) and self.owner.home(facts)[0] is not self.owner
+        if index == 0 and self.query.search is None and not correlated:
+            return False
+        self.lookups.setdefault(source, []).append(condition)
+        return True
+
+    def _makes_noticeable_calls(self, key: plan.Expr) -> bool:
+        """Whether a key calls functions of the user for rows that LIMIT cuts off."""
+        return ends_early(self.query) and self.builder.unit.analysis.of(key).calls
+
+    def has_row_index(self, source: plan.Source) -> bool:
+        """Whether the source's loop looks up rows by columns of numbers and text."""
+        known = self.lookups.get(source.id)
+        if known is None or source.id not in self.builder.unit.tuples:
+            return False
+        return all(one.plain and isinstance(one.key, plan.Column) and one.key.type.only(SCALAR_KINDS) for one in known)
+
+    def push_condition_to_world(self, condition: plan.Expr) -> None:
+        """Tells a world of a condition, where what its column is compared with is known before the world is asked.
+
+        The condition is tested all the same, so it may be asked early only where nobody can notice.
+        """
+        facts = self.builder.unit.analysis.of(condition)
+        demand = find_world_condition(condition, self.sources) if facts.steady and facts.total else None
+        if demand is None:
+            return
+        number = {source.id: index for index, source in enumerate(self.sources)}
+        index = number[demand.source]
+        known = self.builder.unit.analysis.of(demand.value).sources
+        if index + 1 >= self.first_unnoticed and all(number.get(other, -1) < index for other in known):
+            self.world_conditions.setdefault(demand.source, []).append(demand)
+
+    def open(
+        self, body: PythonScope, conditions: Mapping[int, Sequence[plan.Expr]], guarded: int | None = None
+    ) -> PythonScope:
+        """Opens all loops and gives the function where the innermost one is.
+
+        `conditions` gives for each number of bound sources what is tested then. With `guarded` the loops from
+        this number on are entered only if all their sources, which are read once, have elements.
+        """
+        for index, source in enumerate(self.sources):
+            if index == guarded:
+                self._guard(body, self.sources[index:])
+            self._test(body, conditions.get(index, ()))
+            if body.level == MAX_LOOPS:
+                body = self._start_inner_function(body)
+            body = self._open_loop(body, source)
+            innermost = index + 1 == len(self.sources)
+            # The loop around these counts what comes to their end.
+            if not self.alone and not (self.inside and innermost and not conditions.get(index + 1)):
+                self._count(body, innermost)
+        self._test(body, conditions.get(len(self.sources), ()))
+        return body
+
+    def _open_loop(self, body: PythonScope, source: plan.Source) -> PythonScope:
+        from ss2sql.runtime.python.subquery_loops import open_inner_loops
+
+        unit = self.builder.unit
+        if source.id in self.opened:
+            assert isinstance(source, plan.QuerySource)
+            read = self._list_columns_read(source.id, tuple(output.name for output in source.query.columns))
+            body = open_inner_loops(self.builder, source, read, body)
+            body.levels[source.id] = body.level
+            return body
+        build = unit.build_at(source.span)
+        if source.id in self.items:
+            items = build.name(self.items[source.id])
+        elif isinstance(source, plan.TableSource) and self.inside and source.id in self.lookups:
+            items = self._rows_of(source)  # of which nothing but the index needs to stay
+        else:
+            items = self.ready.get(source.id) or self._items(source, body)
+        if source.id in self.lookups:
+            items = self._look_up_source(source, items, body)
+        name = unit.names[source.id] = unit.local(source.name)
+        names = (name, self.frozen.get(source.id), unit.keys.get(source.id))
+        if self.alone and body.level == 0:
+            items = build.call(unit.helper(iterate_with_checks), build.name("run"), items)
+        elif self.outermost and body.level == 0 and source is self.sources[0]:
+            items = build.call(unit.helper(iterate_with_progress), build.name("run"), items)
+        body.loop([word for word in names if word is not None], items, build)
+        body.levels[source.id] = body.level
+        return body
+
+    def _count(self, body: PythonScope, innermost: bool) -> None:
+        """Counts the turns, and looks at the clock now and then. The innermost turns of a search are its steps."""
+        unit = self.builder.unit
+        build = unit.build
+        steps = innermost and self.query.search is not None
+        counter = unit.name_counter("generated" if steps else "ticks", body)
+        due = unit.name_counter("due_step" if steps else "due_tick", body)
+        look = build.assign(due, unit.write_step_check() if steps else unit.write_turn_check(counter))
+        body.add(
+            build.add_to(counter), build.when(build.compare(build.name(counter), ast.GtE(), build.name(due)), look)
+        )
+
+    def _test(self, body: PythonScope, conditions: Sequence[plan.Expr]) -> None:
+        for condition in conditions:
+            build = self.builder.unit.build_at(condition.span)
+            body.add(build.if_not(write_expression(self.builder, condition, body), self._write_skip(body, build)))
+
+    def _guard(self, body: PythonScope, sources: Sequence[plan.Source]) -> None:
+        for source in sources:
+            build = self.builder.unit.build_at(source.span)
+            body.add(build.if_not(build.name(self.items[source.id]), self._write_skip(body, build)))
+
+    @staticmethod
+    def _write_skip(body: PythonScope, build: AstBuilder) -> ast.stmt:
+        """Goes on with the next element of the innermost open loop, or ends where none is open."""
+        return build.continue_loop() if body.level else ast.Return(None, **build.at)
+
+    def _start_inner_function(self, body: PythonScope) -> PythonScope:
+        """A new function for the loops further in: Python does not nest any number of them."""
+        unit = self.builder.unit
+        rest = PythonScope(unit, unit.local("rest"), [*body.parameters, *body.locals], body.parent)
+        rest.levels = dict.fromkeys(body.levels, 0)
+        rest.states, rest.groups, rest.counts = body.states, body.groups, body.counts
+        call = unit.build.call(rest.name, *map(unit.build.name, rest.parameters))
+        body.add(unit.build.run(ast.YieldFrom(call, **unit.build.at)))
+        rest.before = body
+        return rest
+
+    def _items(self, source: plan.Source, body: PythonScope) -> ast.expr:
+        """The elements of a source as a list of values, or of tuples where `unit.tuples` says so."""
+        builder, unit = self.builder, self.builder.unit
+        build = unit.build_at(source.span)
+        match source:
+            case plan.TableSource(columns=columns):
+                unit.tuples[source.id] = tuple(name for name, _ in columns)
+                return body.kept(ExpressionFacts(), self._rows_of(source), build, source.name)
+            case plan.ValueSource(value=plan.Variable(frame=True) as value, columns=columns) if columns:
+                words = unit.tuples[source.id] = self._list_columns_read(source.id, tuple(word for word, _ in columns))
+                read = write_expression(builder, value, body)
+                rows = build.call(unit.helper(read_frame_rows), read, *map(build.constant, words))
+                return self._kept(source, body, rows)
+            case plan.ValueSource(value=value) if body is self.owner and (
+                words := self._list_dict_columns_read(source)
+            ):
+                unit.tuples[source.id] = words
+                rows = build.call(
+                    unit.helper(read_columns), write_expression(builder, value, body), *map(build.constant, words)
+                )
+                return self._kept(source, body, rows)
+            case plan.ValueSource(value=value):
+                unit.elements[source.id] = source.element
+                if isinstance(value, plan.MakeList):
+                    return self._kept(source, body, write_expression(builder, value, body))
+                if isinstance(value, plan.Constant):
+                    return build.name(unit.constant(list_elements(value.value), "items"))
+                build = unit.build_at(value.span)
+                return self._kept(
+                    source, body, build.call(unit.helper(list_elements), write_expression(builder, value, body))
+                )
+            case plan.QuerySource(query=query):
+                nested = builder.query(query, body)
+                if yields_rows(query):
+                    unit.tuples[source.id] = tuple(output.name for output in query.columns)
+                    rows = build.call(nested.found or nested.tuples, *nested.arguments)
+                    return self._kept(source, body, build.call("list", rows) if nested.found else rows)
+                unit.elements[source.id] = source.element
+                value_of_query = build.call(nested.value, *nested.arguments)
+                made = list_elements_or_none if source.optional else list_elements
+                return self._kept(source, body, build.call(unit.helper(made), value_of_query))
+            case plan.WorldSource():
+                return write_world_items(builder, source, self.world_conditions.get(source.id, ()), body)
+            case _:
+                assert_never(source)
+
+    def _rows_of(self, source: plan.TableSource) -> ast.expr:
+        unit = self.builder.unit
+        build = unit.build_at(source.span)
+        return build.call(unit.helper(read_table_rows), build.name("run"), build.name(unit.constant(source, "table")))
+
+    def _list_columns_read(self, source: int, columns: tuple[str, ...]) -> tuple[str, ...]:
+        """Those columns of a source that anything reads."""
+        read: set[str] = set()
+        for node in chain.from_iterable(map(walk, self.builder.unit.analysis.roots)):
+            if isinstance(node, plan.Eval) or (isinstance(node, plan.Element) and node.source == source):
+                return columns
+            if isinstance(node, plan.Column) and node.source == source:
+                read.add(node.name)
+        return tuple(name for name in columns if name in read)
+
+    def _list_dict_columns_read(self, source: plan.ValueSource) -> tuple[str, ...]:
+        """The columns that a search reads of dicts, where it reads nothing else of them."""
+        if self.query.search is None or not source.element.only(Kind.DICT):
+            return ()
+        read: dict[str, None] = {}
+        for node in chain.from_iterable(map(walk, self.builder.unit.analysis.roots)):
+            if isinstance(node, plan.Eval) or (isinstance(node, plan.Element) and node.source == source.id):
+                return ()
+            if isinstance(node, plan.Column) and node.source == source.id:
+                if not node.declared:
+                    return ()
+                read[node.name] = None
+        return tuple(read)
+
+    def _look_up_source(self, source: plan.Source, items: ast.expr, body: PythonScope) -> ast.expr:
+        """The elements that the source's lookup finds; its index lives as long as the elements do."""
+        unit, conditions = self.builder.unit, self.lookups[source.id]
+        build = unit.build_at(conditions[0].key.span)
+        columns = unit.tuples.get(source.id)
+        names = [one.key.name for one in conditions if isinstance(one.key, plan.Column)]
+        of_element = not names and len(conditions) == 1 and columns is None
+        facts = self.builder.get_source_facts(source)
+        if not all(one.plain for one in conditions) or (len(names) < len(conditions) and not of_element):
+            return self._write_key_lookup(
+                source, body.kept(facts, self._write_key_index(source, items), build, "index"), body
+            )
+        if of_element:
+            index = build.call(unit.helper(index_elements), items)
+        elif columns is not None and self.has_row_index(source):
+            index = self._write_row_index(source, items, names, columns, build)
+        elif columns is None:
+            index = build.call(unit.helper(index_columns), items, *map(build.constant, names))
+        else:
+            places = (build.constant(columns.index(name)) for name in names)
+            index = build.call(unit.helper(index_tuples), items, *places)
+        kept = body.kept(facts, index, build, "index")
+        build = unit.build_at(conditions[0].other.span)
+        values = [write_expression(self.builder, one.other, body) for one in conditions]
+        if all(one.other.type.only(SCALAR_KINDS) for one in conditions):
+            key = values[0] if len(values) == 1 else build.pack(*values)
+            return build.call(build.part(kept, "get"), key, build.pack())
+        return build.call(unit.helper(look_up if len(conditions) == 1 else look_up_several), kept, *values)
+
+    def _write_key_index(self, source: plan.Source, items: ast.expr) -> ast.expr:
+        """The index by keys that a function of its own computes."""
+        unit, conditions = self.builder.unit, self.lookups[source.id]
+        build = unit.build_at(conditions[0].key.span)
+        name, before = unit.local(source.name), unit.names.get(source.id)
+        key_of = PythonScope(unit, unit.local("key_of"), [name], unit.root)
+        key_of.levels[source.id] = 0
+        keys = [one.key for one in conditions]
+        key_of.count(keys)
+        unit.names[source.id] = name
+        key_of.add(build.back(build.array(*(write_expression(self.builder, key, key_of) for key in keys))))
+        key_of.define()
+        if before is not None:
+            unit.names[source.id] = before
+        return build.call(unit.helper(index_computed_keys), items, build.name(key_of.name))
+
+    def _write_key_lookup(self, source: plan.Source, index: ast.expr, body: PythonScope) -> ast.expr:
+        """What the index finds, or all rows where what the keys must equal cannot be computed."""
+        unit, conditions = self.builder.unit, self.lookups[source.id]
+        build = unit.build_at(conditions[0].other.span)
+        sure = all(one.sure for one in conditions)
+        with nullcontext() if sure else body.write_skippable():
+            values = [write_expression(self.builder, one.other, body) for one in conditions]
+        if sure:
+            return build.call(build.part(index, "found"), *values)
+        index = body.variable(index, build, "index")
+        found = unit.local("found")
+        body.locals.append(found)
+        unit.helper(Stopped)
+        attempt = build.assign(found, build.call(build.part(index, "found"), *values))
+        body.add(build.try_unless_stopped(attempt, build.assign(found, build.part(index, "rows"))))
+        return build.name(found)
+
+    def _write_row_index(
+        self, source: plan.Source, items: ast.expr, names: list[str], columns: tuple[str, ...], build: AstBuilder
+    ) -> ast.expr:
+        places, wanted = [build.constant(columns.index(name)) for name in names], self.wanted.get(source.id)
+        if wanted is None:
+            return build.call(self.builder.unit.helper(index_plain_rows), items, *places)
+        value = build.constant(columns.index(wanted))
+        kinds = dict(source.columns or ())
+        integers = all(kinds[name].only(Kind.INT) for name in (wanted, *names))
+        if isinstance(source, plan.TableSource) and len(names) == 1 and integers:
+            unit = self.builder.unit
+            table = build.name(unit.constant(source, "table"))
+            return build.call(unit.helper(index_integers), build.name("run"), table, value, *places)
+        return build.call(self.builder.unit.helper(index_single_column), items, value, *places)
+
+    def _kept(self, source: plan.Source, body: PythonScope, items: ast.expr) -> ast.expr:
+        facts = self.builder.get_source_facts(source)
+        return body.kept(facts, items, self.builder.unit.build_at(source.span), "read") if facts.steady else items
+
+
+def yields_rows(query: plan.Query) -> bool:
+    """Whether the elements of a query in FROM are its rows, so that no representation needs to be asked."""
+    representation = query.representation
+    plain = representation.name == "dict" and not (representation.arguments or representation.named)
+    shaped = query.gives_paths or representation.labels or (query.group and not query.aggregated)
+    return plain and not shaped and not any(output.label or output.star for output in query.columns)
+
+
+def list_source_expressions(query: plan.Query) -> list[plan.Expr]:
+    """The expressions in the FROM of a query."""
+    values = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
+    return values + [e for source in query.sources if isinstance(source, plan.WorldSource) for e in source.arguments]

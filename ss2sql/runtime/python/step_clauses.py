@@ -1,0 +1,514 @@
+"""The clauses of one step of a search, in the order of language.md, 7: what `step_function.py` puts into its loop.
+
+A step ends in `yield row, key, goal, goes_on, after, weight, estimate, last`, see runtime/search/step_contract.py, or
+in `continue`.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from marshal import dumps
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import frozen_values, plan
+from ss2sql.language.frozen_values import Shape
+from ss2sql.language.kinds import SCALAR, Kind, Type
+from ss2sql.runtime.python.ast_builder import AstBuilder
+from ss2sql.runtime.python.code_templates import write_template
+from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
+from ss2sql.runtime.python.python_expressions import write_expression
+from ss2sql.runtime.python.single_calls import SingleCall
+from ss2sql.runtime.python.source_loops import SourceLoops, list_source_expressions
+from ss2sql.runtime.run import option_values
+from ss2sql.runtime.search.best_first import TAKEN
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.python.query_compiler import QueryCompiler
+
+# The row of a step is closed.
+CLOSED = """
+if IS_CLOSED:
+    LEAVE
+"""
+
+# The same where its only value is what a function has given, which is checked when it is new. `marshal` writes five
+# bytes for each list and each number of 32 bits, so that these are all that there is if every fifth is "[" or "i": 0.11
+# us where a look at every item takes 0.7. It would follow `l = [l, l]` for ever, but that could not be looked up
+# before.
+CHECKED = """
+try:
+    if type(VALUE) is not list:
+        raise TypeError
+    FREEZE
+    if IS_CLOSED:
+        LEAVE
+    plain = not dumps(VALUE, 2)[::5].strip(b"[i")
+except (TypeError, ValueError):
+    plain = False
+if not plain:
+    VALUE, KEY = settled(VALUE, GIVER, FREEZER)
+    PACK
+    if IS_CLOSED:
+        LEAVE
+"""
+
+# The same where nothing is known of the shape of such a value.
+SETTLED = """
+VALUE, KEY = settled(VALUE, GIVER, FREEZER)
+PACK
+if IS_CLOSED:
+    LEAVE
+"""
+
+PRUNE = """
+pruned += 1
+continue
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class StepForm:
+    """What the step functions of one search have in common.
+
+    `start` is the name of the frozen state that START WITH gives, the last of several. `keyed`: somebody asks for the
+    last part of a step. `complete`: what leaves no trace is told, see memoized_steps.py; `watched`: the trace of the
+    run hears of it. `key_of` is the name of the function that gives the key of a state, where BY names it. `noted`:
+    what clauses evaluate is taken from notes, and kept there, see runtime/search/step_notes.py.
+    """
+
+    shapes: dict[str, Shape]
+    start: str
+    keyed: bool
+    complete: bool
+    watched: bool
+    key_of: str | None
+    noted: bool = False
+
+
+class StepClauses:
+    """Writes the clauses of one step into `inner`, the innermost loop of `body`.
+
+    `owner` is where START WITH is evaluated. Steps are made of elements that meet the condition `made`.
+    """
+
+    def __init__(
+        self,
+        builder: QueryCompiler,
+        query: plan.Query,
+        body: PythonScope,
+        loops: SourceLoops,
+        form: StepForm,
+        made: plan.Expr | None,
+    ) -> None:
+        assert query.search is not None
+        self.builder, self.unit = builder, builder.unit
+        self.query, self.search = query, query.search
+        self.body = self.inner = body
+        self.loops, self.owner = loops, loops.owner
+        self.form, self.made, self.shapes = form, made, form.shapes
+        self.build = self.unit.build_at(query.span)
+        self.outputs = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
+        clauses = [self.search.stop, query.where, self.search.weight, self.search.heuristic]
+        self.clauses = [clause for clause in clauses if clause is not None]
+        self.connect = dict(self.search.connect)
+        self.reads_state_before: set[str] = (
+            set()
+        )  # variables whose assignments read nothing that was assigned before them
+        self.keeps_everything = [*self.outputs, *self.clauses, *self.connect.values()]
+        self.compares = self.search.repeats != "allowed" and self.search.by == "row"  # before all else
+        self.key_is_named = self.search.repeats != "allowed" and self.search.by != "row"  # by BY, after all else
+        self.edges = self.search.repeats == "memorize"
+        self.totals = self.search.repeats == "unique" and self.search.weight is not None
+        self.steady = all(self.unit.analysis.of(expr).steady for expr in self.keeps_everything)
+        self.frozen_states = name_frozen_variables(self.unit, query, self.shapes)
+        body.states = {(query.id, name) for name in self.shapes}
+        conditions = [] if made is None else [made]
+        siblings = [key.expr for key in self.search.siblings]
+        body.count([*list_source_expressions(query), *conditions, *siblings, *self.keeps_everything, *self.search.key])
+        # a call that is made once for each step, without a memory
+        self.single = None if form.watched or form.noted else SingleCall.of(self)
+        self.columns: list[Shape] = [self._choose_column_shape(expr) for expr in self.outputs]
+        self.key: ast.expr = self.build.constant(None)
+        self.row: list[ast.expr] = []  # the frozen values of the columns
+
+    # --- all of them -----------------------------------------------------------------------------------
+
+    def write_clauses(self) -> None:
+        """Writes all clauses, and what is given of the step."""
+        build, inner = self.build, self.inner
+        early = self.totals and self.compares and self._weighs_early()
+        if self.compares:
+            self._compare(early)
+        self._ask()
+        if not self.compares:
+            self.row = [self._frozen(expr, shape) for expr, shape in zip(self.outputs, self.columns, strict=True)]
+        if not self.compares or len(self.row) == 1:
+            self._pack_row()
+        if self.search.weight is not None and not early:
+            self._write_weight()
+            if self.totals:
+                self._write_total()
+                if self.steady and not self.key_is_named:
+                    self._write_improvement_test(known=self.search.heuristic is None)
+        if self._can_stopping_step_be_goal:
+            inner.add(
+                build.when(
+                    build.name("stop"), *self._collect_statements(partial(self._finish, True)), build.continue_loop()
+                )
+            )
+        self._finish(False)
+
+    def _finish(self, stops: bool) -> None:
+        """HEURISTIC, CONNECT BY, and what BY compares, as far as somebody needs them; gives the step."""
+        of_state, after = self.key_is_named and self.search.by == "state", None
+        if not stops and self.search.heuristic is not None:
+            self.inner.add(
+                self.build.assign("estimate", self._number(self.search.heuristic, option_values.check_heuristic))
+            )
+        if not stops or of_state:
+            self._go_on()
+            after = self._build_next_state()
+        if self.key_is_named:
+            self._find_key(after)
+            if not self.edges:
+                self._add(CLOSED, self.build, IS_CLOSED=self._test_closed(), LEAVE=self._prune())
+        if self.totals and (self.key_is_named or not (self.steady or stops)):
+            self._write_improvement_test(known=self.search.heuristic is None)
+        self.inner.add(self.build.run(self.build.give(self._step(after, stops))))
+
+    def _collect_statements(self, write: Callable[[], None]) -> list[ast.stmt]:
+        """The statements that are written, for a place that not every step comes to."""
+        inner, moved = self.inner, dict(self.inner.moved)
+        inner.blocks.append([])
+        inner.known.append({})
+        with inner.write_skippable():
+            write()
+        inner.known.pop()
+        inner.moved = moved
+        return inner.blocks.pop()
+
+    def _find_key(self, after: ast.expr | None) -> None:
+        """The key that BY names: of the state reached, or of the step and the state before it."""
+        inner, build = self.inner, self.build
+        if self.search.by == "state":
+            assert self.form.key_of is not None
+            assert after is not None
+            self.key = build.name(inner.assigned(build.call(self.form.key_of, after), build, "key"))
+            return
+        moved, inner.moved = inner.moved, {}
+        self.key = self._write_packed_key(
+            [self._frozen(expr, self._choose_column_shape(expr)) for expr in self.search.key]
+        )
+        inner.moved = moved
+
+    def _write_packed_key(self, values: list[ast.expr]) -> ast.expr:
+        """What stands for the values that are compared."""
+        build = self.build
+        return values[0] if len(values) == 1 else build.name(self.inner.assigned(build.pack(*values), build, "key"))
+
+    def _add(self, text: str, build: AstBuilder, **words: ast.expr | list[ast.stmt]) -> None:
+        self.inner.add(*write_template(text, build, words))
+
+    def _prune(self) -> list[ast.stmt]:
+        return [*self._told("repeated"), *write_template(PRUNE, self.build, {})]
+
+    def _told(self, word: str) -> list[ast.stmt]:
+        """Lets the trace hear of a step that leaves none, with its row where it is known, or nobody could notice."""
+        build = self.build
+        if not self.form.watched:
+            return []
+        leave = build.part(build.part(build.name("run"), "trace"), "leave")
+
+        def write() -> None:
+            pairs = zip(self.outputs, self.columns, strict=True)
+            row = self.row or [self._frozen(expr, shape) for expr, shape in pairs]
+            self.inner.add(build.run(build.call(leave, build.constant(word), build.pack(*row))))
+
+        facts = [self.unit.analysis.of(expr) for expr in self.outputs]
+        if self.row or (not self.query.aggregated and all(one.steady and one.total for one in facts)):
+            return self._collect_statements(write)
+        return [build.run(build.call(leave, build.constant(word), build.constant(None)))]
+
+    def _step(self, after: ast.expr | None, stops: bool) -> ast.expr:
+        """What is given of a step that leaves a trace."""
+        build, search = self.build, self.search
+        nothing = build.constant(None)
+        weight = build.name("new_total") if self.totals else build.name("weight")
+        return build.pack(
+            build.name("row"),
+            self.key,
+            build.constant(True) if stops or self.query.where is None else build.name("goal"),
+            build.constant(not stops),
+            after or nothing,
+            nothing if search.weight is None else weight,
+            nothing if search.heuristic is None or stops else build.name("estimate"),
+            self._last() if self.form.keyed else nothing,
+        )
+
+    def _last(self) -> ast.expr:
+        """The elements of the step and the state before it."""
+        names = [self.unit.names[source.id] for source in self.query.sources]
+        names += [self.unit.states[self.query.id, name] for name in self.shapes]
+        return self.build.pack(*map(self.build.name, names))
+
+    def _value(self, expr: plan.Expr) -> ast.expr:
+        """The value of a clause, a column, or a variable after the step."""
+        return write_expression(self.builder, expr, self.inner)
+
+    # --- rows ------------------------------------------------------------------------------------------
+
+    def _choose_column_shape(self, expr: plan.Expr) -> Shape:
+        if expr.type.only(SCALAR):
+            return "scalar"
+        if isinstance(expr, plan.State) and expr.query == self.query.id:
+            return self.shapes[expr.name]
+        if self.single is not None and self.single.key == self.unit.analysis.of(expr).key:
+            return self.single.shape
+        return "flat" if frozen_values.is_flat_list(expr.type) else "any"
+
+    def _frozen(self, expr: plan.Expr, shape: Shape) -> ast.expr:
+        """The name of the frozen value of a column."""
+        unit, inner = self.unit, self.inner
+        build, facts = unit.build_at(expr.span), unit.analysis.of(expr)
+        if isinstance(expr, plan.State) and expr.query == self.query.id and not inner.has_state_changed(facts):
+            return build.name(self.frozen_states[expr.name])
+        value = self._value(expr)
+        if isinstance(expr, plan.Element) and expr.source in self.loops.frozen:
+            return build.name(self.loops.frozen[expr.source])
+        if shape == "scalar":
+            return build.name(inner.assigned(value, build, "value"))
+        name = inner.variable(value, build, "value")
+        made = build.call(
+            "tuple" if frozen_values.is_flat_list(expr.type) else unit.helper(frozen_values.FREEZERS[shape]), name
+        )
+        if facts.steady and facts.sources.isdisjoint({source.id for source in self.query.sources}):
+            made = inner.kept(replace(facts, key=None), made, build, "frozen")
+        return build.name(inner.assigned(made, build, "frozen"))
+
+    def _pack_row(self) -> None:
+        self.inner.add(self.build.assign("row", self.build.pack(*self.row)))
+
+    def _compare(self, early: bool) -> None:
+        """SELECT, before all else, and whether its row is closed."""
+        build, single = self.build, None
+        for expr, shape in zip(self.outputs, self.columns, strict=True):
+            if self.single is not None and single is None and self.single.key == self.unit.analysis.of(expr).key:
+                single = len(self.row)
+                self.single.write(self)
+                self.row.append(build.name(self.unit.local("frozen")))
+            else:
+                self.row.append(self._frozen(expr, shape))
+        alone = len(self.row) == 1
+        self.key = self.row[0] if alone else build.name("row")
+        if single is not None:
+            self._check(single)
+            return
+        if not alone:
+            self._pack_row()
+        if self.search.key:
+            shown = zip(self.outputs, self.row, strict=True)
+            self.key = self._write_packed_key([value for expr, value in shown if expr in self.search.key])
+        if early:
+            self._write_weight()
+            self._write_total()
+            self._write_improvement_test()
+        else:
+            self._add(
+                CLOSED,
+                self.build,
+                IS_CLOSED=self._test_closed(),
+                LEAVE=self._write_edge() if self.edges else self._prune(),
+            )
+
+    def _test_closed(self) -> ast.expr:
+        build = self.build
+        if not self.totals:
+            return build.compare(self.key, ast.In(), build.name("closed"))
+        known = build.bind("known", build.call(build.part(build.name("closed"), "get"), self.key))
+        if self.search.heuristic is None:
+            self.unit.namespace["TAKEN"] = TAKEN
+            return build.compare(known, ast.Is(), build.name("TAKEN"))
+        worse = build.compare(build.name("known"), ast.LtE(), build.name("total"))
+        return build.join_conditions(ast.And(), [build.compare(known, ast.IsNot(), build.constant(None)), worse])
+
+    def _check(self, place: int) -> None:
+        """Whether the row is closed whose value at this place has not been checked."""
+        unit, single, alone, key = self.unit, self.single, len(self.row) == 1, self.row[place]
+        assert single is not None
+        build = unit.build_at(single.node.place)  # where a value is refused
+        assert isinstance(key, ast.Name)
+        value = build.name(single.value)
+        made = build.call("tuple", value)
+        if single.shape == "nested":
+            copies = build.call("map", build.name(unit.constant(list.copy, "copy")), value)  # fails for what is no list
+            made = build.call("tuple", build.call("map", build.name("tuple"), copies))
+        row = [build.bind(key.id, made) if at == place else part for at, part in enumerate(self.row)]
+        self._add(
+            CHECKED if single.shape in ("flat", "nested") else SETTLED,
+            build,
+            VALUE=value,
+            KEY=key,
+            FREEZE=[build.assign(key.id, made) if alone else build.assign("row", build.pack(*row))],
+            PACK=[] if alone else [build.assign("row", build.pack(*self.row))],
+            IS_CLOSED=self._test_closed(),
+            LEAVE=self._write_edge() if self.edges else self._prune(),
+            GIVER=build.constant(single.node.function.name),
+            FREEZER=build.name(unit.helper(frozen_values.FREEZERS[single.shape])),
+            settled=build.name(unit.helper(frozen_values.settled)),
+            dumps=build.name(unit.helper(dumps)),
+        )
+
+    def _write_edge(self) -> list[ast.stmt]:
+        """What MEMORIZE is given of a step to a known row: its weight is asked for, and nothing else."""
+        build = self.build
+
+        def write() -> None:
+            if len(self.row) == 1:
+                self._pack_row()
+            self._write_weight()
+
+        nothing = build.constant(None)
+        weight = nothing if self.search.weight is None else build.name("weight")
+        last = self._last() if self.form.keyed else nothing
+        step = [build.name("row"), self.key, nothing, build.constant(False), nothing, weight, nothing, last]
+        return [*self._collect_statements(write), build.run(build.give(build.pack(*step))), build.continue_loop()]
+
+    # --- STOP WITH and WHERE ---------------------------------------------------------------------------
+
+    @property
+    def _can_stopping_step_be_goal(self) -> bool:
+        """Whether a step that stops may be a goal; without a WHERE it is none."""
+        return self.search.stop is not None and self.query.where is not None
+
+    def _ask(self) -> None:
+        build, inner, stop, where = self.build, self.inner, self.search.stop, self.query.where
+        leave = [build.continue_loop()]
+        if self.form.complete:
+            leave.insert(0, build.run(build.call("drop", self.key)))
+        if self.form.watched and stop is not None:
+            leave[:0] = self._told("stopped")
+        if stop is not None and where is None:
+            build = self.unit.build_at(stop.span)
+            facts = self.unit.analysis.of(stop)
+            inner.write_with_later_check(facts, lambda: build.assign("stop", self._value(stop)), build)
+            inner.add(build.when(build.name("stop"), *leave))
+            return
+        for name, clause in (("stop", stop), ("goal", where)):
+            if clause is not None:
+                write = partial(self._assign_truth, name, clause)
+                inner.write_with_later_check(self.unit.analysis.of(clause), write, self.unit.build_at(clause.span))
+        if stop is not None:
+            traceless = build.join_conditions(ast.And(), [build.name("stop"), build.negate(build.name("goal"))])
+            inner.add(build.when(traceless, *leave))
+
+    def _assign_truth(self, name: str, clause: plan.Expr) -> ast.stmt:
+        build = self.unit.build_at(clause.span)
+        value = self._value(clause)
+        return build.assign(name, value if clause.type.only(Kind.BOOL) else build.truth(value))
+
+    # --- COST, PROBABILITY, HEURISTIC ------------------------------------------------------------------
+
+    def _write_weight(self) -> None:
+        """The weight of the step; an impossible one is dropped."""
+        weight, build, inner = self.search.weight, self.build, self.inner
+        if weight is None:
+            return
+        probable = self.search.order == "probability"
+        inner.add(
+            build.assign(
+                "weight",
+                self._number(weight, option_values.check_probability if probable else option_values.check_cost),
+            )
+        )
+        if probable:
+            inner.add(build.if_not(build.name("weight"), *self._told("stopped"), build.continue_loop()))
+
+    def _number(self, expr: plan.Expr, check: Callable[[Any], Any]) -> ast.expr:
+        build = self.unit.build_at(expr.span)
+        value = self._value(expr)
+        return value if option_values.is_proven(expr.type, check) else build.call(self.unit.helper(check), value)
+
+    def _weighs_early(self) -> bool:
+        """Whether the weight is asked for before STOP WITH and WHERE: STOP WITH guards a COST that may fail."""
+        weight = self.search.weight
+        assert weight is not None
+        check = option_values.check_probability if self.search.order == "probability" else option_values.check_cost
+        return self.steady and self.unit.analysis.of(weight).total and option_values.is_proven(weight.type, check)
+
+    def _write_total(self) -> None:
+        build = self.build
+        operator = ast.Mult() if self.search.order == "probability" else ast.Add()
+        self.inner.add(build.assign("new_total", build.binary(build.name("total"), operator, build.name("weight"))))
+
+    def _write_improvement_test(self, known: bool = False) -> None:
+        """A step that is no better than the best to its row, which may be `known`, is dropped."""
+        build = self.build
+        total = build.name("known")
+        if not known:
+            total = build.bind("known", build.call(build.part(build.name("best"), "get"), self.key))
+        worse = build.compare(build.name("known"), ast.LtE(), build.name("new_total"))
+        is_worse = build.join_conditions(ast.And(), [build.compare(total, ast.IsNot(), build.constant(None)), worse])
+        self._add(CLOSED, self.build, IS_CLOSED=is_worse, LEAVE=self._prune())
+
+    # --- CONNECT BY ------------------------------------------------------------------------------------
+
+    def _go_on(self) -> None:
+        """CONNECT BY in its order."""
+        inner, unit, number = self.inner, self.unit, self.query.id
+        for name, expr in self.search.connect:
+            build = unit.build_at(expr.span)
+            if not inner.has_state_changed(unit.analysis.of(expr)):
+                self.reads_state_before.add(name)
+            inner.moved[number, name] = inner.assigned(self._value(expr), build, f"next_{name}")
+
+    def _build_next_state(self) -> ast.expr:
+        """The frozen state to go on from; what is a column is frozen already."""
+        build, analysis = self.build, self.unit.analysis
+        columns = {
+            (analysis.of(expr).key, shape): value
+            for expr, shape, value in zip(self.outputs, self.columns, self.row, strict=True)
+            if analysis.of(expr).key is not None
+        }
+        values = []
+        for name, shape in self.shapes.items():
+            moved = self.inner.moved.get((self.query.id, name))
+            is_column = moved is not None and name in self.reads_state_before
+            column = columns.get((analysis.of(self.connect[name]).key, shape)) if is_column else None
+            if moved is None:
+                values.append(build.name(self.frozen_states[name]))
+            elif shape == "scalar":
+                values.append(build.name(moved))
+            else:
+                made = build.call(self.unit.helper(frozen_values.FREEZERS[shape]), build.name(moved))
+                values.append(made if column is None else column)
+        if self.search.first is not None:  # it is no start
+            values.append(build.constant(False))
+        if self.key_is_named:  # they are read twice
+            values = [self.inner.variable(value, build, "after") for value in values]
+        return build.pack(*values)
+
+
+def choose_state_shapes(search: plan.Search) -> dict[str, Shape]:
+    """How the START WITH variables of a search are frozen."""
+    types = dict(search.states)
+    return {name: _choose_state_shape(types.get(name, expr.type), expr) for name, expr in search.start}
+
+
+def name_frozen_variables(unit: CodegenContext, query: plan.Query, shapes: Mapping[str, Shape]) -> dict[str, str]:
+    """The names of the frozen variables; numbers and strings are their own frozen values."""
+    return {
+        name: unit.states[query.id, name] if shape == "scalar" else unit.local(f"{name}_frozen")
+        for name, shape in shapes.items()
+    }
+
+
+def _choose_state_shape(known: Type, start: plan.Expr) -> Shape:
+    """The shape of a START WITH variable: scalar where all its values are known to be, else that of the first one."""
+    if frozen_values.choose_shape(known) == "scalar":
+        return "scalar"
+    shape = frozen_values.choose_shape(start.type)
+    return "any" if shape == "scalar" else shape

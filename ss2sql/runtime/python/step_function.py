@@ -1,0 +1,368 @@
+"""Writes the step function of a search: `expand(state, closed)`, see runtime/search/step_contract.py.
+
+Of the 8-puzzle (`SELECT slide(this, board) ... UNIQUE`) it looks like this, but for the names:
+
+    def expand(state, closed):
+        nonlocal generated, expanded, pruned, due
+        made = 0
+        board_frozen, = state
+        plain = type(board_frozen) is tuple
+        slide = slide_remembered if board_frozen == start else slide_once
+        expanded += 1
+        if generated >= due: due = meter(generated, expanded, pruned)
+        block = slides
+        generated += len(block)
+        turns = iter(block) if len(block) <= 64 else Parts(block, run)
+        try:
+            for this in turns:
+                made += 1
+                value = slide(this, list(board_frozen) if plain else fresh(thaw(board_frozen)))
+                if type(value) is list and not value and not goal_of_script == value: continue     # STOP WITH
+                ...                                                 # CHECKED: frozen, closed, check of what is new
+                stop = [] == value
+                goal = goal_of_script == value
+                if stop and not goal: continue
+                row = (frozen,)
+                if stop:
+                    yield row, frozen, True, False, None, None, None, None
+                    continue
+                yield row, frozen, goal, True, (frozen,), None, None, None
+        finally:
+            generated -= turns.__length_hint__()
+            count(made)
+        return len(block)
+"""
+
+from __future__ import annotations
+
+import ast
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from heapq import heappop, heappush
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.language import frozen_values, plan
+from ss2sql.language.ordering import sort_rows
+from ss2sql.language.plan_traversal import walk
+from ss2sql.language.rows import Row
+from ss2sql.runtime.python.call_code import find_keyed_sources, is_memoized_call
+from ss2sql.runtime.python.code_templates import list_names_read, write_template
+from ss2sql.runtime.python.codegen_context import PythonScope
+from ss2sql.runtime.python.equality_index import Lookup, find_lookups
+from ss2sql.runtime.python.flat_query import place_conditions
+from ss2sql.runtime.python.loop_cancellation import (
+    TURNS_PER_CHECK,
+    Parts,
+    make_count_report,
+    make_countdown_meter,
+    make_step_meter,
+)
+from ss2sql.runtime.python.python_expressions import write_expression
+from ss2sql.runtime.python.source_loops import SourceLoops, list_source_expressions
+from ss2sql.runtime.python.step_clauses import StepClauses, StepForm
+from ss2sql.runtime.python.step_inlining import has_source_code, inline_steps
+from ss2sql.runtime.run.backpointers import (
+    START,
+    Parents,
+    PathKeys,
+    collect_path,
+    collect_path_by_parents,
+    make_start_backpointer,
+)
+from ss2sql.runtime.search.best_first import TAKEN
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.python.query_compiler import QueryCompiler
+
+HELPERS: tuple[Callable[..., Any], ...] = (
+    deque,
+    heappop,
+    heappush,
+    collect_path_by_parents,
+    collect_path,
+    make_start_backpointer,
+    Parents,
+    PathKeys,
+)  # of the loops
+MAX_NESTED_LOOPS = 8  # loops over sources inside of the loop of the search; Python nests twenty blocks
+
+# The clock is looked at now and then. The counters are those of the whole run, or inlined those of a search.
+LOOK = """
+if generated >= due:
+    due = meter(generated, expanded, pruned)
+"""
+LOOK_INLINED = """
+if generated >= due:
+    due = meter(generated, expanded, pruned)
+    generated = expanded = pruned = 0
+"""
+
+# What stands around the loop over the elements. Those of one list are counted together: a tenth of the time of a grid.
+TOGETHER = f"""
+expanded += 1
+LOOK
+block = ITEMS
+generated += len(block)
+turns = iter(block) if len(block) <= {TURNS_PER_CHECK} else Parts(block, run)
+try:
+    LOOP
+finally:
+    generated -= turns.__length_hint__()
+    END
+return len(block)
+"""
+# The same with notes, which may be taken several times.
+NOTED = (
+    TOGETHER.replace("expanded += 1", "expanded += choose.counted")
+    .replace("generated += len", "generated += choose.counted * len")
+    .replace("generated -= turns", "generated -= choose.counted * turns")
+)
+ONE_BY_ONE = """
+expanded += 1
+drawn = 0
+turns = iter(ITEMS)
+try:
+    LOOP
+finally:
+    END
+return drawn
+"""
+COUNT = """
+drawn += 1
+generated += 1
+LOOK
+"""
+
+
+def sort_siblings(elements: Iterable[tuple[Any, Row]], descending: tuple[bool, ...]) -> list[Any]:
+    """The elements, which come with their keys, as ORDER SIBLINGS BY has them."""
+    pairs = list(elements)
+    return sort_rows([element for element, _ in pairs], [keys for _, keys in pairs], descending)
+
+
+class StepLoops(SourceLoops):
+    """The loops over the sources of a search, whose innermost turns are its steps; the step function counts these."""
+
+    def _count(self, body: PythonScope, innermost: bool) -> None:
+        if not innermost:
+            super()._count(body, innermost)
+
+
+class StepFunction(StepClauses):
+    """Writes the function into `owner`, see StepClauses for what it takes."""
+
+    loops: StepLoops
+
+    def __init__(
+        self, builder: QueryCompiler, query: plan.Query, loops: StepLoops, form: StepForm, made: plan.Expr | None
+    ) -> None:
+        assert query.search is not None
+        more = ["choose"] if query.search.repeats == "memorize" or form.noted else ["drop"] if form.complete else []
+        if query.search.repeats == "unique" and query.search.weight is not None:
+            more = ["best", "total"]
+        body = PythonScope(builder.unit, builder.unit.local("expand"), ["state", "closed", *more], loops.owner)
+        super().__init__(builder, query, body, loops, form, made)
+        self.resumed = self.search.order == "depth first" and not self.edges  # the loop is left, and entered again
+        placed: dict[int, list[plan.Expr]] = {}
+        guarded = None
+        if made is None:
+            self._plan_lookups()
+        else:
+            placed, guarded = place_conditions(builder, replace(query, where=made), loops)
+            placed[1] = [*placed.pop(0, []), *placed.get(1, [])]  # a step function goes through its elements
+            guarded = None if guarded is None else max(guarded, 1)
+        if not form.noted:
+            self._attach_frozen()
+        several = bool(self.search.siblings) or len(query.sources) > MAX_NESTED_LOOPS or form.noted
+        if several:
+            self._write_element_generator(placed, guarded)
+        else:
+            self.inner = loops.open(body, placed, guarded)
+        loop = body.blocks[0][-1]
+        assert isinstance(loop, ast.For)
+        self.loop = loop
+        alone = len(query.sources) == 1 and not isinstance(query.sources[0], plan.WorldSource)
+        # the elements of a state are one list
+        self.has_list_elements = form.noted or (alone and not several and len(loop.body) == len(placed.get(1, ())))
+
+    def write_function(self) -> str:
+        """Writes the function and gives its name."""
+        for name in ("generated", "expanded", "pruned"):
+            self.unit.name_counter(name, self.body)
+        meter = self.build.call(self.unit.helper(make_step_meter), self.build.name("run"))
+        words = {
+            "meter": self.build.name(self.unit.bind("meter", "meter", meter, self.build)),
+            "due": self.build.name(self.unit.name_counter("due_step", self.body)),
+        }
+        code = self._write(LOOK, words, self.has_list_elements)
+        begin = [] if self.single is None else self.single.begin
+        names = list(self.frozen_states.values()) + ["_"] * (self.search.first is not None)
+        states = self.build.unpack(names, self.build.name("state"))
+        self.body.blocks[0][:] = [*begin, states, *code]
+        self.body.define()
+        return self.body.name
+
+    def write_search(self, loop: Callable[..., Any]) -> str | None:
+        """Writes the loop of a search with the function put in, and gives its name; None where it cannot be."""
+        if not has_source_code(loop) or self.search.first is not None or (self.resumed and not self.has_list_elements):
+            return None
+        build, unit, run = self.build, self.unit, self.build.name("run")
+        meter = unit.bind("meter of steps", "meter", build.call(unit.helper(make_countdown_meter), run), build)
+        hand_on = unit.bind("hand_on of steps", "hand_on", build.call(unit.helper(make_count_report), run), build)
+        self.body.blocks[0][:] = self._write(
+            LOOK_INLINED, {"meter": build.name(meter)}, self.has_list_elements and not self.resumed
+        )
+        function = self.body.finished(build)
+        assert isinstance(function, ast.FunctionDef)
+        known = {
+            "repeats": self.search.repeats,
+            "likeliest": self.search.order == "probability",
+            "weighed": self.search.weight is not None,
+            "keyed": self.form.keyed,
+            "alone": len(self.outputs) == 1,
+            "apart": bool(self.search.key),
+            "visits": self.form.key_of is not None,
+            "last": self.query.last,
+            "outdated": None,
+        }
+        expanded = 0 if self.edges else -1  # a search is no step, so its start does not count
+        begin = write_template(f"generated = pruned = due = 0\nexpanded = {expanded}\nturns = iter(())", build, {})
+        begin += [] if self.single is None else self.single.begin
+        counted = (build.name(word) for word in ("generated", "expanded", "pruned"))
+        end = build.run(build.call(hand_on, *counted))
+        name = unit.local("search")
+        self.owner.add(inline_steps(loop, function, list(self.frozen_states.values()), known, name, begin, end, build))
+        for helper in HELPERS:
+            unit.helper(helper)
+        unit.namespace |= {"START": START, "TAKEN": TAKEN}
+        return name
+
+    def _write(self, look: str, words: dict[str, ast.expr], together: bool) -> list[ast.stmt]:
+        """The code of the function behind the parameters, with what is computed once for a state.
+
+        `together`: the elements of a state are counted together, as soon as it is expanded.
+        """
+        build, unit, body = self.build, self.unit, self.body
+        watch = write_template(look, build, words)
+        if not together:
+            self.inner.add(*write_template(COUNT, build, {"LOOK": watch}))
+        self.write_clauses()
+        *before, loop = body.blocks[0]
+        assert loop is self.loop
+        items = self._write_items_as_tuples()
+        self.loop.iter = build.name("turns")
+        if together and (self.edges or self.form.noted):
+            items = self._session_name(items)
+        unit.helper(Parts)
+        single = self.single
+        for_state = [] if single is None else single.state_statements
+        used = list_names_read([*before, *for_state, items, self.loop])
+        thawed = []
+        for name, shape in self.shapes.items():
+            value = unit.states[self.query.id, name]
+            if shape != "scalar" and value in used:
+                made = build.call(unit.helper(frozen_values.thaw_value), build.name(self.frozen_states[name]))
+                thawed.append(build.assign(value, made))
+        end: list[ast.stmt] = [ast.Pass(**build.at)] if single is None else single.end
+        around: dict[str, ast.expr | list[ast.stmt]] = {
+            "ITEMS": items,
+            "LOOP": [self.loop],
+            "END": end,
+            "LOOK": watch,
+            **words,
+        }
+        text = NOTED if self.form.noted else TOGETHER if together else ONE_BY_ONE
+        return [*thawed, *before, *for_state, *write_template(text, build, around)]
+
+    # --- elements --------------------------------------------------------------------------------------
+
+    def _session_name(self, items: ast.expr) -> ast.expr:
+        """Those elements of which runtime/search/bidirectional.py knows that they lead to the goal in time."""
+        build = self.build
+        nobody = build.compare(build.name("choose"), ast.Is(), build.constant(None))
+        state = build.pack(*map(build.name, self.frozen_states.values()))
+        return build.if_else(nobody, items, build.call("choose", items, state))
+
+    def _write_items_as_tuples(self) -> ast.expr:
+        """The elements; those of `FROM [[A, b], [a, B]]` that are only taken apart and shown are made as tuples."""
+        items, target = self.loop.iter, self.loop.target
+        if not (isinstance(items, ast.List) and isinstance(target, ast.Name)):
+            return items
+        if not all(isinstance(item, ast.List) for item in items.elts):
+            return items
+        uses = apart = 0
+        for node in (node for part in self.loop.body for node in ast.walk(part)):
+            match node:
+                case ast.Name(id=name) if name == target.id:
+                    uses += 1
+                case ast.Subscript(ast.Name(id=name), ast.Constant(), ast.Load()) | ast.Call(
+                    ast.Name(id="tuple"), [ast.Name(id=name)]
+                ) if name == target.id:
+                    apart += 1
+        if uses > apart:
+            return items
+        made = (ast.Tuple(item.elts, ast.Load(), **self.build.at) for item in items.elts if isinstance(item, ast.List))
+        return self.build.array(*made)
+
+    def _write_element_generator(self, placed: Mapping[int, Sequence[plan.Expr]], guarded: int | None) -> None:
+        """Loops over all sources in a generator of its own, whose elements ORDER SIBLINGS BY may sort."""
+        unit, build, outer, siblings = self.unit, self.build, self.owner, self.search.siblings
+        states = sorted(self.body.states)
+        generator = PythonScope(unit, unit.local("elements"), [unit.states[state] for state in states], outer)
+        generator.states = self.body.states
+        generator.count([*list_source_expressions(self.query), *(key.expr for key in siblings)])
+        innermost = self.loops.open(generator, placed, guarded)
+        names = [unit.names[source.id] for source in self.query.sources]
+        for known in () if self.form.noted else (self.loops.frozen, unit.keys):
+            names += [known[source.id] for source in self.query.sources if source.id in known]
+        given = build.pack(*map(build.name, names)) if len(names) > 1 else build.name(*names)
+        if siblings:
+            given = build.pack(
+                given, build.pack(*(write_expression(self.builder, key.expr, innermost) for key in siblings))
+            )
+        innermost.add(build.run(build.give(given)))
+        innermost.define()
+        items = build.call(generator.name, *map(build.name, generator.parameters))
+        if siblings:
+            descending = build.name(unit.constant(tuple(key.descending for key in siblings), "descending"))
+            items = build.call(unit.helper(sort_siblings), items, descending)
+        self.body.loop(names, items, build)
+        self.body.levels.update((source.id, 1) for source in self.query.sources)
+
+    def _plan_lookups(self) -> None:
+        """Leaves out elements that STOP WITH and WHERE drop at once: `STOP WITH a != b ...`, `WHERE a == b ...`.
+
+        Without a WHERE, STOP WITH drops them alone. With MEMORIZE they matter, for a step to a known row is not asked
+        whether it stops.
+        """
+        stop = self.search.stop.parts if isinstance(self.search.stop, plan.Or) else (self.search.stop,)
+        where = self.query.where.parts if isinstance(self.query.where, plan.And) else (self.query.where,)
+        rows = [self.unit.analysis.of(expr) for expr in self.outputs] if self.compares else []
+        told = self.edges or self.form.noted or self.form.complete or self.form.watched
+        if told or not all(facts.steady and facts.total for facts in rows):
+            return
+        for part, other in zip(stop, where if self.query.where else stop, strict=False):
+            dropped = [] if part is None else find_lookups(part, self.unit.analysis, "ne")
+            if self.query.where and other is not None:
+                kept = find_lookups(other, self.unit.analysis)
+                dropped = [one for one in dropped if any(self._reads_same(one, same) for same in kept)]
+            if not any(map(self.loops.plan_lookup, dropped)):
+                return
+
+    def _reads_same(self, one: Lookup, other: Lookup) -> bool:
+        pairs = ((one.key, other.key), (one.other, other.other))
+        keys = [(self.unit.analysis.of(a).key, self.unit.analysis.of(b).key) for a, b in pairs]
+        return all(a is not None and a == b for a, b in keys)
+
+    def _attach_frozen(self) -> None:
+        """Elements that are read once, and stand in the row as they are, are frozen once; so are keys of arguments."""
+        single = None if self.single is None else self.single.key
+        shown = {expr.source for expr in self.outputs if isinstance(expr, plan.Element)}
+        calls = (node for expr in self.keeps_everything for node in walk(expr) if is_memoized_call(node))
+        others = any(self.unit.analysis.of(call).key != single for call in calls)
+        keyed = find_keyed_sources(self.keeps_everything) if others else set()
+        for source in self.query.sources:
+            freezes = source.id in shown and not self.loops.has_scalar_elements(source)
+            if freezes or source.id in keyed:
+                self.loops.attach_keys(source, freezes, source.id in keyed)

@@ -1,0 +1,131 @@
+"""Sources that are tables of worlds: what walks here are keys, and columns are read of them when they are needed.
+
+What the adapter is told of conditions (`push_condition_to_world` in source_loops.py) only saves rows; each condition is
+tested again.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.errors import Span
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.runtime.python.ast_builder import AstBuilder
+from ss2sql.runtime.run.run_state import Run
+from ss2sql.vtables.attached_worlds import AttachedTable
+from ss2sql.vtables.reading import NOTHING, Read, Reading, Readings
+from ss2sql.vtables.snapshots import Snapshot, find_first_place, plan_snapshot
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
+    from ss2sql.runtime.python.query_compiler import QueryCompiler
+
+_OPERATORS = {"eq": "=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
+_MIRRORED = {"=": "=", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
+
+
+@dataclass(frozen=True, slots=True)
+class WorldCondition:
+    """A column of a world's table is compared with a value that is known before the table is walked."""
+
+    source: int
+    column: str
+    operator: str
+    value: plan.Expr
+
+
+def find_world_condition(condition: plan.Expr, sources: Sequence[plan.Source]) -> WorldCondition | None:
+    """The condition as something that the adapter of one of the sources can use, if it is."""
+    match condition:
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in _OPERATORS:
+            operator = _OPERATORS[name]
+            for column, sign, value in ((left, operator, right), (right, _MIRRORED[operator], left)):
+                if isinstance(column, plan.Column):
+                    source = next((source for source in sources if source.id == column.source), None)
+                    if isinstance(source, plan.WorldSource) and _can_use_condition(source.table, column.name, sign):
+                        return WorldCondition(source.id, column.name, sign, value)
+    return None
+
+
+def _can_use_condition(table: AttachedTable, name: str, operator: str) -> bool:
+    schema = table.schema
+    return schema.walked is None and any(c.name == name and operator in c.operators for c in schema.columns)
+
+
+# --- code ----------------------------------------------------------------------------------------------
+
+
+def write_world_items(
+    builder: QueryCompiler, source: plan.WorldSource, demands: Sequence[WorldCondition], body: PythonScope
+) -> ast.expr:
+    """The keys that a source walks, or its rows."""
+    from ss2sql.runtime.python.python_expressions import write_expression
+
+    unit, build = builder.unit, builder.unit.build_at(source.span)
+    table: AttachedTable = source.table
+    if table.schema.keyed is None:
+        unit.tuples[source.id] = tuple(name for name, _ in source.columns)
+    else:
+        unit.worlds[source.id] = table
+    reading = build.name(_bind_reading(unit, table, build))
+    if table.schema.parameters:
+        arguments = [write_expression(builder, argument, body) for argument in source.arguments]
+        return build.call(unit.helper(list_rows), reading, *arguments)
+    asked = tuple((demand.column, demand.operator) for demand in demands)
+    values = [write_expression(builder, demand.value, body) for demand in demands]
+    return build.call(unit.helper(list_keys), reading, build.name(unit.constant(asked, "demands")), *values)
+
+
+def bind_column_reader(unit: CodegenContext, source: int, name: str, build: AstBuilder) -> str:
+    """A name for the function from a key to a column."""
+    table = unit.worlds[source]
+    value = build.call(
+        unit.helper(get_column_reader), build.name(_bind_reading(unit, table, build)), build.constant(name)
+    )
+    return unit.bind(("column", id(table), name), f"read_{name}", value, build)
+
+
+def bind_element_reader(unit: CodegenContext, source: int, build: AstBuilder) -> str:
+    """A name for the function from a key to the element."""
+    table = unit.worlds[source]
+    value = build.call(unit.helper(get_element_reader), build.name(_bind_reading(unit, table, build)))
+    return unit.bind(("element", id(table)), "element", value, build)
+
+
+def _bind_reading(unit: CodegenContext, table: AttachedTable, build: AstBuilder) -> str:
+    snapshot = build.name(unit.constant(plan_snapshot(unit.analysis.roots), "snapshot"))
+    value = build.call(unit.helper(get_readings), build.name("run"), snapshot)
+    readings = unit.bind("readings", "readings", value, build)
+    known = (table.table, find_first_place(table, unit.analysis.roots))
+    value = build.call(unit.helper(get_reading), build.name(readings), build.name(unit.constant(known, "table")))
+    return unit.bind(("reading", id(table)), "reading", value, build)
+
+
+# --- what the code calls -------------------------------------------------------------------------------
+
+
+def get_readings(run: Run, snapshot: Snapshot) -> Readings:
+    return snapshot.begin(run.host.memories.now, run.check)
+
+
+def get_reading(readings: Readings, known: tuple[Any, Span | None]) -> Reading:
+    return readings.of(*known)
+
+
+def get_column_reader(reading: Reading, name: str) -> Read:
+    return reading.reader(name)
+
+
+def get_element_reader(reading: Reading) -> Read:
+    return reading.element
+
+
+def list_keys(reading: Reading, demands: Sequence[tuple[str, str]], *values: Any) -> list[Any]:
+    return reading.asked(demands, values) if demands else reading.keys(NOTHING)
+
+
+def list_rows(reading: Reading, *arguments: Any) -> list[Any]:
+    return reading.rows(arguments)

@@ -1,0 +1,7 @@
+"""One run of a script, as every engine sees it.
+
+run_state is the run with its statistics and deadlines; option_checks and option_values check what users give;
+keyboard_interrupt raises Ctrl-C where nothing is half done; value_sizes bounds values; elements reads what stands in
+FROM; call_memory keeps what calls gave; post_processing and sql_post_processing group, sort and cut results;
+search_paths are the paths of a search.
+"""

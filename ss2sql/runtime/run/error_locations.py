@@ -1,0 +1,159 @@
+"""Where a script is when something goes wrong: the way from Python's traceback back to the span in the script.
+
+Generated code carries the positions of the script instead of its own. A `Page` is the text that one piece of
+generated code points into. It starts with the script; texts from elsewhere, such as a list literal of another
+script that is read late, stand below it. So the lines of the script keep their numbers, and Python's own
+traceback shows them.
+"""
+
+from __future__ import annotations
+
+import linecache
+from collections.abc import Iterator
+from itertools import islice
+from types import TracebackType
+from typing import TypeAlias
+
+from ss2sql.errors import Error, ExecutionError, Source, Span, Stopped, note_place
+
+# First line, last line, first column, last column, as a code object's co_positions gives them.
+Position: TypeAlias = tuple[int | None, int | None, int | None, int | None]
+
+PAGE = "__page__"  # the name of the page among the globals of generated code
+EVAL_LABEL = "in the text that this eval reads"
+
+
+class CodePage:
+    """The texts that the spans of one piece of generated code come from, as one text with line numbers."""
+
+    def __init__(self, source: Source) -> None:
+        self.name = source.name
+        self._lines: list[str] = []
+        self._first: dict[int, int] = {}
+        self._sources: list[Source] = []  # keeps the sources alive: _first goes by their identity
+        self._spans: dict[Position, Span] = {}
+        self._by_line: dict[int, Span] = {}
+        self._functions: dict[Position, str] = {}
+        self._evals: set[Position] = set()
+        self._add(source)
+
+    def _add(self, source: Source) -> int:
+        first = self._first[id(source)] = len(self._lines)
+        self._sources.append(source)
+        self._lines.extend(f"{line}\n" for line in source.text.split("\n"))
+        return first
+
+    def position(self, span: Span) -> Position:
+        """The position that stands for the span; columns count bytes, as Python's do."""
+        source = span.source
+        first = self._first.get(id(source))
+        if first is None:
+            first = self._add(source)
+        line, column = source.line_column(span.start)
+        end_line, end_column = source.line_column(span.end)
+        position = (
+            first + line,
+            first + end_line,
+            self._count_bytes(first + line, column - 1),
+            self._count_bytes(first + end_line, end_column - 1),
+        )
+        self._spans[position] = span
+        self._by_line.setdefault(position[0], span)
+        return position
+
+    def _count_bytes(self, line: int, column: int) -> int:
+        text = self._lines[line - 1]
+        return column if text.isascii() else len(text[:column].encode("utf-8", "surrogatepass"))
+
+    def note_call(self, span: Span, function: str) -> None:
+        """Notes which function is called at the span, for the note on a user's exception."""
+        self._functions[self.position(span)] = function
+
+    def note_eval(self, span: Span) -> None:
+        """Notes that the code of another page is called at the span."""
+        self._evals.add(self.position(span))
+
+    def span(self, position: Position) -> Span | None:
+        """The span at a position; by its line alone where Python was told to forget columns."""
+        found = self._spans.get(position)
+        return found if found is not None or position[0] is None else self._by_line.get(position[0])
+
+    def function(self, position: Position) -> str:
+        """The function that is called at a position, or the name that is read there."""
+        span = self.span(position)
+        return self._functions.get(position) or (span.text if span and span.text.isidentifier() else "<script>")
+
+    def is_eval_call(self, position: Position) -> bool:
+        return position in self._evals
+
+    def show(self) -> None:
+        """Hands the lines to Python's traceback."""
+        linecache.cache[self.name] = (sum(map(len, self._lines)), None, self._lines, self.name)
+
+
+def locate_error(error: Exception) -> Exception:
+    """The exception that leaves the native executor in place of `error`, with its place in the script.
+
+    An Error without a span gets that of the innermost generated code, a user's exception gets a note. A
+    variable that was read before it got a value, which Python reports as NameError, becomes an Error.
+    """
+    error = _unwrap_stop_iteration(error)
+    trail = list(_iterate_generated_frames(error.__traceback__))
+    if not trail:
+        return error
+    for page, _, _ in trail:
+        page.show()
+    page, position, innermost = trail[-1]
+    span = page.span(position)
+    if isinstance(error, NameError) and innermost and span is not None and span.text.isidentifier():
+        error = _build_unset_error(span.text, error)  # any other name is one of generated code, and a mistake of ours
+    if isinstance(error, Error):
+        if not isinstance(error, Stopped):
+            error.located(span)
+            _add_eval_places(error, trail)
+    else:
+        evals = [place for place, _ in _iterate_evals(trail) if place != span]
+        note_place(error, page.function(position), [span] if span else [], evals=evals)
+    return error
+
+
+def _unwrap_stop_iteration(error: Exception) -> Exception:
+    """A StopIteration of a user's function, which Python turns into a RuntimeError where it leaves a generator."""
+    cause = error.__cause__
+    if (
+        type(error) is RuntimeError
+        and isinstance(cause, StopIteration)
+        and str(error) == "generator raised StopIteration"
+    ):
+        return cause
+    return error
+
+
+def _build_unset_error(name: str, error: NameError) -> ExecutionError:
+    message = f"the variable '{name}' has no value yet"
+    return ExecutionError("R001", message, hints=("assign it before it is read",)).with_traceback(error.__traceback__)
+
+
+def _add_eval_places(error: Error, trail: list[tuple[CodePage, Position, bool]]) -> None:
+    """Adds the places of the evals around the error, innermost first."""
+    for place in _iterate_evals(trail):
+        if place[0] != error.span and place not in error.related:
+            error.related += (place,)
+
+
+def _iterate_evals(trail: list[tuple[CodePage, Position, bool]]) -> Iterator[tuple[Span, str]]:
+    """The evals around the place where a trail ends, innermost first, as an Error relates to them."""
+    for page, position, _ in reversed(trail):
+        span = page.span(position)
+        if span is not None and page.is_eval_call(position):
+            yield span, EVAL_LABEL
+
+
+def _iterate_generated_frames(traceback: TracebackType | None) -> Iterator[tuple[CodePage, Position, bool]]:
+    """The generated frames of a traceback, outermost first: page, position, whether it is the last frame of all."""
+    while traceback is not None:
+        page = traceback.tb_frame.f_globals.get(PAGE)
+        if isinstance(page, CodePage):
+            positions = traceback.tb_frame.f_code.co_positions()
+            yield page, next(islice(positions, traceback.tb_lasti // 2, None)), traceback.tb_next is None
+        traceback = traceback.tb_next

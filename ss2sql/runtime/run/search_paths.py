@@ -1,0 +1,239 @@
+"""The paths of a search on the database: they share their rows and are put together when somebody reads them."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import chain, islice
+from operator import itemgetter
+from typing import Any, TypeAlias, overload
+
+from ss2sql.language.rows import Row
+
+# A result as the statement gives it: the number of the step, that of its parent (0: none), and its row.
+End: TypeAlias = tuple[Any, ...]
+
+# The numbers of the parents, and the rows, of steps by their numbers, which a list counts from 1.
+KeptSteps: TypeAlias = Sequence[tuple[int, Row]] | Mapping[int, tuple[int, Row]]
+
+
+def measure_lengths(paths: Sequence[Sequence[Row]]) -> Iterator[int]:
+    """The number of rows of each path."""
+    return paths.lengths() if isinstance(paths, SearchPaths) else map(len, paths)
+
+
+class SearchPaths(Sequence[list[Row]]):
+    """A list of paths, each a list of rows.
+
+    `kept` has each step that others come from, its parent's number and its row in SQL values, which `decode` makes a
+    row; it is None where every such step is a result itself. A path is walked back from its end until it
+    meets the one that was read before: so neighbours, which share their beginnings, cost their differences, whether all
+    are read in a row or one by one.
+    """
+
+    def __init__(
+        self,
+        kept: KeptSteps | None,
+        decode: Callable[[Row], Row],
+        ends: Sequence[End] = (),
+        all_ends: Sequence[End] | None = None,
+    ) -> None:
+        self._get_all_kept = kept
+        self._kept = None if kept is None else kept.__getitem__
+        self._decode = decode  # `tuple` for rows that are values already
+        self._ends: list[End] = list(ends)
+        self._list_all_ends = self._ends if all_ends is None else all_ends
+        self._places: dict[int, int] = {}  # of steps among all results, made when first needed
+        self._idle: list[_PathWalk] = []  # stands where the path ends that was read last; another thread begins its own
+
+    def add(self, end: End) -> None:
+        """One more result."""
+        self._ends.append(end)
+
+    def extend(self, ends: Iterable[End]) -> None:
+        """More results; those that came before an error are kept."""
+        self._ends.extend(ends)
+
+    def chosen(self, positions: Sequence[int]) -> SearchPaths:
+        """The paths at these positions."""
+        if isinstance(positions, range) and positions == range(len(self)):
+            return self
+        ends = [self._ends[position] for position in positions]
+        return SearchPaths(self._get_all_kept, self._decode, ends, self._list_all_ends)
+
+    def cells(self) -> Iterator[list[Any]]:
+        """The paths, each as one flat list of values, row after row; nobody may change one before the last is made."""
+        if self._kept is not None:
+            for path, row in self._read(self._ends, flat=True):
+                yield [*path, *row]
+            return
+        walk = self._walk(self._width)
+        steps: list[int] = []  # on the path that was made last; depth first, the next one grows from one of them
+        made: list[list[Any]] = []
+        for end in self._ends:
+            parent = end[1]
+            while steps and steps[-1] != parent:
+                steps.pop()
+                made.pop()
+            before = made[-1] if steps else walk.collect_rows_before(end)
+            cells = [*before, *end[2:]]
+            yield cells
+            steps.append(end[0])
+            made.append(cells)
+
+    def lengths(self) -> Iterator[int]:
+        """The number of rows of each path, without putting it together: every step is looked at once."""
+        known = {0: 0}
+        for number, parent, *_ in self._ends:
+            new: list[int] = []
+            step = parent
+            while step not in known:
+                new.append(step)
+                step = self._get_parent(step)
+            length = known[step]
+            for step in reversed(new):
+                length += 1
+                known[step] = length
+            if self._kept is None:
+                known[number] = length + 1
+            yield length + 1
+
+    def count_kept_by_level(self) -> Counter[int]:
+        """How many steps were kept at each distance from the start; a step has a greater number than its parent."""
+        kept = self._get_all_kept or {}
+        entered = kept.items() if isinstance(kept, Mapping) else islice(enumerate(kept), 1, None)
+        steps: Iterable[tuple[int, int]] = ((number, parent) for number, (parent, _) in entered)
+        if isinstance(kept, Mapping):
+            steps = sorted({*steps, *((end[0], end[1]) for end in self._list_all_ends)})
+        levels = {0: 0}
+        for number, parent in steps:
+            levels[number] = levels[parent] + 1
+        counts = Counter(levels.values())
+        del counts[0]
+        return counts
+
+    def depth(self, most: int) -> tuple[int, bool]:
+        """How far from the start the last result is, where every step is one; whether that is all, after `most` looks.
+
+        A step has a greater number than its parent; breadth first the results are in the order of their numbers, depth
+        first the parent of one is not far before it.
+        """
+        ends, place, depth = self._ends, len(self._ends) - 1, 0
+        wanted = ends[-1][0] if ends and self._kept is None else 0
+        for _ in range(most):
+            if not wanted or place < 0:
+                break
+            if ends[place][0] == wanted:
+                wanted, depth, place = ends[place][1], depth + 1, place - 1
+                continue
+            found = bisect_left(ends, wanted, 0, place, key=itemgetter(0))
+            place = found if ends[found][0] == wanted else place - 1
+        return depth, not wanted
+
+    def __len__(self) -> int:
+        return len(self._ends)
+
+    @property
+    def _width(self) -> int:
+        """The number of cells of a row."""
+        return len(self._ends[0]) - 2 if self._ends else 0
+
+    @overload
+    def __getitem__(self, position: int) -> list[Row]: ...
+    @overload
+    def __getitem__(self, position: slice) -> list[list[Row]]: ...
+    def __getitem__(self, position: int | slice) -> list[Row] | list[list[Row]]:
+        if isinstance(position, slice):
+            return [[*path, row] for path, row in self._read(self._ends[position], flat=False)]
+        end = self._ends[position]
+        try:
+            walk = self._idle.pop()
+        except IndexError:
+            walk = self._walk(0)
+        path = [*walk.collect_rows_before(end), end[2:]]
+        self._idle = [walk]
+        return path
+
+    def __iter__(self) -> Iterator[list[Row]]:
+        for path, row in self._read(self._ends, flat=False):
+            yield [*path, row]
+
+    def _read(self, ends: Sequence[End], flat: bool) -> Iterator[tuple[list[Any], Row]]:
+        """For each result the rows before its own, as one list that changes from result to result, and its own."""
+        walk = self._walk(self._width if flat else 0)
+        known = self._kept is None  # then the last result may be the parent of the next one
+        for end in ends:
+            yield walk.collect_rows_before(end), end[2:]
+            if known:
+                walk.follow(end[0], end[2:])
+
+    def _walk(self, width: int) -> _PathWalk:
+        """A walk from path to path that gives cells, `width` of a row, or rows where that is 0."""
+        if self._kept is None:
+            return _PathWalk(self._step, None, width)
+        return _PathWalk(self._kept, None if self._decode is tuple else self._decode, width)
+
+    def _step(self, step: int) -> tuple[int, Row]:
+        """The parent's number and the row of a step that is a result."""
+        end = self._end(step)
+        return end[1], end[2:]
+
+    def _get_parent(self, step: int) -> int:
+        """The number of a step's parent, 0 where it is the first."""
+        return self._end(step)[1] if self._kept is None else self._kept(step)[0]
+
+    def _end(self, step: int) -> End:
+        """The result that a step is."""
+        if not self._places:
+            self._places = {end[0]: place for place, end in enumerate(self._list_all_ends)}
+        return self._list_all_ends[self._places[step]]
+
+
+class _PathWalk:
+    """From path to path: the rows before the end of the one that was read last, or their cells, `width` of a row.
+
+    `step` gives the parent's number and the row of a step, which `decode` makes values.
+    """
+
+    __slots__ = ("_decode", "_places", "_shared", "_step", "_steps", "_width")
+
+    def __init__(self, step: Callable[[int], tuple[int, Row]], decode: Callable[[Row], Row] | None, width: int) -> None:
+        self._step = step
+        self._decode = decode
+        self._width = width
+        self._shared: list[Any] = []
+        self._steps: list[int] = []  # those on the path
+        self._places: dict[int, int] = {}  # of these on it; the last ones are noted when they are needed
+
+    def collect_rows_before(self, end: End) -> list[Any]:
+        """The rows, or the cells, on the path to the parent of a result; the list changes with the next call."""
+        step, steps, step_of = end[1], self._steps, self._step
+        if steps and step == steps[-1]:
+            return self._shared
+        places = self._places
+        places.update(zip(steps[len(places) :], range(len(places), len(steps)), strict=True))
+        new: list[int] = []
+        rows: list[Row] = []
+        while step and step not in places:
+            new.append(step)
+            step, row = step_of(step)
+            rows.append(row)
+        left = places[step] + 1 if step else 0
+        for gone in steps[left:]:
+            del places[gone]
+        del steps[left:], self._shared[left * (self._width or 1) :]
+        new.reverse()
+        rows.reverse()
+        steps += new
+        decoded = rows if self._decode is None else map(self._decode, rows)
+        self._shared.extend(chain.from_iterable(decoded) if self._width else decoded)
+        return self._shared
+
+    def follow(self, step: int, row: Row) -> None:
+        """One more step on the path, which is a result."""
+        self._steps.append(step)
+        if self._width:
+            self._shared.extend(row)
+        else:
+            self._shared.append(row)

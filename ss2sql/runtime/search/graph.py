@@ -1,0 +1,105 @@
+"""The graph that MEMORIZE searches: rows as nodes, steps as edges."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from dataclasses import field
+from typing import Any
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.rows import Row
+from ss2sql.runtime.search.search_run import Found
+
+UNREACHABLE = 2**62  # no goal can be reached
+
+
+@dataclass(slots=True)
+class RowGraph:
+    """Nodes are numbers; 0 is the start, which has no row. Edges are numbers, too, in the order of their making.
+
+    `edges[node]` are the edges out of a node in source order. Of an edge, `targets` is the node that it leads
+    to, `weights` its cost or probability, `lasts` what GROUP BY and ORDER BY see of its step; these two are empty where
+    nobody asks for them. No path has more than `bound` steps.
+    """
+
+    check: Callable[[], None]
+    bound: int | None
+    rows: list[Row] = field(default_factory=lambda: [()])
+    goals: list[bool] = field(default_factory=lambda: [False])
+    edges: list[Sequence[int]] = field(default_factory=lambda: [()])
+    targets: list[int] = field(default_factory=list)
+    weights: list[Any] = field(default_factory=list)
+    lasts: list[Any] = field(default_factory=list)
+
+    def add_node(self, row: Row, goal: bool) -> int:
+        """The number of a new node."""
+        self.rows.append(row)
+        self.goals.append(goal)
+        self.edges.append(())
+        return len(self.rows) - 1
+
+    def add_edge(self, node: int, target: int, weight: Any, last: Any) -> None:
+        """One more edge; all edges out of a node are made one after the other."""
+        first, number = self.edges[node][:1], len(self.targets)
+        self.edges[node] = range(first[0] if first else number, number + 1)
+        self.targets.append(target)
+        self.weights.append(weight)
+        self.lasts.append(last)
+
+    @property
+    def longest(self) -> int:
+        """No path without a repeated row has more steps than this."""
+        nodes = len(self.rows) - 1
+        return nodes if self.bound is None else min(nodes, self.bound)
+
+    def found(self, path: Sequence[int]) -> Found:
+        """The result for a path, given as edges."""
+        return [self.rows[self.targets[edge]] for edge in path], self.lasts[path[-1]] if self.lasts else None
+
+    def marks(self) -> list[Row] | None:
+        """For each edge the row that it leads to, where a result is nothing but its rows."""
+        return None if self.lasts else list(map(self.rows.__getitem__, self.targets))
+
+    def find_first_path(self) -> list[int] | None:
+        """The first of the shortest paths in source order, as edges; None where no goal was reached.
+
+        It goes by the steps that made its nodes, for the graph has grown breadth-first, which is said here and nowhere
+        else. All other paths want the distances to the goals first, a tenth of the time that the graph has taken.
+        """
+        node = next((node for node, goal in enumerate(self.goals) if goal), None)
+        if node is None:
+            return None
+        numbers = range(len(self.targets) - 1, -1, -1)
+        made_by = dict(zip(reversed(self.targets), numbers, strict=True))  # the first edge to a node stays
+        starts = [(edges[0], source) for source, edges in enumerate(self.edges) if edges]
+        path = []
+        while node:
+            path.append(made_by[node])
+            node = starts[bisect_right(starts, (path[-1], len(self.rows))) - 1][1]
+        return path[::-1]
+
+    def list_predecessors(self) -> list[list[int]]:
+        """For each node the nodes with an edge to it, each as often as there are edges."""
+        sources: list[list[int]] = [[] for _ in self.rows]
+        for node, edges in enumerate(self.edges):
+            for edge in edges:
+                sources[self.targets[edge]].append(node)
+        return sources
+
+    def fill_goal_distances(self, steps: list[int]) -> list[int]:
+        """Fills in the number of steps to the nearest goal for each node where `steps` has FAR, and gives the list."""
+        sources = self.list_predecessors()
+        level = [node for node, goal in enumerate(self.goals) if goal]
+        depth = 0
+        while level:
+            self.check()
+            depth += 1
+            found = []
+            for node in level:
+                for source in sources[node]:
+                    if steps[source] == UNREACHABLE:
+                        steps[source] = depth
+                        found.append(source)
+            level = found
+        return steps

@@ -1,0 +1,169 @@
+"""The paths of a graph without a repeated node, shortest first, those of one length in source order.
+
+One depth-first walk for each length that occurs. A walk enters a node only if a goal is as many steps away as
+are left; that is known from distances, found backwards from the goals. As a walk of a given length may go to
+and fro, the distances are kept apart for even and odd lengths. Where a walk turns back it notes for which
+greater length it would have gone on: the least of them is the next length, and when there is none, no longer
+path exists.
+
+Distances do not know that the path itself is in the way, and a walk knows nothing of the walks before it. In
+most graphs neither matters. Where `PATIENCE` times as many edges as the graph has were looked at without another
+path, the careful walk of simple_paths.py takes over. It takes three to ten times as long where all is well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import Any
+
+from ss2sql.runtime.search.graph import UNREACHABLE, RowGraph
+from ss2sql.runtime.search.simple_paths import SimplePathWalks
+
+CHECK_EVERY = 1023
+PATIENCE_FACTOR = 10  # 14,000 paths of Hanoi with 4 disks need 1.5, a crowded grid of 7 x 7 nodes 0.7
+
+
+def enumerate_by_length(graph: RowGraph, marks: Sequence[Any] | None = None) -> Iterator[list[Any]]:
+    """The paths from the start to a goal as lists of edges, or of what `marks` has in place of each edge."""
+    return PathsByLength(graph, marks).paths()
+
+
+class PathsByLength:
+    """The paths of one graph: by the quick walk until it loses its way, then by the careful one."""
+
+    def __init__(self, graph: RowGraph, marks: Sequence[Any] | None = None) -> None:
+        self.graph = graph
+        self.marks: Sequence[Any] = range(len(graph.targets)) if marks is None else marks
+        self.distance_walks = DistanceWalks(graph, self.marks)
+        self.careful: SimplePathWalks | None = None
+
+    @property
+    def steps(self) -> int:
+        """How many edges were looked at."""
+        return self.distance_walks.steps + (self.careful.steps if self.careful else 0)
+
+    def paths(self) -> Iterator[list[Any]]:
+        """The paths from the start to a goal as lists of marks."""
+        quick = self.distance_walks
+        length = quick.first()
+        while length <= self.graph.longest:
+            yield from quick.paths(length)
+            if quick.lost:
+                self.careful = SimplePathWalks(self.graph, self.marks)
+                yield from islice(self.careful.paths(length), quick.given, None)
+                return
+            length = quick.longer
+
+
+class DistanceWalks:
+    """The walks over one graph. `even` and `odd` are the distances to a goal in an even and odd number of steps."""
+
+    def __init__(self, graph: RowGraph, marks: Sequence[Any]) -> None:
+        self.graph = graph
+        self.marks = marks
+        self.even, self.odd = _compute_distances(graph)
+        # Of the nodes that were entered, the edges that lead somewhere: their marks, and the nodes that they lead to.
+        self.edges: list[list[tuple[Any, int]] | None] = [None] * len(graph.rows)
+        self.longer = UNREACHABLE
+        self.steps = 0  # edges of the nodes that were left again
+        self.patience = PATIENCE_FACTOR * (len(graph.rows) + len(graph.targets))
+        self.trusted = self.patience  # how many steps may be taken before the next path
+        self.lost = False
+        self.given = 0  # paths of this length
+
+    def first(self) -> int:
+        """The length of the shortest paths."""
+        return min(self.even[0], self.odd[0])
+
+    def paths(self, length: int) -> Iterator[list[Any]]:
+        """The paths of this length as lists of marks; `longer` is then the next length that is worth a walk.
+
+        Ends with `lost` where too many ways lead nowhere, after so many as `given`.
+        """
+        self.graph.check()
+        self.longer = UNREACHABLE
+        self.given = turns = 0
+        goals, edges = self.graph.goals, self.edges
+        distances = (self.even, self.odd)
+        visited = bytearray(len(goals))
+        path: list[Any] = []
+        nodes: list[int] = []
+        stack = [iter(self._list_edges(0))]
+        while stack:
+            left = length - len(stack)  # steps that are left after the next one
+            distance = distances[left & 1]
+            for mark, node in stack[-1]:
+                if visited[node]:
+                    continue
+                if not left:
+                    if goals[node]:
+                        self.trusted = self.steps + self.patience
+                        self.given += 1
+                        yield [*path, mark]
+                    if self.longer > length + 1:
+                        self._note_longer_walk(node, length)
+                elif distance[node] <= left:
+                    path.append(mark)
+                    nodes.append(node)
+                    visited[node] = 1
+                    stack.append(iter(edges[node] or self._list_edges(node)))
+                    break
+                elif self.longer > length + 1:
+                    self._note(node, length - left, left)
+            else:
+                stack.pop()
+                if nodes:
+                    path.pop()
+                    node = nodes.pop()
+                    visited[node] = 0
+                    self.steps += len(edges[node] or ())
+                turns += 1  # counted here: a method that does it takes a twentieth of the walk
+                if not turns & CHECK_EVERY:
+                    self.graph.check()
+                if self.steps > self.trusted:
+                    self.lost = True
+                    return
+
+    def _list_edges(self, node: int) -> list[tuple[Any, int]]:
+        """The edges out of a node as `edges` has them; those that lead nowhere are left out."""
+        even, odd, targets, marks = self.even, self.odd, self.graph.targets, self.marks
+        pairs = [(marks[edge], targets[edge]) for edge in self.graph.edges[node]]
+        known = self.edges[node] = [pair for pair in pairs if even[pair[1]] < UNREACHABLE or odd[pair[1]] < UNREACHABLE]
+        return known
+
+    def _note_longer_walk(self, node: int, depth: int) -> None:
+        """Notes the length of the shortest walk that goes on from a node which is the last one now."""
+        for _, following in self.edges[node] or self._list_edges(node):
+            self._note(following, depth + 1, -1)
+
+    def _note(self, node: int, depth: int, left: int) -> None:
+        """Notes the least length of a walk that takes more than `left` steps after the `depth` ones to the node."""
+        for parity, distances in enumerate((self.even, self.odd)):
+            further = distances[node]
+            if further < UNREACHABLE:
+                least = left + 1 if (left + 1) & 1 == parity else left + 2
+                self.longer = min(self.longer, depth + max(further, least))
+
+
+def _compute_distances(graph: RowGraph) -> tuple[list[int], list[int]]:
+    """For each node the steps to the nearest goal, by walks of even and of odd length; FAR beyond the longest path."""
+    sources = graph.list_predecessors()
+    far = [UNREACHABLE] * len(graph.rows)
+    distances = (far, far.copy())
+    level = [node for node, goal in enumerate(graph.goals) if goal]
+    for node in level:
+        far[node] = 0
+    for steps in range(1, graph.longest + 1):
+        known = distances[steps & 1]
+        found = []
+        for node in level:
+            for source in sources[node]:
+                if known[source] == UNREACHABLE:
+                    known[source] = steps
+                    found.append(source)
+        graph.check()
+        if not found:
+            break
+        level = found
+    return distances

@@ -1,0 +1,107 @@
+"""What a search loop and the step function of a query owe each other.
+
+The generator of step functions (runtime/python/step_function.py) writes one Python function for each query:
+
+    expand(state, closed)               -> steps    every search but the next two
+    expand(state, closed, best, total)  -> steps    COST or PROBABILITY with UNIQUE
+    expand(state, closed, choose)       -> steps    MEMORIZE; `choose(elements, state)` leaves elements out, or is None
+    expand(state, closed, drop)         -> steps    NO CYCLE, remembered steps; `drop(key)` hears of steps without a
+    trace
+
+A step is `row, key, goal, goes_on, after, weight, estimate, last`:
+
+    row       the frozen row, see frozen_values.py
+    key       what is compared: the value of a row of one column, else the row, or what BY names
+    goal      whether a path may end here; goes_on: whether it goes on from the state `after`
+    weight    COST or PROBABILITY; with `best` the new total; estimate: HEURISTIC, None where the step stops
+    last      the elements and the state before, as values, where GROUP BY or ORDER BY ask for the last step
+
+What a search does not have is None. So of `SELECT n + this FROM [1, 2] WHERE n + this == 3 START WITH n = 0 CONNECT BY
+UNIQUE n = n + this` the steps from the start are
+
+    (1,), 1, False, True, (1,), None, None, None
+    (2,), 2, False, True, (2,), None, None, None
+
+**The caller guarantees**
+- `state` is a start or an `after` of this function: a tuple of the frozen values of the START WITH variables in their
+  order, behind them whether it is a start where START WITH has a condition. Nobody changes it.
+- It draws the steps of a state in order, and the next one only when it has done with the one before: what it adds to
+  `closed` or `best` meanwhile is seen by the steps that follow, siblings included. It may leave the iterator for other
+  states and come back (depth first), or drop it (MAXIMUM).
+- `closed` answers `key in closed`: `()` where rows may repeat, the rows reached so far with UNIQUE and MEMORIZE, those
+  on the path to `state` with NO CYCLE (while its steps are drawn). Where there is `best`, it maps rows to the best
+  totals so far, and the caller enters a step that it is given at once. With a heuristic `closed` maps rows to the
+  totals at which they were taken; else it is `best`, where a row that was taken has TAKEN.
+- With UNIQUE and MEMORIZE it expands a key once. A start has no row, so its state may come once more; where BY names
+  the state its key counts as one that is reached.
+
+**It must return** for each element of the state that meets the condition of CONNECT BY, in source order or that of
+ORDER SIBLINGS BY, one step or none:
+- none, and one more is `pruned`, if the key is closed (with a heuristic: taken at no more than `total`). Where rows are
+  compared STOP WITH and WHERE are not evaluated then, and MEMORIZE is given the step all the same, for it is an edge,
+  with `goal` None and its weight. Where BY names a key it is known last, and MEMORIZE is given all steps.
+- none if it stops without being a goal, or if its probability is 0; pruned, if its total is not below `best[key]`.
+
+**Order and laziness.** When a step is drawn its clauses are evaluated in the order of language.md, 7, guards included,
+each call once, and nothing of the elements behind it; what mentions only the state when it is first needed, once for
+the state. Where all clauses are steady the order may differ where no guard forbids it: `best` is asked before STOP WITH
+where COST cannot fail, and before HEURISTIC and CONNECT BY.
+
+**Errors** pass through as they are; `finally` has put the counters right. Places are those of the script's positions in
+the code. A function's result is made a value before any clause sees it, or refused by the function's name.
+
+**Counting.** It counts `generated` (elements drawn; those of one list together, the rest is given back in `finally`),
+`pruned`, `expanded` (calls, less the start) and the calls of functions. It looks at the clock and at `max_steps` before
+the first element of a state, every 64 of a long list or of nested sources, and before each call of the user's where
+there is a deadline. It returns the number of elements (`StopIteration.value`). Who works long without drawing steps
+calls `check`.
+
+**The text of a loop** is put around the code of the function where that pays (runtime/python/step_inlining.py). So it
+has one `for` over `expand(...)`, takes a step apart in its head, does not `continue` there, names what it wants of
+`problem` at its beginning, and calls the state `state`, which may stand for several variables in a tuple.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeAlias
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
+from ss2sql.language.frozen_values import FrozenRow, State
+
+Step: TypeAlias = tuple[FrozenRow, Any, bool | None, bool, Any, Any, Any, Any]
+Expand: TypeAlias = Callable[..., Iterator[Step]]
+Found: TypeAlias = tuple[Sequence[FrozenRow], Any]  # the rows of a path, and the `last` of its last step
+
+
+def _ignore_result(total: Any, guess: Any) -> None:
+    """Nobody asks for results that are cheaper than was expected."""
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One run of a search: what a loop gets.
+
+    `likeliest`: the weights are probabilities. `weighed`, `keyed`: steps have a weight, a last part. `alone`: the key
+    is the only value of its row; `apart`: it is no row. `visits`: the starts count as visited, by `key_of(start)`.
+    `last`: of a path only the last row is wanted. `found(total, guess)` hears of a result of A* that costs less than
+    was expected of a path. `watch(path)`, where there is one, hears to which state the search turns, and
+    `watch(path, False)` to which it comes back: for the line of progress, and for counts by level. The path is one of
+    those of backpointers.py. `outdated(state, last)`, where there is one, hears of steps that waited for nothing.
+    """
+
+    starts: Sequence[State]
+    expand: Expand
+    repeats: plan.Repeats
+    likeliest: bool = False
+    weighed: bool = False
+    keyed: bool = False
+    alone: bool = False
+    apart: bool = False
+    visits: bool = False
+    last: bool = False
+    key_of: Callable[[State], Any] = id
+    found: Callable[[Any, Any], None] = _ignore_result
+    on_expand: Callable[..., None] | None = None
+    outdated: Callable[[State, Any], None] | None = None

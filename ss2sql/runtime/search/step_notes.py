@@ -1,0 +1,144 @@
+"""Notes of steps: what the clauses of a step came to, kept beside the search so that nothing is evaluated twice.
+
+The step function with notes (runtime/python/noted_steps.py) takes from a note what is there, and puts there what it
+evaluates. So a graph in a file is asked first, calls are made by other processes beforehand, and a step that failed can
+be taken again. That is for searches in which nobody can notice when a clause is evaluated: all functions of the user
+are immutable or stable, nothing is assigned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterator, Sequence
+from operator import itemgetter
+from typing import Any, TypeAlias
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.frozen_values import UNSET, State
+from ss2sql.language.rows import Row
+from ss2sql.runtime.search.step_contract import Step
+
+Note: TypeAlias = list[Any]  # the values of clauses, UNSET where they are not known; at the end whether it was asked
+Pair: TypeAlias = tuple[Note, Any]  # of a note and an element, a tuple where there are several sources
+Last: TypeAlias = tuple[Any, ...]  # the elements of a step and the state before it
+Places: TypeAlias = tuple[tuple[int, ...], tuple[int | None, ...], dict[str, int], int]
+
+
+@dataclass(frozen=True, slots=True)
+class Noted:
+    """A search whose steps are noted.
+
+    `expand(state, closed, notes)` is the step function, see runtime/search/step_contract.py; it asks `notes.known()`
+    for the pairs of the state, and where there are none `notes.begin(elements)`. `goals(start)` and `before(last)` go
+    backwards, where that is possible: the states at the goal, the state before a step. `places` says where in a note
+    the columns of the row are, the variables after the step (None for those that stay), and the clauses `stop`, `goal`
+    and `weight`; at last the number of values. `probable`: the weight is a probability. `plain`: all elements are
+    values. `row(note)` is the row of a step that was asked, `after(note, before)` the state after it, None where
+    CONNECT BY was not evaluated.
+    """
+
+    expand: Callable[[State, Container[Any], Any], Iterator[Step]]
+    goals: Callable[[State], list[State]] | None
+    before: Callable[[Last], State | None] | None
+    places: Places
+    probable: bool
+    sources: int
+    plain: bool
+
+    row: Callable[[Note], Row]
+    after: Callable[[Note, State], State | None]
+    nothing: Note
+
+    def blank(self) -> Note:
+        """A note of which nothing is known."""
+        return self.nothing.copy()
+
+    def elements(self, item: Any) -> tuple[Any, ...]:
+        """The elements of all sources."""
+        return item if self.sources > 1 else (item,)
+
+
+def noted_of(
+    expand: Callable[..., Iterator[Step]],
+    goals: Any,
+    before: Any,
+    places: Places,
+    probable: bool,
+    sources: int,
+    plain: bool,
+) -> Noted:
+    """A search whose steps are noted, from what is generated."""
+    rows, states, _, size = places
+    take, whole = _taking(rows), None if None in states else _taking(states)
+
+    def after(note: Note, before: State) -> State | None:
+        if whole is not None:
+            found = whole(note)
+        else:
+            found = tuple([old if at is None else note[at] for at, old in zip(states, before, strict=True)])
+        for value in found:
+            if value is UNSET:
+                return None
+        return found
+
+    nothing = [*[UNSET] * size, False]
+    return Noted(expand, goals, before, places, probable, sources, plain, take, after, nothing)
+
+
+def _taking(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
+    """What takes the values at some places of a note."""
+    if len(places) == 1:
+        (only,) = places
+        return lambda note: (note[only],)
+    return itemgetter(*places)
+
+
+class Notes:
+    """The notes of some states, in the order in which they are expanded. `counted` is how often their steps count."""
+
+    counted = 1
+
+    def __init__(self, noted: Noted) -> None:
+        self.noted = noted
+        self.pairs: list[list[Pair] | None] = []
+        self.at = -1
+
+    def begin_level(self, states: Sequence[State], chosen: Sequence[list[Any]] | None = None) -> None:
+        """Other states, frozen; `chosen` are the elements that are tried, where that is known."""
+        self.at = -1
+        self.pairs = [None for _ in states] if chosen is None else [self.paired(*one) for one in enumerate(chosen)]
+
+    def known(self) -> list[Pair] | None:
+        """The pairs of the next state, as far as there are."""
+        self.at += 1
+        return self.pairs[self.at]
+
+    def begin(self, items: list[Any]) -> list[Pair]:
+        """The pairs of this state, whose elements are these."""
+        found = self.pairs[self.at] = self.paired(self.at, items)
+        return found
+
+    def paired(self, at: int, items: list[Any]) -> list[Pair]:
+        """The same for the elements of one of the states."""
+        return [(self.noted.blank(), item) for item in items]
+
+
+def elements_of(noted: Noted, start: State) -> list[Any]:
+    """The elements of a frozen state, each as it stands in a pair; nothing else is evaluated."""
+    notes = Elements(noted)
+    for _ in noted.expand(start, (), notes):
+        raise AssertionError("there is no step without elements")
+    return notes.items
+
+
+class Elements(Notes):
+    """Takes the elements and gives none."""
+
+    counted = 0
+    items: list[Any]
+
+    def known(self) -> None:
+        return None
+
+    def begin(self, items: list[Any]) -> list[Pair]:
+        self.items = items
+        return []

@@ -1,0 +1,378 @@
+"""Tables and views of the session's database, as the resolver sees them.
+
+What the data show of the columns, see `column_types.py`, is kept until the database changes.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Container, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import apsw
+
+from ss2sql.errors import ExecutionError, SessionError
+from ss2sql.language import plan
+from ss2sql.language.kinds import Type
+from ss2sql.language.unreadable_text import decode_text
+from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, build_sqlite_error
+from ss2sql.runtime.sqlite.column_types import STORED, TableColumn, infer_table_types, infer_view_types, quote_name
+from ss2sql.runtime.sqlite.file_locks import attach_file, close_file, detach_file, open_file
+
+if TYPE_CHECKING:
+    import sqlite3
+
+    from ss2sql.runtime.graph_cache.graph_store import GraphStore
+    from ss2sql.runtime.sqlite.copied_databases import CopiedDatabase
+
+MANY_ROWS = 50_000  # rows of a table that is read as arrays
+DIGITS = 21  # of an integer in text, with its sign and a comma
+FILES = (".db", ".sqlite", ".sqlite3")  # a text that ends so is a path, any other is a value
+
+
+def find_parquet_path(source: Any) -> Path | None:
+    """The path of a Parquet file, if a source is one: by the end of its text."""
+    text = str(source) if isinstance(source, (str, os.PathLike)) else ""
+    return Path(text) if text.endswith(".parquet") else None
+
+
+def find_sqlite_path(source: Any) -> Path | None:
+    """The path of a SQLite file, if a source is one: by its type, or by the end of its text."""
+    if isinstance(source, os.PathLike) or (isinstance(source, str) and source.endswith(FILES)):
+        return Path(source)
+    return None
+
+
+# Pages of a file that were read are kept, up to 64 MB (in KiB, as SQLite counts what is negative): searching a million
+# edges takes 1.8 s in plain SQL then and not 2.6.
+CACHE_SIZE = -65536
+
+
+Version: TypeAlias = tuple[Any, ...] | None
+
+
+class KnownTable:
+    """A table or view as it was found in a version of its database, with the types of columns that were looked at.
+
+    `types` has for each of them the version, too.
+    """
+
+    def __init__(
+        self, version: Version, source: plan.TableSource, columns: tuple[TableColumn, ...], keys: frozenset[str]
+    ) -> None:
+        self.version = version
+        self.source = source
+        self.columns = columns
+        self.keys = keys
+        self.types: dict[str, tuple[Version, Type]] = {}
+
+    def is_complete_for(self, version: Version, read: Container[str] | None) -> bool:
+        """Whether all is known that somebody asks for who reads these columns."""
+        if version is None or self.version != version:
+            return False
+        return all(
+            one.name in self.types and self.types[one.name][0] == version for one in self._find_columns_read(read)
+        )
+
+    def _find_columns_read(self, read: Container[str] | None) -> list[TableColumn]:
+        """The columns that are read; those of the primary key, which sorts rows, always are."""
+        return [one for one in self.columns if read is None or one.name in read or one.name in self.keys]
+
+    def look(
+        self,
+        types_of: Callable[[apsw.Connection, str, Sequence[TableColumn], Mapping[str, Type]], dict[str, Type]],
+        connection: apsw.Connection,
+        before: KnownTable | None,
+        read: Container[str] | None,
+    ) -> None:
+        """Finds out the types of columns, going by what was known `before`. Raises what apsw raises."""
+        if before is not None and before.columns == self.columns:
+            self.types.update(before.types)
+        table = f"{quote_name(self.source.schema)}.{quote_name(self.source.table)}"
+        of_now = {name for name, (version, _) in self.types.items() if version is not None and version == self.version}
+        asked = [one for one in self._find_columns_read(read) if one.name not in of_now]
+        seen = [one for one in asked if one.name in self.types]
+        new = [one for one in asked if one.name not in self.types]
+        for columns in filter(None, (seen, new)):
+            known = {one.name: self.types[one.name][1] for one in columns if one.name in self.types}
+            types = types_of(connection, table, columns, known)
+            self.types.update((name, (self.version, found)) for name, found in types.items())
+
+    def build_source(self, read: Container[str] | None) -> plan.TableSource:
+        """The source with the types of the columns that are read; the others are of all kinds."""
+        asked = {one.name for one in self._find_columns_read(read)}
+        typed = ((one.name, self.types[one.name][1] if one.name in asked else Type(STORED)) for one in self.columns)
+        return replace(self.source, columns=tuple(typed))
+
+
+def _write_full_select(source: plan.TableSource, values: Sequence[str]) -> str:
+    """The statement that gives these for all rows of a table, in its order."""
+    order = f" ORDER BY {', '.join(quote_name(key) for key in source.order)}" if source.order else ""
+    return f"SELECT {', '.join(values)} FROM {quote_name(source.schema)}.{quote_name(source.table)}{order}"
+
+
+class Tables:
+    """Looks up tables and views by name, in the main database first."""
+
+    def __init__(self, connection: apsw.Connection) -> None:
+        self.connection = connection
+        self._known: dict[tuple[str, str], KnownTable] = {}
+        self.files: dict[str, Path] = {}  # what is attached, by name
+        self.copied: dict[str, CopiedDatabase] = {}  # connections of sqlite3 that are attached, by name
+        self.graphs: GraphStore | None = None  # of remembered graphs, in tables that are no tables of scripts' own
+
+    def attach(self, name: str, path: Path) -> None:
+        """Makes the tables of a SQLite file known as `name.table`. Raises SessionError S002 for any other file."""
+        try:
+            what = "" if path.is_file() else f"{path} is a folder" if path.is_dir() else f"there is no file {path}"
+        except OSError as error:  # such as of a name that is too long
+            what = f"{path} cannot be read: {error.strerror}"
+        if what:
+            raise SessionError("S002", what, hints=("give the path of a SQLite file",))
+        self._check_free(name)
+        try:
+            probe = open_file(str(path), apsw.SQLITE_OPEN_READONLY)
+            try:
+                probe.execute("SELECT count(*) FROM sqlite_schema").fetchall()
+            finally:
+                close_file(probe)
+            self._make_room(name)
+            attach_file(self.connection, name, str(path))
+            self.connection.execute(f"PRAGMA {quote_name(name)}.cache_size = {CACHE_SIZE}")
+        except apsw.Error as error:
+            hint = "an encrypted or damaged file cannot be attached, nor one of another program"
+            message = f"{path} is not a SQLite file that can be read: {error}"
+            raise SessionError("S002", message, hints=(hint,)) from error
+        self.files[name] = path
+
+    def attach_connection(self, name: str, source: sqlite3.Connection) -> None:
+        """Makes the tables of a connection of `sqlite3` known as `name.table`, as they are when a script runs."""
+        self._check_free(name)
+        self._make_room(name)
+        from ss2sql.runtime.sqlite.copied_databases import CopiedDatabase
+
+        copied = CopiedDatabase(self.connection, name, source)
+        copied.refresh()
+        self.copied[name] = copied
+
+    def refresh(self, schema: str | None = None) -> None:
+        """Copies what connections of `sqlite3` hold, where that has changed; once in a turn."""
+        for name, copied in self.copied.items():
+            if schema in (None, name) and copied.refresh():
+                self._known.clear()
+
+    @property
+    def attached(self) -> tuple[str, ...]:
+        """The names of attached files and connections."""
+        return (*self.files, *self.copied)
+
+    def _check_free(self, name: str) -> None:
+        if name.lower() in ("main", "temp"):
+            raise SessionError("S002", f"'{name}' is the session's own database", hints=("choose another name",))
+
+    def _make_room(self, name: str) -> None:
+        for twin in [known for known in self.attached if known.lower() == name.lower()]:  # SQLite sees no case
+            self.detach(twin)
+
+    def detach(self, name: str) -> None:
+        """Forgets the file or connection of this name, if there is one. Raises SessionError S002 while it is read."""
+        if name in self.attached:
+            try:
+                detach_file(self.connection, name)
+            except apsw.Error as error:
+                hint = "wait until the query that reads it has ended"
+                raise SessionError("S002", f"the file '{name}' cannot be let go: {error}", hints=(hint,)) from error
+            self._known.clear()
+            self.files.pop(name, None)
+            self.copied.pop(name, None)
+
+    def names(self) -> list[str]:
+        """The names of all tables and views, those of SQLite and of ss2sql apart."""
+        rows = self._fetch("SELECT name, type FROM pragma_table_list ORDER BY schema <> 'main', name")
+        return [
+            name for name, kind in rows if kind in ("table", "view") and not name.startswith(("sqlite_", "ss2sql_"))
+        ]
+
+    def find(self, schema: str | None, name: str, read: Container[str] | None = None) -> plan.TableSource | None:
+        """The table or view with this name, exactly as it is written there; None if there is none.
+
+        What its data show is found out of the columns that are `read`, as far as somebody knows; the others may have
+        values of all kinds.
+        """
+        self.refresh(schema)
+        listed = self._find_listing(schema, name)
+        if listed is None:
+            return None
+        home, exact, kind, without_rowid = listed
+        version = self._version(home)
+        known = self._known.get((home, exact))
+        if known is not None and known.is_complete_for(version, read):
+            return known.build_source(read)
+        try:
+            with self.connection:  # all of it is read from one state of the file
+                found = self._read(home, exact, kind, bool(without_rowid), version, known, read)
+        except READ_ERRORS as error:
+            hints = (f"look at the definition of the {kind} in the database",)
+            raise ExecutionError("X009", f"the {kind} '{name}' cannot be read: {error}", hints=hints) from error
+        self._known[(home, exact)] = found
+        return found.build_source(read)
+
+    def column_names(self, name: str) -> tuple[str, ...]:
+        """The columns of a table or view, without a look at its rows; none of a view that cannot be read."""
+        listed = self._find_listing(None, name)
+        if listed is None:
+            return ()
+        home, exact, _, _ = listed
+        try:
+            self._prepare(home, exact)
+            return tuple(column for column, _, _, hidden in self._columns(home, exact) if hidden != 1)
+        except READ_ERRORS:
+            return ()
+
+    def _find_listing(self, schema: str | None, name: str) -> tuple[Any, ...] | None:
+        """Schema, exact name, type and whether it has no rowid, of a table or view that scripts may read."""
+        rows = self._fetch(
+            "SELECT schema, name, type, wr FROM pragma_table_list"
+            " WHERE name = ? AND (? IS NULL OR schema = ?) AND type IN ('table', 'view')"
+            " ORDER BY schema <> 'main'",
+            (name, schema, schema),
+        )
+        return rows[0] if rows and not name.startswith("sqlite_") else None
+
+    def _prepare(self, schema: str, name: str) -> None:
+        """Finds out whether SQLite can read a view, without a look at its rows. Raises apsw.Error."""
+        self.connection.execute(f"EXPLAIN SELECT * FROM {quote_name(schema)}.{quote_name(name)}").fetchall()
+
+    def _columns(self, schema: str, name: str) -> list[tuple[Any, ...]]:
+        """Name, declared type, place in the primary key, and whether it is hidden, of each column."""
+        return self.connection.execute(
+            "SELECT name, type, pk, hidden FROM pragma_table_xinfo(?, ?) ORDER BY cid", (name, schema)
+        ).fetchall()
+
+    def rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
+        """All rows of a table in its order."""
+        return self._fetch(_write_full_select(source, [quote_name(name) for name, _ in source.columns]))
+
+    def integers(self, source: plan.TableSource, *places: int) -> list[Any] | None:
+        """Columns of whole numbers as arrays, in the order of the table; None where rows are as good.
+
+        A million pairs take 0.2 s, as rows 0.5. Of a smaller table it would be the import of NumPy that takes long.
+        """
+        home = f"{quote_name(source.schema)}.{quote_name(source.table)}"
+        most = self.connection.limit(apsw.SQLITE_LIMIT_LENGTH) // DIGITS
+        if not MANY_ROWS <= self._fetch(f"SELECT count(*) FROM {home}")[0][0] <= most:
+            return None
+        import numpy as np
+
+        names = [quote_name(source.columns[place][0]) for place in places]
+        shown = ", ".join(f"group_concat({name})" for name in names)
+        (texts,) = self._fetch(f"SELECT {shown} FROM ({_write_full_select(source, names)})")
+        return [np.fromstring(text, np.int64, sep=",") for text in texts]
+
+    def read_unreadable_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
+        """The same where some texts are not UTF-8: an UnreadableText stands for each of these."""
+        names = [quote_name(name) for name, _ in source.columns]
+        texts = [f"typeof({name}) = 'text'" for name in names]
+        # The bytes of a text are in the encoding of the file.
+        values = [f"iif({test}, CAST({name} AS BLOB), {name})" for name, test in zip(names, texts, strict=True)]
+        (encoding,) = self._fetch("PRAGMA encoding")[0]
+
+        def readable(row: tuple[Any, ...]) -> tuple[Any, ...]:
+            cells = zip(row[: len(names)], row[len(names) :], strict=True)
+            return tuple(decode_text(value, encoding) if is_text else value for value, is_text in cells)
+
+        return list(map(readable, self._fetch(_write_full_select(source, [*values, *texts]))))
+
+    def _fetch(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+        """The rows of a statement. Raises ExecutionError X009 where SQLite refuses it: the file may be locked."""
+        try:
+            return self.connection.execute(text, bindings).fetchall()
+        except READ_ERRORS as error:
+            raise build_sqlite_error(error) from error
+
+    def _version(self, schema: str) -> Version:
+        """Changes when this or another connection has changed the database; None where a ROLLBACK may change it."""
+        if self.connection.in_transaction:
+            return None
+        versions = self._fetch(f"PRAGMA {quote_name(schema)}.data_version")
+        cookies = self._fetch(f"PRAGMA {quote_name(schema)}.schema_version")
+        own = 0 if self.graphs is None else self.graphs.changes
+        return (versions, cookies, self.connection.total_changes() - own)
+
+    def _read(
+        self,
+        schema: str,
+        name: str,
+        kind: str,
+        without_rowid: bool,
+        version: Version,
+        before: KnownTable | None,
+        read: Container[str] | None,
+    ) -> KnownTable:
+        rows = [row for row in self._columns(schema, name) if row[3] != 1]
+        columns = [column for column, *_ in rows]
+        keys = [column for _, column in sorted((key, column) for column, _, key, _ in rows if key)]
+        if kind == "view":
+            order: tuple[str, ...] = ()
+        elif without_rowid:
+            order = tuple(keys)
+        else:
+            taken = {column.lower() for column in columns}
+            order = tuple(word for word in ("rowid", "_rowid_", "oid") if word not in taken)[:1]
+        listed = self._fetch(
+            "SELECT name, origin, partial FROM pragma_index_list(?, ?) ORDER BY origin, name", (name, schema)
+        )
+        indexed = any(origin != "pk" or not without_rowid for _, origin, _ in listed)
+        whole = [(index, origin) for index, origin, partial in listed if not partial]
+        indexes = () if kind == "view" else self._find_indexes(schema, name, order, keys, whole)
+        collated = (
+            () if kind == "view" else tuple(c for c in columns if self._find_collation(schema, name, c) != "BINARY")
+        )
+        source = plan.TableSource(0, name, schema, name, (), order, collated, indexes, indexed, span=None)  # type: ignore[arg-type]
+        led = {entry[0][0] for entry in indexes} - set(collated)
+        rowid = {key for (key, *_), index in indexes if not index and not without_rowid}
+        declared = tuple(TableColumn(c, words, c in led, c in rowid) for c, words, *_ in rows)
+        if kind == "view":
+            self._prepare(schema, name)
+            declared = tuple(map(TableColumn, columns))
+        known = KnownTable(version, source, declared, frozenset(keys))
+        known.look(infer_view_types if kind == "view" else infer_table_types, self.connection, before, read)
+        return known
+
+    def _find_indexes(
+        self, schema: str, name: str, order: tuple[str, ...], keys: list[str], listed: list[tuple[str, str]]
+    ) -> tuple[tuple[tuple[str, ...], str], ...]:
+        """What finds the rows with one value of some columns and gives them in the order of the table.
+
+        These are pairs of columns and index, the longest first. An index does so for all of its columns, for its
+        entries end with what sorts the table. The index "" stands for the table itself. `listed` are all indexes that
+        have every row, with their origins.
+        """
+        found: dict[tuple[str, ...], str] = {}
+        if keys and order == tuple(keys):
+            (kept,) = (index for index, origin in listed if origin == "pk")
+            parts = self._parts(schema, kept)
+            ascends = [not down and coll == self._find_collation(schema, name, key) for key, down, coll in parts]
+            if all(coll == "BINARY" for _, _, coll in parts):
+                found[tuple(keys)] = ""
+            if parts[0][2] == "BINARY" and all(ascends[1:]):
+                found[(keys[0],)] = ""
+            listed = [row for row in listed if row[1] != "pk"] if all(ascends) else []
+        elif len(keys) == 1 and all(origin != "pk" for _, origin in listed):
+            found[(keys[0],)] = ""  # a primary key that no index keeps is the rowid
+        for index, _ in listed:
+            parts = self._parts(schema, index)
+            if all(column is not None and collation == "BINARY" for column, _, collation in parts):
+                found.setdefault(tuple(column for column, _, _ in parts), index)
+        return tuple(sorted(found.items(), key=lambda entry: -len(entry[0])))
+
+    def _parts(self, schema: str, index: str) -> list[tuple[Any, ...]]:
+        """The columns of an index, each with whether it descends, and its collation."""
+        return self._fetch(
+            "SELECT name, desc, coll FROM pragma_index_xinfo(?, ?) WHERE key ORDER BY seqno", (index, schema)
+        )
+
+    def _find_collation(self, schema: str, name: str, column: str) -> str:
+        return self.connection.column_metadata(schema, name, column)[1]

@@ -1,0 +1,463 @@
+"""The SQLite executor: runs one lowered query on the session's connection and hands back its rows.
+
+Functions are registered once per connection; what they need of the query that is running they find in
+`Database.current`, the innermost `StatementExecution`. A Python function that runs another script from inside a
+query stacks a new one on top.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from itertools import islice
+from marshal import dumps
+from typing import Any
+
+import apsw
+
+from ss2sql.errors import Error, Span, Stopped
+from ss2sql.frontend.user_functions import UserFunction
+from ss2sql.language import plan
+from ss2sql.language.element_columns import read_column
+from ss2sql.language.operations import PREDICATES
+from ss2sql.language.plan_traversal import walk
+from ss2sql.language.rows import Row, Rows, check_room, iterate_within_limit
+from ss2sql.language.values import get_truth
+from ss2sql.lowering.blob_encoding import BlobValue
+from ss2sql.lowering.sql_names import get_builtin_name
+from ss2sql.lowering.sql_query import Bookkeeping, ListTable, Parameter, SqlQuery
+from ss2sql.lowering.sql_string import Sql
+from ss2sql.runtime.run.call_memory import MEMO_LIMIT, CallMemo, forget_older_half
+from ss2sql.runtime.run.option_values import check_cost, check_heuristic, check_probability
+from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.run.search_paths import SearchPaths
+from ss2sql.runtime.sqlite.argument_queries import Scouts, looking_ahead
+from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, Authorizer, find_run_error
+from ss2sql.runtime.sqlite.coming_arguments import ROOM, Ahead
+from ss2sql.runtime.sqlite.element_calls import ElementCalls
+from ss2sql.runtime.sqlite.function_callbacks import (
+    CompletedCalls,
+    FunctionCallback,
+    ItemCache,
+    MemberCache,
+    make_builtin_callback,
+    make_final_callback,
+)
+from ss2sql.runtime.sqlite.interning import FALSE, TRUE, Interning, OtherFormError, make_decoder, make_row_decoder
+from ss2sql.runtime.sqlite.list_elements import CallRequest, ColumnsFor, ElementColumns, ListModules
+from ss2sql.runtime.sqlite.search_functions import FUNCTIONS, SearchState, StepNumbers
+from ss2sql.runtime.sqlite.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, read_element_columns
+from ss2sql.runtime.sqlite.vectorized_functions import SqlVectorizedFunction
+from ss2sql.runtime.sqlite.virtual_table import WorldModules
+from ss2sql.vtables.frames.frame import Frame
+from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
+
+NO_LIMIT = 2**40
+CHECK_EVERY = 10_000  # steps of SQLite's virtual machine between looks at the clock, about 0.2 ms
+NO_CALLS: Mapping[str, Sequence[Span]] = {}
+
+
+class StatementExecution:
+    """What the functions of one running statement share."""
+
+    def __init__(
+        self,
+        run: Run,
+        query: plan.Query | None = None,
+        calls: Mapping[str, Sequence[Span]] = NO_CALLS,
+        snapshot: Snapshot = NO_SNAPSHOT,
+    ) -> None:
+        self.run = run
+        self.query = query
+        self.calls = calls
+        self.modules: dict[str, ListTable] = {}  # the lists that its statements walk
+        self.element_calls: dict[str, ElementCalls] = {}  # by the names of modules
+        self.interning = Interning(run.sizes)
+        self.parts = ItemCache(self.interning)
+        self.members = MemberCache(self.interning)
+        self.book = Bookkeeping()
+        self.results: Callable[[], int] = int  # how many paths were found
+        self.failed = False  # whether a function has raised
+        self.truths: frozenset[str] = frozenset()  # functions whose values SQLite itself takes for true or false
+        self.ahead: Ahead | None = None  # for functions that take arrays
+        self.elements: dict[Any, ElementColumns] = {}
+        self.memoized_values: dict[bytes, Any] = {}  # what was made of inner queries
+        self.outermost: Any = None  # the cursor of the first list that was walked
+        self.readings = snapshot.begin(run.host.memories.now, run.check)  # of worlds
+
+    def remember(self, key: tuple[Any, ...], value: Any) -> Any:
+        """Keeps a value for `recall`, by a key that tells 1 from 1.0."""
+        if len(self.memoized_values) >= MEMO_LIMIT:
+            forget_older_half(self.memoized_values)
+        self.memoized_values[dumps(key, 2)] = value
+        return value
+
+    def find_value_source(self) -> Span | None:
+        """The place of the first source that is a value; a bad one is most likely this."""
+        sources = (node for node in walk(self.query) if isinstance(node, plan.ValueSource)) if self.query else ()
+        return next((source.span for source in sources), None)
+
+    def span(self, place: str) -> Span | None:
+        """The span of the call at a place `line:column` of the script."""
+        for node in walk(self.query) if self.query is not None else ():
+            for name in ("place", "span"):
+                span = getattr(node, name, None)
+                if isinstance(span, Span) and f"{span.line}:{span.column}" == place:
+                    return span
+        return None
+
+
+class Database:
+    """The connection of a session with everything registered that lowered queries need."""
+
+    def __init__(self, connection: apsw.Connection, memo_limit: int, active_runs: Sequence[Run] = ()) -> None:
+        self.connection = connection
+        self.guard = guard = Authorizer(connection)
+        self.active_runs = active_runs  # the runs of the session, the innermost last
+        self.stack: list[StatementExecution] = []
+        self.lists = ListModules(connection, self._walk, self._calls)
+        self.worlds = WorldModules(connection, lambda: self.current)
+        self.search = SearchState()
+        self.memos: dict[str, CallMemo] = {}  # of each function of the user, for the execution that runs
+        self.memo_limit = memo_limit
+        self.sql_callbacks: dict[str, FunctionCallback] = {}  # of each function of the user
+        for name, scalar in SCALAR_FUNCTIONS.items():
+            guard.scalar(name, self._bound(scalar))
+        for name, factory in AGGREGATE_FUNCTIONS.items():
+            guard.aggregate(name, self._wrap_factory(factory))
+        for name, arguments in FUNCTIONS.items():
+            guard.scalar(name, getattr(self.search, name), arguments)
+        guard.scalar("reached", self.search.reached_value, 1)
+        guard.scalar("next_number", self.search.numbers.next, 0)
+        guard.scalar("expand", self.search.expansions.next, 0)
+        guard.scalar("expand", self.search.expand, 1)
+        guard.scalar("next_position", StepNumbers().next, 0)  # of results that are put into groups
+        guard.scalar("recall", lambda *key: self.stack[-1].memoized_values.get(dumps(key, 2)))
+        guard.scalar("remember", lambda *given: self.stack[-1].remember(given[:-1], given[-1]))
+        for name, check in (("cost", check_cost), ("heuristic", check_heuristic), ("probability", check_probability)):
+            guard.scalar(f"step_{name}", self._make_weight_function(check), 2)
+        guard.scalar("truth", self._truth, 1)
+        self.register_builtin("field", read_column)
+        for name, same in (("eq", True), ("ne", False)):
+            guard.scalar(name, self._equality(same))
+        connection.set_progress_handler(self._check_progress, CHECK_EVERY)
+
+    @property
+    def current(self) -> StatementExecution:
+        return self.stack[-1]
+
+    # --- registration ----------------------------------------------------------------------------------
+
+    def _bound(self, scalar: Callable[..., Any]) -> Callable[..., Any]:
+        stack = self.stack
+        return lambda *arguments: scalar(stack[-1].interning, *arguments)
+
+    def _wrap_factory(self, factory: Callable[[Interning], Any]) -> Callable[[], Any]:
+        def make() -> Any:
+            execution = self.current
+            aggregate = factory(execution.interning)
+            if hasattr(aggregate, "place"):
+                aggregate.final = make_final_callback(aggregate, execution)
+            return aggregate
+
+        return make
+
+    def _make_weight_function(self, check: Callable[[Any], Any]) -> Callable[..., Any]:
+        """`step_cost(value, place)` and its kin: the value, if it is one."""
+        stack = self.stack
+
+        def function(value: Any, place: str) -> Any:
+            execution = stack[-1]
+            try:
+                weight = check(execution.interning.decode(value))
+            except Error as error:
+                execution.failed = True
+                raise error.located(execution.span(place)) from None
+            # A float where sums could leave the integers of SQLite; nothing but the order of steps shows it.
+            return int(weight) if type(weight) is bool else weight if weight <= NO_LIMIT else float(weight)
+
+        return function
+
+    def _truth(self, value: Any) -> int:
+        """`truth(value)`: Python's truth as 0 or 1."""
+        if type(value) is not bytes:
+            return 1 if value else 0
+        return value == TRUE or int(get_truth(self.current.interning.decode(value)))
+
+    def _equality(self, same: bool) -> Callable[..., int]:
+        """`eq` and `ne` compare handles where they can, without a look at the values."""
+        stack = self.stack
+
+        def function(left: Any, right: Any, place: str) -> int:
+            return int(stack[-1].interning.equal(left, right) is same)
+
+        return function
+
+    def register_builtin(self, name: str, python: Callable[..., Any]) -> None:
+        """A built-in function on values of the language; its last SQL argument is the place of the call."""
+        self.guard.scalar(get_builtin_name(name), make_builtin_callback(name, python, self.stack, name in PREDICATES))
+
+    def register_user(self, function: UserFunction, sql_name: str) -> None:
+        """A function of the user; see function_callbacks.py."""
+        memo = self.memos.setdefault(function.name, CallMemo(self.memo_limit))
+        memo.limit = max(self.memo_limit, ROOM) if function.vectorized else self.memo_limit
+        if function.vectorized:
+            self.guard.scalar(sql_name, SqlVectorizedFunction(function, memo, self.stack))
+            return
+        caller = self.sql_callbacks[function.name] = FunctionCallback(function, memo, self.stack)
+        self.guard.scalar(sql_name, caller.call)
+
+    def _walk(self, name: str, arguments: tuple[Any, ...], cursor: Any) -> ElementColumns:
+        """What the table of this name gives for its arguments."""
+        execution = self.current
+        execution.outermost = execution.outermost or cursor
+        table = execution.modules[name]
+        walked = self._elements(execution, arguments[0], table)
+        if execution.book.counts == "product":
+            self.search.walks.append((arguments[0], walked.length))
+        return walked
+
+    def _calls(self, name: str, cursor: Any, asked: CallRequest) -> ColumnsFor:
+        """What gives the columns of a table that calls functions with the elements of a list."""
+        execution = self.current
+        execution.outermost = execution.outermost or cursor
+        calls = execution.element_calls.get(name)
+        if calls is None:
+            table = execution.modules[name]
+            walk = partial(self._elements, execution, table=table)
+            calls = ElementCalls(table, self.sql_callbacks, self.memo_limit, execution, walk, self.search)
+            execution.element_calls[name] = calls
+        return calls.make_column_reader(asked)
+
+    def _elements(self, execution: StatementExecution, value: Any, table: ListTable) -> ElementColumns:
+        """The elements of a value as columns of SQL values; kept, for inner loops ask again and again."""
+        key = (value, type(value), table.columns)
+        found = execution.elements.get(key)
+        if found is None:
+            try:
+                found = read_element_columns(execution.interning, value, table.columns)
+            except Error as error:
+                execution.failed = True
+                raise error.located(execution.find_value_source()) from None
+            if len(execution.elements) >= 10_000:
+                execution.elements.clear()
+            execution.elements[key] = found
+        return found
+
+    def _check_progress(self) -> bool:
+        """Ends the run where it has to end. What is written into the file is written to its end."""
+        if self.connection.txn_state() == apsw.SQLITE_TXN_WRITE:
+            return False
+        if self.stack:
+            run = self.current.run
+            if run.progress is not None:
+                run.progress.look(self.current.outermost, self.search)
+            run.check()
+            if run.steps_left is not None and self.current.query is not None and self.current.query.search is not None:
+                run.check_steps(self.search.tried(self.current.book, self.current.results()))
+        elif self.active_runs:
+            self.active_runs[-1].check()
+        return False
+
+    # --- execution -------------------------------------------------------------------------------------
+
+    def execute(
+        self,
+        lowered: SqlQuery,
+        run: Run,
+        evaluate: Callable[[Parameter], Any],
+        by_value: Callable[[], SqlQuery],
+        sink: Rows,
+        most: int | None = None,
+        scouts: Scouts | None = None,
+    ) -> list[tuple[Row, Row]]:
+        """Runs the statement and fills `sink` with its rows, or with its paths.
+
+        `evaluate` gives the value of a parameter; `by_value` the statement to run where a value equals one of these in
+        another form; `most` bounds the results of a search; `scouts` say what is coming. Gives for each result its
+        group values and the sort keys that SQL left over. Raises what a user's function raised, ExecutionError X009
+        for an error of SQLite, X010 for more results than run.max_rows; run.calls_made are then the calls so far.
+        """
+        execution = StatementExecution(run, lowered.query, lowered.calls, lowered.snapshot)
+        with self._running(execution), looking_ahead(scouts, self, execution):
+            try:
+                return self._attempt(lowered, execution, evaluate, sink, most)
+            except OtherFormError:
+                sink.clear()
+                execution.interning.watched = frozenset()
+                return self._attempt(by_value(), execution, evaluate, sink, most)
+
+    def open_cursor(self, lowered: SqlQuery, interning: Interning, evaluate: Callable[[Parameter], Any]) -> apsw.Cursor:
+        """The rows of a statement that runs beside another one; the caller closes them."""
+        return self._begin(lowered.text, lowered.modules, self._values(lowered, interning, evaluate))
+
+    def _begin(
+        self, text: str, modules: Iterable[str], values: Mapping[str, Any], cursor: apsw.Cursor | None = None
+    ) -> apsw.Cursor:
+        """The cursor on the rows of a statement, whose virtual tables may have to come in front of tables first."""
+        try:
+            return self.guard.execute(text, values, cursor)
+        except apsw.SQLError:
+            if not self.lists.shadow_tables(modules):
+                raise
+            return self.guard.execute(text, values, cursor)
+
+    def _values(self, lowered: SqlQuery, interning: Interning, evaluate: Callable[[Parameter], Any]) -> dict[str, Any]:
+        """The values to be bound, when the statement's virtual tables are there."""
+        self.lists.make(lowered.modules)
+        if self.stack:
+            self.current.modules.update(lowered.modules)
+        return {
+            parameter.name: _encode_parameter(interning, parameter, evaluate, parameter.name in lowered.only_iterated)
+            for parameter in lowered.parameters
+        }
+
+    @contextmanager
+    def _running(self, execution: StatementExecution) -> Iterator[None]:
+        """Makes the execution the innermost one, with empty memos, and adds up at its end what it has done."""
+        run, memos = execution.run, {name: self.memos[name] for name in execution.calls}
+        outer = {name: memo.begin() for name, memo in memos.items()}
+        search = self.search.begin(execution.interning.frozen, False)
+        self.stack.append(execution)
+        try:
+            with run.sizes.raise_refusals():
+                yield
+        except Stopped as stopped:
+            raise stopped.located(execution.query.span if execution.query else None) from None
+        except Exception as error:
+            run.calls_made = CompletedCalls(execution.interning, memos, execution.element_calls.values())
+            if not isinstance(error, READ_ERRORS) or (execution.failed and isinstance(error, UnicodeDecodeError)):
+                raise  # it comes from a function of the user
+            raise find_run_error(error, run).located(execution.query.span if execution.query else None) from error
+        finally:
+            self.stack.pop()
+            for name, memo in memos.items():
+                calls, hits = memo.end(outer[name])
+                run.stats.calls[name] += calls
+                run.stats.remembered[name] += hits
+            if execution.query is not None and execution.query.search is not None:
+                self.search.count(run.stats, execution.book, execution.results())
+                run.overestimated |= self.search.overestimated
+            self.search.end(search)
+
+    def _attempt(
+        self,
+        lowered: SqlQuery,
+        execution: StatementExecution,
+        evaluate: Callable[[Parameter], Any],
+        sink: Rows,
+        most: int | None,
+    ) -> list[tuple[Row, Row]]:
+        interning = execution.interning
+        execution.book, execution.truths = lowered.bookkeeping, lowered.truths
+        for name in lowered.calls:
+            self.memos[name].told_apart = name in lowered.told_apart
+        self.search.begin(interning.frozen, lowered.plain_keys, lowered.bookkeeping.keyed)
+        if lowered.bookkeeping.compares_raw_rows and interning.pure:
+            self.search.trust_plain_rows()
+        interning.mixed = self.search.mixed
+        values = self._values(lowered, interning, evaluate)
+        interning.watched = frozenset(values[name] for name in lowered.plain)
+        self.search.note_walked_lists(
+            [values[name] for name in execution.book.members], [values[name] for name in execution.book.sources]
+        )
+        if _has_other_form(interning, values):
+            raise OtherFormError
+        cursor = self.connection.cursor()
+        try:
+            late = lowered.late
+            self._begin(lowered.text, lowered.modules, values, cursor)
+            plain, searches = lowered.plain_rows, lowered.query.gives_paths
+            if (plain or not searches) and not lowered.keys and not lowered.orders:
+                # The rows are all that is wanted. Plain ones, and ends of paths, are what SQLite gives as it is.
+                given = islice(cursor if late is None else late.rows(execution.readings, cursor), most)
+                rows = given if execution.run.max_rows is None else iterate_within_limit(given, execution.run.max_rows)
+                if not searches:
+                    assert sink.rows is not None
+                    execution.results = sink.rows.__len__
+                    sink.rows.extend(
+                        rows if plain or late is not None else map(make_decoder(interning, lowered.outputs), rows)
+                    )
+                    return [((), ())] * len(sink.rows)
+                paths = self._iterate_paths(lowered, execution, sink, tuple)
+                paths.extend(rows)
+                return [((), ())] * len(paths)
+            return list(islice(self._read_results(lowered, execution, cursor, sink), most))
+        finally:
+            cursor.close(True)  # else an error that somebody keeps would keep the statement open, and the file locked
+
+    def _iterate_paths(
+        self, lowered: SqlQuery, execution: StatementExecution, sink: Rows, decode: Callable[[Row], Row]
+    ) -> SearchPaths:
+        paths = sink.paths = SearchPaths(
+            None if lowered.bookkeeping.all_results else self.search.get_kept_steps(), decode
+        )
+        execution.results = paths.__len__
+        return paths
+
+    def run_shown_sql(self, sql: Sql, run: Run) -> list[Row]:
+        """Runs SQL as a result shows it, with the values beside it, and gives its rows as they come.
+
+        This is how text that was lowered in one session runs in another that has the same functions.
+        """
+        self.lists.make(sql.modules)
+        execution = StatementExecution(run, calls=dict.fromkeys(self.memos, ()))
+        with self._running(execution):
+            execution.modules.update(sql.modules)
+            values = {name: _encode_bound_value(execution.interning, value) for name, value in sql.parameters.items()}
+            return [tuple(map(execution.interning.decode, row)) for row in self._begin(sql, sql.modules, values)]
+
+    def _read_results(
+        self, lowered: SqlQuery, execution: StatementExecution, cursor: apsw.Cursor, sink: Rows
+    ) -> Iterator[tuple[Row, Row]]:
+        interning = execution.interning
+        shown = (*lowered.outputs, *lowered.keys, *lowered.orders)
+        width, keys = len(lowered.outputs), len(lowered.outputs) + len(lowered.keys)
+        decode = make_decoder(interning, shown)
+        if not lowered.query.gives_paths:
+            assert sink.rows is not None
+            execution.results = sink.rows.__len__
+            for raw in cursor:
+                row = decode(raw)
+                _check_room(execution.run, sink.rows, row[:width])
+                yield row[width:keys], row[keys:]
+            return
+        paths = self._iterate_paths(
+            lowered, execution, sink, make_row_decoder(interning, execution.book.parts or [0] * width)
+        )
+        most = execution.run.max_rows
+        for raw in cursor:
+            row = decode(raw[2:])
+            paths.add((*raw[:2], *row[:width]))
+            check_room(len(paths), most)
+            yield row[width:keys], row[keys:]
+
+
+def _check_room(run: Run, results: list[Any] | None, result: Any) -> None:
+    assert results is not None
+    results.append(result)
+    check_room(len(results), run.max_rows)
+
+
+def _has_other_form(interning: Interning, values: Mapping[str, Any]) -> bool:
+    """Whether a parameter equals one whose handle stands for all such values, in another form."""
+    others = [value for value in values.values() if type(value) is bytes and value not in interning.watched]
+    return any(interning.equal(value, watched) for value in others for watched in interning.watched)
+
+
+def _encode_parameter(
+    interning: Interning, parameter: Parameter, evaluate: Callable[[Parameter], Any], only_walked: bool
+) -> Any:
+    value = evaluate(parameter)
+    if only_walked and type(value) is list:
+        return interning.keep(value)  # to make one value of a list of 10,000 dicts takes 10 ms
+    return int(value) if parameter.flag else _encode_bound_value(interning, value)
+
+
+def _encode_bound_value(interning: Interning, value: Any) -> Any:
+    if value is True or value is False:
+        return TRUE if value else FALSE
+    if isinstance(value, Frame):
+        return interning.keep(value)
+    return value if type(value) is BlobValue else interning.encode(value)

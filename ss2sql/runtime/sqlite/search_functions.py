@@ -1,0 +1,380 @@
+"""What a search in SQL has no words for: numbers for its steps, the path to a step, and the rows that were met.
+
+One `SearchState` serves one execution of one statement. Its methods are the SQL functions that the lowering of
+searches writes down. Ranks are totals for which less is better.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from math import prod
+from typing import Any, TypeAlias
+
+from ss2sql.language.ordering import is_overestimate
+from ss2sql.lowering.sql_query import Bookkeeping
+from ss2sql.runtime.run.run_state import Stats
+
+Kept: TypeAlias = tuple[int, tuple[Any, ...]]
+
+# The SQL functions with the number of their arguments, -1 for any.
+FUNCTIONS = {
+    **dict.fromkeys(("count_step", "arrive", "give"), 1),
+    "give_once": 2,
+    "still_best": -1,
+    **dict.fromkeys(("enter", "enter_first", "enter_best", "on_path", "reached", "closed", "improves", "visit"), -1),
+    **dict.fromkeys(("enter_keyed", "enter_first_keyed", "enter_best_keyed"), -1),
+}
+
+
+class StepPathKeys:
+    """The keys of the rows on the path to one step, for NO CYCLE.
+
+    The set follows the search from step to step: it gives up what lies only on the old path and takes what
+    lies only on the new one. Depth first that is a row or two for each move. Numbers grow along a path, so
+    the greater of two ends is never on the path to the other.
+    """
+
+    def __init__(
+        self, kept: Sequence[Kept] | Mapping[int, Kept], key_of: Callable[[tuple[Any, ...]], Hashable]
+    ) -> None:
+        self.kept = kept
+        self.key_of = key_of
+        self.end = 0
+        self.keys: set[Any] = set()
+
+    def follow_to(self, step: int) -> None:
+        kept, old, new = self.kept, self.end, step
+        gained: list[Hashable] = []
+        while old != new:
+            if old > new:
+                old, row = kept[old]
+                self.keys.discard(self.key_of(row))
+            else:
+                new, row = kept[new]
+                gained.append(self.key_of(row))
+        self.end = step
+        self.keys.update(gained)
+
+
+def _return_key(key: Any) -> Any:
+    return key
+
+
+class StepNumbers:
+    """Numbers from 1 for what nobody has to keep: `next` is a C function, 0.04 us a call.
+
+    They go on from run to run of a connection; `given` counts those of one run, for which it begins `anew`.
+    """
+
+    def __init__(self) -> None:
+        self._count = itertools.count(1)
+        self._before = 0
+        self.next = self._count.__next__
+
+    def restart(self, given: int = 0) -> int:
+        """Begins to count, where so many were given already, and says how many were given until now."""
+        before = self.given
+        self._before += before - given
+        return before
+
+    @property
+    def given(self) -> int:
+        """How many were given in this run."""
+        return int(self._count.__reduce__()[1][0]) - 1 - self._before
+
+
+class SearchState:
+    """Steps are numbered from 1; 0 is the parent of the first ones.
+
+    One object serves a connection: what SQLite calls are its methods themselves, for a function around them would
+    cost as much as they do. `begin` makes it ready for one execution, `end` gives it back to the one before.
+    """
+
+    # What stands in a slot is found faster than in a dict: a search over edges runs a quarter fewer instructions.
+    __slots__ = (
+        *(
+            "always_plain",
+            "asked",
+            "asked_key",
+            "expanded",
+            "generated",
+            "given",
+            "highest",
+            "key",
+            "keyed",
+            "expansions",
+        ),
+        *("numbers", "last_dropped", "late", "members", "met", "overestimated", "plain", "pruned", "rows", "shared"),
+        *("taken", "walks", "way"),
+    )
+
+    def __init__(self) -> None:
+        self.numbers = StepNumbers()  # of steps that are not kept
+        self.expansions = StepNumbers()  # of steps that went on, the start among them
+        self._reset(lambda value: value, True, False)
+
+    def begin(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool = False) -> dict[str, Any]:
+        """Starts afresh and gives what has to be handed to `end`.
+
+        `key` gives equal SQL values one hashable value; what is compared needs none where it is `plain`, see also
+        `trust`. `keyed`: something else than rows is compared, and kept beside them.
+        """
+        outer = {name: getattr(self, name) for name in self.__slots__}
+        outer |= {"counted": [numbers.restart() for numbers in (self.numbers, self.expansions)]}
+        self._reset(key, plain, keyed)
+        return outer
+
+    def trust_plain_rows(self) -> None:
+        """Lets rows stand for themselves until `mixed` is called."""
+        self.plain = True
+
+    def end(self, outer: dict[str, Any]) -> None:
+        for numbers, given in zip((self.numbers, self.expansions), outer.pop("counted"), strict=True):
+            numbers.restart(given)  # those of a statement inside of another are none of that one
+        for name, value in outer.items():
+            setattr(self, name, value)
+
+    def _reset(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool) -> None:
+        self.key = key
+        self.always_plain = self.plain = plain
+        self.asked: tuple[Any, ...] = ()  # the row that a guard was asked about, and let pass
+        self.asked_key: Any = ()
+        self.generated = 0
+        self.expanded = 0
+        self.pruned = 0
+        self.late = 0  # of these, the steps that had entered
+        self.highest = float("-inf")  # the greatest total that A* expected of a path through a step that was taken
+        self.overestimated = False  # whether a path was found that costs less
+        self.rows: list[Kept] = [(0, ())]  # of the steps that entered, by number
+        self.met: dict[Any, Any] = {}  # row -> the step that reached it, or its best rank
+        self.taken: dict[Any, Any] = {}  # row -> the rank at which it was taken
+        self.given: set[Any] = set()
+        self.keyed: list[tuple[int, Any]] | None = [(0, ())] if keyed else None  # the same with what is compared
+        self.way = (
+            StepPathKeys(self.rows, self._key_of) if self.keyed is None else StepPathKeys(self.keyed, _return_key)
+        )
+        self.last_dropped = 0
+        self.walks: list[tuple[Any, int]] = []  # the lists that were walked, and their lengths
+        self.members: frozenset[Any] = frozenset()  # those right of IN
+        self.shared: list[Any] = []  # for each source that is one of these, too, its list
+
+    def note_walked_lists(self, members: Iterable[Any], sources: Iterable[Any]) -> None:
+        """Notes the lists right of IN and those of sources: only elements of sources make steps."""
+        self.members = frozenset(members)
+        self.shared = [source for source in sources if source in self.members]
+
+    def count(self, stats: Stats, book: Bookkeeping, results: int) -> None:
+        """Adds what the search has done; `results` is the number of paths."""
+        stats.generated += self.tried(book, results)
+        stats.expanded += self._count_continued(book, results)
+        stats.pruned += self.pruned
+
+    def tried(self, book: Bookkeeping, results: int) -> int:
+        """The number of steps that have been generated until now."""
+        generated = self.generated
+        if not generated and book.counts == "product":
+            return self._count_steps_per_state() * book.arms * (self._count_continued(book, results) + 1)
+        if not generated and book.counts == "entered":
+            return self._count_entered(book, results) + self.pruned - self.late
+        return generated
+
+    def _count_steps_per_state(self) -> int:
+        """The product of the lengths of the sources."""
+        lengths = [length for walked, length in self.walks if walked not in self.members]
+        if self.shared:
+            known = dict(self.walks)
+            lengths += [known.get(source, 0) for source in self.shared]
+        return prod(lengths)
+
+    def _count_continued(self, book: Bookkeeping, results: int) -> int:
+        if book.all_go_on:
+            return self._count_entered(book, results)
+        return self.expanded + max(0, self.expansions.given - book.starts)
+
+    def _count_entered(self, book: Bookkeeping, results: int) -> int:
+        if book.steps_unkept:
+            return self.numbers.given
+        return results if book.all_results else len(self.rows) - 1
+
+    @property
+    def entered(self) -> int:
+        """The number of steps that have entered until now."""
+        return len(self.rows) - 1
+
+    def mixed(self) -> None:
+        """Goes over to keys for rows that have stood for themselves so far."""
+        if not self.plain or self.always_plain:
+            return
+        self.plain = False
+        self.met = {self._unify_key(key): value for key, value in self.met.items()}
+        self.taken = {self._unify_key(key): value for key, value in self.taken.items()}
+        self.given = set(map(self._unify_key, self.given))
+        self.asked_key = self._unify_key(self.asked_key)
+        if self.keyed is not None:
+            self.keyed[:] = [(parent, self._unify_key(key)) for parent, key in self.keyed]
+        self.way.keys = set(map(self._unify_key, self.way.keys))
+
+    def _unify_key(self, key: Any) -> Hashable:
+        """The key of a row that has stood for itself so far."""
+        return self._key_of(key if type(key) is tuple else (key,))
+
+    def _key_of(self, row: tuple[Any, ...]) -> Hashable:
+        if len(row) == 1:
+            return row[0] if self.plain else self.key(row[0])
+        return row if self.plain else tuple(map(self.key, row))
+
+    def get_kept_steps(self) -> list[Kept]:
+        """The steps that entered, by number."""
+        return self.rows
+
+    # --- steps that are evaluated on entering ----------------------------------------------------------
+
+    def count_step(self, element: Any) -> int:
+        """Counts a step with an element; always true."""
+        self.generated += 1
+        return 1
+
+    def expand(self, guess: Any) -> int:
+        """Counts what goes on, the start included; always true. `guess` is the total that A* expects.
+
+        Without one `expand` is a C function, which SQLite picks by the number of arguments.
+        """
+        if guess > self.highest:
+            self.highest = guess
+        return self.expansions.next()
+
+    def enter(self, parent: int, *row: Any) -> int:
+        """Notes a step that enters the queue and gives its number."""
+        self.rows.append((parent, row))
+        return len(self.rows) - 1
+
+    def enter_first(self, parent: int) -> int:
+        """The same for the first step to the row that `reached` was asked about last."""
+        number = self.met[self.asked_key] = len(self.rows)
+        self.rows.append((parent, self.asked))
+        return number
+
+    def enter_best(self, parent: int, rank: Any) -> int:
+        """The same for the best step so far to the row that `improves` was asked about last."""
+        self.met[self.asked_key] = rank
+        self.rows.append((parent, self.asked))
+        return len(self.rows) - 1
+
+    def enter_keyed(self, parent: int, *row: Any) -> int:
+        """`enter` for a step whose key a guard was asked about last."""
+        assert self.keyed is not None
+        self.keyed.append((parent, self.asked_key))
+        self.rows.append((parent, row))
+        return len(self.rows) - 1
+
+    def enter_first_keyed(self, parent: int, *row: Any) -> int:
+        """`enter_first` for the first step to a key."""
+        self.met[self.asked_key] = len(self.rows)
+        return self.enter_keyed(parent, *row)
+
+    def enter_best_keyed(self, parent: int, rank: Any, *row: Any) -> int:
+        """`enter_best` for the best step so far to a key."""
+        self.met[self.asked_key] = rank
+        return self.enter_keyed(parent, *row)
+
+    def visit(self, *key: Any) -> int:
+        """Lets the state of a start count as visited; false if another start has it."""
+        found = self._key_of(key)
+        if found in self.met:
+            return 0
+        self.met[found] = self.taken[found] = float("-inf")
+        self.way.keys.add(found)
+        return 1
+
+    def _compared(self, step: int) -> Any:
+        """What is compared of a step that has entered."""
+        return self._key_of(self.rows[step][1]) if self.keyed is None else self.keyed[step][1]
+
+    def reached(self, *row: Any) -> int:
+        """Whether a step has reached the row."""
+        key = row if self.plain and len(row) > 1 else self._key_of(row)
+        if key in self.met:
+            self.pruned += 1
+            return 1
+        self.asked, self.asked_key = row, key
+        return 0
+
+    def reached_value(self, value: Any) -> int:
+        """`reached` of a row of one column; SQLite picks it by the number of arguments."""
+        key = value if self.plain else self.key(value)
+        if key in self.met:
+            self.pruned += 1
+            return 1
+        self.asked, self.asked_key = (value,), key
+        return 0
+
+    def arrive(self, step: int) -> int:
+        """Whether a step that is taken is the first to reach its row; it then is the one that has."""
+        if not step or self.met.setdefault(self._compared(step), step) == step:
+            return 1
+        if step != self.last_dropped:  # it is asked for the result and for the children
+            self.last_dropped = step
+            self.late += 1
+            self.pruned += 1
+        return 0
+
+    def closed(self, rank: Any, *row: Any) -> int:
+        """Whether the row was taken at a rank so good that no way through a step of this rank can be better."""
+        taken = self.taken.get(self._key_of(row))
+        if taken is None or taken > rank:
+            return 0
+        self.pruned += 1
+        return 1
+
+    def improves(self, rank: Any, *row: Any) -> int:
+        """Whether the step is better than the best to the row so far."""
+        key = row if self.plain and len(row) > 1 else self._key_of(row)
+        best = self.met.get(key)
+        if best is None or rank < best:
+            self.asked, self.asked_key = row, key
+            return 1
+        self.pruned += 1
+        return 0
+
+    def still_best(self, step: int, rank: Any, guess: Any = None) -> int:
+        """Whether a step that is taken is still the best to its row; the start is. `guess` is that of `expand`."""
+        if not step:
+            return 1
+        key = self._compared(step)
+        if self.met[key] < rank:
+            return 0
+        self.taken[key] = rank
+        self.expanded += 1
+        if guess is not None and guess > self.highest:
+            self.highest = guess
+        return 1
+
+    def give(self, total: Any) -> int:
+        """Looks at the total of a result of A*; always true."""
+        if is_overestimate(self.highest, total):
+            self.overestimated = True
+        return 1
+
+    def give_once(self, step: int, rank: Any) -> int:
+        """Whether a step is still the best to its row, which was not given out before."""
+        key = self._compared(step)
+        if self.met[key] < rank:
+            return 0
+        self.taken[key] = rank
+        if key in self.given:
+            return 0
+        self.given.add(key)
+        return self.give(rank)
+
+    def on_path(self, parent: int, *row: Any) -> int:
+        """Whether the row occurs on the path to the parent."""
+        way = self.way
+        if parent != way.end:
+            way.follow_to(parent)
+        key = row if self.plain and len(row) > 1 else self._key_of(row)
+        if key in way.keys:
+            self.pruned += 1
+            return 1
+        self.asked_key = key
+        return 0

@@ -1,0 +1,432 @@
+"""One query that is ready to run on its engine: in SQLite, natively, or in another database."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from functools import cache, cached_property, partial
+from typing import TYPE_CHECKING, Any, TypeGuard
+
+import apsw
+
+from ss2sql.errors import Error, ExecutionError, Stopped, UnsupportedError
+from ss2sql.language import plan
+from ss2sql.language.kinds import Kind
+from ss2sql.language.plan_traversal import walk
+from ss2sql.language.recursion_limit import retry_with_stack
+from ss2sql.language.rows import Rows
+from ss2sql.lowering.rewrites import optimise
+from ss2sql.lowering.sql_query import Parameter, SqlQuery
+from ss2sql.lowering.sql_string import Sql
+from ss2sql.results.result import QueryAnswer, Status
+from ss2sql.results.result_notes import explain_empty_result, explain_overestimates, find_notes
+from ss2sql.runtime.python import NativeQuery, compile_statement
+from ss2sql.runtime.representations.shape import PATH_FORMS, expand_stars
+from ss2sql.runtime.run.option_values import check_count, find_least
+from ss2sql.runtime.run.run_state import OtherEngineNeededError, ResultSink, Run
+from ss2sql.runtime.run.sql_post_processing import finish_rows
+from ss2sql.runtime.sqlite.argument_queries import Scouts
+from ss2sql.runtime.sqlite.call_sites import takes_arrays
+from ss2sql.session.engines import Engine
+from ss2sql.vtables.snapshots import may_move
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.external.duckdb_query import DuckQuery
+    from ss2sql.runtime.external.level_query import LevelQuery
+    from ss2sql.runtime.external.predicate_pushdown import PushedTable
+    from ss2sql.session.host import SessionHost
+
+LIMIT_CODES = ("X010", "X014")  # of rows and of the size of values: no reason to begin again
+
+READS_VALUES = "all its sources are Python values, which SQLite would read one by one"
+CUT_DEEP_DOWN = "SQLite would call functions for steps that a depth-first search never takes"
+
+COUNTS_RESULTS = "maximum= counts the results, of which SQL shows the groups alone"
+
+SCALAR_KINDS = Kind.NONE | Kind.NUMBER | Kind.STR
+
+
+class CompiledQuery:
+    """One query that stands by itself in a statement, ready to run on its engine.
+
+    With the engine `auto` SQLite runs searches and what reads tables, worlds and frames, unless lowering objects;
+    `reason` says why it does not. What fails in SQL is run again natively. What it was made for may rely on values of
+    variables, which `variable` foretells; it is made anew when they differ.
+    """
+
+    def __init__(self, host: SessionHost, query: plan.Query, engine: Engine, variable: Callable[[str], Any]) -> None:
+        self.host = host
+        self.written = query
+        self.required_engine = engine == "database"
+        self.wanted = engine
+        self.refusal: UnsupportedError | None = None
+        self._make(variable)
+        if self.refusal is not None and None not in self.world.lists.values():
+            raise self.refusal
+
+    def _make(self, variable: Callable[[str], Any]) -> None:
+        """Rewrites and lowers the query, or compiles it to Python."""
+        host, started = self.host, time.perf_counter()
+        self.made = False  # until all is: Ctrl-C may come before that
+        self.world = host.world(variable)
+        query, self.rewrites = optimise(self.written, host.disabled, self.world)
+        self.query = query
+        self.handed: dict[str, PushedTable] = {}
+        self.lowered: SqlQuery | None = None
+        self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
+        self.refusal = None
+        self.native: NativeQuery | LevelQuery | DuckQuery | None = None
+        self._levels: LevelQuery | None = None
+        self._duck: DuckQuery | None = None
+        self.passed_on: str | None = None  # why the engine that was asked for does not run it
+        tables = host.held.engine(self.wanted)
+        levels = tables if query.search else None
+        sources = None if tables is None or query.search else tables.sources
+        if sources is not None:
+            from ss2sql.runtime.external.duckdb_query import DuckQuery
+
+            try:
+                self.native = self._duck = DuckQuery(query, sources, variable)
+                self.reason = f"engine='{self.wanted}' was asked for"
+            except UnsupportedError as error:
+                self.passed_on = f"not in {self.wanted}: {error.message}"
+        if (
+            self.native is None and "ss2sql.runtime.external.duckdb_sources" in sys.modules
+        ):  # else nobody has a table of DuckDB
+            from ss2sql.runtime.external.predicate_pushdown import push_down_predicates
+
+            query, self.handed = push_down_predicates(query, variable)
+            self.query = query
+        try:
+            if levels is not None:
+                from ss2sql.runtime.external.level_query import LevelQuery
+
+                self.native = self._levels = LevelQuery(query, levels)
+                self.reason = f"engine='{self.wanted}' was asked for"
+            elif self.wanted == "auto" and self._reads_only_values(query):
+                self.reason = READS_VALUES
+            elif self.wanted == "auto" and _stops_early_in_depth(query):
+                self.reason = CUT_DEEP_DOWN
+            elif self.wanted != "native" and self.native is None:
+                self.lowered = self._lower(query)
+                self.rewrites = (*self.rewrites, *self.lowered.applied)
+        except UnsupportedError as error:
+            self.reason, self.cures = error.message, tuple(error.hints)
+            self.refusal = error if self.required_engine or levels is not None else None
+        self.lowering_seconds = time.perf_counter() - started
+        if not (self.native or self.lowered or self.refusal):
+            self.native = NativeQuery(query)
+        self.bounded: SqlQuery | None = None
+        self.by_value: SqlQuery | None = None
+        self.scouts = Scouts(query, self._scout) if self.lowered and takes_arrays(query) else None
+        self.plain = all(output.expr.type.only(SCALAR_KINDS) for output in query.columns)
+        self.bindings: dict[int, tuple[plan.Expr, Callable[[Run], Any]]] = {}  # by the identities of the expressions
+        self.maximum = self._constant(query.search.maximum if query.search else None)
+        self.limit = self._constant(query.limit)
+        self.offset = self._constant(query.offset)
+        self.arguments = [compile_statement(expr) for expr in query.representation.arguments]
+        self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
+        self.moves = may_move(query)
+        self.doubtful = any(_may_be_infinite(node) for node in walk(query) if isinstance(node, plan.TableSource))
+        self.made = True
+
+    def _reads_only_values(self, query: plan.Query) -> bool:
+        """Whether a query that is no search reads Python values alone, and nothing that lies in a table or a frame."""
+        nodes = list(walk(query))
+        if any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in nodes):
+            return False
+        read = {node.name for node in nodes if isinstance(node, plan.Variable)}
+        return query.search is None and not any(map(self.host.names.is_frame, read))
+
+    def _constant(self, expr: plan.Expr | None) -> Callable[[Run], Any] | None:
+        return None if expr is None else compile_statement(expr)
+
+    @property
+    def engine(self) -> str:
+        return "database" if self.lowered else self.native.engine if self.native else "native"
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What a person should know of the query whatever it finds."""
+        return find_notes(self.written)
+
+    @property
+    def levels(self) -> LevelQuery | None:
+        """The search as it goes by levels in another database."""
+        return self._levels if self.native is self._levels else None
+
+    @property
+    def duck(self) -> DuckQuery | None:
+        """The query as DuckDB runs it, if it is no search."""
+        return self._duck if self.native is self._duck else None
+
+    def value(self, run: Run) -> Any:
+        """Runs the query; its answer becomes the run's last one, its value is one of the language."""
+        shapes, form = self.host.shapes, self.query.representation
+        answer = self._answer(run)
+        if shapes.is_shared(form, answer.rows):
+            return run.stats.time_stage("shape", partial(shapes.shared, form, answer.rows, run.sizes))()
+        return shapes.make_language_value(form.name, answer.value)
+
+    def find_located_answer(self, run: Run) -> QueryAnswer:
+        """`answer`, with errors that know no other place at the query's."""
+        try:
+            return self.answer(run)
+        except Error as error:
+            raise error.located(self.query.span) from error.__cause__
+
+    def answer(self, run: Run) -> QueryAnswer:
+        """Runs the query; its answer becomes the run's last one. The value of a search is made when it is read."""
+        answer, form, shapes = self._answer(run), self.query.representation, self.host.shapes
+        if not (shapes.is_built_in(form) and form.name in PATH_FORMS and answer.rows.paths is not None):
+            answer.value  # noqa: B018 - it may fail, which has to be now
+        return answer
+
+    def _answer(self, run: Run) -> QueryAnswer:
+        """The answer, whose value is not made yet."""
+        self.refresh_if_outdated(run)
+        query = self.query
+        columns = tuple(output.name for output in query.columns)
+        paths = query.gives_paths
+        form, shapes = query.representation, self.host.shapes
+        sink = Rows(columns, None if paths else [], [] if paths else None, plain=self.plain, hidden=form.hidden)
+        run.sink = ResultSink(sink, self.engine, query)
+        run.notes |= dict.fromkeys(self.notes)
+        before = run.stats.generated
+        outer = run.handed  # of a query whose clauses ask for this one
+        own = {name: cache(partial(handed.read, run)) for name, handed in self.handed.items()}
+        run.handed = {**outer, **own}
+        try:
+            with self.host.memories.query(self.moves):
+                found = self._read_database_rows(run, sink) if self.lowered else self._read_native_rows(run, sink)
+                rows = expand_stars(query, found, run.check)
+                if self.doubtful or run.doubtful:
+                    rows.check()
+                if run.reads_user_objects and self.lowered is None:
+                    rows.keep()
+            if self.lowered is None:
+                run.bound[self] = {**self.host.names.values, **run.snapshots, **run.arguments}
+        finally:
+            run.handed = outer
+        arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
+        named = {name: argument(run) for name, argument in self.named.items()}
+        run.notes |= dict.fromkeys(explain_empty_result(self.written, rows, run.stats, before))
+        if run.overestimated:
+            run.notes |= dict.fromkeys(explain_overestimates(self.written))
+            run.overestimated = False
+        status: Status = "maximum" if rows.ended else "complete"
+        make = run.stats.time_stage("shape", partial(shapes.represent, form, rows, arguments, named))
+        answer = run.answer = QueryAnswer(
+            rows.shown(), make, self.engine, status, query.columns, begin=lambda: run.check
+        )
+        return answer
+
+    def refresh_if_outdated(self, run: Run) -> None:
+        """Makes the query anew where it relies on what is no longer so. Raises what keeps it from its engine."""
+        held = self.made and self.world.holds(run.source)
+        if not (held and all(handed.holds(run.source) for handed in self.handed.values())):
+            self._make(run.source)
+        if (
+            run.maximum is not None
+            and self.lowered
+            and self.wanted == "auto"
+            and _stops_early_in_depth(self.query, True)
+        ):
+            self.native, self.lowered, self.reason = NativeQuery(self.query), None, CUT_DEEP_DOWN
+        if run.maximum is not None and self.lowered and self.query.search and self.query.aggregated:
+            self.native, self.lowered, self.reason = NativeQuery(self.query), None, COUNTS_RESULTS
+        if self.refusal is not None:
+            raise self.refusal
+
+    def most(self, run: Run) -> int | None:
+        """How many results of a search are wanted that has no ORDER BY."""
+        limit = self._evaluate_limit(run)
+        return find_least(None if limit is None else limit + self._evaluate_offset(run), self._evaluate_maximum(run)[1])
+
+    def _read_native_rows(self, run: Run, sink: Rows) -> Rows:
+        assert self.native is not None
+        if run.trace is not None:
+            return NativeQuery(self.query, watched=True).rows(run, sink)
+        try:
+            return self.native.rows(run, sink)
+        except OtherEngineNeededError as error:
+            self.passed_on = f"not in {self.engine}: {error}"
+            self.native, self.reason = NativeQuery(self.query), "SQLite was not asked"
+            return self.native.rows(run, sink)
+
+    def _read_database_rows(self, run: Run, sink: Rows) -> Rows:
+        assert self.lowered is not None
+        limit, offset = self._evaluate_limit(run), self._evaluate_offset(run)
+        own, maximum = self._evaluate_maximum(run)
+        # They are evaluated once, although the statement has them as parameters.
+        counts = [(self.query.limit, limit), (self.query.offset, offset)]
+        counts += [(self.query.search.maximum, own)] if self.query.search else []
+        cut_early = limit is not None and not self.query.order and not self.query.grouped
+        if cut_early and limit == 0:
+            return sink  # nothing of the query is evaluated; SQLite would bind values and take first steps
+        end = None if limit is None else limit + offset
+        most = find_least(maximum, end if cut_early else None)
+        bound = run.bound[self] = {}
+
+        def evaluate(parameter: Parameter) -> Any:
+            expr = parameter.expr
+            known = next((count for counted, count in counts if counted is not None and counted == expr), None)
+            value = bound[parameter.name] = parameter.bound(
+                self._compile_binding(expr)(run) if known is None else known
+            )
+            return value
+
+        def by_value() -> SqlQuery:
+            """The statement that compares values by their values."""
+            if self.by_value is None:
+                self.by_value = self._lower(self.query, cut=True, by_value=True)
+            run.lowered[self] = self.by_value
+            return self.by_value
+
+        host = self.host
+        lowered = run.lowered[self] = self.by_value or self.lower_for_run(run)
+        before = run.stats.steps
+        try:
+            extras = host.database.execute(lowered, run, evaluate, by_value, sink, most, self.scouts)
+        except Stopped:
+            raise
+        except Exception as error:
+            if self.required_engine and _is_sqlite_limit(error):
+                from ss2sql.lowering.unsupported import build_size_refusal
+
+                raise build_size_refusal(self.query, error) from error
+            if self.required_engine or (isinstance(error, ExecutionError) and error.code in LIMIT_CODES):
+                raise
+            run.stats.steps = before
+            return self._retry_natively(error, run, sink)
+        sink.ended = maximum is not None and len(extras) >= maximum
+        return finish_rows(lowered, sink, extras, slice(offset, end))
+
+    def _retry_natively(self, error: Exception, run: Run, sink: Rows) -> Rows:
+        """SQL has given up: the native rows, or the native error. Calls that were made are not made again."""
+        # The text of an exception is the user's own.
+        reason = error.message if isinstance(error, Error) else f"a function raised {type(error).__name__}"
+        native = NativeQuery(self.query)
+        self.host.hand_over_calls(run)
+        sink.clear()
+        if run.sink is not None:
+            run.sink = run.sink._replace(engine=native.engine)
+        rows = native.rows(run, sink)
+        self.native, self.lowered, self.reason = native, None, f"{reason}, so it runs natively"
+        run.notes |= {f"the query ran twice: SQL gave up ({reason}), and Python decided": None}
+        return rows
+
+    def _compile_binding(self, expr: plan.Expr) -> Callable[[Run], Any]:
+        """What computes the value of a parameter; compiled once, 0.1 ms."""
+        known = self.bindings.get(id(expr))
+        if known is None:
+            known = self.bindings[id(expr)] = (expr, compile_statement(expr))
+        return known[1]
+
+    def lower_for_run(self, run: Run | None) -> SqlQuery:
+        """The statement for a run: another one where the run, not the script, bounds the results of a search."""
+        assert self.lowered is not None
+        query = self.query
+        if run is None or run.maximum is None or query.search is None or query.search.maximum or query.limit:
+            return self.lowered
+        if self.bounded is None:
+            self.bounded = self._lower(query, cut=True)
+        return self.bounded
+
+    def _scout(self, query: plan.Query) -> SqlQuery:
+        # A scout wants the values themselves.
+        return self._lower(query, "late")
+
+    def _lower(self, query: plan.Query, *off: str, cut: bool = False, by_value: bool = False) -> SqlQuery:
+        """The statement of a query, without the rewrites that are `off`; some are needed while a script runs."""
+        from ss2sql.lowering.lower import lower  # which takes 60 ms to load; a native query does without
+
+        names, disabled = self.host.sql_names, {*self.host.disabled, *off}
+        return retry_with_stack(lambda: lower(query, names, cut=cut, by_value=by_value, disabled=disabled))
+
+    def _evaluate_limit(self, run: Run) -> int | None:
+        return self._count(self.limit, run, 0, "LIMIT", self.query.limit)
+
+    def _evaluate_offset(self, run: Run) -> int:
+        return self._count(self.offset, run, 0, "OFFSET", self.query.offset) or 0
+
+    def _evaluate_maximum(self, run: Run) -> tuple[int | None, int | None]:
+        """MAXIMUM, and the lower one of it and that of the run."""
+        if self.query.search is None:
+            return None, None
+        own = self._count(self.maximum, run, 1, "MAXIMUM", self.query.search.maximum)
+        return own, find_least(own, run.maximum)
+
+    def _count(
+        self, compute: Callable[[Run], Any] | None, run: Run, least: int, word: str, expr: plan.Expr | None
+    ) -> int | None:
+        if compute is None or expr is None:
+            return None
+        try:
+            return check_count(compute(run), least, word)
+        except ExecutionError as error:
+            raise error.located(expr.span) from None
+
+    def sql(self, run: Run | None = None) -> Callable[[], Sql]:
+        """What gives the text that runs, with the values of its parameters: those of a run, else those in the text.
+
+        Of a query that runs natively it is the text that SQLite would run, which is made when it is asked for.
+        """
+        lowered = self.shown(run)
+        if lowered is None and self.duck is None and self.levels is None:
+            return partial(self._write_unrun_sql, self.query, {} if run is None else run.bound.get(self, {}))
+        if lowered is None:
+            text = self.duck.sql(run) if self.duck is not None else Sql(self.levels.sql if self.levels else "")
+            return lambda: text
+        values = {p.name: p.bound(p.expr.value) for p in lowered.parameters if isinstance(p.expr, plan.Constant)}
+        if run is not None:
+            values.update(run.bound.get(self, ()))
+        return partial(Sql, lowered.text, values, modules=lowered.modules)
+
+    def _write_unrun_sql(self, query: plan.Query, known: Mapping[str, Any]) -> Sql:
+        """What engine="database" would run, with the values of variables as far as they are known."""
+        try:
+            lowered = self._lower(query)
+        except UnsupportedError as error:
+            return Sql(f"-- no SQL: {error.message}")
+        bound = {}
+        for parameter in lowered.parameters:
+            match parameter.expr:
+                case plan.Constant(value=value):
+                    bound[parameter.name] = parameter.bound(value)
+                case plan.Variable(name=name) if name in known:
+                    bound[parameter.name] = parameter.bound(known[name])
+        return Sql(lowered.text, bound, modules=lowered.modules)
+
+    def shown(self, run: Run | None) -> SqlQuery | None:
+        """The statement that a run has executed last, else the one that would run."""
+        return self.lowered if run is None or self.lowered is None else run.lowered.get(self, self.lowered)
+
+
+def _stops_early_in_depth(query: plan.Query, cut: bool = False) -> bool:
+    """Whether a depth-first search ends early and calls functions of the user or of a world.
+
+    SQLite evaluates all steps from a state before it takes the first of them, so it would call them for the rest, too.
+    """
+    search = query.search
+    if search is None or search.order != "depth first" or search.repeats == "memorize":
+        return False
+    if not (cut or search.maximum or query.limit):
+        return False
+    return any(isinstance(node, plan.Call) and not node.function.builtin for node in walk(query))
+
+
+def _may_be_infinite(table: plan.TableSource) -> bool:
+    """Whether a table may hold what is no float of the language: it is looked for in columns of numbers alone.
+
+    A view has no order.
+    """
+    others = Kind.STR | Kind.OBJECT
+    return any(kind.may(Kind.FLOAT) and (not table.order or kind.may(others)) for _, kind in table.columns)
+
+
+def _is_sqlite_limit(error: Exception) -> TypeGuard[ExecutionError]:
+    """Too many terms, too deep, too long for SQLite: found out by its own prepare, before any row."""
+    too_much = isinstance(error.__cause__, (apsw.SQLError, apsw.TooBigError))
+    return isinstance(error, ExecutionError) and error.code == "X009" and too_much

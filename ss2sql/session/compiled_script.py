@@ -1,0 +1,253 @@
+"""Compiled scripts: every statement resolved and, query by query, lowered to SQL or compiled to Python."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Container, Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, suggest
+from ss2sql.frontend.syntax import ast
+from ss2sql.language import plan
+from ss2sql.language.kinds import ANY, NOTHING, Type, covers, type_of
+from ss2sql.language.plan_traversal import walk
+from ss2sql.language.recursion_limit import retry_with_stack
+from ss2sql.lowering.sql_string import Sql
+from ss2sql.results.result import Result
+from ss2sql.runtime.python import compile_statement
+from ss2sql.runtime.run.run_state import Places, Run, Stats
+from ss2sql.runtime.sqlite.call_sites import call_places
+from ss2sql.session.compiled_query import CompiledQuery
+from ss2sql.session.dataframe_answer import build_dataframe_answer
+from ss2sql.session.engines import Engine
+from ss2sql.session.variables import predict_values
+
+if TYPE_CHECKING:
+    from ss2sql.results.explain.explanation import Explanation
+    from ss2sql.session.host import SessionHost
+
+ASSIGNMENTS = (plan.Assign, plan.TemporalAssign, plan.AssignLate)
+
+
+class CompiledStatement:
+    """One statement: its plan, the `generation` of the session that it was made for, and the function that runs it.
+
+    `variable` gives the values that variables will have when it runs, as far as they are known.
+    """
+
+    def __init__(
+        self,
+        host: SessionHost,
+        tree: ast.Expr,
+        statement: plan.Statement,
+        engine: Engine,
+        generation: int,
+        variable: Callable[[str], Any],
+    ) -> None:
+        self.host = host
+        self.tree = tree
+        self.engine = engine
+        self._compile(statement, generation, variable)
+
+    def _compile(self, statement: plan.Statement, generation: int, variable: Callable[[str], Any]) -> None:
+        function, queries = retry_with_stack(lambda: self._function(statement.expr, variable))
+        self.function: Callable[[Run], Any] = function
+        self.queries: list[CompiledQuery] = queries
+        self.statement = statement
+        self.assigns = frozenset(node.name for node in walk(statement.expr) if isinstance(node, ASSIGNMENTS))
+        self.facts_read: dict[str, Any] = {}  # values of variables that are of the types that the plan relies on
+        self.generation = generation  # last: what was broken off before is made anew
+
+    def _function(
+        self, expr: plan.Expr, variable: Callable[[str], Any]
+    ) -> tuple[Callable[[Run], Any], list[CompiledQuery]]:
+        """What computes the statement, and the queries in it."""
+        queries: list[CompiledQuery] = []
+
+        def compiled(query: plan.Query) -> CompiledQuery:
+            queries.append(CompiledQuery(self.host, query, self.engine, variable))
+            return queries[-1]
+
+        if isinstance(expr, plan.Subquery):
+            return compiled(expr.query).find_located_answer, queries
+        return compile_statement(expr, lambda query: compiled(query).value), queries
+
+    @property
+    def is_query(self) -> bool:
+        """Whether the statement's value is that of one query, assigned or not."""
+        expr = self.statement.expr
+        return isinstance(expr.value if isinstance(expr, plan.Assign) else expr, plan.Subquery)
+
+    def value(self, run: Run) -> Any:
+        if self.statement.tentative or self.is_outdated(run, run.source):
+            self._compile(self.host.resolve_statement(self.tree, run), self.host.generation, run.source)
+        if run.framed:
+            return build_dataframe_answer(self.statement.expr, self.queries, run)
+        return self.function(run)
+
+    def is_outdated(self, run: Run, source: Callable[[str], Any], but: Container[str] = ()) -> bool:
+        """Whether the plan relies on columns or types that are no longer so, of other variables than these."""
+        if self.generation != self.host.generation:
+            return True
+        own = self.host.names.values
+        for name, kind in self.statement.reads:
+            if kind == ANY or name in but:
+                continue
+            # Nobody changes the value of a script variable in place, so one that was looked at stays as it is. What is
+            # attached, or given to this run, the user may have changed.
+            kept = None if name in run.arguments else own.get(name)
+            if kept is not None and kept is self.facts_read.get(name):
+                continue
+            if not covers(kind, _get_variable_type(source, name)):
+                return True
+            self.facts_read[name] = kept
+        return any(self.host.has_table_changed(table, run) for table in self.statement.tables)
+
+
+def _get_variable_type(source: Callable[[str], Any], name: str) -> Type:
+    """The type of a variable's present value; of one that cannot be read nothing: whoever reads it says so."""
+    try:
+        return type_of(source(name))
+    except KeyError:
+        return ANY  # there is none any more
+    except ExecutionError:
+        return NOTHING
+
+
+class Query:
+    """A compiled script, to be run many times. Names are resolved before anything runs, anew where that is called for.
+
+    `parameters` are the names that the script does not know; `run` takes them as keywords. `plan` is the
+    resolved program, `sql` the text that runs. It is `fresh` where it was resolved for the run that comes next.
+    """
+
+    def __init__(
+        self,
+        host: SessionHost,
+        execute: Callable[..., Result],
+        script: ast.Script,
+        program: plan.Program,
+        engine: Engine,
+        fresh: bool = False,
+    ) -> None:
+        self.parameters = program.parameters
+        self._host = host
+        self._execute = execute
+        self._script = script
+        self._program = program
+        self._engine: Engine = engine
+        self._generation = host.generation
+        self._statements: dict[Engine, list[CompiledStatement]] = {}
+        self._open: set[Engine] = set()  # those whose statements were made before parameters had values
+        self._fresh = fresh
+
+    def statements(self, engine: Engine | None = None, run: Run | None = None) -> list[CompiledStatement]:
+        """The compiled statements for an engine; for a run, which has begun, with the values that it is given."""
+        chosen = engine or self._engine
+        if chosen not in self._statements:
+            self._statements[chosen] = self._compile_now(chosen, run)
+        if run is not None and not self._fresh and self._is_outdated(chosen, run):
+            self._statements[chosen] = self._resolve_now(chosen, run)
+        self._fresh = False
+        return self._statements[chosen]
+
+    def _is_outdated(self, engine: Engine, run: Run) -> bool:
+        """Whether names in statements after the first one, which looks itself, might no longer mean what they meant."""
+        first, *others = self._statements[engine]
+        if engine in self._open and any(compiled.statement.tentative for compiled in others):
+            return True
+
+        assigned = set(first.assigns)
+        for compiled in others:
+            if compiled.is_outdated(run, lambda name: self._host.present(name, run.arguments), assigned):
+                return True
+            assigned |= compiled.assigns
+        return False
+
+    def _compile_now(self, engine: Engine, run: Run | None) -> list[CompiledStatement]:
+        """What an engine refuses is resolved once more: the sources may be others now, and parameters have values."""
+        if self._program.parameters:
+            self._open.add(engine)
+        try:
+            return self._compiled(self._program, self._generation, engine, run)
+        except UnsupportedError:
+            return self._resolve_now(engine, run)
+
+    def _resolve_now(self, engine: Engine, run: Run | None) -> list[CompiledStatement]:
+        """The statements resolved against the values that stand now, and those that the run is given."""
+        values, stats = ({}, Stats()) if run is None else (run.arguments, run.stats)
+        resolved = stats.time_stage("resolve", lambda: self._host.resolve_script(self._script, values, run is None))
+        statements = self._compiled(resolved(), self._host.generation, engine, run)
+        if run is not None:
+            self._open.discard(engine)
+        return statements
+
+    def _compiled(
+        self, program: plan.Program, generation: int, engine: Engine, run: Run | None
+    ) -> list[CompiledStatement]:
+        started = time.perf_counter()
+        statements: list[CompiledStatement] = []
+        assigned: dict[str, plan.Constant | None] = {}
+        for tree, part in zip(self._script.statements, program.statements, strict=True):
+            variable = predict_values(self._host.names, dict(assigned), {} if run is None else run.arguments)
+            statements.append(CompiledStatement(self._host, tree, part, engine, generation, variable))
+            assigned |= dict.fromkeys(statements[-1].assigns)
+            if isinstance(part.expr, plan.Assign) and isinstance(part.expr.value, plan.Constant):
+                assigned[part.expr.name] = part.expr.value
+        if run is not None:
+            lowering = sum(query.lowering_seconds for compiled in statements for query in compiled.queries)
+            run.stats.seconds |= {"lower": lowering, "compile": time.perf_counter() - started - lowering}
+        return statements
+
+    @cached_property
+    def call_places(self) -> dict[str, Places]:
+        """Where the script calls functions of the user; empty where that is not known."""
+        return call_places(*(statement.expr for statement in self._program.statements))
+
+    @property
+    def plan(self) -> plan.Program:
+        return self._program
+
+    @property
+    def sql(self) -> Sql:
+        from ss2sql.results.explain.outline import join_script_sql
+        from ss2sql.session.outlines import outline
+
+        return join_script_sql(outline(self.statements()))
+
+    def explain(self) -> Explanation:
+        """What becomes of the script, as `Result.explain` says it, without what only a run can tell."""
+        from ss2sql.results.explain.explanation import explain
+        from ss2sql.session.outlines import outline
+
+        missing = [name for name in self.parameters if name not in self._host.names]
+        return explain(outline(self.statements()), missing=missing)
+
+    def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
+            workers: int = 1, max_rows: int | None = None, trace: int | None = None,
+            **variables: Any) -> Result:  # fmt: skip
+        """Runs the script; see `Session.run`. Raises ResolveError R009 for a parameter without a value."""
+        self._check(variables)
+        return self._execute(self, engine, timeout, maximum, workers, max_rows, variables, trace=trace)
+
+    def spark(self, timeout: float | None = None, maximum: int | None = None, **variables: Any) -> Any:
+        """The paths of the search that the script ends with as a DataFrame of Spark, which finds and keeps them.
+
+        It has the rows of a result, with the columns `path`, `step` and those of SELECT, in the session of Spark that
+        `connect` was given. None of them passes through this process, but for the first levels. Raises UnsupportedError
+        for what is no such search and for ORDER BY and GROUP BY, RepresentationError V001 for a column with values of
+        several kinds, and what `run` raises.
+        """
+        self._check(variables)
+        return self._execute(self, "spark", timeout, maximum, 1, None, variables, framed=True).value
+
+    def _check(self, variables: Mapping[str, Any]) -> None:
+        """Raises ResolveError R009 for a parameter without a value."""
+        missing = [name for name in self.parameters if name not in variables and name not in self._host.names]
+        if missing:
+            hints = [f"run(..., {', '.join(f'{name}=...' for name in missing)})"]
+            for name in variables:
+                if name not in self.parameters and suggest(name, missing):  # others may be columns of a missing source
+                    hints.append(f"'{name}' is no parameter of the script")
+            raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)

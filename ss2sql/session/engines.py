@@ -1,0 +1,95 @@
+"""Where queries run: the names of the engines, and what opens the databases that search by levels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+
+from ss2sql.errors import SessionError
+from ss2sql.results import require_package
+from ss2sql.runtime.run.option_checks import check_word
+from ss2sql.runtime.run.run_state import Run
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.external.level_query import EngineAbilities, TableEngine
+
+Engine: TypeAlias = Literal["auto", "database", "native", "duckdb", "spark"]
+ENGINES: tuple[Engine, ...] = get_args(Engine)
+
+
+def get_abilities(name: str) -> EngineAbilities | None:
+    """What a database can that searches by levels; None for others. Only who asks for one loads what it needs."""
+    from ss2sql.lowering.dialects import DUCKDB, SPARK
+    from ss2sql.runtime.external.level_query import EngineAbilities
+    from ss2sql.runtime.external.level_statements import DuckLevel, SparkLevel
+    from ss2sql.runtime.external.task_pickle import RULES
+
+    match name:
+        case "duckdb":
+            return EngineAbilities("duckdb", DUCKDB, DuckLevel)
+        case "spark":
+            return EngineAbilities("spark", SPARK, SparkLevel, True, RULES)
+        case _:
+            return None
+
+
+def check_engine(engine: Any) -> None:
+    check_word("engine", (engine,), ENGINES)
+
+
+def open_table_engine(name: str, session: Any = None, begun: Sequence[Run] = ()) -> TableEngine | None:
+    """The database behind an engine; None where SQLite or Python do the work.
+
+    Args:
+        name: the engine.
+        session: a connection of that database, whose settings count; searches leave nothing behind in it.
+        begun: the runs that are under way, the innermost last.
+    """
+    opener = _OPENERS.get(name)
+    return None if opener is None else opener(session, begun)
+
+
+def _open_duckdb(session: Any, begun: Sequence[Run]) -> TableEngine:
+    duckdb = require_package("duckdb", "duckdb", "engine='duckdb'")
+    require_package("pyarrow", "duckdb", "engine='duckdb'")
+    from ss2sql.runtime.external.duckdb_sources import DuckSources
+    from ss2sql.runtime.external.duckdb_store import DuckEngine
+    from ss2sql.runtime.external.level_query import TableEngine
+    from ss2sql.runtime.external.level_search import DuckSearch
+
+    if session is not None and not isinstance(session, duckdb.DuckDBPyConnection):
+        message = f"the session of engine='duckdb' is a connection of DuckDB, not {type(session).__name__}"
+        raise SessionError("S002", message, hints=("give duckdb.connect(), or nothing",))
+    duck = DuckEngine(session)
+    sources = DuckSources(lambda: duck.session.cursor(), (duckdb.Error,), begun)
+    able = get_abilities("duckdb")
+    assert able is not None
+    return TableEngine(
+        able, duck.open, duck.close, (duckdb.Error,), lambda *parts: DuckSearch(*parts).results(), sources=sources
+    )
+
+
+def _open_spark(session: Any, begun: Sequence[Run]) -> TableEngine:
+    for name in ("pyspark", "pyarrow", "pandas"):
+        require_package(name, "spark", "engine='spark'")
+    from py4j.protocol import Py4JError  # type: ignore[import-untyped]
+    from pyspark.errors import PySparkException
+
+    from ss2sql.runtime.external.level_query import TableEngine
+    from ss2sql.runtime.external.spark_dataframe import DataFrameSearch
+    from ss2sql.runtime.external.spark_session import SparkEngine
+
+    spark = SparkEngine(session)
+    able = get_abilities("spark")
+    assert able is not None
+    return TableEngine(
+        able,
+        spark.open,
+        spark.close,
+        (PySparkException, Py4JError),
+        lambda *parts: DataFrameSearch(*parts).results(),
+        lambda hunt, store, written, most: DataFrameSearch(hunt, store, written).frame(most),
+    )
+
+
+_OPENERS: dict[str, Callable[[Any, Sequence[Run]], TableEngine]] = {"duckdb": _open_duckdb, "spark": _open_spark}

@@ -1,0 +1,263 @@
+"""Running a compiled script: its statements one after the other, and what becomes of them in the end."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ss2sql.errors import Cancelled, Stopped, Timeout
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.cancellation import install_check
+from ss2sql.language.values import copy_for_python
+from ss2sql.results.result import QueryAnswer, Result, Status
+from ss2sql.results.result_notes import suggest_timeout_cure
+from ss2sql.runtime.parallel import IN_WORKER
+from ss2sql.runtime.run.keyboard_interrupt import close_frames, defer_keyboard_interrupt
+from ss2sql.runtime.run.option_checks import check_bound
+from ss2sql.runtime.run.run_state import Run, Stats, measure_memory, translate_memory_error
+from ss2sql.runtime.run.value_sizes import ValueSizes
+from ss2sql.runtime.sqlite.function_callbacks import CarriedStopError
+from ss2sql.session.compiled_script import CompiledStatement, Query
+from ss2sql.session.engines import Engine, check_engine
+from ss2sql.session.outlines import outline
+from ss2sql.session.progress import make_progress
+
+if TYPE_CHECKING:
+    from ss2sql.results.watching.search_trace import SearchTrace
+    from ss2sql.runtime.parallel.block_calls import Foreteller
+    from ss2sql.session.host import SessionHost
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """What may be said of one run, see `Session.run`."""
+
+    engine: Engine | None
+    timeout: float | None
+    maximum: int | None
+    workers: int
+    max_rows: int | None
+    progress: str | bool
+    framed: bool = False
+    trace: int | None = None
+
+    def check(self) -> None:
+        """Raises SessionError S002 for what makes no sense."""
+        if self.engine is not None:
+            check_engine(self.engine)
+        check_bound("maximum", self.maximum, 1)
+        check_bound("workers", self.workers, 1)
+        check_bound("max_rows", self.max_rows, 0)
+        check_bound("trace", self.trace, 1)
+
+
+def run_attended(host: SessionHost, work: Callable[[Run], T]) -> T:
+    """What `work` gives, a new run, which hears of Ctrl-C and `interrupt` from here on.
+
+    Raises Stopped, of whichever kind, with what was found until then; whoever was interrupted hears of nothing else.
+    """
+    run: Run | None = None
+    try:
+        run = Run(host, Stats(), sizes=ValueSizes(host.limits.max_size))
+        with defer_keyboard_interrupt(run), host.session_lock:
+            host.active_runs.append(run)
+            try:
+                result = work(run)
+            except BaseException as error:
+                if run.interrupted:
+                    close_frames(error)
+                raise
+            finally:
+                host.active_runs.remove(run)
+                for end in run.cleanups:
+                    end()
+        if not run.interrupted:
+            return result
+    except KeyboardInterrupt:
+        pass
+    except Exception as error:
+        if run is not None and run.interrupted and not isinstance(error, Cancelled):
+            raise _build_cancelled(run) from error
+        if isinstance(error, Stopped):
+            error.partial = _build_partial_result(run, error.status)
+            if isinstance(error, Timeout) and run is not None and run.sink is not None:
+                error.hints = (suggest_timeout_cure(run.sink.query),)
+        elif isinstance(error, MemoryError):
+            raise translate_memory_error(error) from None
+        elif isinstance(error, CarriedStopError):
+            raise error.args[0] from None
+        raise
+    raise _build_cancelled(run) from None
+
+
+def set_deadline(run: Run, host: SessionHost, seconds: float | None) -> None:
+    """Says when a run that starts now has to end; one inside of another run ends with that at the latest."""
+    times = [outer.bounds.deadline for outer in host.runs]
+    times.append(None if seconds is None else time.monotonic() + seconds)
+    run.bounds.deadline = min((moment for moment in times if moment is not None), default=None)
+
+
+def _build_cancelled(run: Run | None) -> Cancelled:
+    cancelled = Cancelled("T002", "the run was interrupted")
+    cancelled.partial = _build_partial_result(run, cancelled.status)
+    return cancelled
+
+
+def execute_script(
+    host: SessionHost, query: Query, options: RunOptions, variables: Mapping[str, Any], run: Run
+) -> Result:
+    """Runs a compiled script and gives the result of its last statement. The `variables` are values of the language."""
+    options.check()
+    host.ready()
+    run.bounds.ceiling = _find_memory_ceiling(host)
+    run.max_rows = run.sizes.rows = options.max_rows
+    run.steps_left = _count_steps_left(host)
+    run.arguments = dict(variables)
+    with install_check(run.check):
+        return _execute_statements(host, query, options, run)
+
+
+def _execute_statements(host: SessionHost, query: Query, options: RunOptions, run: Run) -> Result:
+    engine = options.engine if options.trace is None else "native"
+    statements = run.statements = query.statements(engine, run)
+    if options.trace is not None:
+        from ss2sql.results.watching.search_trace import find_searched_query
+
+        find_searched_query(statements[-1].tree)
+    run.call_places = query.call_places
+    run.foreteller = _foreteller(host, run, options.workers)
+    run.progress = None if host.runs else make_progress(run, options.progress)  # one inside of another shows none
+    host.runs.append(run)
+    run.sizes.pause = run.check  # until its end: in a circle all that it holds would wait for the garbage collector
+    started = time.perf_counter()
+    try:
+        value = _compute_last_value(host, run, statements, options)
+    finally:
+        host.runs.remove(run)
+        if host.runs:
+            host.runs[-1].inner_run_steps += run.steps
+        run.graph = run.sizes.pause = None
+        if run.progress is not None:
+            run.progress.end()
+        run.stats.add_seconds("run", started)
+        run.stats.seconds["run"] -= run.stats.seconds.get("shape", 0.0)  # what was shaped meanwhile
+    if run.foreteller is not None:
+        run.foreteller.close()
+    return _build_result(host, run, statements, value)
+
+
+def _compute_last_value(
+    host: SessionHost, run: Run, statements: Sequence[CompiledStatement], options: RunOptions
+) -> Any:
+    value: Any = None
+    for statement in statements:
+        run.check()
+        run.maximum = options.maximum if statement is statements[-1] else None
+        run.framed = options.framed and statement is statements[-1]
+        run.trace = None
+        if options.trace and statement is statements[-1]:
+            from ss2sql.runtime.search.trace import Trace
+
+            run.trace = Trace(options.trace)
+        run.answer = run.sink = run.graph = None
+        if run.progress is not None:
+            run.progress.begin()
+        host.forget_stable_calls(run)
+        value = statement.value(run)
+        run.check_steps()
+    return value
+
+
+def _make_rerun(
+    host: SessionHost, arguments: dict[str, Any], maximum: int | None
+) -> Callable[[Callable[[Run], Any]], Any]:
+    """What has something done by another run under the same conditions. It keeps nothing of the run that was."""
+
+    def recount(work: Callable[[Run], Any]) -> Any:
+        def again(run: Run) -> Any:
+            run.arguments, run.maximum = arguments, maximum
+            host.runs.append(run)
+            try:
+                host.forget_stable_calls(run)
+                return work(run)
+            finally:
+                host.runs.remove(run)
+
+        return run_attended(host, again)
+
+    return recount
+
+
+def _collect_trace(run: Run, statement: CompiledStatement) -> tuple[SearchTrace | None, tuple[str, ...]]:
+    """What a traced run keeps of its search, and what there is to say of that."""
+    if run.trace is None:
+        return None, ()
+    from ss2sql.results.watching.search_trace import collect_notes, make_trace
+
+    tree, written = statement.tree, statement.queries[-1].written
+    return make_trace(run.trace, tree, written), tuple(collect_notes(run.trace, tree))
+
+
+def _build_result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:
+    answer: QueryAnswer | None = run.answer if statements[-1].is_query else None
+    if answer is not None:
+        answer.begin = run.bounds.left().begin
+    traced, told = _collect_trace(run, statements[-1])
+    engines = [compiled.engine for statement in statements for compiled in statement.queries]
+    used = answer.engine if answer is not None else (engines[-1] if engines else "native")
+    return Result(
+        None if answer is not None else copy_for_python(value),
+        used,
+        answer.status if answer is not None else "complete",
+        run.stats,
+        answer,
+        outline(statements, run),
+        _make_rerun(host, run.arguments, run.maximum),
+        (*told, *run.notes),
+        traced,
+    )
+
+
+def _foreteller(host: SessionHost, run: Run, workers: int) -> Foreteller | None:
+    """What has calls made by other processes, where more than one is wanted. They themselves start no others."""
+    if workers == 1 or IN_WORKER in os.environ:
+        return None
+    from ss2sql.runtime.parallel.block_calls import Foreteller
+    from ss2sql.runtime.parallel.process_pool import Processes
+
+    if host.held.processes is None:
+        host.held.processes = Processes()
+    return Foreteller(run, workers, host.held.processes, host.planned, host.memo_limit > 0)
+
+
+def _find_memory_ceiling(host: SessionHost) -> int | None:
+    """The bytes that the process may hold; a run inside of another one has no more."""
+    if host.limits.max_memory is None:
+        return None
+    ceilings = [run.bounds.ceiling for run in host.runs if run.bounds.ceiling is not None]
+    return min(ceilings, default=(measure_memory() or 0) + host.limits.max_memory)
+
+
+def _count_steps_left(host: SessionHost) -> int | None:
+    """The steps that a run may try; one inside of another has what that has left."""
+    outer = host.runs[-1] if host.runs else None
+    if outer is None or outer.steps_left is None:
+        return host.limits.max_steps
+    return outer.steps_left - outer.steps
+
+
+def _build_partial_result(run: Run | None, status: Status) -> Result | None:
+    """What the query has found that was running; None where there was none."""
+    if run is None or run.sink is None:
+        return None
+    rows, engine = run.sink.rows, run.sink.engine
+    shown = run.answer.rows if run.answer is not None else rows.shown()
+    form = None if run.sink.query is None else run.sink.query.representation
+    answer = QueryAnswer(shown, None, engine, status, form=form)
+    outlined, notes = outline(run.statements, run), tuple(run.notes)
+    traced, _ = _collect_trace(run, run.statements[-1])
+    return Result(None, engine, status, run.stats, answer, outlined, notes=notes, traced=traced)

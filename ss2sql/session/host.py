@@ -1,0 +1,403 @@
+"""What a session holds and what its runs ask for; `Session` is the face of it, `run.Host` its contract."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Container, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from functools import cache, cached_property
+from typing import TYPE_CHECKING, Any
+
+import apsw
+
+from ss2sql.errors import Error, ExecutionError, SessionError, Source
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.resolve.catalog import Catalog
+from ss2sql.frontend.resolve.resolver import resolve, resolve_eval
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.ast import collect_column_names
+from ss2sql.frontend.syntax.parser import parse
+from ss2sql.frontend.user_functions import UserFunction
+from ss2sql.language import plan
+from ss2sql.language.kinds import Type, type_of
+from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.recursion_limit import retry_with_stack
+from ss2sql.language.rows import Rows
+from ss2sql.language.unreadable_text import is_unreadable
+from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
+from ss2sql.runtime import representations
+from ss2sql.runtime.python.call_memo import make_callable, make_unmemoized_call
+from ss2sql.runtime.representations.shape import Representations, expand_stars
+from ss2sql.runtime.run.call_memory import MEMO_LIMIT
+from ss2sql.runtime.run.option_checks import Limits
+from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.run.value_sizes import ValueSizes
+from ss2sql.runtime.sqlite.column_types import STORED
+from ss2sql.runtime.sqlite.database_tables import Tables
+from ss2sql.runtime.sqlite.executor import Database
+from ss2sql.runtime.sqlite.file_locks import close_file, use_files
+from ss2sql.runtime.sqlite.function_names import BUILT_IN, choose_function_names
+from ss2sql.runtime.sqlite.vectorized_functions import NativeVectorizedFunction
+from ss2sql.session.resources import SessionResources
+from ss2sql.session.session_functions import SessionFunctions
+from ss2sql.session.session_lock import SessionLock
+from ss2sql.session.temporal_variables import TemporalFile, TemporalStore, convert_moment
+from ss2sql.session.triggers import Triggers
+from ss2sql.session.variables import OtherTables, Variables
+from ss2sql.vtables import contract
+from ss2sql.vtables.attached_worlds import AttachedWorld, WorldFunctions
+from ss2sql.vtables.query_cache import QueryCaches
+from ss2sql.vtables.schema import failure
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.graph_cache.cache_policy import CachePolicy
+    from ss2sql.runtime.graph_cache.graph_store import GraphStore
+    from ss2sql.runtime.parallel.process_pool import Processes
+
+
+@dataclass(frozen=True, slots=True)
+class TableNames:
+    """The tables and views of the session's database, and of the engine's own, which is asked when somebody looks."""
+
+    own: list[str]
+    others: OtherTables | None
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.own
+        if self.others is not None:
+            yield from self.others.names()
+
+
+class SessionHost:
+    """The functions, variables, tables and representations of a session.
+
+    `generation` counts registrations, so that compiled scripts notice them. `sql_names` are the names that
+    registered functions have in SQL. `disabled` names the optimisations that are switched off.
+    """
+
+    def __init__(
+        self,
+        connection: apsw.Connection,
+        file: TemporalFile | None,
+        read_only: bool,
+        disabled: frozenset[str],
+        limits: Limits,
+        engine_session: Any = None,
+    ) -> None:
+        self.connection = connection
+        self.limits = limits
+        self.session_lock = SessionLock(self._release, self._using, connection.release_memory, in_file=file is not None)
+        self.disabled = disabled
+        self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
+        self.active_runs: list[Run] = []  # what runs, or is compiled to run, the innermost last
+        self.database = Database(connection, self.memo_limit, self.active_runs)
+        connection.limit(apsw.SQLITE_LIMIT_LENGTH, limits.max_size)
+        self.memories = QueryCaches()
+        self.tables = Tables(connection)
+        self.shapes = Representations(limits.max_size)
+        self.functions: dict[str, UserFunction] = {}
+        self.world_functions: dict[str, UserFunction] = {}  # by the names that scripts use
+        self.sql_names: dict[str, str] = {}
+        self.late: dict[str, str] = {}  # names and SQL names of functions that the database does not know yet
+        self.planned: dict[str, UserFunction] = {}  # by the names that plans use
+        self.generation = 0
+        self.runs: list[Run] = []
+        self.held = SessionResources(engine_session, self.active_runs)
+        temporals = TemporalStore(self._clock)
+        self.triggers = Triggers(self._clock)
+        self.watched_scenes: list[list[Callable[[], object]]] = []  # to whom scenes tell that they have stepped
+        self.graph_store: GraphStore | None = None
+        if file is not None:
+            try:
+                file.load(temporals)
+            except BaseException:
+                close_file(connection)
+                raise
+            from ss2sql.runtime.graph_cache.graph_store import GraphStore
+
+            self.graph_store = self.tables.graphs = GraphStore(connection, not read_only)
+        self.names = Variables(temporals, None if read_only else file)
+        self.names.let_go = self._restore_detached
+        self.own = SessionFunctions(self.names, self.functions, self.world_functions, limits, self.active_runs)
+        for name, row in OPERATIONS.items():
+            if name not in ("eq", "ne"):  # of these the database has its own
+                self.database.register_builtin(name, row.value or self.own.function(name))
+
+    @cached_property
+    def graphs(self) -> CachePolicy | None:
+        """What keeps graphs of searches in the session's file, if it has one and graphs are kept."""
+        if self.graph_store is None or "remember" in self.disabled:
+            return None
+        from ss2sql.runtime.graph_cache.cache_policy import CachePolicy
+
+        return CachePolicy(self.graph_store, self._find_function, self._worlds)
+
+    def _find_function(self, name: str) -> UserFunction:
+        """A function by the name that plans use. Raises ExecutionError X011 where it has gone with its world."""
+        try:
+            return self.planned[name]
+        except KeyError:
+            raise failure(f"the function '{name}' belongs to a world that is not attached any more") from None
+
+    def _worlds(self) -> list[AttachedWorld]:
+        return list(self.names.worlds.values())
+
+    def register(self, entry: UserFunction) -> None:
+        """Makes a function known to scripts and to SQL."""
+        self.functions[entry.name] = entry
+        self._name_functions({entry.name})
+
+    def _name_functions(self, changed: Collection[str]) -> None:
+        """Gives functions their names in SQL, and tells the database of those that have changed."""
+        self.generation += 1
+        self.planned = {entry.name: entry for entry in self.world_functions.values()} | self.functions
+        before, self.sql_names = self.sql_names, choose_function_names(self.planned)
+        for name, sql_name in self.sql_names.items():
+            if name in changed or before.get(name) != sql_name:
+                self.late[name] = sql_name
+        with suppress(apsw.BusyError):  # a function that registers functions, called by SQLite
+            self.register_pending()
+
+    def register_pending(self) -> None:
+        """Tells the database of the functions that it does not know yet.
+
+        Raises apsw.BusyError where a statement that runs may call one of them: none of it has changed then.
+        """
+        for name, sql_name in list(self.late.items()):
+            if name in self.planned:  # else it was of a world that has gone
+                self.database.register_user(self.planned[name], sql_name)
+            del self.late[name]
+
+    def ready(self) -> None:
+        """Sees to it that a run finds the functions as they are. Raises SessionError S004 where it cannot."""
+        if self.late:
+            try:
+                self.register_pending()
+            except apsw.BusyError:
+                message = f"the function '{next(iter(self.late))}' was registered anew while a query runs"
+                hints = ("register functions between queries",)
+                raise SessionError("S004", message, hints=hints) from None
+
+    def attach_world(self, name: str, world: contract.World) -> None:
+        """Makes a world known: its tables, its functions, and its representations where there are none of the name.
+
+        Raises SessionError S002 where it declares what cannot be.
+        """
+        self.names.attach_world(name, AttachedWorld(name, world, self.database.worlds.choose_name))
+        for word, method in world.representations.items():
+            if word.lower() not in representations.ALL:
+                self.shapes.functions[word.lower()] = getattr(world, method)
+        self._name_world_functions()
+        scene = getattr(world, "scene", None) or world.source  # an adapter may call the scene's simulator directly
+        listeners = getattr(scene, "listeners", None)
+        if isinstance(listeners, list) and self.triggers.poll not in listeners:
+            listeners.append(self.triggers.poll)
+            self.watched_scenes.append(listeners)
+
+    def end_triggers(self) -> None:
+        """Ends the triggers: no scene looks after them any more."""
+        for listeners in self.watched_scenes:
+            if self.triggers.poll in listeners:
+                listeners.remove(self.triggers.poll)
+        self.watched_scenes.clear()
+        self.triggers.all.clear()
+
+    @property
+    def processes(self) -> Processes | None:
+        """The processes of `workers`, if there are any."""
+        return self.held.processes
+
+    @contextmanager
+    def _using(self) -> Iterator[None]:
+        """While a thread uses the session: no other copy of SQLite has its files open. Copies are made anew for it."""
+        for copied in self.tables.copied.values():
+            copied.stale = True
+        with use_files(self.connection):
+            yield
+
+    def _release(self) -> None:
+        self.end_triggers()
+        self.held.end()
+        if self.session_lock.here:
+            close_file(self.connection)
+
+    def _restore_detached(self, world: AttachedWorld) -> None:
+        self.database.worlds.forget(world.tables.values())
+        self._name_world_functions()
+
+    def _name_world_functions(self) -> None:
+        self.world_functions.clear()
+        self.world_functions.update(WorldFunctions(self.names.worlds, self.memories).all())
+        self._name_functions({entry.name for entry in self.world_functions.values()} - self.functions.keys())
+
+    # --- what the compiler asks ------------------------------------------------------------------------
+
+    def catalog(
+        self,
+        values: Mapping[str, Any] | None = None,
+        open_names: bool = False,
+        read: Callable[[], Container[str] | None] = lambda: None,
+    ) -> Catalog:
+        """What scripts may name; `read` gives the columns of tables that they read, as far as that is known."""
+        given = dict(values or {})
+        snapshots: dict[str, Any] = {}
+
+        def variable_type(name: str) -> Any:
+            if name not in snapshots:
+                snapshots[name] = self.present(name, given)
+            return type_of(snapshots[name])
+
+        functions = {**BUILT_IN, **{name: self._planned(entry) for name, entry in self.functions.items()}}
+        return Catalog(
+            functions,
+            tuple(self.shapes.functions),
+            {*self.names, *given},
+            variable_type,
+            lambda schema, name: self.tables.find(schema, name, read()),
+            TableNames(self.tables.names(), self.names.others),
+            self.names.others.find if self.names.others is not None else lambda name: None,
+            dict(self.names.late),
+            open_names,
+            {name: world for name, world in self.names.worlds.items() if name not in given},
+            {n: self._planned(f) for n, f in self.world_functions.items() if n not in self.functions},
+            frames=self.names.frames.keys() - given.keys(),
+            files=("main", *self.tables.attached),
+            asked=self.shapes.asked(),
+        )
+
+    def present(self, name: str, given: Mapping[str, Any]) -> Any:
+        """The value that is given, or else the present one, as it stands in FROM; raises what `source` raises."""
+        return given[name] if name in given else self.names.source(name)
+
+    def _planned(self, entry: UserFunction) -> plan.Function:
+        """The function as the plan knows it; its body counts only while the operators in it are the built-in ones."""
+        function = entry.plan
+        known = function.body is not None and "inline" not in self.disabled
+        return function if known and not function.body.uses & self.functions.keys() else replace(function, body=None)
+
+    def resolve_script(self, tree: ast.Script, values: Mapping[str, Any], open_names: bool) -> plan.Program:
+        """The plan of a script, resolved against the values that stand now and those that are given."""
+        read = cache(lambda: collect_column_names(tree, *self.names.late.values()))
+        catalog = self.catalog(values, open_names, read)
+        return retry_with_stack(lambda: resolve(tree, catalog))
+
+    def resolve_statement(self, tree: ast.Expr, run: Run) -> plan.Statement:
+        """The plan of one statement, resolved against the values that stand now."""
+        script = ast.Script((tree,), span=tree.span)
+        return self.resolve_script(script, run.arguments, open_names=False).statements[0]
+
+    def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]:
+        """The statements of a text given to `eval`."""
+        return resolve_eval(parse(Source(text, "<eval>")), scope, self.catalog(self._arguments()))
+
+    def world(self, variable: Callable[[str], Any]) -> RewriteContext:
+        """What rewrites may know of the session. `variable` gives the values that variables will have."""
+        meanings: dict[tuple[str, int], plan.Expr | None] = {}
+
+        def read(text: str, scope: Any) -> plan.Expr | None:
+            if (text, id(scope)) not in meanings:
+                meanings[text, id(scope)] = self._resolve_single_statement(text, scope)
+            return meanings[text, id(scope)]
+
+        return RewriteContext(variable, read, frozenset(self.functions))  # those that may stand in for built-in ones
+
+    def _resolve_single_statement(self, text: str, scope: Any) -> plan.Expr | None:
+        """The one statement of a text given to `eval`; None where there are more, or where it has no meaning yet."""
+        try:
+            statements = self.resolve_text(text, scope)
+        except Error:
+            return None
+        return statements[0] if len(statements) == 1 else None
+
+    def _arguments(self) -> Mapping[str, Any]:
+        return self.runs[-1].arguments if self.runs else {}
+
+    def has_table_changed(self, table: plan.TableSource | plan.WorldSource, run: Run) -> bool:
+        """Whether a table has other columns, or values of other kinds, than a plan was made for, or is another one."""
+        if isinstance(table, plan.WorldSource):
+            name = table.table.world_name
+            world = None if name in run.arguments else self.names.worlds.get(name)
+            return world is None or table.table not in world.tables.values()
+        read = {name for name, kind in table.columns if kind != Type(STORED)}
+        try:
+            now = self.tables.find(table.schema, table.table, read)
+        except Error as error:
+            raise error.located(table.span) from error.__cause__
+        return now is None or replace(now, id=table.id, name=table.name) != table
+
+    # --- what a run asks (see runtime/run/run_state.py) ----------------------------------------------------------
+
+    def variable(self, name: str, run: Run) -> Any:
+        return self.names.read(name, run)
+
+    def assign(self, name: str, value: Any) -> None:
+        self.names.assign(name, value)
+        for run in self.runs:
+            run.snapshots.pop(name, None)
+
+    def bind_late(self, name: str, literal: ast.ListLiteral) -> None:
+        self.names.bind_late(name, literal)
+
+    def call(self, function: plan.Function, run: Run) -> Callable[..., Any]:
+        if function.builtin:
+            python = OPERATIONS[function.name].value or self.own.function(function.name)
+            return run.sizes.wrap_function(function.name, python)
+        known = run.callables.get(function.name)
+        if known is None:
+            entry = self._find_function(function.inverse_of or function.name)
+            if function.inverse_of:
+                known = make_unmemoized_call(entry.inverted(), run)
+            else:
+                known = (NativeVectorizedFunction if entry.vectorized else make_callable)(entry, run, self.memo_limit)
+            run.callables[function.name] = known
+        return known
+
+    def hand_over_calls(self, run: Run) -> None:
+        """Lets a native query know the calls that the statement before has made, for nobody makes them twice."""
+        for name, arguments, answer in run.calls_made:
+            if self.memo_limit:
+                self.call(self.planned[name].plan, run).adopt(arguments, answer)  # type: ignore[attr-defined]
+        run.calls_made = ()
+
+    def forget_stable_calls(self, run: Run) -> None:
+        """Forgets what stable functions gave: the statement before may have changed what they look at."""
+        for name in list(run.callables):
+            if name not in self.planned or self.planned[name].volatility == "stable":
+                del run.callables[name]
+
+    def _clock(self) -> float:
+        """The time of getTime(): the user's own, else that of the first world that has a clock, else the computer's."""
+        entry = self.functions.get("getTime")
+        if entry:
+            return convert_moment(entry.function(), "the function 'getTime'")
+        for attached in self.names.worlds.values():
+            moment = attached.time()
+            if moment is not None:
+                return convert_moment(moment, f"the clock of {attached.name}")
+        return time.time()
+
+    def temporal(self, name: str, when: Any) -> Any:
+        value = self.names.temporal(name, when)
+        ValueSizes(self.limits.max_size).checked(value)
+        return value
+
+    def store_temporal(self, name: str, keep: Any, value: Any) -> None:
+        self.names.store_temporal(name, keep, value)
+
+    def read_table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]:
+        try:
+            return self.tables.rows(source)
+        except ExecutionError as error:
+            if run is None or not is_unreadable(error):
+                raise
+        run.doubtful = True
+        return self.tables.read_unreadable_rows(source)
+
+    def integers(self, source: plan.TableSource, *places: int) -> list[Any] | None:
+        return self.tables.integers(source, *places)
+
+    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
+        return self.shapes.represent_subquery(
+            query, expand_stars(query, rows, run.sizes.pause), arguments, named, run.sizes
+        )

@@ -1,0 +1,56 @@
+"""What a session holds outside of itself, and lets go of when it is closed or forgotten."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.runtime.run.run_state import Run
+from ss2sql.session.engines import open_table_engine
+from ss2sql.vtables.frames import Reader
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.external.level_query import TableEngine
+    from ss2sql.runtime.parallel.process_pool import Processes
+
+
+@dataclass(slots=True)
+class SessionResources:
+    """The processes of `workers`, once there are any, and the databases that search by levels.
+
+    `session` is what such a database is reached by, if the user has said so; `begun` are the runs that are under way.
+    It knows nothing of the session itself, so that a finalizer can keep it.
+    """
+
+    session: Any = None
+    active_runs: Sequence[Run] = ()
+    processes: Processes | None = None
+    engines: dict[str, TableEngine | None] = field(default_factory=dict)
+    owner: int = field(default_factory=os.getpid)
+
+    def engine(self, name: str) -> TableEngine | None:
+        """The database behind an engine, if there is one. Raises SessionError S003 where it is not installed."""
+        if name not in self.engines:
+            self.engines[name] = open_table_engine(name, self.session, self.active_runs)
+        return self.engines[name]
+
+    def parquet(self, path: Path, name: str) -> Reader:
+        """What reads a Parquet file. Raises SessionError S002 where it is none, S003 where DuckDB is not installed."""
+        found = self.engine("duckdb")
+        assert found is not None
+        assert found.sources is not None
+        return found.sources.parquet(path, name)
+
+    def end(self) -> None:
+        """Ends all of it; what a copy of the process made by `fork` has is the other's."""
+        if self.processes is not None:
+            self.processes.end()
+        while self.engines:
+            _, engine = self.engines.popitem()
+            if engine is not None and os.getpid() == self.owner:
+                engine.close()
+        self.session = None  # at the end of Python DuckDB tells of each connection that somebody holds, in twenty lines

@@ -1,0 +1,477 @@
+"""The session: what a user registers and attaches, and how scripts are compiled and run in it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, TypeVar, overload
+
+from ss2sql.errors import SessionError, Source
+from ss2sql.frontend.syntax.parser import parse
+from ss2sql.frontend.user_functions import UserFunction, check_is_string, check_name, make_user_function
+from ss2sql.language import plan
+from ss2sql.language.values import convert_value, copy_for_python, deep_copy
+from ss2sql.lowering.rewrites import REWRITES
+from ss2sql.results.result import Result
+from ss2sql.runtime.run.keyboard_interrupt import defer_keyboard_interrupt
+from ss2sql.runtime.run.option_checks import NO_LIMITS, Limits, check_seconds, check_word
+from ss2sql.runtime.run.run_state import Run, Stats
+from ss2sql.runtime.sqlite.database_tables import find_parquet_path, find_sqlite_path
+from ss2sql.session.compiled_script import Query
+from ss2sql.session.engines import Engine, check_engine
+from ss2sql.session.execution import RunOptions, execute_script, run_attended, set_deadline
+from ss2sql.session.host import SessionHost
+from ss2sql.session.opening import get_function_name, open_connection
+from ss2sql.session.opening import read_source as read_source
+from ss2sql.session.progress import check_progress
+from ss2sql.session.session_lock import with_session_lock
+from ss2sql.session.temporal_variables import TemporalFile
+from ss2sql.session.triggers import Trigger
+from ss2sql.vtables import find_adapter, make_attachable, refuse_unknown
+from ss2sql.vtables.frames import find_reader
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.graph_cache.graph_listing import Graphs
+
+F = TypeVar("F", bound=Callable[..., Any])
+MAX_COMPILED_SCRIPTS = 64  # that a session has compiled and keeps
+OFF_SWITCHES = {  # what `disable` switches off
+    **{name: rewrite.purpose for name, rewrite in REWRITES.items()},
+    "memo": "remembers calls of immutable and stable functions while a query runs",
+    "remember": "keeps the graphs of MEMORIZE in the session's file",
+}
+
+
+class Session:
+    """Functions, variables and tables that scripts see, and the connection that runs them. See `connect`."""
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str] | None = None,
+        timeout: float | None = None,
+        progress: str | bool = "auto",
+        read_only: bool = False,
+        disable: Sequence[str] = (),
+        limits: Limits = NO_LIMITS,
+        engine: Engine = "auto",
+        session: Any = None,
+    ) -> None:
+        check_word("optimisation", disable, OFF_SWITCHES)
+        check_seconds(timeout)
+        check_progress(progress)
+        limits.check()
+        check_engine(engine)
+        connection = open_connection(path, read_only)
+        self.timeout = timeout
+        self.progress = progress
+        self._closed = False
+        self._texts: dict[Any, Query] = {}  # that were run, with their engines; the latest is the last
+        file = None if path is None else TemporalFile(connection)
+        self.engine: Engine = engine
+        self.host = SessionHost(connection, file, read_only, frozenset(disable), limits, session)
+        # apsw keeps the host of a session that nobody closes; a finalizer that did so too would keep all sessions.
+        weakref.finalize(self, self.host.held.end)
+        found = self.host.held.engine(engine)  # says now what is not installed
+        self.host.names.others = found.sources if found is not None else None
+
+    # --- registration ----------------------------------------------------------------------------------
+
+    @overload
+    def function(self, name: F, /, *, volatility: plan.Volatility | None = ...,
+                 inverse: Callable[..., Any] | None = ..., vectorized: bool = ...) -> F: ...  # fmt: skip
+    @overload
+    def function(self, name: str, function: F, /, volatility: plan.Volatility | None = ...,
+                 inverse: Callable[..., Any] | None = ..., vectorized: bool = ...) -> F: ...  # fmt: skip
+    @overload
+    def function(self, name: str | None = ..., /, *, volatility: plan.Volatility | None = ...,
+                 inverse: Callable[..., Any] | None = ..., vectorized: bool = ...) -> Callable[[F], F]: ...  # fmt: skip
+
+    def function(
+        self,
+        name: str | Callable[..., Any] | None = None,
+        function: Callable[..., Any] | None = None,
+        /,
+        volatility: plan.Volatility | None = None,
+        inverse: Callable[..., Any] | None = None,
+        vectorized: bool = False,
+    ) -> Any:
+        """Registers a Python function for scripts: as a decorator, with or without arguments, or called.
+
+        Args:
+            name: the name in scripts; that of the function where it is missing. The name of a built-in
+                function or operator (`add`, `lt`) replaces it.
+            function: the function; missing when used as a decorator.
+            volatility: "immutable", "stable" or "volatile"; inferred from the source where it is missing.
+            inverse: the inverse of the function, for searches from both ends.
+            vectorized: whether the function takes arrays: for a block of rows one NumPy array per argument, for
+                which it returns an array or a list with one element for each row. Such a function is never
+                volatile; it is stable where nothing is said and its source does not prove it immutable.
+
+        Returns:
+            The function itself, or a decorator.
+
+        Raises:
+            SessionError: S002 for a name, signature or volatility that cannot be used.
+        """
+        if callable(name):
+            if function is not None:
+                raise SessionError("S002", "the name of a function is a text", hints=('write function("name", f)',))
+            return self._register(make_user_function(get_function_name(name), name, volatility, inverse, vectorized))
+
+        def register(body: F) -> F:
+            self._register(make_user_function(name or get_function_name(body), body, volatility, inverse, vectorized))
+            return body
+
+        return register if function is None else register(function)
+
+    @with_session_lock
+    def _register(self, entry: UserFunction) -> Callable[..., Any]:
+        self._check_open()
+        self.host.register(entry)
+        return entry.function
+
+    def aggregate(self, name: str | Callable[..., Any] | None = None, function: Callable[..., Any] | None = None, /,
+                  volatility: plan.Volatility | None = None) -> Any:  # fmt: skip
+        """Registers a Python function of a list as an aggregate: as a decorator, with or without a name, or called.
+
+        With GROUP BY it gets the list of the values of a group that are not None, in their order, and what else stands
+        in the call; else it is a function of a list.
+
+        Raises:
+            SessionError: S002 for a name, signature or volatility that cannot be used.
+        """
+
+        def register(body: Callable[..., Any], called: str | None = None) -> Callable[..., Any]:
+            entry = make_user_function(called or get_function_name(body), body, volatility)
+            if entry.maximum == 0:
+                raise SessionError("S002", f"'{entry.name}' takes no list", hints=("give it a parameter for the list",))
+            return self._register(replace(entry, aggregate=True, body="is an aggregate"))
+
+        if callable(name):
+            return register(name)
+        return partial(register, called=name) if function is None else register(function, name)
+
+    def representation(self, name: str) -> Callable[[F], F]:
+        """Decorator: registers `AS name(arguments)`.
+
+        The function gets a table (`columns`, `rows` as tuples, `dicts()`) and the arguments of AS; what it
+        returns is the value. Of a search it is called once per path.
+        """
+        self._check_name(name)
+
+        def register(body: F) -> F:
+            self.host.shapes.functions[name.lower()] = body
+            self.host.generation += 1
+            return body
+
+        return register
+
+    @with_session_lock
+    def attach(self, name: str, source: Any) -> None:
+        """Makes a Python object known under a name; scripts see it as it is when they run.
+
+        Args:
+            name: the name in scripts.
+            source: a world, or an object that there is an adapter for (`ss2sql.World` says what that is): its first
+                table is then `name`, its others `name.table`, its functions are known to scripts. A list (of
+                values, dicts or dataclass objects), a dict of columns, any other value of the language. A data frame
+                of pandas or Polars, an Arrow table or what gives Arrow data, a structured NumPy array. The path of a
+                SQLite file, or its text if that ends in .db, .sqlite or .sqlite3; its tables are then `name.table`.
+                A connection of `sqlite3`, likewise: its main database is copied at the start of each run, in the
+                thread of the connection.
+                The path of a Parquet file, which ends in .parquet; DuckDB reads it. An iterator is read once, into a
+                list. `pybullet`, or the number of a connection of it, is that client.
+
+        Raises:
+            SessionError: S002 for anything else, and for a world that declares what cannot be; S003 where DuckDB is
+                needed and missing; S004 for a connection of another thread; S005 for a file that another copy of
+                SQLite has open in this process.
+        """
+        self._check_name(name)
+        self._texts.clear()  # they would hold on to what was attached before
+        source = make_attachable(name, source)
+        file = find_parquet_path(source)
+        if file is not None:
+            parquet = self.host.held.parquet(file, name)
+            self.host.tables.detach(name)
+            self.host.names.attach_frame(name, file, parquet)
+            return
+        path = find_sqlite_path(source)
+        if path is not None:
+            self.host.tables.attach(name, path)
+            self.host.names.forget(name)
+            return
+        sqlite3 = sys.modules.get("sqlite3")  # whoever has a connection of it has loaded it
+        if sqlite3 is not None and isinstance(source, sqlite3.Connection):
+            self.host.tables.attach_connection(name, source)
+            self.host.names.forget(name)
+            return
+        reader = find_reader(source, name)
+        world = find_adapter(source) if reader is None else None
+        if reader is None and world is None:
+            refuse_unknown(source)
+        self.host.tables.detach(name)
+        if reader is not None:
+            self.host.names.attach_frame(name, source, reader)
+        elif world is not None:
+            self.host.attach_world(name, world)
+        else:
+            self.host.names.attach(name, source)
+
+    @with_session_lock
+    def detach(self, name: str) -> None:
+        """Forgets what was attached under the name. Raises KeyError where nothing is."""
+        self._check_open()
+        if name not in self.host.names.attached and name not in self.host.tables.attached:
+            raise KeyError(name)
+        self._texts.clear()
+        self.host.tables.detach(name)
+        self.host.names.forget(name)
+
+    @with_session_lock
+    def tables(self) -> dict[str, tuple[str, ...]]:
+        """The columns of all that FROM finds as a table, of the database and of worlds; none of an unreadable view."""
+        self._check_open()
+        from ss2sql.session.world_description import list_tables
+
+        return list_tables(self.host.tables, self.host.names.worlds, self.host.names.others)
+
+    def describe(self, name: str) -> str:
+        """The columns of a table; of a world those of all its tables, with units and texts, and its functions.
+
+        Raises SessionError S002 where there is none of the name; Timeout and Cancelled, for it looks at all rows.
+        """
+
+        def work(run: Run) -> str:
+            self._check_open()
+            check_is_string(name)
+            set_deadline(run, self.host, self.timeout)
+            from ss2sql.session.world_description import describe_name
+
+            return describe_name(name, self.host.tables, self.host.names.worlds, self.host.names.others)
+
+        return run_attended(self.host, work)
+
+    @with_session_lock
+    def set(self, name: str, value: Any) -> None:
+        """Sets a script variable to a copy of the value. Raises ExecutionError X004 for NaN and its like."""
+        self._check_name(name)
+        self.host.names.assign(name, deep_copy(convert_value(value, f"the variable '{name}'", named=True)))
+
+    def get(self, name: str) -> Any:
+        """The value of a script variable, a copy. Raises KeyError if there is none."""
+        if name in self.host.names.attached:
+            return self.host.names.attached[name]
+        return copy_for_python(self.host.names.values[name])
+
+    def variables(self) -> dict[str, Any]:
+        """All script variables with copies of their values, by name."""
+        return self.host.names.copies()
+
+    @with_session_lock
+    def graphs(self) -> Graphs:
+        """The graphs that searches with MEMORIZE have left in the session's file, the oldest first.
+
+        They print as a table. `graphs().drop()` removes all of them, `graphs()[0].drop()` one.
+        """
+        self._check_open()
+        from ss2sql.runtime.graph_cache.graph_listing import Graphs, list_graphs
+
+        return Graphs(()) if self.host.graph_store is None else list_graphs(self.host.graph_store)
+
+    # --- running ---------------------------------------------------------------------------------------
+
+    def compile(self, script: str | Path | Source, engine: Engine = "auto") -> Query:
+        """Parses, resolves and lowers a script once; names that it does not know become its parameters.
+
+        Raises ParseError and ResolveError, UnsupportedError if `engine` is "database" and that is impossible; Timeout
+        and Cancelled, for the tables that it reads are looked at.
+        """
+
+        def work(run: Run) -> Query:
+            set_deadline(run, self.host, self.timeout)
+            return self._compile(script, engine, {}, open_names=True)
+
+        return run_attended(self.host, work)
+
+    def _compile(
+        self,
+        script: str | Path | Source,
+        engine: Engine,
+        values: Mapping[str, Any],
+        open_names: bool,
+        stats: Stats | None = None,
+    ) -> Query:
+        self._check_open()
+        check_engine(engine)
+        engine = self.engine if engine == "auto" else engine
+        stats = stats or Stats()
+        tree = stats.time_stage("parse", lambda: parse(read_source(script)))()
+        program = stats.time_stage("resolve", lambda: self.host.resolve_script(tree, values, open_names))()
+        return Query(self.host, self.execute, tree, program, engine, fresh=not open_names)
+
+    def _known(self, script: str | Path | Source, engine: Engine, values: Mapping[str, Any], stats: Stats) -> Query:
+        """The compiled script; a text that is run without values again is not compiled again.
+
+        A compiled script looks by itself whether names mean what they meant. 1.3 ms for a small search, 0.1 without.
+        """
+        key = (script, engine, self.engine)
+        query = self._texts.pop(key, None) if isinstance(script, str) and not values else None
+        if query is None or self._closed:
+            query = self._compile(script, engine, values, open_names=False, stats=stats)
+        if isinstance(script, str) and not values:
+            self._texts[key] = query
+            if len(self._texts) > MAX_COMPILED_SCRIPTS:
+                del self._texts[next(iter(self._texts))]
+        return query
+
+    def run(
+        self,
+        script: str | Path | Source,
+        engine: Engine = "auto",
+        timeout: float | None = None,
+        maximum: int | None = None,
+        workers: int = 1,
+        max_rows: int | None = None,
+        trace: int | None = None,
+        **variables: Any,
+    ) -> Result:
+        """Runs a script.
+
+        Args:
+            script: its text, the path of a file, or a text with the name that errors show.
+            engine: "auto" (the session's; if that is "auto", SQLite for searches and for queries over tables, worlds
+                and frames, Python for the rest and for what fails in SQL), "database" (an error instead), "native",
+                "duckdb" for queries and searches by levels there, "spark" for such searches.
+            timeout: seconds, in place of the session's.
+            maximum: bounds the results of the last statement's search, like MAXIMUM.
+            workers: processes for the calls of functions that a level of MEMORIZE needs. The result is the same, sooner
+                where calls are slow. A `WorkersWarning` says where that has no effect, and why.
+            max_rows: more results than that are an error, also of a query inside of others that gives a list, and more
+                rows in the graph of MEMORIZE.
+            trace: keeps the first so many events of the search that the script ends with, which then runs natively:
+                see `Result.trace`.
+            variables: values for names of the script, for this run only.
+
+        Returns:
+            The result of the last statement.
+
+        Raises:
+            ParseError, ResolveError, UnsupportedError, ExecutionError, RepresentationError; Timeout, OutOfMemory,
+            OutOfSteps and Cancelled, whose `partial` is the result so far; whatever a registered function raised, with
+            a note that names the line of the script.
+        """
+
+        def work(run: Run) -> Result:
+            options = replace(self._make_options(engine, timeout, maximum, workers, max_rows), trace=trace)
+            set_deadline(run, self.host, options.timeout)
+            values = _convert_variables(variables)
+            query = self._known(script, engine, values, run.stats)
+            return execute_script(self.host, query, options, values, run)
+
+        return run_attended(self.host, work)
+
+    def eval(self, script: str | Path, **variables: Any) -> Any:
+        """The value of a script: `run(script, **variables).value`."""
+        return self.run(script, **variables).value
+
+    def execute(
+        self,
+        query: Query,
+        engine: Engine | None,
+        timeout: float | None,
+        maximum: int | None,
+        workers: int,
+        max_rows: int | None,
+        variables: Mapping[str, Any],
+        framed: bool = False,
+        trace: int | None = None,
+    ) -> Result:
+        """Runs a compiled script; `Query.run` and `Query.spark` end here."""
+
+        def work(run: Run) -> Result:
+            self._check_open()
+            options = self._make_options(engine, timeout, maximum, workers, max_rows)
+            options = replace(options, framed=framed, trace=trace)
+            set_deadline(run, self.host, options.timeout)
+            return execute_script(self.host, query, options, _convert_variables(variables), run)
+
+        return run_attended(self.host, work)
+
+    def _make_options(
+        self, engine: Engine | None, timeout: float | None, maximum: int | None, workers: int, max_rows: int | None
+    ) -> RunOptions:
+        check_seconds(timeout)
+        seconds = self.timeout if timeout is None else timeout
+        engine = self.engine if engine == "auto" else engine
+        return RunOptions(engine, seconds, maximum, workers, max_rows, self.progress)
+
+    # --- triggers --------------------------------------------------------------------------------------
+
+    def on_change(self, script: str | Path, every: float = 0.1, engine: Engine = "auto") -> Callable[..., Trigger]:
+        """Decorator: calls the function with the new value of a script whenever that has changed.
+
+        The script runs at once, which gives the first value without a call, and then every so often: by itself while
+        an attached scene steps, else when `poll` is called.
+
+        Args:
+            script: the script; what its last statement gives is its value.
+            every: seconds of `getTime()` from one look to the next.
+            engine: as for `run`.
+
+        Returns:
+            A decorator that gives a `Trigger`, which has `value`, `time`, `runs`, `changes` and `stop()`.
+
+        Raises:
+            Error: what `compile` and the first run raise. Later errors come out of `poll`, or of the scene's `step`.
+        """
+        query = self.compile(script, engine)
+        return lambda function: self.host.triggers.add(query, every, function)
+
+    def poll(self) -> int:
+        """Looks after the triggers that are due, and gives the number of those whose values had changed."""
+        self._check_open()
+        return self.host.triggers.poll()
+
+    def interrupt(self) -> None:
+        """Ends all runs of the session, from any thread; they raise Cancelled."""
+        for run in list(self.host.active_runs):
+            run.interrupted = True
+
+    def close(self) -> None:
+        """Closes the connection; the session cannot run scripts any more. Closing twice does no harm.
+
+        What runs is ended first, as by `interrupt`: in a function of the user, or in another thread.
+        """
+        self._closed = True
+        self._texts.clear()
+        self.interrupt()
+        with defer_keyboard_interrupt():
+            self.host.session_lock.close()
+
+    def __enter__(self) -> Session:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise SessionError("S001", "the session is closed", hints=("open a new one with ss2sql.connect()",))
+
+    def _check_name(self, name: str) -> None:
+        self._check_open()
+        check_name(name)
+
+
+def _convert_variables(variables: Mapping[str, Any]) -> dict[str, Any]:
+    """Variables of one run as values of the language."""
+    return {name: convert_value(value, f"the variable '{name}'", named=True) for name, value in variables.items()}

@@ -1,0 +1,113 @@
+"""One thread at a time uses a session; who closes it while a script runs ends that first."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from functools import wraps
+from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
+
+import apsw
+
+from ss2sql.errors import SessionError
+from ss2sql.runtime.run.keyboard_interrupt import defer_keyboard_interrupt
+
+if TYPE_CHECKING:
+    from ss2sql.session.session import Session
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+
+class SessionLock:
+    """Who uses the connection of a session: one thread, which may come again while it is there.
+
+    Two runs at once would read each other's values. A second thread does not wait, for the first one may wait for it.
+    """
+
+    def __init__(
+        self,
+        release: Callable[[], None],
+        using: Callable[[], AbstractContextManager[None]],
+        forget_pages: Callable[[], object],
+        in_file: bool,
+    ) -> None:
+        self._lock = threading.RLock()
+        self._depth = 0
+        self._release = release
+        self._using = using
+        self._forget_pages = forget_pages
+        self._used: AbstractContextManager[None] | None = None
+        self._closed = False
+        self._process = os.getpid()
+        self._in_file = in_file
+
+    @property
+    def here(self) -> bool:
+        """Whether this is the process that has opened the session, and no copy made by `fork`."""
+        return os.getpid() == self._process
+
+    def __enter__(self) -> None:
+        if self._in_file and not self.here:  # the locks of SQLite on a file are not those of the copy
+            hint = "connect to the file anew in each process"
+            raise SessionError("S004", "the session belongs to the process that this one is a copy of", hints=(hint,))
+        if not self._lock.acquire(blocking=False):
+            hints = ("give each thread a session of its own, or let them take turns with a lock",)
+            raise SessionError("S004", "the session is in use in another thread", hints=hints)
+        if not self._depth:
+            used = self._using()
+            try:
+                used.__enter__()
+            except BaseException:
+                self._lock.release()
+                raise
+            self._used = used
+        self._depth += 1
+
+    def __exit__(self, kind: object, error: BaseException | None, *_: object) -> None:
+        if is_damage_error(error) and not self._closed:
+            self._forget_pages()  # SQLite checks a page when it reads it, and takes it as checked while it is kept
+        self._depth -= 1
+        if not self._depth and self._used is not None:
+            self._used.__exit__(None, None, None)
+            self._used = None
+        self._lock.release()
+        if self._closed:
+            self._end_if_free()
+
+    def close(self) -> None:
+        """Gives back what the session holds, now or when the last one leaves."""
+        self._closed = True
+        self._end_if_free()
+
+    def _end_if_free(self) -> None:
+        if self._lock.acquire(blocking=False):  # else whoever is there does it
+            try:
+                if not self._depth:
+                    self._release()
+            finally:
+                self._lock.release()
+
+
+def is_damage_error(error: BaseException | None) -> bool:
+    """Whether there is this error because a file is damaged."""
+    seen: set[int] = set()  # they may go in a circle
+    while error is not None and id(error) not in seen:
+        if isinstance(error, apsw.CorruptError):
+            return True
+        seen.add(id(error))
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def with_session_lock(work: Callable[Concatenate[Session, P], T]) -> Callable[Concatenate[Session, P], T]:
+    """Decorator: a method of a session that uses its connection, and that Ctrl-C does not break off in the middle."""
+
+    @wraps(work)
+    def unbroken(session: Session, /, *arguments: P.args, **named: P.kwargs) -> T:
+        with defer_keyboard_interrupt(), session.host.session_lock:
+            return work(session, *arguments, **named)
+
+    return unbroken

@@ -1,0 +1,293 @@
+"""The dot commands, a row each: arguments, description and function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from ss2sql.cli.exit_codes import print_note
+from ss2sql.cli.script_options import parse_value, parse_world, register_file
+from ss2sql.editor.keywords import keywords
+from ss2sql.errors import Source, did_you_mean
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.value_messages import format_value as written
+from ss2sql.session.opening import read_source
+from ss2sql.shell.settings import SETTINGS, CommandError, FileFailed, change_setting, describe_setting
+from ss2sql.shell.symbols import Function, SymbolTable
+
+if TYPE_CHECKING:
+    from ss2sql.results.result import Result
+    from ss2sql.shell.shell import Shell
+
+Takes: TypeAlias = Literal["nothing", "script", "file", "setting", "function", "table", "variable", "help"]
+
+EXAMPLE = "SELECT this, this ^ 2 FROM range(5) WHERE this > 1;"
+WIDE = 100  # characters of a line in lists
+MOST_READ = 20  # files that read each other
+
+
+@dataclass(frozen=True, slots=True)
+class DotCommand:
+    """A dot command: `form` is its syntax, `takes` the kind of its argument, `about` a line for lists."""
+
+    form: str
+    about: str
+    takes: Takes
+    do: Callable[[Shell, str], None]
+    example: str = ""
+
+    @property
+    def name(self) -> str:
+        return self.form.split()[0]
+
+
+def run_command(shell: Shell, line: str) -> None:
+    """Runs a line. Raises CommandError, what the command's script raises, and Leave."""
+    name, _, rest = line.strip().partition(" ")
+    command = COMMANDS.get(name) or COMMANDS.get(name.lower())
+    if command is None:
+        hints = did_you_mean(name, COMMANDS) or (".help lists all of them",)
+        raise CommandError(f"there is no command '{name}'", *hints)
+    if command.takes == "nothing" and rest.strip():
+        raise CommandError(f"{command.name} takes nothing, not {rest.strip()}")
+    command.do(shell, rest.strip())
+
+
+# --- help and lists ------------------------------------------------------------------------------------
+
+
+def _help(shell: Shell, name: str) -> None:
+    if not name:
+        shell.say(write_overview())
+        return
+    command = COMMANDS.get(name) or COMMANDS.get(f".{name}")
+    keyword = keywords().get(name.upper().split()[0])
+    if command is not None:
+        example = f"\n  {command.example}" if command.example else ""
+        shell.say(f"{command.form}: {command.about}{example}")
+    elif keyword is not None:
+        shell.say(f"{keyword.text}: {keyword.about}")
+    else:
+        _functions(shell, name)
+
+
+def write_overview() -> str:
+    """An overview for somebody who has never seen the shell."""
+    lines = ["A statement ends with ; and may take several lines. For example:", "", f"  {EXAMPLE}", ""]
+    lines += _align((entry.form, entry.about) for entry in COMMANDS.values())
+    lines += ["", ".sql, .explain and .plot without more are about the last statement.",
+              "Tab completes, Ctrl-R searches the history, Ctrl-C clears the line or cancels a run, Ctrl-D leaves.",
+              ".help NAME explains a command, a function or a keyword: .help CONNECT BY"]  # fmt: skip
+    return "\n".join(lines)
+
+
+def _tables(shell: Shell, name: str) -> None:
+    symbols = SymbolTable(shell.session)
+    if name:
+        shell.say(shell.session.describe(name))
+    elif not symbols.tables:
+        shell.say("there are no tables; .attach NAME FILE.db brings those of a SQLite file\n"
+                  "lists and data frames are variables: .variables")  # fmt: skip
+    else:
+        names = {table: ", ".join(symbols.columns(table.partition("(")[0])) for table in symbols.tables}
+        shell.say("\n".join(_align(names.items(), cut=True)))
+
+
+def _functions(shell: Shell, name: str) -> None:
+    symbols = SymbolTable(shell.session)
+    every = {**symbols.representations, **symbols.functions}
+    if not name:
+        own = [entry for entry in symbols.functions.values() if not entry.built_in]
+        built_in = [entry for entry in symbols.functions.values() if entry.built_in]
+        lines = [*_describe_entries(own), *([""] if own else []), *_describe_entries(built_in)]
+        lines += ["", "after AS:", *_describe_entries(symbols.representations.values())]
+        shell.say("\n".join(lines))
+    elif name in every:
+        (line,) = _describe_entries([every[name]])
+        shell.say(line.strip() + ("" if name in symbols.functions else f"\n  SELECT ... FROM ... AS {name}"))
+    else:
+        raise CommandError(f"there is no function, command or keyword '{name}'", *did_you_mean(name, every))
+
+
+def _variables(shell: Shell, _: str) -> None:
+    found = SymbolTable(shell.session).variables
+    shell.say("\n".join(_align(found.items(), cut=True)) if found else "there are no variables; x = 1; makes one")
+
+
+def _describe_entries(entries: Iterable[Function]) -> list[str]:
+    return _align((entry.call, entry.about) for entry in entries)
+
+
+def _align(rows: Iterable[tuple[str, str]], cut: bool = False) -> list[str]:
+    """Rows as lines of two columns."""
+    table = list(rows)
+    width = max((len(first) for first, _ in table if len(first) < WIDE // 3), default=0)
+    lines = [f"  {first:<{width}}  {second}".rstrip() for first, second in table]
+    return [line if len(line) <= WIDE or not cut else line[: WIDE - 3] + "..." for line in lines]
+
+
+# --- what scripts may use ------------------------------------------------------------------------------
+
+
+def _set(shell: Shell, rest: str) -> None:
+    name, _, value = rest.partition(" ")
+    if not value.strip():
+        raise CommandError(".set takes a name and a value", ".set start [[2,1],[],[]]")
+    shell.session.set(name, parse_value(value.strip()))
+    print_note(f"{name} = {written(shell.session.get(name), WIDE)}")
+
+
+def _attach(shell: Shell, rest: str) -> None:
+    name, _, what = rest.partition(" ") if " " in rest else rest.partition("=")
+    what = what.strip()
+    if not name or not what:
+        raise CommandError(".attach takes a name and what is attached", ".attach staff staff.db",
+                           ".attach space ss2sql.scenes:chaos")  # fmt: skip
+    path = Path(what).expanduser()
+    if ":" in what:
+        shell.session.attach(*parse_world(f"{name}={what}"))
+    elif path.is_file():
+        shell.session.attach(name, path)
+    else:
+        raise CommandError(f"there is no file {what}", "an object of Python is MODULE:OBJECT")
+    symbols = SymbolTable(shell.session)
+    found = [table for table in symbols.tables if table.split("(")[0].split(".")[0] == name]
+    about = [f"{name}: {symbols.variables[name]}"] if name in symbols.variables else []
+    print_note("\n".join(about) if about or not found else f"tables: {', '.join(found)}")
+
+
+def _load(shell: Shell, rest: str) -> None:
+    if not rest:
+        raise CommandError(".load takes a file of Python functions", ".load functions.py")
+    path = Path(rest).expanduser()
+    if not path.is_file():
+        raise CommandError(f"there is no file {rest}")
+    found = register_file(shell.session, path)
+    print_note(f"functions: {', '.join(found)}" if found else f"{rest} has no functions")
+
+
+def _read(shell: Shell, rest: str) -> None:
+    if not rest:
+        raise CommandError(".read takes a file of statements", ".read hanoi.ss")
+    source = read_source(Path(rest).expanduser())
+    if shell.reading > MOST_READ:
+        raise CommandError(f"{rest} is read by a file that it reads itself")
+    shell.reading += 1
+    try:
+        if not shell.run(source.text, source.name):
+            raise FileFailed
+    finally:
+        shell.reading -= 1
+
+
+# --- the last statement --------------------------------------------------------------------------------
+
+
+def _make_source(shell: Shell, text: str) -> str | Source:
+    if text:
+        return text
+    if shell.last is None:
+        raise CommandError("nothing has run yet", "run a statement first, or write one after the command")
+    return shell.last.source
+
+
+def _sql(shell: Shell, text: str) -> None:
+    result = shell.last.result if shell.last is not None and not text else None
+    sql = result.sql if result is not None else shell.session.compile(_make_source(shell, text)).sql
+    if not sql.strip():
+        shell.say("no query: it runs in Python as it is written")
+        return
+    values = [f"-- :{name} = {value!r}" for name, value in sql.parameters.items()]
+    shell.print_sql("\n".join([str(sql), *values]))
+
+
+def _explain(shell: Shell, text: str) -> None:
+    result = shell.last.result if shell.last is not None and not text else None
+    shell.say(result.explain() if result is not None else shell.session.compile(_make_source(shell, text)).explain())
+
+
+def _plot(shell: Shell, rest: str) -> None:
+    from ss2sql.cli.plot_command import KINDS, PICTURES
+
+    if shell.last is None or shell.last.result is None:
+        raise CommandError("there is no result to draw", "run a query first")
+    kind, path = "auto", None
+    for word in rest.split():
+        if word in KINDS:
+            kind = word
+        elif Path(word).suffix.lower() in PICTURES:
+            path = Path(word).expanduser()
+        else:
+            raise CommandError(f".plot takes a file that ends in {', '.join(PICTURES)}, and what is drawn, not {word}",
+                               f"what can be drawn: {', '.join(KINDS)}")  # fmt: skip
+    draw_plot(shell, shell.last.result, kind, path)
+
+
+def draw_plot(shell: Shell, result: Result, kind: str, path: Path | None) -> None:
+    """Draws a result into a file, else into a window, else, without a screen, into a new file."""
+    from ss2sql.results import require_package
+
+    pyplot = require_package("matplotlib.pyplot", "plot", ".plot")
+    figure = result.plot(kind=kind).figure
+    try:
+        if path is None and pyplot.get_backend().lower() not in WINDOWLESS:
+            print_note("close the window to go on")
+            pyplot.show()
+            return
+        path = path or next(one for one in _choose_file_name("plot", ".png") if not one.exists())
+        figure.savefig(path)
+        print_note(f"written to {path}")
+    except OSError as error:
+        raise CommandError(f"{path} cannot be written: {error.strerror or error}") from error
+    finally:
+        pyplot.close(figure)
+
+
+WINDOWLESS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
+
+
+def _choose_file_name(name: str, ending: str) -> Iterable[Path]:
+    yield Path(f"{name}{ending}")
+    number = 2
+    while True:
+        yield Path(f"{name}-{number}{ending}")
+        number += 1
+
+
+def _leave_shell(shell: Shell, _: str) -> None:
+    from ss2sql.shell.shell import ExitRequest
+
+    raise ExitRequest
+
+
+def _make_setting_command(name: str) -> DotCommand:
+    entry = SETTINGS[name]
+
+    def do(shell: Shell, text: str) -> None:
+        if text:
+            print_note(change_setting(shell.settings, name, text))
+        else:
+            shell.say(describe_setting(shell.settings, name))
+
+    return DotCommand(f".{name} [{entry.form}]", entry.about, "setting", do)
+
+
+_ALL = (
+    DotCommand(".help [NAME]", "this list, or what a command, function or keyword does", "help", _help),
+    DotCommand(".tables [NAME]", "the tables that FROM finds, or the columns of one", "table", _tables),
+    DotCommand(".functions [NAME]", "the functions, or what one does", "function", _functions),
+    DotCommand(".variables", "the variables and what they hold", "nothing", _variables),
+    DotCommand(".set NAME VALUE", "gives a variable a value", "variable", _set, ".set start [[2,1],[],[]]"),
+    DotCommand(".attach NAME WHAT", "a SQLite file, or MODULE:OBJECT of Python, under a name", "file", _attach,
+            ".attach staff staff.db"),
+    DotCommand(".load FILE.py", "registers the functions of a Python file", "file", _load),
+    DotCommand(".read FILE", "runs the statements of a file", "file", _read),
+    DotCommand(".sql [SCRIPT]", "the SQL that a script becomes", "script", _sql, f".sql {EXAMPLE}"),
+    DotCommand(".explain [SCRIPT]", "where queries run and why, and what was called how often", "script", _explain),
+    DotCommand(".plot [FILE] [KIND]", "draws the last result, in a window or in a file", "file", _plot,
+            ".plot paths.png graph"),
+    *map(_make_setting_command, SETTINGS),
+    DotCommand(".exit", "leaves, as Ctrl-D does", "nothing", _leave_shell),
+)  # fmt: skip
+COMMANDS = {entry.name: entry for entry in _ALL}

@@ -1,0 +1,64 @@
+"""`ss2sql repl`: the shell."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import click
+
+from ss2sql.cli.exit_codes import CTRL_C, SCRIPT, reports_errors
+from ss2sql.cli.output import SHOWN, Count
+from ss2sql.cli.run_command import run_options
+from ss2sql.cli.script_options import ScriptInputs, session_options
+
+
+@click.command("repl")
+@session_options
+@run_options
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["table", "json", "csv"]),
+    default="table",
+    show_default=True,
+    help="How results are printed.",
+)
+@click.option(
+    "--show",
+    type=Count(),
+    default=SHOWN,
+    show_default=True,
+    metavar="N|all",
+    help="So many rows or paths of a table are shown.",
+)
+@click.option("--history/--no-history", default=True, help="Whether what is typed is remembered for the next time.")
+@reports_errors
+def command(
+    inputs: ScriptInputs,
+    progress: bool | None,
+    form: str,
+    history: bool,
+    **options: Any,
+) -> None:
+    """Runs statements as they are typed. Without a terminal it reads them from standard input."""
+    typed = sys.stdin.isatty()
+    if typed:
+        from ss2sql.results import require_package
+
+        require_package("prompt_toolkit", "repl", "the shell")
+    from ss2sql.shell.settings import Settings
+    from ss2sql.shell.shell import Shell
+
+    with inputs.session(progress) as session:
+        shell = Shell(session, Settings(format=form, **options))
+        if typed:
+            from ss2sql.shell.terminal import Terminal
+
+            Terminal(shell, history).run()
+            return
+        from ss2sql.shell.piped_input import run_piped
+
+        run_piped(shell, sys.stdin.buffer)
+    if shell.failed:
+        sys.exit(CTRL_C if shell.cancelled else SCRIPT)

@@ -1,0 +1,125 @@
+"""Typed text, split into statements and dot commands."""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Iterator
+
+from ss2sql.errors import Source
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.syntax.tokenizer import CLOSING, COMMENT, OPENING, Token, iterate_tokens
+
+_NOTHING = re.compile(rf"(?:[\s;]+|{COMMENT})*")
+_COMMAND = re.compile(r"\.[A-Za-z][^\r\n]*")
+MOST_LINES = 100_000  # of a pipe that are counted; a script may be 256 KiB, and the lines before it are part of it
+
+
+@dataclass(frozen=True, slots=True)
+class TypedPiece:
+    """A statement with its `;`, or the line of a dot command, and where it begins.
+
+    `complete` is false without an end, `hopeless` true where no end could help, as after a string that is not closed
+    on its line.
+    """
+
+    text: str
+    start: int
+    complete: bool = True
+    is_unfinishable: bool = False
+
+    @property
+    def is_command(self) -> bool:
+        return _COMMAND.match(self.text) is not None
+
+    @property
+    def end(self) -> int:
+        return self.start + len(self.text)
+
+    def source(self, whole: str, name: str, lines_before: int = 0) -> Source:
+        """The piece as a script, with its line and column in the input."""
+        lines = lines_before + whole.count("\n", 0, self.start)
+        column = self.start - (whole.rfind("\n", 0, self.start) + 1)
+        blank = "\n" * lines + " " * column if lines <= MOST_LINES else ""
+        return Source(blank + self.text, name)
+
+
+def split_pieces(text: str) -> Iterator[TypedPiece]:
+    """The statements and commands of a text, one after the other. A command begins where a statement could."""
+    position = _skip_blanks(text, 0)
+    while position < len(text):
+        command = _COMMAND.match(text, position)
+        found = TypedPiece(command[0].rstrip(), position) if command else _read_statement(text, position)
+        yield found
+        position = _skip_blanks(text, found.end)
+
+
+def _skip_blanks(text: str, position: int) -> int:
+    match = _NOTHING.match(text, position)
+    return match.end() if match else position
+
+
+def _read_statement(text: str, start: int) -> TypedPiece:
+    depth, hopeless, last = 0, False, start
+    for token in iterate_tokens(text, start):
+        last = token.end
+        if token.kind == "OPEN_STRING" and not _may_continue(token, text):
+            hopeless = True
+            if token.text.rstrip().endswith(";"):  # the string has most likely swallowed the end
+                return TypedPiece(text[start:last], start)
+        depth = max(0, depth + (token.kind in OPENING) - (token.kind in CLOSING))
+        if token.kind == ";" and depth == 0:
+            return TypedPiece(text[start:last], start)
+    return TypedPiece(text[start:].rstrip(), start, False, hopeless)
+
+
+def _may_continue(token: Token, text: str) -> bool:
+    """Whether a string that is not closed may continue in the next line."""
+    hidden = len(token.text) - len(token.text.rstrip("\\"))
+    return hidden % 2 == 1 and not text[token.end :].strip()
+
+
+def _find_last(text: str) -> TypedPiece | None:
+    return next(iter(deque(split_pieces(text), maxlen=1)), None)
+
+
+def is_ready(text: str) -> bool:
+    """Whether the input can run: it is complete, or more lines would not help.
+
+    An empty line after a `;` ends the input, even in an open bracket.
+    """
+    last = _find_last(text)
+    if last is None:
+        return not text.strip() or text.rstrip().endswith(";")
+    if last.complete or last.is_unfinishable:
+        return True
+    before, line_end, line = text.rpartition("\n")
+    return bool(line_end) and not line.strip() and before.rstrip().endswith(";")
+
+
+def find_open_bracket(text: str) -> str:
+    """The innermost bracket that is open, or `/*`; nothing where only a `;` is missing."""
+    last = _find_last(text)
+    if last is None or last.complete:
+        return ""
+    found: list[str] = []
+    for token in iterate_tokens(last.text):
+        if token.kind == "OPEN_COMMENT":
+            return "/*"
+        if token.kind in OPENING:
+            found.append(token.kind)
+        elif token.kind in CLOSING and found:
+            found.pop()
+    return found[-1] if found else ""
+
+
+def find_piece(text: str, cursor: int) -> TypedPiece:
+    """The piece that the cursor is in or right after; blanks and comments where a new one would begin."""
+    start = 0
+    for piece in split_pieces(text):
+        if piece.start <= cursor and (cursor < piece.end or not piece.text.endswith(";") or not piece.complete):
+            following = text[piece.end : cursor]
+            if not following.strip() and ("\n" not in following or not piece.is_command):
+                return piece
+        start = min(piece.end, cursor)
+    return TypedPiece(text[start:cursor], start, False)

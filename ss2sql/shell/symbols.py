@@ -1,0 +1,194 @@
+"""The symbols of a session: functions, variables, tables, representations by their names."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import apsw
+
+from ss2sql.errors import Error
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.kinds import Type, type_of
+from ss2sql.language.operations import OPERATOR_FUNCTIONS, WRITTEN, Operation
+from ss2sql.language.plan_printer import format_type
+from ss2sql.language.value_messages import format_value as written
+from ss2sql.language.values import convert_value
+from ss2sql.runtime import representations
+from ss2sql.session.world_description import list_columns, write_name
+from ss2sql.vtables.frames.frame import Frame
+
+if TYPE_CHECKING:
+    from ss2sql.session.session import Session
+
+MOST_VALUE = 50  # characters of a variable's value
+LOOKED_AT = 100  # elements of a variable, for its columns
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A function or representation with its parameters as they are written, and a line about it."""
+
+    name: str
+    parameters: tuple[str, ...] | None
+    about: str
+    built_in: bool = True
+
+    @property
+    def call(self) -> str:
+        """`name(a, b)`; of a representation without parameters the name alone."""
+        return self.name if self.parameters is None else f"{self.name}({', '.join(self.parameters)})"
+
+
+class SymbolTable:
+    """A snapshot of a session's symbols, each part made at the first request."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.host = session.host
+        self._columns: dict[str, dict[str, str]] = {}
+
+    @cached_property
+    def functions(self) -> dict[str, Function]:
+        """Functions by name, the user's own first, without those of operators."""
+        own = {**self.host.functions, **self.host.world_functions}
+        found = {name: _describe_user_function(name, entry.function) for name, entry in sorted(own.items())}
+        for name, row in sorted(WRITTEN.items()):
+            if name not in found and name not in OPERATOR_FUNCTIONS:
+                found[name] = _describe_built_in(row)
+        return found
+
+    @cached_property
+    def representations(self) -> dict[str, Function]:
+        """The names after AS."""
+        return {name: _describe_representation(name, make) for name, make in self.host.shapes.functions.items()}
+
+    @cached_property
+    def variables(self) -> dict[str, str]:
+        """Variables, data frames and other values that are attached, each with a text of its value."""
+        names = self.host.names
+        return {name: self._value_text(name) for name in sorted({*names, *names.late} - names.worlds.keys())}
+
+    def _value_text(self, name: str) -> str:
+        names = self.host.names
+        if name in names.late:
+            return "a list that is read again for each row"
+        value = names.attached[name] if name in names.attached else names.values[name]
+        if name in names.frames:
+            return f"file {value}" if isinstance(value, Path) else f"data frame of {len(value):,} rows"
+        kind = type(value).__name__
+        if isinstance(value, (list, dict)) and len(value) > 3:
+            return f"{kind} of {len(value):,}"
+        return f"{kind}: {written(value, MOST_VALUE)}" if isinstance(value, (list, dict, str)) else _cut(repr(value))
+
+    @cached_property
+    def tables(self) -> dict[str, str]:
+        """Tables of the database and of worlds, as FROM writes them, each with a line about it."""
+        others = self.host.names.others
+        found = dict.fromkeys([*self._database_tables(), *(() if others is None else others.names())], "table")
+        for world in self.host.names.worlds.values():
+            found.update((write_name(table), table.table.text or "table of a world") for table in world.tables.values())
+        return found
+
+    def _database_tables(self) -> list[str]:
+        rows = self._rows("SELECT schema, name FROM pragma_table_list WHERE type IN ('table', 'view')")
+        own = [(schema, name) for schema, name in rows if not name.startswith(("sqlite_", "ss2sql_"))]
+        return sorted(name if schema in ("main", "temp") else f"{schema}.{name}" for schema, name in own)
+
+    @cached_property
+    def owners(self) -> dict[str, list[str]]:
+        """Worlds and attached files with the names of their tables."""
+        found: dict[str, list[str]] = {name: list(world.tables)[1:] for name, world in self.host.names.worlds.items()}
+        for name in self.host.tables.attached:
+            found[name] = [table[len(name) + 1 :] for table in self.tables if table.startswith(f"{name}.")]
+        return found
+
+    def columns(self, source: str) -> dict[str, str]:
+        """The columns of a source in FROM, with their types, as far as they are known."""
+        if source not in self._columns:
+            try:
+                self._columns[source] = dict(self._read_columns(source))
+            except Error:  # an attached object that cannot be read: the script will raise the error
+                self._columns[source] = {}
+        return self._columns[source]
+
+    def _read_columns(self, source: str) -> Iterator[tuple[str, str]]:
+        owner, _, rest = source.partition(".")
+        names = self.host.names
+        if owner in names.worlds:
+            tables = names.worlds[owner].tables
+            table = tables.get(rest) if rest else next(iter(tables.values()))
+            for name, kind, unit, _, text in list_columns(table) if table is not None else ():
+                yield name, "  ".join(part for part in (kind, unit, text) if part)
+        elif source in names:
+            value = names.source(source) if source in names.frames else self._read_head(source)
+            of_lists = isinstance(value, (dict, Frame))
+            for name, of_column in type_of(value).columns or ():
+                yield name, _format_kinds(of_column.item if of_lists and of_column.item is not None else of_column)
+        else:
+            schema, table_name = (owner, rest) if rest else (None, source)
+            rows = self._rows(
+                "SELECT c.name, c.type FROM pragma_table_list AS t, pragma_table_xinfo(t.name, t.schema) AS c"
+                " WHERE t.name = ? AND (? IS NULL OR t.schema = ?)", (table_name, schema, schema),
+            )  # fmt: skip
+            yield from ((name, kind.lower()) for name, kind in rows)
+            if not rows and names.others is not None:
+                yield from ((name, _format_kinds(kind)) for name, kind in names.others.columns(source))
+
+    def _read_head(self, name: str) -> Any:
+        """The first elements of a variable: reading the types of 300,000 dicts would take 2 s."""
+        names = self.host.names
+        value = names.attached[name] if name in names.attached else names.values[name]
+        if isinstance(value, dict):
+            value = {key: column[:LOOKED_AT] if isinstance(column, list) else column for key, column in value.items()}
+        elif isinstance(value, (list, tuple)):
+            value = value[:LOOKED_AT]
+        return convert_value(value, f"the variable '{name}'", named=True)
+
+    def _rows(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+        try:
+            return self.host.connection.execute(text, bindings).fetchall()
+        except apsw.Error:  # a view of a missing table, for instance: the script will raise the error
+            return []
+
+
+def _format_kinds(kind: Type) -> str:
+    """A type without bounds of numbers, since only a few elements were read."""
+    return format_type(Type(kind.kinds, item=None if kind.item is None else Type(kind.item.kinds)))
+
+
+def _describe_user_function(name: str, function: Callable[..., Any]) -> Function:
+    return Function(name, _list_parameters(function, 0), _first_line(function.__doc__), built_in=False)
+
+
+def _describe_built_in(row: Operation) -> Function:
+    """A row of the table, with the parameters of its longest call."""
+    inside = row.call.rpartition("(")[2].rstrip(")")
+    return Function(row.name, tuple(inside.split(", ")) if inside else (), row.about)
+
+
+def _describe_representation(name: str, make: Callable[..., Any]) -> Function:
+    about, module = make.__doc__, inspect.getmodule(make)
+    if module is not None and module.__name__.startswith(representations.__name__):
+        about = (module.__doc__ or "").partition(": ")[2]
+    return Function(name, _list_parameters(make, 1) or None, _first_line(about).rstrip("."))
+
+
+def _list_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, ...]:
+    try:
+        given = list(inspect.signature(function).parameters.values())[skipped:]
+    except (ValueError, TypeError):
+        return ("...",)
+    return tuple(str(one.replace(annotation=inspect.Parameter.empty)) for one in given)
+
+
+def _first_line(text: str | None) -> str:
+    return ((text or "").strip().splitlines() or [""])[0]
+
+
+def _cut(text: str) -> str:
+    text = " ".join(text.split())
+    return text if len(text) <= MOST_VALUE else text[: MOST_VALUE - 3] + "..."

@@ -1,0 +1,221 @@
+"""The worlds of a session: their tables as sources of plans, their columns and methods as functions."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Any
+
+from ss2sql.errors import Error, ExecutionError, SessionError
+from ss2sql.frontend.user_functions import UserFunction, check_name
+from ss2sql.language.kinds import Kind, Type
+from ss2sql.language.operations import OPERATIONS
+from ss2sql.vtables.contract import Element, Table, TableFunction, Volatility, World, WorldFunction
+from ss2sql.vtables.query_cache import CacheOfQuery, QueryCaches
+from ss2sql.vtables.reading import unwrap_key
+from ss2sql.vtables.schema import Schema, get_schema, get_tables, make_adapter_error
+
+_OBJECT = Type(Kind.OBJECT)
+
+
+class AttachedTable:
+    """A table as plans know it. `module` is the name of its virtual table, `title` its name in scripts."""
+
+    __slots__ = ("columns", "element", "module", "schema", "table", "title", "world", "world_name")
+
+    def __init__(self, world_name: str, world: World, table: Table | TableFunction, title: str, module: str) -> None:
+        self.world_name = world_name
+        self.world = world
+        self.table = table
+        self.schema: Schema = get_schema(table)
+        self.title = title
+        self.module = module
+        self.columns: tuple[tuple[str, Type], ...] = tuple(self.schema.kinds.items())
+        keyed = self.schema.keyed is not None
+        self.element = _OBJECT if keyed else Type(Kind.DICT, columns=self.columns)
+
+    @property
+    def signature(self) -> tuple[Any, ...]:
+        """What identifies a virtual table; another signature needs a new one."""
+        schema = self.schema
+        filters = tuple((column.name, column.operators) for column in schema.columns)
+        return filters, schema.parameters, schema.required, self.key
+
+    @property
+    def key(self) -> str:
+        """The column that is the key, if any."""
+        return "" if self.schema.keyed is None else self.schema.keyed.key
+
+    def __repr__(self) -> str:
+        return f"<table {self.title}>"
+
+
+class AttachedWorld:
+    """A world under its name. `build_module_name` names the virtual tables."""
+
+    def __init__(self, name: str, world: World, module_of: Callable[[str, AttachedTable], str]) -> None:
+        self.name = name
+        self.world = world
+        self.tables: dict[str, AttachedTable] = {}
+        for number, table in enumerate(get_tables(world)):
+            title = name if number == 0 else f"{name}.{table.name}"
+            attached = self.tables[table.name] = AttachedTable(name, world, table, title, "")
+            attached.module = module_of(f"{name}.{table.name}", attached)
+        self.principal = next(iter(self.tables.values()))
+        self.functions = dict(_collect_functions(world))
+
+    def time(self) -> Any:
+        """The time of the world's clock. Raises ExecutionError X011 where that fails."""
+        try:
+            return self.world.time
+        except Error:
+            raise
+        except Exception as error:
+            raise make_adapter_error(self.principal.schema, error) from error
+
+    def get_declaration(self, name: str) -> WorldFunction:
+        """The declaration of the method of this name."""
+        note = getattr(getattr(type(self.world), name, None), "__ss2sql__", None)
+        return note if isinstance(note, WorldFunction) else WorldFunction()
+
+    def list_callable_names(self) -> set[str]:
+        """The names of its functions and columns, each of which can be called with an element."""
+        return set(self.functions).union(*(table.schema.kinds for table in self.tables.values()))
+
+
+def _collect_functions(world: World) -> Iterator[tuple[str, tuple[Callable[..., Any], Volatility]]]:
+    for name, method in inspect.getmembers(type(world), callable):
+        note = getattr(method, "__ss2sql__", None)
+        if isinstance(note, WorldFunction):
+            check_name(name)
+            if note.volatility not in ("immutable", "stable", "volatile"):
+                message = f"the volatility of {type(world).__name__}.{name} is {note.volatility!r}"
+                raise SessionError("S002", message, hints=("write stable, volatile or immutable",))
+            yield name, (getattr(world, name), note.volatility)
+
+
+_WEAKNESS: tuple[Volatility, ...] = ("immutable", "stable", "volatile")
+
+
+class WorldFunctions:
+    """The functions of the attached worlds: for each name a column or method, dispatched by the element."""
+
+    def __init__(self, worlds: Mapping[str, AttachedWorld], memories: QueryCaches) -> None:
+        self.worlds = worlds
+        self.memories = memories
+
+    def all(self) -> dict[str, UserFunction]:
+        """The functions by their names in scripts; one named like a built-in has another name in plans and SQL."""
+        names = {name: None for world in self.worlds.values() for name in self._names(world)}
+        found = {name: self._function(name, self.worlds.values()) for name in names}
+        if len(self.worlds) > 1:  # then `space.move(...)` distinguishes them
+            owned = ((world, name) for world in self.worlds.values() for name in world.functions)
+            found.update((f"{world.name}.{name}", self._function(name, (world,))) for world, name in owned)
+        return found
+
+    @staticmethod
+    def _names(world: AttachedWorld) -> Iterator[str]:
+        for table in world.tables.values():
+            yield from table.schema.kinds
+        yield from world.functions
+
+    def _function(self, name: str, worlds: Collection[AttachedWorld]) -> UserFunction:
+        methods = [world.functions[name] for world in worlds if name in world.functions]
+        counts = [_read_arity(method) for method, _ in methods]
+        column = any(name in table.schema.kinds for world in worlds for table in world.tables.values())
+        least = min([low for low, _ in counts] + [1] * column)
+        highs = [high for _, high in counts if high is not None] + [1] * column
+        most = max(highs) if len(highs) == len(counts) + column else None
+        stable: Volatility = "stable"
+        weakest = max((volatility for _, volatility in methods), key=_WEAKNESS.index, default=stable)
+        owners = [world.name for world in worlds if name in world.list_callable_names()]
+        planned = f"world_{name}" if name in OPERATIONS else name
+        if len(worlds) < len(self.worlds):
+            planned = f"{owners[0]}.{name}"
+        reason = f"of the world {', '.join(owners)}"
+        called = self._dispatcher(name, worlds)
+        body = "belongs to a world"
+        return UserFunction(planned, called, weakest, False, reason, least, most, body=body, of_world=name)
+
+    def _dispatcher(self, name: str, worlds: Collection[AttachedWorld]) -> Callable[..., Any]:
+        def call(*arguments: Any) -> Any:
+            return self.call(name, arguments, worlds)
+
+        documented = next((w.functions[name][0].__doc__ for w in self.worlds.values() if name in w.functions), None)
+        call.__doc__ = documented or next(iter(self._column_texts(name)), f"the column {name} of an element")
+        return call
+
+    def _column_texts(self, name: str) -> Iterator[str]:
+        for world in self.worlds.values():
+            for table in world.tables.values():
+                for column in table.schema.columns:
+                    if column.name == name and (column.text or column.unit):
+                        yield column.text + (f" [{column.unit}]" if column.unit else "")
+
+    def call(self, name: str, arguments: tuple[Any, ...], worlds: Collection[AttachedWorld]) -> Any:
+        """The column of the one argument, or the method of the world that the first element belongs to."""
+        element = next((argument for argument in arguments if isinstance(argument, Element)), None)
+        if element is not None and len(arguments) == 1 and name in get_schema(element.table).kinds:
+            return get_schema(element.table).value(element.key, name)
+        owner = self._owner(name, arguments, element, worlds)
+        if owner is None:
+            return self._report_missing_world(name, arguments, element)
+        method, world = owner.functions[name][0], owner.world
+        try:
+            with CacheOfQuery(world, self.memories.of(world)):
+                try:
+                    world.check()
+                except Error:
+                    raise
+                except Exception as error:
+                    raise make_adapter_error(owner.principal.schema, error) from error
+                return method(*[unwrap_key(argument, world) for argument in arguments])
+        except Error:
+            raise
+        except Exception as error:
+            if element is not None and _is_gone(error):
+                raise make_adapter_error(get_schema(element.table), error, element.key) from error
+            raise
+
+    @staticmethod
+    def _owner(
+        name: str, arguments: tuple[Any, ...], element: Element | None, worlds: Collection[AttachedWorld]
+    ) -> AttachedWorld | None:
+        having = [world for world in worlds if name in world.functions]
+        if element is not None:
+            own = (w for w in having if w.world is element.world or w.world.source is element.world.source)
+            return next(own, None)
+        if name in OPERATIONS and str not in map(type, arguments):  # the name of an element is enough
+            return None
+        if len(having) > 1:
+            hints = (f"give an element of one, or write {having[0].name}.{name}(...)",)
+            names = ", ".join(world.name for world in having)
+            raise ExecutionError("X007", f"'{name}' belongs to several worlds: {names}", hints=hints)
+        return having[0] if having else None
+
+    @staticmethod
+    def _report_missing_world(name: str, arguments: tuple[Any, ...], element: Element | None) -> Any:
+        row = OPERATIONS.get(name)
+        if row is not None and row.value is not None:
+            return row.value(*arguments)
+        if element is not None:
+            hints = (f"{element.table.name} have {', '.join(get_schema(element.table).kinds)}",)
+            raise ExecutionError("X008", f"{element!r} has no '{name}'", hints=hints)
+        from ss2sql.language.value_messages import format_value
+
+        shown = ", ".join(map(format_value, arguments))
+        hints = ("elements are what a query over the world has in `this`",)
+        raise ExecutionError("X007", f"'{name}' needs an element of a world, not {shown}", hints=hints)
+
+
+def _is_gone(error: Exception) -> bool:
+    from ss2sql.vtables.contract import Gone
+
+    return isinstance(error, Gone)
+
+
+def _read_arity(method: Callable[..., Any]) -> tuple[int, int | None]:
+    parameters = inspect.signature(method).parameters.values()
+    if any(p.kind is inspect.Parameter.VAR_POSITIONAL for p in parameters):
+        return sum(p.default is inspect.Parameter.empty for p in parameters) - 1, None
+    return sum(p.default is inspect.Parameter.empty for p in parameters), len(parameters)

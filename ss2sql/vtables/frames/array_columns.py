@@ -1,0 +1,145 @@
+"""Columns of data frames from arrays of NumPy: their types from the arrays, their values when they are read.
+
+Missing values are None: NaN, NaT, and what the library of the frame marks as missing. Dates and times are strings in
+ISO 8601, which sort like the times; durations are seconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy
+
+from ss2sql.errors import ExecutionError
+from ss2sql.language.conversion import convert_value
+from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type, type_of
+from ss2sql.language.operations.intervals import widen_bounds
+from ss2sql.vtables.frames.cell_values import convert_cells
+from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
+
+if TYPE_CHECKING:
+    from ss2sql.vtables.frames import Reader
+
+Array = numpy.ndarray[Any, Any]
+_FRACTIONS = ("s", "ms", "us", "ns")
+
+
+def array_column(array: Array, missing: Array | None, place: str, suffix: str = "") -> Column:
+    """The column for an array.
+
+    Args:
+        array: the values, in one dimension.
+        missing: True where there is no value; None where no value is missing.
+        place: "the column 'x' of 't'", for errors.
+        suffix: the time zone after every time.
+
+    Raises:
+        ExecutionError: X004 for infinities, complex numbers, and integers beyond 64 bits.
+    """
+    match array.dtype.kind:
+        case "b":
+            return _make_known_column(Kind.BOOL, array, missing)
+        case "i" | "u":
+            return _make_number_column(Kind.INT, array, missing, place)
+        case "f":
+            doubles = array.astype(numpy.float64) if array.dtype != numpy.float64 else array
+            return _make_number_column(Kind.FLOAT, doubles, _join_gaps(missing, numpy.isnan(doubles)), place)
+        case "M":
+            return text_column(_join_gaps(missing, numpy.isnat(array)), lambda: _format_times(array, suffix))
+        case "m":
+            return _make_duration_column(array, missing, place)
+    return object_column(array.tolist(), place)
+
+
+def object_column(values: list[Any], place: str) -> Column:
+    """The column for values of any kinds."""
+    known = convert_value(convert_cells(values), place)
+    return Column(type_of(known).item or Type(), lambda: known)
+
+
+def text_column(missing: Array | None, make: Callable[[], list[Any]]) -> Column:
+    """The column for strings that UTF-8 can encode. `make` gives them, with any value where they are missing."""
+    return Column(Type(Kind.STR | _find_gaps(missing)), lambda: _insert_none(make(), missing))
+
+
+def empty_column(length: int) -> Column:
+    """The column without any value."""
+    return Column(Type(Kind.NONE), lambda: [None] * length)
+
+
+def time_column(array: Array, missing: Array | None) -> Column:
+    """The column for times of the day, given as times of the first day."""
+    return text_column(missing, lambda: [text.partition("T")[2] for text in _format_times(array, "")])
+
+
+def _make_number_column(kind: Kind, array: Array, missing: Array | None, place: str) -> Column:
+    present = array if missing is None else array[~missing]
+    if not present.size:
+        return _make_known_column(kind, array, missing)
+    low, high = present.min().item(), present.max().item()
+    least, greatest = (INT_MIN, INT_MAX) if kind is Kind.INT else (-numpy.finfo(float).max, numpy.finfo(float).max)
+    if low < least or high > greatest:
+        wrong = (array < least) | (array > greatest) if kind is Kind.FLOAT else array > numpy.uint64(INT_MAX)
+        row = int(numpy.flatnonzero(wrong if missing is None else wrong & ~missing)[0])
+        values: list[Any] = [None] * row + [array[row].item()]
+        convert_value(values, place)  # raises, with the row's number
+    return _make_known_column(kind, array, missing, widen_bounds(kind | _find_gaps(missing), low, high))
+
+
+def _make_known_column(kind: Kind, array: Array, missing: Array | None, known: Type | None = None) -> Column:
+    if known is None:
+        known = Type(kind | _find_gaps(missing), 0, 1) if kind is Kind.BOOL else Type(kind | _find_gaps(missing))
+    return Column(known, lambda: _insert_none(array.tolist(), missing))
+
+
+def _find_gaps(missing: Array | None) -> Kind:
+    return Kind.NONE if missing is not None and missing.any() else Kind(0)
+
+
+def _join_gaps(missing: Array | None, also: Array) -> Array | None:
+    both = also if missing is None else missing | also
+    return both if both.any() else None
+
+
+def _insert_none(values: list[Any], missing: Array | None) -> list[Any]:
+    """The values with None where they are missing; the list is changed in place."""
+    if missing is not None:
+        for row in numpy.flatnonzero(missing).tolist():
+            values[row] = None
+    return values
+
+
+def _format_times(array: Array, suffix: str) -> list[str]:
+    """Dates as 2024-02-01, times as 2024-02-01T12:30:00, with six or nine places of a second where it has any."""
+    unit = numpy.datetime_data(array.dtype)[0]
+    if unit in ("Y", "M", "W", "D", "generic"):
+        return numpy.datetime_as_string(array.astype("M8[D]")).tolist()  # type: ignore[no-any-return]
+    known = array if unit in _FRACTIONS else array.astype("M8[s]" if unit in ("h", "m") else "M8[ns]")
+    written = numpy.datetime_as_string(known).tolist()
+    return [_trim_zeros(text) + suffix for text in written] if known.dtype != "M8[s]" else [t + suffix for t in written]
+
+
+def _trim_zeros(text: str) -> str:
+    whole, _, digits = text.partition(".")
+    if not digits.strip("0"):
+        return whole
+    return f"{whole}.{digits[:6] if digits.endswith('000') and len(digits) == 9 else digits.ljust(6, '0')}"
+
+
+def _make_duration_column(array: Array, missing: Array | None, place: str) -> Column:
+    if numpy.datetime_data(array.dtype)[0] in ("Y", "M"):
+        hints = ("convert it to days or seconds",)
+        raise ExecutionError("X004", f"{place} holds durations in months, which have no length", hints=hints)
+    return array_column(array / numpy.timedelta64(1, "s"), _join_gaps(missing, numpy.isnat(array)), place)
+
+
+def reader(source: Any, name: str) -> Reader | None:
+    """What reads the array; None where it is a list to scripts."""
+    return (lambda: _read(source.copy(), name)) if source.dtype.names and source.ndim == 1 else None
+
+
+def _read(array: Any, name: str) -> Frame:
+    names = distinct_names(array.dtype.names, name)
+    columns = {word: array_column(array[word], None, f"the column '{word}' of '{name}'") for word in names}
+    return Frame(columns, len(array))

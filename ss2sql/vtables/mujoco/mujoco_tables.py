@@ -1,0 +1,347 @@
+"""The tables of MuJoCo: columns are fetched for all elements at once, since MuJoCo has everything in arrays."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ss2sql.vtables.body_columns import (  # fmt: skip
+    PLACES,
+    POSITION,
+    ROTATION,
+    SHAPE,
+    SPIN,
+    VECTOR,
+    compute_euler_angles,
+    make_body_columns,
+    make_gone_error,
+)
+from ss2sql.vtables.body_functions import PAIR, RequestedPairs
+from ss2sql.vtables.contract import Column, Table, TableFunction, Where
+from ss2sql.vtables.mujoco.mujoco_shapes import KINDS
+
+if TYPE_CHECKING:
+    from ss2sql.vtables.mujoco import MuJoCoWorld
+
+Array = NDArray[Any]
+Keys = Sequence[int]
+_ALL = slice(None)
+_REAL_LAST = [1, 2, 3, 0]
+_JOINTS = ("free", "ball", "slide", "hinge")
+_GEOM_COLUMNS = f"{POSITION} {ROTATION} {SHAPE} rot volume aabb".split()
+_SHAPES = ("sphere", "box", "capsule", "cylinder", "plane", "mesh")
+
+
+def _find_named(names: Sequence[str], where: Where, count: int) -> Iterable[int]:
+    """The numbers that meet conditions on `id` and `name`."""
+    number, name = where.equal("id"), where.equal("name")
+    if number is not None:
+        return [int(number)] if number == int(number) and 0 <= number < count else []
+    if name is not None:
+        return [place for place, known in enumerate(names) if known == name]
+    return range(count)
+
+
+class _Numbered(Table):
+    """A table whose keys are the numbers that MuJoCo gives to its elements."""
+
+    key = "id"
+    count: ClassVar[str]  # the attribute of the model with their number
+    kind: ClassVar[str]  # of elements, as MuJoCo calls it
+    world: MuJoCoWorld
+
+    def keys(self, where: Where) -> Iterable[int]:
+        return _find_named(self.names, where, self.size)
+
+    @property
+    def size(self) -> int:
+        return int(getattr(self.world.model, self.count))
+
+    @property
+    def names(self) -> Sequence[str]:
+        return self.world.names(self.kind, self.size)
+
+    def checked(self, keys: Keys) -> Array:
+        """The keys as an index of arrays."""
+        index = np.asarray(keys, int)
+        if len(index) and (index.min() < 0 or index.max() >= self.size):
+            raise make_gone_error(self.kind, next(int(key) for key in keys if not 0 <= key < self.size))
+        return index
+
+    def called(self, keys: Keys) -> list[str]:
+        names = self.names
+        return [names[key] for key in self.checked(keys)]
+
+
+class _Oriented(_Numbered, ABC):
+    """Elements with an orientation."""
+
+    @abstractmethod
+    def quaternions(self, keys: Keys) -> Array:
+        """Their orientations; MuJoCo's quaternions begin with the real part."""
+
+    def turn(self, keys: Keys) -> tuple[Array, ...]:
+        quaternions = self.quaternions(keys)
+        w, x, y, z = quaternions.T
+        return x, y, z, w, quaternions[:, _REAL_LAST]
+
+    def angles(self, keys: Keys) -> Array:
+        return np.array([compute_euler_angles(x, y, z, w) for w, x, y, z in self.quaternions(keys).tolist()])
+
+
+def _read_from_model(name: str) -> Callable[[Any, Keys], Array]:
+    """A group that is an array of the model."""
+
+    def read(table: _Numbered, keys: Keys) -> Array:
+        found: Array = getattr(table.world.model, name)[table.checked(keys)]
+        return found
+
+    return read
+
+
+def _read_from_data(name: str, part: slice = _ALL) -> Callable[[Any, Keys], Array]:
+    """A group that is an array of the data, or some columns of one."""
+
+    def read(table: _Numbered, keys: Keys) -> Array:
+        found: Array = getattr(table.world.data, name)[table.checked(keys)]
+        return found if part is _ALL else found[:, part]
+
+    return read
+
+
+def _split_position(points: Array) -> tuple[Array, ...]:
+    x, y, z = points.T
+    return x, y, z, x, y, z, points
+
+
+def _list_shapes(kinds: Array) -> tuple[Any, ...]:
+    return kinds, *(kinds == known for known in _SHAPES)
+
+
+class Bodies(_Oriented):
+    name, count, kind = "bodies", "nbody", "body"
+    text = "the bodies of the model; the first is `world`, which all that stands still belongs to"
+    columns = make_body_columns()
+    places = PLACES
+    arrays: ClassVar[Mapping[str, str]] = {
+        "called": "name", "itself": "obj", "place": "x y z", "turn": ROTATION, "angles": "rot", "speed": "vx vy vz",
+        "spin": SPIN, "pushed": "force", "turned": "torque", "weight": "mass", "shape": SHAPE, "size_of": "volume",
+        "box": "aabb", "driven": "isRobot", "sensing": "isSensor", "touchable": "isEnabled",
+        "movable": "hasBody", "pose": "pose",
+        "axes": "posX posY posZ",
+        "point": "pos",
+        "velocity": "velocity",
+        "moving": "linearVelocity",
+    }  # fmt: skip
+
+    def keys(self, where: Where) -> Iterable[int]:
+        allowed = _find_named(self.names, where, self.size)
+        if where.keys().isdisjoint("xyz"):
+            return allowed
+        inside = self.world.filter_by_position(where)
+        return inside if isinstance(allowed, range) else [body for body in inside if body in allowed]
+
+    def itself(self, keys: Keys) -> list[Any]:
+        return [self.element(int(key)) for key in self.checked(keys)]
+
+    # Equal columns are groups of their own, because an unread column costs as much as a read one.
+
+    point = _read_from_data("xpos")
+
+    def quaternions(self, keys: Keys) -> Array:
+        found: Array = self.world.data.xquat[self.checked(keys)]
+        return found
+
+    def place(self, keys: Keys) -> tuple[Array, ...]:
+        return tuple(self.point(keys).T)
+
+    axes = place
+
+    def velocity(self, keys: Keys) -> Array:
+        model, data, index = self.world.model, self.world.data, self.checked(keys)
+        known = data.cvel[index]  # of the point that is now at the centre of mass of the whole kinematic tree
+        lever = data.xpos[index] - data.subtree_com[model.body_rootid[index]]
+        linear: Array = known[:, 3:] + np.cross(known[:, :3], lever)
+        return linear
+
+    def speed(self, keys: Keys) -> tuple[Array, ...]:
+        return tuple(self.velocity(keys).T)
+
+    moving = velocity
+
+    def spin(self, keys: Keys) -> tuple[Array, ...]:
+        angular = self.world.data.cvel[self.checked(keys), :3]
+        return (*angular.T, angular)
+
+    pushed = _read_from_data("xfrc_applied", slice(3))
+    turned = _read_from_data("xfrc_applied", slice(3, 6))
+    weight = _read_from_model("body_mass")
+
+    def shape(self, keys: Keys) -> tuple[Any, ...]:
+        return _list_shapes(self.world.shapes.kinds_of_bodies()[self.checked(keys)])
+
+    def size_of(self, keys: Keys) -> list[float | None]:
+        return _list_bounds(self.world.shapes.volumes_of_bodies()[self.checked(keys)])
+
+    def box(self, keys: Keys) -> Array:
+        return self.world.shapes.boxes_of_bodies()[self.checked(keys)]
+
+    def driven(self, keys: Keys) -> Array:
+        roots = self.world.model.body_rootid
+        return np.isin(roots[self.checked(keys)], roots[self.world.driven_bodies])
+
+    def sensing(self, keys: Keys) -> Array:
+        return np.isin(self.checked(keys), self.world.sensing_bodies)
+
+    def touchable(self, keys: Keys) -> Array:
+        found: Array = self.world.shapes.touchable[self.checked(keys)]
+        return found
+
+    def movable(self, keys: Keys) -> Array:
+        model = self.world.model
+        found: Array = model.body_dofnum[model.body_weldid[self.checked(keys)]] > 0
+        return found
+
+    def pose(self, keys: Keys) -> Array:
+        return np.hstack((self.point(keys), self.quaternions(keys)[:, _REAL_LAST]))
+
+
+class Geoms(_Oriented):
+    name, count, kind = "geoms", "ngeom", "geom"
+    text = "the shapes of the bodies"
+    columns = (
+        Column("id", int, "", "the number of the shape", "="),
+        Column("name", str, "", "its name", "="),
+        Column("body", int, "", "the id of its body"),
+        Column("size", VECTOR, "m", "its size as MuJoCo has it: half edges; radius and half length"),
+        *(replace(c, filter="") for c in make_body_columns() if c.name in _GEOM_COLUMNS),
+    )
+    arrays: ClassVar[Mapping[str, str]] = {
+        "called": "name", "owner": "body", "place": POSITION, "turn": ROTATION, "angles": "rot", "shape": SHAPE,
+        "extent": "size", "size_of": "volume", "box": "aabb",
+    }  # fmt: skip
+
+    owner = _read_from_model("geom_bodyid")
+    extent = _read_from_model("geom_size")
+
+    def place(self, keys: Keys) -> tuple[Array, ...]:
+        return _split_position(self.world.data.geom_xpos[self.checked(keys)])
+
+    def quaternions(self, keys: Keys) -> Array:
+        return self.world.shapes.quaternions(self.checked(keys))
+
+    def shape(self, keys: Keys) -> tuple[Any, ...]:
+        return _list_shapes(KINDS[self.world.model.geom_type[self.checked(keys)]])
+
+    def size_of(self, keys: Keys) -> list[float | None]:
+        return _list_bounds(self.world.shapes.volumes()[self.checked(keys)])
+
+    def box(self, keys: Keys) -> Array:
+        return self.world.shapes.boxes()[self.checked(keys)]
+
+
+class Joints(_Numbered):
+    name, count, kind = "joints", "njnt", "joint"
+    text = "the joints by which bodies move"
+    columns = (
+        Column("id", int, "", "the number of the joint", "="),
+        Column("name", str, "", "its name", "="),
+        Column("type", str, "", "free, ball, slide or hinge"),
+        Column("body", int, "", "the id of the body that it moves"),
+        Column("angle", float | None, "rad or m", "how far it is turned, or slid; None of others"),
+        Column("speed", float | None, "rad/s or m/s", "how fast it turns or slides; None of others"),
+        Column("lower", float | None, "rad or m", "how far it can go down; None without an end"),
+        Column("upper", float | None, "rad or m", "how far it can go up; None without an end"),
+        Column("axis", VECTOR, "", "around which it turns or along which it slides"),
+    )
+    arrays: ClassVar[Mapping[str, str]] = {
+        "called": "name", "shape": "type", "owner": "body", "state": "angle speed", "limits": "lower upper",
+        "direction": "axis",
+    }  # fmt: skip
+
+    def shape(self, keys: Keys) -> list[str]:
+        return [_JOINTS[kind] for kind in self.world.model.jnt_type[self.checked(keys)]]
+
+    owner = _read_from_model("jnt_bodyid")
+    direction = _read_from_data("xaxis")
+
+    def state(self, keys: Keys) -> tuple[list[float | None], list[float | None]]:
+        model, data, index = self.world.model, self.world.data, self.checked(keys)
+        simple = model.jnt_type[index] >= 2
+        positions = data.qpos[model.jnt_qposadr[index]]
+        velocities = data.qvel[model.jnt_dofadr[index]]
+        return _where(simple, positions), _where(simple, velocities)
+
+    def limits(self, keys: Keys) -> tuple[list[float | None], list[float | None]]:
+        model, index = self.world.model, self.checked(keys)
+        limited = model.jnt_limited[index].astype(bool)
+        lower, upper = model.jnt_range[index].T
+        return _where(limited, lower), _where(limited, upper)
+
+
+class Sensors(_Numbered):
+    name, count, kind = "sensors", "nsensor", "sensor"
+    text = "the sensors and what they measure"
+    columns = (
+        Column("id", int, "", "the number of the sensor", "="),
+        Column("name", str, "", "its name", "="),
+        Column("type", str, "", "as MuJoCo calls it: accelerometer, jointpos, rangefinder"),
+        Column("value", float | None, "", "what it measures, if that is one number"),
+        Column("values", list, "", "what it measures"),
+    )
+    arrays: ClassVar[Mapping[str, str]] = {"called": "name", "sort": "type", "one": "value", "all": "values"}
+
+    def sort(self, keys: Keys) -> list[str]:
+        kind, numbers = import_module("mujoco").mjtSensor, self.world.model.sensor_type[self.checked(keys)]
+        return [kind(int(number)).name.removeprefix("mjSENS_").lower() for number in numbers]
+
+    def one(self, keys: Keys) -> list[float | None]:
+        return [values[0] if len(values) == 1 else None for values in self.all(keys)]
+
+    def all(self, keys: Keys) -> list[list[float]]:
+        model, index = self.world.model, self.checked(keys)
+        measured = self.world.data.sensordata.tolist()
+        starts, sizes = model.sensor_adr[index].tolist(), model.sensor_dim[index].tolist()
+        return [measured[start : start + size] for start, size in zip(starts, sizes, strict=True)]
+
+
+class Contacts(TableFunction):
+    name = "contacts"
+    text = "where bodies touch, or nearly do: all, those of body a, or those between a and b"
+    columns = (
+        *PAIR,
+        Column("pointA", VECTOR, "m", "the point on a"),
+        Column("pointB", VECTOR, "m", "the point on b"),
+        Column("normal", VECTOR, "", "the direction from b to a"),
+        Column("distance", float, "m", "between the surfaces; below 0 where they reach into each other"),
+        Column("normalForce", float, "N", "how strongly they press"),
+    )
+    world: MuJoCoWorld
+
+    def rows(self, a: Any = None, b: Any = None) -> Iterator[tuple[Any, ...]]:
+        world = self.world
+        requested, element = RequestedPairs(world, a, b), world.bodies.element
+        contacts = world.data.contact
+        owners = world.model.geom_bodyid[contacts.geom].tolist()
+        normals, places, gaps = -contacts.frame[:, :3], contacts.pos, contacts.dist
+        for number, (one, other) in enumerate(owners):
+            pair = requested.in_order(one, other)
+            if pair is not None:
+                normal = normals[number] if pair == (one, other) else -normals[number]
+                half = normal * gaps[number] / 2
+                points = places[number] + half, places[number] - half
+                yield (*map(element, pair), *pair, *points, normal, gaps[number], world.force_of(number))
+
+
+def _list_bounds(values: Array) -> list[float | None]:
+    return [None if value != value else value for value in values.tolist()]
+
+
+def _where(known: Array, values: Array) -> list[float | None]:
+    return [value if yes else None for yes, value in zip(known.tolist(), values.tolist(), strict=True)]

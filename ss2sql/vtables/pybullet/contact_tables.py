@@ -1,0 +1,140 @@
+"""Tables with parameters: what touches, what is near, what a ray hits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import dist
+from typing import Any
+
+from ss2sql.vtables.body_columns import VECTOR
+from ss2sql.vtables.body_functions import make_parameter_error, read_numbers
+from ss2sql.vtables.contract import Column, TableFunction
+from ss2sql.vtables.pybullet.bodies import measure_box
+from ss2sql.vtables.pybullet.spatial_index import get_spatial_index
+
+MOST_RAYS = 16_383  # in one call; from one more on PyBullet loses some
+
+_PAIR = (
+    Column("a", object, text="the one body"),
+    Column("b", object, text="the other body"),
+    Column("idA", int, text="the id of a"),
+    Column("idB", int, text="the id of b"),
+    Column("linkA", int, text="the number of the link of a, -1 for the base"),
+    Column("linkB", int, text="the number of the link of b"),
+    Column("pointA", VECTOR, "m", "the point on a"),
+    Column("pointB", VECTOR, "m", "the point on b"),
+    Column("normal", VECTOR, text="the direction from b to a"),
+    Column("distance", float, "m", "between the surfaces; below 0 where they reach into each other"),
+)
+
+
+class Contacts(TableFunction):
+    """Points where bodies touch."""
+
+    name = "contacts"
+    text = "where bodies touched in the last step: all, those of body a, or those between a and b"
+    columns = (*_PAIR, Column("normalForce", float, "N", "how strongly they press"))
+
+    def rows(self, a: Any = None, b: Any = None) -> Iterator[tuple[Any, ...]]:
+        world = self.world
+        chosen = {name: world.body(body) for name, body in (("bodyA", a), ("bodyB", b)) if body is not None}
+        for point in world.calls.getContactPoints(**chosen) or ():
+            yield (*_make_pair(world, point), point[9])
+
+
+class Closest(TableFunction):
+    """Where bodies come near each other."""
+
+    name = "closest"
+    text = "where links of a and b are nearest to each other, if they are within a distance; None stands for all bodies"
+    columns = _PAIR
+
+    def rows(self, a: Any, b: Any, distance: float) -> Iterator[tuple[Any, ...]]:
+        world = self.world
+        if read_numbers([distance], 1) is None:
+            raise make_parameter_error("closest", "a distance in metres", distance)
+        first, second = (world.ids() if body is None else [world.body(body)] for body in (a, b))
+        both = a is None and b is None
+        for one in first:
+            for other in second:
+                if one < other or (one != other and not both):
+                    for point in world.calls.getClosestPoints(one, other, distance) or ():
+                        yield _make_pair(world, point)
+
+
+def _make_pair(world: Any, point: Any) -> tuple[Any, ...]:
+    _, a, b, link_a, link_b, point_a, point_b, normal, distance, *_ = point
+    return world.element(a), world.element(b), a, b, link_a, link_b, point_a, point_b, normal, distance
+
+
+class Near(TableFunction):
+    """Bodies near a point."""
+
+    name, table = "near", "bodies"
+    text = "the bodies whose centre of mass is at most radius metres away from a point or from that of a body"
+
+    def rows(self, point: Any, radius: float) -> list[int]:
+        if read_numbers([radius], 1) is None:
+            raise make_parameter_error("near", "a radius in metres", radius)
+        return get_spatial_index(self.world).near(self.world.point(point), radius)
+
+
+class Overlaps(TableFunction):
+    """Bodies in a box."""
+
+    name, table = "overlaps", "bodies"
+    text = "the bodies whose aabb has a point in common with a box [[x, y, z], [x, y, z]] or with the aabb of a body"
+
+    def rows(self, box: Any) -> list[int]:
+        world = self.world
+        low, high = world.box("overlaps", box)
+        known = world.memory.setdefault("boxes", {})  # PyBullet's own boxes are one step old
+        found = []
+        for body in world.ids():
+            least, most = known.get(body) or known.setdefault(body, measure_box(world, body))
+            if all(a <= d and c <= b for a, b, c, d in zip(low, high, least, most, strict=True)):
+                found.append(body)
+        return found
+
+
+class Rays(TableFunction):
+    """What rays hit."""
+
+    name = "rays"
+    text = "what rays hit first, between points or lists of points; a ray that hits nothing has no row"
+    columns = (
+        Column("ray", int, text="the number of the ray, from 0"),
+        Column("body", object, text="what it hits"),
+        Column("id", int, text="the id of the body"),
+        Column("link", int, text="the number of the link, -1 for the base"),
+        Column("pos", VECTOR, "m", "where it hits"),
+        Column("normal", VECTOR, text="the direction in which the surface looks there"),
+        Column("distance", float, "m", "from its start; rays from inside of a shape do not see this shape"),
+    )
+
+    def rows(self, start: Any, end: Any) -> Iterator[tuple[Any, ...]]:
+        world = self.world
+        starts, ends = _read_points(world, start), _read_points(world, end)
+        if len(starts) != len(ends):
+            if 1 not in (len(starts), len(ends)):
+                raise make_parameter_error("rays", "as many starts as ends", f"{len(starts)} and {len(ends)}")
+            starts, ends = starts * max(1, len(ends)), ends * max(1, len(starts))
+        for first in range(0, len(starts), MOST_RAYS):
+            part = slice(first, first + MOST_RAYS)
+            for number, hit in enumerate(world.calls.rayTestBatch(starts[part], ends[part]), first):
+                body, link, _, pos, normal = hit[:5]
+                if body >= 0:
+                    yield number, world.element(body), body, link, pos, normal, dist(starts[number], pos)
+
+
+def _read_points(world: Any, value: Any) -> list[tuple[float, ...]]:
+    if isinstance(value, list) and (not value or isinstance(value[0], list)):
+        return [_read_point(point) for point in value]
+    return [_read_point(value if isinstance(value, list) else world.point(value))]
+
+
+def _read_point(value: Any) -> tuple[float, ...]:
+    point = read_numbers(value, 3)
+    if point is None:
+        raise make_parameter_error("rays", "points [x, y, z]", value)
+    return point
