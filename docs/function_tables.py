@@ -48,4 +48,4 @@ def _function(row: Operation) -> Iterator[str]:
 
 def _value(script: str) -> str:
     with ss2sql.connect() as session, redirect_stdout(StringIO()):
-        return repr(special_forms.eval(f"{script};"))
+        return repr(session.eval(f"{script};"))

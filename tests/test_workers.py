@@ -65,7 +65,7 @@ def same(session: ss2sql.Session, script: str, **named: Any) -> int:
 
 def processes_of(session: ss2sql.Session) -> list[subprocess.Popen[bytes]]:
     processes = session.host.processes
-    crew = process_pool._crew if processes is not None else None
+    crew = processes._crew if processes is not None else None
     return list(crew.processes) if crew is not None else []
 
 

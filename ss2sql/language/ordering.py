@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from datetime import date, datetime, timedelta
 from heapq import nlargest, nsmallest
 from types import NoneType
@@ -106,7 +106,7 @@ def sort_rows(rows: Sequence[_Row], keys: Sequence[Sequence[Any]], descending: S
         A new list. None is the least of all values.
 
     Raises:
-        ExecutionError: X001 where two values of one key have no order.
+        ExecutionError: X001 where two values that decide have no order.
     """
     columns = [[key[position] for key in keys] for position in range(len(descending))]
     return [rows[index] for index in sort_positions(len(rows), columns, descending)]
@@ -129,6 +129,9 @@ def sort_positions(
             return [columns[0].index((max if descending[0] else min)(columns[0]))]
         return (nlargest if descending[0] else nsmallest)(limit, range(count), columns[0].__getitem__)
     order = list(range(count))
+    if len(columns) > 1 and not all(_can_python_sort(set(map(type, column)) - {NoneType}) for column in columns):
+        order.sort(key=make_checked_order(_make_key_comparison(columns, descending)))
+        return order
     for column, reverse in zip(reversed(columns), reversed(descending), strict=True):
         values: Sequence[Any] = column
         kinds = set(map(type, values))
@@ -141,6 +144,23 @@ def sort_positions(
             values = [(value is not None, value) for value in values]
         order.sort(key=values.__getitem__, reverse=reverse)
     return order
+
+
+def _make_key_comparison(columns: Sequence[Sequence[Any]], descending: Sequence[bool]) -> Callable[[int, int], int]:
+    """What compares two rows, given by their places. A key is compared only where those before it are equal."""
+
+    def compare(one: int, other: int) -> int:
+        for column, reverse in zip(columns, descending, strict=True):
+            left, right = column[one], column[other]
+            if left is None or right is None:
+                sign = int(left is not None) - int(right is not None)
+            else:
+                sign = compare_values(left, right)
+            if sign:
+                return -sign if reverse else sign
+        return 0
+
+    return compare
 
 
 def _can_python_sort(kinds: set[type]) -> bool:

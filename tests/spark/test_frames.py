@@ -10,7 +10,7 @@ from agreement import exact
 from level_searches import SHORT, ended, may_fail
 
 import ss2sql
-from ss2sql.runtime.external import first_levels, spark_search
+from ss2sql.runtime.external import first_levels, spark_dataframe, spark_search
 
 pytestmark = pytest.mark.slow
 
@@ -43,9 +43,9 @@ def test_rows_are_those_of_the_list(
     monkeypatch.setattr(first_levels, "MAX_STATES", states)
     if states == 0:
         for module, name, number in (
-            (spark_search, "FEW", 0),
-            (spark_dataframe, "FEW", 0),
-            (spark_dataframe, "JOINS", 1),
+            (spark_search, "MAX_IN_ONE_PARTITION", 0),
+            (spark_dataframe, "MAX_IN_ONE_PARTITION", 0),
+            (spark_dataframe, "MAX_JOINS", 1),
         ):
             monkeypatch.setattr(module, name, number)
     ss.function("step", lambda n, more: [(n + more) % 9, str(n)], volatility="immutable")

@@ -56,7 +56,12 @@ def test_a_step_that_fails(ss: ss2sql.Session, strategy: str) -> None:
 @pytest.mark.parametrize("script", [FORMS[1].format("UNIQUE"), SHORT], ids=["python", "sql"])
 def test_large_levels_are_numbered_in_parts(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
     """And ways to many goals are looked up by joins, some goals at a time, and tables of rows become one."""
-    for name, number in {"FEW": 0, "GOALS": 2, "AT_ONCE": 0, "TABLES": 2}.items():
+    for name, number in {
+        "MAX_IN_ONE_PARTITION": 0,
+        "MAX_COLLECTED_GOALS": 2,
+        "STEPS_PER_QUERY": 0,
+        "TABLES": 2,
+    }.items():
         monkeypatch.setattr(spark_search, name, number)
     plans: list[str] = []
     persisted = SparkStore.persist_frame

@@ -147,6 +147,7 @@ class KeyedMemorize:
         assert self.shown is not None
         sources = self.shown.sources
         before, notes = self.shapes.freeze(last[sources:]), Notes(self.shown)
+        before += self.problem.starts[0][len(before) :]  # whether it is a start, where first steps have a condition
         notes.begin_level([before], [[last[:sources] if sources > 1 else last[0]]])
         for _ in self.shown.expand(before, (), notes):
             pass

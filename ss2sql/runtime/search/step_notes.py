@@ -86,10 +86,9 @@ def noted_of(
 
 def _taking(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
     """What takes the values at some places of a note."""
-    if len(places) == 1:
-        (only,) = places
-        return lambda note: (note[only],)
-    return itemgetter(*places)
+    if len(places) > 1:
+        return itemgetter(*places)
+    return lambda note: tuple([note[place] for place in places])
 
 
 class Notes:
