@@ -46,7 +46,7 @@ LIVED_BEFORE = FOLDER.parent / "mutants_that_lived.txt"
 # The lowering, and the stage that resolves.
 MUTATED = (
     "lowering/**/*.py",
-    *(f"frontend/{name}.py" for name in ("resolve", "queries", "sources", "groups", "options")),
+    *(f"frontend/resolve/{n}.py" for n in ("resolver", "query_clauses", "from_clause", "grouping", "search_options")),
 )
 # What a fork cannot run, or what runs in processes of its own, so that it would not see the mutant.
 ELSEWHERE = ("spark/", "notebook", "workers", "interrupts", "faults", "crashes", "determinism", "package", "mutants")
@@ -353,7 +353,9 @@ def every() -> list[Mutant]:
 
 
 def mutated_files() -> list[Path]:
-    return sorted({path for pattern in MUTATED for path in PACKAGE.glob(pattern)})
+    found = {pattern: list(PACKAGE.glob(pattern)) for pattern in MUTATED}
+    assert all(found.values()), found
+    return sorted({path for paths in found.values() for path in paths})
 
 
 def justified() -> dict[str, str]:
