@@ -50,9 +50,6 @@ def shorten_column_name(name: str) -> str:
     return re.sub(r"\W+", "_", name).strip("_") or "value" if not name.isidentifier() else name
 
 
-ElementRead = plan.Element | plan.Column | plan.State
-
-
 def iterate_element_reads(query: plan.Query, places: Iterable[object]) -> Iterator[plan.Element | plan.Column]:
     """What these parts of a query read of its sources."""
     own = {source.id for source in query.sources}

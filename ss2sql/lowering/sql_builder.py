@@ -166,17 +166,6 @@ def _wrap_operand_unless(loose: tuple[type[Node], ...], node: Node) -> Node:
     return node if isinstance(node, loose) else wrap_operand(node)
 
 
-def divide_as_floats(left: Node, right: Node) -> Node:
-    """`left / right` as a float: SQLite would divide integers without a remainder."""
-    if isinstance(left, exp.Literal) and left.this.isdigit():
-        left = exp.Literal.number(f"{left.this}.0")
-    else:
-        left = exp.Cast(this=left, to=exp.DataType.build("REAL", dialect="sqlite"))
-    return exp.Div(
-        this=wrap_operand(left), expression=wrap_operand(right), typed=True
-    )  # typed: sqlglot adds no cast of its own
-
-
 def mark_as_rare(node: Node) -> Node:
     """The node, marked as what is evaluated hardly ever."""
     node.meta["rare"] = True
