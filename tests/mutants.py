@@ -381,7 +381,7 @@ def main() -> int:
         files = [str(path) for path in sorted(TESTS_FOLDER.rglob("test_*.py"))]
         files = [file for file in files if not any(word in file for word in ELSEWHERE)]
         options = ["-q", "--no-header", "--no-summary", "--timeout=0", "-p", "no:cacheprovider", "-p", "no:randomly"]
-        if changed := stale(files, given.restart):
+        if changed := stale(files, given.anew):
             print(f"learning what the tests of {len(changed)} files reach", file=out, flush=True)
             begun = time.monotonic()
             parallel = [
