@@ -82,7 +82,7 @@ class Commands(click.Group):
         return click.Command.shell_complete(self, ctx, incomplete)
 
     def main(self, args: Sequence[str] | None = None, *others: Any, **named: Any) -> Any:
-        """Runs a command line and ends the process, with the exit codes and the messages of `endings`."""
+        """Runs a command line and ends the process, with the exit codes and the messages of `exit_codes`."""
         arguments = list(sys.argv[1:] if args is None else args)
         _open_streams()
         for stream in (sys.stdout, sys.stderr):

@@ -147,7 +147,7 @@ class FrozenShapes:
     def make_row_thaw(self) -> Thaw | None:
         """What makes the rows of paths of frozen ones, for one run; None where they are the same.
 
-        Paths share their rows, so behind the first path, which often is the only one, each row is thawed once: the
+        Paths share their rows, so after the first path, which often is the only one, each row is thawed once: the
         garbage collector looks through all that are made.
         """
         if all(shape == "scalar" for shape in self.columns):

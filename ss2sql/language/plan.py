@@ -83,8 +83,8 @@ class Function:
 class FactColumn(NamedTuple):
     """A column of SELECT as a fact. It has no expressions inside, so walks over the plan skip it.
 
-    An empty `name` means the column's own, `places` are the arguments' positions among the hidden columns, and `valued`
-    says whether the column's value is the last argument.
+    An empty `name` means the column's own, `places` are the arguments' positions among the hidden columns, and
+    `has_value` says whether the column's value is the last argument.
     """
 
     name: str

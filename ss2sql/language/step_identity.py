@@ -155,7 +155,7 @@ def _list_told_values(columns: Iterable[plan.Expr]) -> list[plan.Expr]:
 
 
 def _add_equal_values(known_values: list[plan.Expr], conditions: Sequence[Condition]) -> list[plan.Expr]:
-    """`told`, and what equals one of them or a constant where the conditions hold."""
+    """`known_values`, and what equals one of them or a constant where the conditions hold."""
     known, pairs = list(known_values), list[tuple[plan.Expr, plan.Expr]]()
     for condition, truth in conditions:
         match condition:

@@ -1,9 +1,9 @@
-"""The values of the language: truth, copies, equality as hash keys. Their border and order have files of their own.
+"""The values of the language: truth, copies, equality as hash keys.
 
 A value is None, a bool, an int of 64 bits, a finite float, a string, a list, a dict, or an opaque object.
 Python's `==` on values is the language's equality: whatever `==` would not answer is wrapped as `Opaque`.
-Nobody changes a value in place. `normalise` makes values of what Python hands over, `kept` makes copies of those that
-Python code may still change, `fresh` makes copies that Python code may change.
+Nobody changes a value in place. `convert_value` (conversion.py) makes values of what Python gives, `deep_copy` copies
+values that Python code may still change, `copy_for_python` makes copies that Python code may change.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class ListForm(bytes):
 
 
 def encode_list_form(value: list[Any]) -> ListForm:
-    """What `freeze` gives for a list of numbers, text, None, and lists of such."""
+    """What `make_hashable` gives for a list of numbers, text, None, and lists of such."""
     return ListForm(dumps(_unify_numbers(value), 2))
 
 

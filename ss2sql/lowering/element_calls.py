@@ -57,7 +57,7 @@ def _iterate_step_expressions(query: plan.Query) -> Iterator[plan.Expr]:
     if search.repeats in ("unique", "no cycle") and search.by == "row":
         row = search.key or tuple(output.expr for output in query.columns)
         yield from (part for expr in row for part in find_certain_parts(expr))
-        # The clauses are asked of rows that are new. A row that repeats has been asked where it says what they read.
+        # Clauses are evaluated for new rows. A repeated row was evaluated where it has all that they read.
         clauses = [part for part in clauses if all(read in row for read in _iterate_element_arguments(part))]
     yield from clauses
     if search.stop is None and query.where is None:

@@ -21,7 +21,7 @@ MAX_HOISTED = 24
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A part of WHERE with its level. A `free` one may be asked at any time from then on; one with a `key` is."""
+    """A part of WHERE with its level. A `free` one may be evaluated at any time from then on; one with a `key` is."""
 
     expr: plan.Expr
     level: int
@@ -57,7 +57,7 @@ class EvaluationOrder:
         return max((self.number.get(source, 0) for source in list_sources(expr)), default=0)
 
     def conditions(self) -> list[Condition]:
-        """The parts of WHERE in written order. One that may fail is not asked before those that guard it."""
+        """The parts of WHERE in written order. One that may fail is not evaluated before those that guard it."""
         last = len(self.query.sources)
         parts = () if self.query.where is None else tuple(_iterate_conjuncts(self.query.where))
         placed: list[Condition] = []

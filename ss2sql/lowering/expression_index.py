@@ -36,7 +36,7 @@ MIN_INDEXED_LENGTH = 16  # elements of a list that is no longer than this are tr
 class ExpressionKey:
     """What a copy has as a column, and what that has to equal, which is known before the source is read.
 
-    It is asked of elements that pass the `guards` alone.
+    It is evaluated only for elements that pass the `guards`.
     """
 
     expr: plan.Expr
@@ -100,7 +100,7 @@ def _can_be_key(query: plan.Query, source: int, expr: plan.Expr, other: plan.Exp
 def _find_guarded_key(
     source: int, expr: plan.Expr, other: plan.Expr, before: Sequence[plan.Expr]
 ) -> ExpressionKey | None:
-    """The key behind the parts that guard it: what can fail must not be asked of an element that they drop."""
+    """The key after the parts that guard it: what can fail must not be evaluated for an element that they drop."""
     if can_fail(other) and any(source in list_sources(part) for part in before):
         return None
     if not can_fail(expr):

@@ -124,7 +124,7 @@ class FlatLowering:
         env: SqlScope,
         names: list[str | None],
     ) -> exp.Select:
-        """The groups of rows with the columns of `numbered`."""
+        """The groups of rows with the columns of the numbered product `inner`."""
         label = self.needs.label("product")
         columns = [sql_builder.column(f"argument_{index}", label) for index in range(1, len(arguments) + 1)]
         keys: list[Node] = [sql_builder.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 class FromItem:
     """A source as SQL: the item of FROM, how it is read, and what sorts it in its own order (empty: nothing does).
 
-    `witness` is some column of it; mentioning it keeps a condition from being asked before the source is read.
+    `witness` is some column of it; mentioning it keeps a condition from being evaluated before the source is read.
     `conditions` filter it, when it stems from a query. With `on` it is the right side of a LEFT JOIN.
     """
 

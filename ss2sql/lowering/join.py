@@ -1,6 +1,6 @@
 """FROM and WHERE of a flat query as SQL: the product of its sources, filtered as early as that may be.
 
-SQLite asks a term of WHERE as soon as the columns are known that it mentions; one that has to wait for a source
+SQLite evaluates a term of WHERE as soon as the columns are known that it mentions; one that has to wait for a source
 that it does not mention is tied to it by `in_turn`. A value that is worth keeping (`hoist`) is computed in a
 table of its own, once for each row of the sources that it depends on:
 
@@ -108,7 +108,7 @@ class JoinBuilder:
             self._join_by_levels(conditions)
 
     def _join_by_levels(self, conditions: list[Condition]) -> None:
-        """Joins the sources from level to level, and asks and computes at each what can be by then."""
+        """Joins the sources from level to level, and evaluates at each what can be by then."""
         query, opened, levels, applied = self.query, self.opened, self.levels, self.selects.needs.applied
         outputs = () if query.aggregated else tuple(output.expr for output in query.columns)
         hoisted = levels.find_hoisted_values(conditions, outputs)
@@ -167,7 +167,7 @@ class JoinBuilder:
         return any(map(can_fail, late))
 
     def _sort(self, conditions: list[Condition]) -> None:
-        """Joins tables by what cannot fail, sorts the rows, and asks the rest of one after the other."""
+        """Joins tables by what cannot fail, sorts the rows, and evaluates the rest row by row."""
         for part in self.opened:
             self.items += part.items
             self.terms += part.conditions
@@ -193,7 +193,7 @@ class JoinBuilder:
     # --- joining ---------------------------------------------------------------------------------------
 
     def _bind(self, bound: int, level: int, conditions: list[Condition]) -> None:
-        """Joins the sources after `bound` up to `level`, and asks what can be asked by then."""
+        """Joins the sources after `bound` up to `level`, and evaluates what can be by then."""
         first = 0 if bound == 0 else bound + 1
         for condition in conditions:
             if condition.key is not None and first <= condition.level <= level:
@@ -274,18 +274,18 @@ class JoinBuilder:
         """Parts of WHERE that may fail, in their order."""
         node = self.selects.expressions.all_of(tuple(group), self.env)
         if isinstance(self.query.sources[level - 1], plan.TableSource):
-            # SQLite asks first what an index of the table answers, whatever stands before it.
+            # SQLite evaluates first what an index of the table answers, whatever stands before it.
             before = [self.selects.expressions.condition(part, self.env) for part in free]
             node = sql_builder.case(
                 [(exp.Not(this=sql_builder.wrap_operand(part)), sql_builder.number(0)) for part in before], node
             )
-        # What can fail calls a function, so that SQLite never asks it before the first source is read. Only the other
-        # side of `column = ...` it evaluates before a derived table, to look that up in an index that it makes.
+        # What can fail calls a function, so that SQLite never evaluates it before the first source is read. Only the
+        # other side of `column = ...` it evaluates before a derived table, to look that up in an index that it makes.
         indexed = isinstance(self.opened[level - 1].items[-1], exp.Subquery) and isinstance(node, exp.EQ)
         return self._delay_condition(level, 0 if indexed else max(1, *map(self.levels.of, group)), node)
 
     def _delay_condition(self, level: int, known: int, node: Node) -> Node:
-        """A condition that is not asked before the source at its level is read."""
+        """A condition that is not evaluated before the source at its level is read."""
         return (
             node
             if known >= level
@@ -318,8 +318,8 @@ class JoinBuilder:
     def _settled(self) -> list[Node]:
         """The terms of WHERE, so written that SQLite does not put a constant in the place of a column.
 
-        It does so where the column is to be equal to it (`=`, not `IS`), and then asks what mentions the column
-        without waiting for its source. That matters where something must not be asked too early.
+        It does so where the column is to be equal to it (`=`, not `IS`), and then evaluates what mentions the column
+        without waiting for its source. That matters where something must not be evaluated too early.
         """
         terms = [part for term in self.terms for part in (term.flatten() if isinstance(term, exp.And) else (term,))]
         terms += number_indexed_rows(self.items, terms, self.selects.needs.materialized_ctes.values())
@@ -334,7 +334,7 @@ class JoinBuilder:
         if self.selects.needs.worlds:
             terms = [_wrap_disjunction(term) if isinstance(term.unnest(), exp.Or) else term for term in terms]
         if len(terms) > MAX_TERMS and any(map(_may_be_none, self.query.sources)):
-            # Behind so many conditions SQLite asks `elements` again whether NULL equals its argument.
+            # After so many conditions SQLite asks `elements` again whether NULL equals its argument.
             rest = sql_builder.conjunction(terms[MAX_TERMS:])
             assert rest is not None
             terms[MAX_TERMS:] = [sql_builder.case([(rest, sql_builder.number(1))], sql_builder.number(0))]

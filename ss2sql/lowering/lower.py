@@ -64,7 +64,7 @@ def lower(
             select = sql_builder.sort_query(
                 search.grouped(select, _choose_column_names(query)), (), *needs.limits(query)
             )
-        # Of tables' BLOBs, and of bools that SQL makes, the pool hears nothing.
+        # Of tables' BLOBs, and of bools that SQL makes, the interning hears nothing.
         quiet = any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in walk(query))
         quiet = quiet or any(
             isinstance(p.expr, plan.Constant) and p.expr.value is True for p in needs.parameters.values()

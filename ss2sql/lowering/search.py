@@ -151,7 +151,7 @@ class EagerSearch(RecursiveQuery):
         """Whether CONNECT BY may set a variable for each step that enters, also for one that stops."""
         if not self.admits_stopping_goals:
             return True
-        if name not in self.at_once:  # it may contain all that is set before it, and of that state nothing was asked
+        if name not in self.at_once:  # it may contain what is set before it, of a state that was not evaluated
             return not any(find_fallible_parts(expr) for _, expr in self.search.connect)
         done = find_certain_parts(self.query.where) + find_certain_parts(self.search.stop)
         return all(any(part == other for other in done) for part in find_fallible_parts(self.at_once[name]))
@@ -301,7 +301,7 @@ class EagerSearch(RecursiveQuery):
         return sql_builder.call("in_turn", last.copy(), node)
 
     def check_parent_continues(self, expands: bool = True) -> list[Node]:
-        """What is asked of the step that was taken, before its children are made; one SELECT counts that it expands."""
+        """What is evaluated for the step that was taken, before its children; one SELECT counts that it expands."""
         asked: list[Node] = []
         if self.waits is not None:
             asked.append(self.column(self.waits))
@@ -383,7 +383,7 @@ class EagerSearch(RecursiveQuery):
             still = [sql_builder.call("give", self.column(self.rank))]
         goal = sql_builder.conjunction(asked)
         if goal is not None and still:
-            # The guard is asked last, for it notes what it is asked about.
+            # The repeat test is evaluated last, for it notes the row.
             asked, still = [], [sql_builder.case([(goal, still[0])], sql_builder.number(0))]
         asked += still
         table = sql_builder.table(self.table, self.table)

@@ -1,7 +1,7 @@
 """One step while it is made: what decides whether it enters the queue, and what it carries (see search.py).
 
 The order of the parts is that of the language: the guard, STOP WITH, WHERE, the row, the weight, HEURISTIC,
-CONNECT BY. Where nobody sees the order, what SQLite does by itself is asked before what costs a Python call.
+CONNECT BY. Where nobody sees the order, what SQLite does by itself is evaluated before what costs a Python call.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class SearchStep:
         return [self.expressions.condition(part, self.env) for part in (*parts, *self.of.looked_up)]
 
     def _meets_connect(self) -> list[Node]:
-        """The condition of CONNECT BY where it has to be asked before the rest, which may fail."""
+        """The condition of CONNECT BY where it has to be evaluated before the rest, which may fail."""
         made = self.made
         clauses = [self.search.stop, self.query.where, self.search.weight, *self.of.compared, made]
         if made is None or not any(clause is not None and can_fail(clause) for clause in clauses):
@@ -104,7 +104,7 @@ class SearchStep:
         weighs = self.best and not new
         if weighs:
             new, weighed = weighed, []
-        # What SQLite answers by itself is asked before what calls Python.
+        # What SQLite computes by itself is evaluated before what calls Python.
         fails = self.search.weight is not None and can_fail(self.search.weight)
         asks = self._calls_python(alive) or bool(self.of.shared)
         new_first = asks and not (weighs and fails) and self.search.by == "row"
@@ -112,14 +112,14 @@ class SearchStep:
         conditions = [*made, *(new + alive if new_first else alive + new), *weighed]
         guarded = bool(made) or (fails and bool(alive)) or (bool(alive) and self._can_key_fail())
         if guarded and len(conditions) > 1:
-            # STOP WITH guards the weight; parts of AND SQLite asks as early as it can.
+            # STOP WITH guards the weight; parts of AND SQLite evaluates as early as it can.
             return [
                 sql_builder.case([(_negate(one), sql_builder.number(0)) for one in conditions[:-1]], conditions[-1])
             ]
         return conditions
 
     def _can_key_fail(self) -> bool:
-        """Whether the key, which is asked for after STOP WITH, can fail."""
+        """Whether the key, which is evaluated after STOP WITH, can fail."""
         parts = [*self.of.compared, *(expr for _, expr in self.search.connect)]
         return self.search.by != "row" and any(map(can_fail, parts))
 
@@ -173,7 +173,7 @@ class SearchStep:
         if of.goal is not None:
             carried[of.goal] = self.goal()
         if of.continues_column is not None:
-            # Whatever enters goes on, unless it is a goal: only then STOP WITH is asked once more.
+            # Whatever enters goes on, unless it is a goal: only then STOP WITH is evaluated once more.
             both = not self._calls_python([self.goal()])
             if of.stops.pruning_condition != of.stops.goals and both:
                 carried[of.continues_column] = _negate(self.goal())
@@ -223,7 +223,7 @@ class SearchStep:
         if self.of.all_results or self.of.steps_unkept:
             entered = sql_builder.call("next_number")
             return sql_builder.call("in_turn", *positions, entered) if positions else entered
-        # The guard that was asked last knows the row: `enter_first` and `enter_best` take it from there.
+        # The repeat test that was evaluated last knows the row: `enter_first` and `enter_best` take it from there.
         row = self.row() if number == "enter" or self.of.keyed else []
         keyed = "_keyed" if self.of.keyed else ""
         entered = sql_builder.call(number + keyed, self.parent.copy(), *rank, *row)

@@ -47,12 +47,12 @@ class Bookkeeping:
 
     `counts` says how it is known how many were generated: one by one, as the product of the sources for each step
     that went on, or as those that entered the queue and those that a guard kept out. `all_go_on` says that whatever
-    enters goes on, `all_results` that it also comes out as a result. `trusts` says that rows may be compared as they
-    are until the pool has met values that have several forms, `keyed` that something else than rows is compared,
-    `unkept` that steps have numbers and are not kept. Of what goes on, `starts` are no steps.
-    `sources` names the parameters that are walked as sources, `members` those that are walked as lists right of IN,
-    which make no steps; the value of one may be that of the other. `arms` are the steps from a state that have a
-    SELECT of their own; `parts` says of each column of a row how many values are a list, 0 where it is one value.
+    enters goes on, `all_results` that it also comes out as a result. `compares_raw_rows` says that rows may be compared
+    as they are until the interning has met values that have several forms, `keyed` that something else than rows is
+    compared, `steps_unkept` that steps have numbers and are not kept. Of what goes on, `starts` are no steps. `sources`
+    names the parameters that are walked as sources, `members` those that are walked as lists right of IN, which make no
+    steps; the value of one may be that of the other. `arms` are the steps from a state that have a SELECT of their own;
+    `parts` says of each column of a row how many values are a list, 0 where it is one value.
     """
 
     counts: StepCounting = "steps"
@@ -72,7 +72,7 @@ class Bookkeeping:
 class Parameter:
     """A value that is bound as `:name`: the expression is evaluated once, before the statement runs.
 
-    With `flag` set the value is a bool that travels as 0 or 1, with `packing` it is put into another form.
+    With `flag` set the value is a bool that travels as 0 or 1, with `blob_encoding` it is packed into a blob.
     """
 
     name: str

@@ -1,7 +1,7 @@
 """Expressions as SQL.
 
 An expression whose type is bool alone is a *flag* in SQL, the integer 0 or 1, never NULL. Every other
-expression is a *value*: None, numbers and strings are themselves, all else is a handle of the pool (see
+expression is a *value*: None, numbers and strings are themselves, all else is a handle of the interning (see
 runtime/sqlite/interning.py). SQLite's own operators are used only where the types promise that they do what the
 language demands; everything else is a call of the function of the language, whose last argument is the
 place in the script, for its errors.

@@ -24,11 +24,11 @@ class StatementNeeds:
     """Collects what one statement needs while it is lowered.
 
     `function_names` maps the functions of the language to their names in SQL. `worlds` are the tables of worlds by the
-    labels of their sources, `collected` the queries in FROM that are evaluated as a whole, by the numbers of theirs.
-    `plain` are parameters with which values are compared by their handles; where a statement compares `by_value`,
-    nothing is. `walked` has the parameters that are walked as sources, by the numbers of theirs, `members` those that
-    are walked as lists right of IN. `disabled` are the rewrites that are switched off, `applied` those that lowering
-    has applied; `written` gives an expression as it was before these, for Python to evaluate.
+    labels of their sources, `materialized_ctes` the queries in FROM that are evaluated as a whole, by the numbers of
+    theirs. `plain` are parameters with which values are compared by their handles; where a statement compares
+    `by_value`, nothing is. `walked` has the parameters that are walked as sources, by the numbers of theirs, `members`
+    those that are walked as lists right of IN. `disabled` are the rewrites that are switched off, `applied` those that
+    lowering has applied; `written` gives an expression as it was before these, for Python to evaluate.
     """
 
     function_names: Mapping[str, str]

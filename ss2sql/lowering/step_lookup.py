@@ -62,7 +62,7 @@ def _remove_known_parts(
 
 
 def _find_infallible_parts(clause: plan.Expr, kind: type[plan.And] | type[plan.Or]) -> list[plan.Expr]:
-    """The parts of a clause that cannot fail: they may be asked before the others."""
+    """The parts of a clause that cannot fail: they may be evaluated before the others."""
     return [part for part in (clause.parts if isinstance(clause, kind) else (clause,)) if not can_fail(part)]
 
 

@@ -1,7 +1,7 @@
 """Search strategies as data: which waiting step is next, and what becomes of a row that was reached before.
 
-An `Order` sorts the frontier, a `Guard` decides on repeated rows. A strategy is one of each. The lowering reads them,
-and so does whoever lists or explains strategies.
+An `Order` sorts the frontier, a `RepeatRule` decides on repeated rows. A strategy is one of each. The lowering reads
+them, and so does whoever lists or explains strategies.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class RepeatRule:
     """What happens to a step whose row was reached before; the names are SQL functions of
     runtime/sqlite/search_functions.py.
 
-    `entering` tells whether a row was reached (None: rows are not compared), and `number` gives the step its number and
-    notes the row. `lowered` is False for what only Python runs.
+    `repeat_test` tells whether a row was reached (None: rows are not compared), and `number` gives the step its number
+    and notes the row. `lowered` is False for what only Python runs.
     """
 
     name: str

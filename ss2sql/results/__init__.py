@@ -2,7 +2,7 @@
 
 result is what users hold, result_notes what a person should know of it. show makes text, frames and files tables of
 other programs, networkx_graphs graphs; plots draws, with plot_style, path_plot and graph_plot. Packages of the extras
-are imported where they are needed, and `package` says so where one is missing.
+are imported where they are needed, and `require_package` says so where one is missing.
 """
 
 from __future__ import annotations

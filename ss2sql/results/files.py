@@ -45,7 +45,7 @@ def _format_field(value: Any) -> Any:
 
 
 def format_json(value: Any) -> str:
-    """A value as JSON on one line; see `plain`."""
+    """A value as JSON on one line; see `make_json_value`."""
     return json.dumps(make_json_value(value), ensure_ascii=False)
 
 

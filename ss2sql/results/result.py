@@ -1,4 +1,4 @@
-"""The result of a script: its value, the rows or paths behind it, and how they were found."""
+"""The result of a script: its value, the rows or paths that it is made of, and how they were found."""
 
 from __future__ import annotations
 

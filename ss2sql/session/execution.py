@@ -132,7 +132,7 @@ def _execute_statements(host: SessionHost, query: Query, options: RunOptions, ru
     run.foreteller = _foreteller(host, run, options.workers)
     run.progress = None if host.runs else make_progress(run, options.progress)  # one inside of another shows none
     host.runs.append(run)
-    run.sizes.pause = run.check  # until its end: in a circle all that it holds would wait for the garbage collector
+    run.sizes.pause = run.check  # until its end: in a cycle all that it holds would wait for the garbage collector
     started = time.perf_counter()
     try:
         value = _compute_last_value(host, run, statements, options)

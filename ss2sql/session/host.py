@@ -231,7 +231,7 @@ class SessionHost:
         self.world_functions.update(WorldFunctions(self.names.worlds, self.memories).all())
         self._name_functions({entry.name for entry in self.world_functions.values()} - self.functions.keys())
 
-    # --- what the compiler asks ------------------------------------------------------------------------
+    # --- what the compiler reads ------------------------------------------------------------------------
 
     def catalog(
         self,

@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 class SessionResources:
     """The processes of `workers`, once there are any, and the databases that search by levels.
 
-    `session` is what such a database is reached by, if the user has said so; `begun` are the runs that are under way.
-    It knows nothing of the session itself, so that a finalizer can keep it.
+    `session` is what such a database is reached by, if the user has said so; `active_runs` are the runs that are under
+    way. It knows nothing of the session itself, so that a finalizer can keep it.
     """
 
     session: Any = None

@@ -93,7 +93,7 @@ class SessionLock:
 
 def is_damage_error(error: BaseException | None) -> bool:
     """Whether there is this error because a file is damaged."""
-    seen: set[int] = set()  # they may go in a circle
+    seen: set[int] = set()  # they may form a cycle
     while error is not None and id(error) not in seen:
         if isinstance(error, apsw.CorruptError):
             return True

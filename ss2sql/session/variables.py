@@ -23,7 +23,7 @@ class OtherTables(Protocol):
         """As what variable the table `name` or `schema.name` is read, if there is one; scripts cannot name it."""
 
     def reader(self, variable: str) -> Reader | None:
-        """What reads the table behind such a variable, if there is one."""
+        """What reads the table of such a variable, if there is one."""
 
     def names(self) -> list[str]:
         """The tables that need no schema before their names."""

@@ -110,7 +110,7 @@ class Instance:
         return expr
 
     def _build(self, node: plan.Expr, args: Args, test: bool = False) -> plan.Expr:
-        """The instance of a part of the body; `asked`: only its truth matters."""
+        """The instance of a part of the body; with `test` only its truth matters."""
         match node:
             case plan.Constant():
                 return self._made(node)
@@ -248,7 +248,7 @@ def is_repeatable(argument: plan.Expr) -> bool:
 
 
 def _check_size(expr: plan.Expr) -> None:
-    """Raises Refused for an expression that is too long as text; in memory its parts are shared."""
+    """Raises NotInlinable for an expression that is too long as text; in memory its parts are shared."""
     sizes: dict[int, int] = {}
 
     def size(node: Any) -> int:
@@ -261,7 +261,7 @@ def _check_size(expr: plan.Expr) -> None:
 
 
 def _check_uses(arguments: tuple[plan.Expr, ...], expr: plan.Expr) -> None:
-    """Raises Refused unless `expr` evaluates the arguments with the same effects as a call."""
+    """Raises NotInlinable unless `expr` evaluates the arguments with the same effects as a call."""
     atoms: dict[int, plan.Expr] = {}
     lists: dict[int, plan.Expr] = {}
     for argument in arguments:

@@ -122,7 +122,7 @@ def _share_aggregates(query: plan.Query) -> plan.Query:
 def _lift(resolver: Resolver, expr: plan.Expr, query: plan.Query, within: bool = False) -> plan.Expr:
     """The expression with GroupKey and Aggregate in place of group keys and aggregates.
 
-    `inside` another query the group keys are visible, but its calls of `sum` and other aggregates are its own.
+    `within` another query the group keys are visible, but its calls of `sum` and other aggregates are its own.
     """
     for index, key in enumerate(query.group):
         if not isinstance(key, plan.Constant) and is_structurally_equal(expr, key):
@@ -164,7 +164,7 @@ def _update_type(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
 
 
 def _reads_rows(node: object, query: plan.Query, within: bool = False) -> bool:
-    """Whether the node reads the query's own elements or state outside its aggregates; `inside` as in `_lift`."""
+    """Whether the node reads the query's own elements or state outside its aggregates; `within` as in `_lift`."""
     own = {source.id for source in query.sources}
     match node:
         case plan.Aggregate() if not within:

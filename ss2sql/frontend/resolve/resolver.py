@@ -187,7 +187,7 @@ class Resolver:
         )
 
     def values(self, trees: Sequence[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
-        """Operands of an operator; a query without AS is one value, see `as_value`."""
+        """Operands of an operator; a query without AS is one value, see `wrap_as_value`."""
         pairs = list(zip(trees, self.operands(map(wrap_as_value, trees), scope), strict=True))
         lists = any(value.type.only(Kind.LIST) for tree, value in pairs if not is_value(tree))
         for tree in filter(is_value, trees if lists else ()):

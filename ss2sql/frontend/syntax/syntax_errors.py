@@ -1,7 +1,7 @@
 """Messages for scripts that do not fit the grammar: the reason in words of the language, and the cure.
 
-`explain` tries one explanation after the other: a missing second word of a keyword, a spelling of SQL, a misspelt
-keyword, a bracket, a clause in the wrong place. The last one lists what could stand there.
+`explain_failure` tries one explanation after the other: a missing second word of a keyword, a spelling of SQL, a
+misspelt keyword, a bracket, a clause in the wrong place. The last one lists what could stand there.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The tokenizer: limits on size and nesting, names, numbers, strings, comments.
 
 It works without recursion, so any text, however large or odd, is safe. Unreadable characters become tokens of a kind
-that the grammar lacks; the parser stops there, and `unreadable` gives the error.
+that the grammar lacks; the parser stops there, and `explain_unreadable` gives the error.
 """
 
 from __future__ import annotations

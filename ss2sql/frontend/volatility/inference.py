@@ -1,7 +1,7 @@
 """The volatility of a Python function, inferred from its source.
 
-Calls of an immutable function are cached, shared and reordered, so `infer` calls a function immutable only where its
-source proves it, and volatile in every other case. The proof assumes that
+Calls of an immutable function are cached, shared and reordered, so `infer_purity` calls a function immutable only where
+its source proves it, and volatile in every other case. The proof assumes that
 
 - arguments are plain values (None, bool, int, float, string, list, dict), fresh for each call: the methods of a user's
   class are not examined, so a call with an opaque object must not be cached on this proof alone;

@@ -1,7 +1,7 @@
 """The bindings of a Python function's names: locals by scope, and the settled values of outer names.
 
-`Frame` answers three questions for one function, without judging: which object a name or dotted name is (`static`),
-which functions a call may reach (`targets`), and of what kind the value of an expression is (`kind`).
+`FunctionNames` answers three questions for one function, without judging: which object a name or dotted name is
+(`static`), which functions a call may reach (`targets`), and of what kind the value of an expression is (`kind`).
 """
 
 from __future__ import annotations

@@ -128,7 +128,7 @@ def join_tables(
     conditions: Sequence[plan.Expr],
     variable: Callable[[str], Any],
 ) -> exp.Select:
-    """The rows of the product of tables that keep all conditions, in its order. Raises UnsupportedError as `narrowed`.
+    """The rows of the product of tables that keep all conditions, in its order. Raises as `filter_table`.
 
     Args:
         tables: what reads each table, and the table.

@@ -191,7 +191,7 @@ class _StepWriter:
         )
 
     def _write_flags(self) -> tuple[Node, Node, list[Node]]:
-        """Whether a step is a goal, whether the search goes on from it, and what is asked of those that are kept."""
+        """Whether a step is a goal, whether the search goes on from it, and the conditions of those that are kept."""
         where, stop = self.query.where, self.search.stop
         goal = exp.true() if where is None else self.portable.condition(where, self.name_scope)
         if stop is None:

@@ -31,7 +31,7 @@ def keep_plan(query: plan.Query, world: RewriteContext) -> plan.Query:
 
 @dataclass(frozen=True, slots=True)
 class Rewrite:
-    """What a rewrite `does`, what is `done` to a query where it has fired, both in words, and how."""
+    """The `purpose` of a rewrite and what it has `done` to a query, both in words, and the function that applies it."""
 
     purpose: str
     done: str

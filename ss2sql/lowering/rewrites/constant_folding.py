@@ -4,8 +4,8 @@
 
 A call of a built-in function is computed if that does not fail; one that fails stays and fails when the query
 runs. Functions of the user are not run. In AND, OR and IF a constant decides or goes away; what stood to its
-left and may fail stays, what would not have been evaluated goes. Aggregates are: they are fed before anything is asked
-of their group, so those that may fail hold the constant.
+left and may fail stays, what would not have been evaluated goes. Aggregates are: they are fed before anything is
+evaluated of their group, so those that may fail hold the constant.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def _fold_call(call: plan.Call) -> plan.Expr:
             except Error:
                 return call
     types = tuple(argument.type for argument in call.arguments)
-    # What cannot fail where it stands, behind a condition perhaps, never can.
+    # What cannot fail where it stands, after a condition perhaps, never can.
     kind, raises = row.result(types), call.function.raises and row.can_fail(types)
     if raises == call.function.raises and covers(kind, call.type):
         return call

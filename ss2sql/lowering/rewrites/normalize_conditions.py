@@ -2,9 +2,9 @@
 
     WHERE NOT (a.this == b.this OR a.this == c.this)    becomes    a.this != b.this AND a.this != c.this
 
-so that later stages see parts: each is asked as soon as its sources are bound, looked up, or compared with a
+so that later stages see parts: each is evaluated as soon as its sources are bound, looked up, or compared with a
 part of another clause. Parts keep their order. A part that stands there a second time goes, for it was true
-(in a conjunction) or false when it was asked first; so does a part that every branch of OR begins with, of
+(in a conjunction) or false when it was evaluated first; so does a part that every branch of OR begins with, of
 which only the first is kept. Comparisons of one value with several constants become IN.
 
     (boss == None AND parent == None) OR parent == boss    becomes    parent == boss
@@ -88,7 +88,7 @@ def _push_negation(node: plan.Not, operand: plan.Expr) -> plan.Expr:
 def _flatten_connective(node: Any) -> Any:
     """A conjunction or disjunction, whose parts are split already."""
     assert isinstance(node, (plan.And, plan.Or))
-    steady = not is_volatile(node)  # else a part may be another one when it is asked again
+    steady = not is_volatile(node)  # else a part may be another one when it is evaluated again
     flat = [
         one
         for part in map(_strip_bool_call, node.parts)

@@ -1,12 +1,12 @@
-"""`unnest`: a nested query over a known list, which only asks something of its elements, becomes conditions.
+"""`unnest`: a nested query over a known list, which only tests its elements, becomes conditions.
 
     [] == (SELECT this FROM [[a.this, b.this], [b.this, c.this]] WHERE this[0] == this[1] AS list)
 
-asks the same as `a.this != b.this AND b.this != c.this`, which both executors can ask as soon as the sources
+asks the same as `a.this != b.this AND b.this != c.this`, which both executors can evaluate as soon as the sources
 are bound: the four-colour map over eight countries takes 8.7 s nested and 0.01 s so. The list may be a
 literal, a constant, or a variable's value; in the last case the query relies on the value, and is made anew
 when it has changed. A text for `eval` that is constant by then is read, too. The conditions must not fail,
-because the nested query asks all of them and a conjunction stops early.
+because the nested query evaluates all of them and a conjunction stops early.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ def write_memoized_call(builder: QueryCompiler, node: plan.Call, body: PythonSco
 
     if method == "of_any":
         return build.call(bound(method), *values)
-    # What is remembered is asked here: 0.1 us in place of 0.5.
+    # What is remembered is looked up here: 0.1 us in place of 0.5.
     found, asked = unit.local("found"), unit.local("key")
     if method == "of_plain":
         key = build.pack(*values)

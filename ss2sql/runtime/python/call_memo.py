@@ -2,7 +2,7 @@
 
 A function gets fresh values, so whatever it does to its arguments changes nothing else; one that is proven to change
 nothing gets them as they are. A call of an immutable or stable function is remembered by its arguments for the length
-of one run; the memo is bounded. What comes back is made a value of the language at the border.
+of one run; the memo is bounded. What comes back is converted to a value of the language.
 
 What happens per call beside the function decides the speed of a search. Generated code therefore makes the keys of
 arguments itself where one serves for many calls: that of the state for all its steps, that of an element for all of
@@ -27,7 +27,7 @@ from ss2sql.runtime.run.call_memory import FailedCall, forget_older_half
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.sqlite.interning import Interning
 
-# The value of a call, and its frozen form where that was at hand; None: `freeze` has to make it.
+# The value of a call, and its frozen form where that was at hand; None: `make_hashable` has to make it.
 Result: TypeAlias = tuple[Any, Hashable]
 
 # Of these kinds equal values are the same value; 1, 1.0 and True are one key of a dict but three arguments.
@@ -285,7 +285,7 @@ def make_result_check(function: UserFunction) -> Callable[[Any], Result]:
                 if len(marshalled.translate(None, _NO_VALUES)) == len(marshalled) and is_finite(result, marshalled):
                     return result, encode_list_form(
                         result
-                    )  # floats; 1.1 us for a place, 2.6 by way of `normalise` and `freeze`
+                    )  # floats; 1.1 us for a place, 2.6 by `convert_value` and `make_hashable`
         elif kind is bool:
             return _TRUE if result else _FALSE  # a tuple less to hold for each call
         elif kind is str or (kind is int and INT_MIN <= result <= INT_MAX):

@@ -55,7 +55,7 @@ def _parse_template(text: str) -> list[ast.stmt]:
 
 
 def strip_positions(code: list[ast.stmt]) -> list[ast.stmt]:
-    """The statements without their places, which mean nothing in a script; `place` gives them others."""
+    """The statements without their places, which mean nothing in a script; `set_positions` gives them others."""
     for node in (node for part in code for node in ast.walk(part)):
         for word in POSITION_FIELDS:
             if hasattr(node, word):

@@ -1,7 +1,7 @@
 """One piece of generated code, its functions under construction, and the values that they keep.
 
-A unit becomes one Python function, `bound(run)`. It binds what a run offers (functions of the user, values of
-variables), defines a function for every query inside, and returns what the unit is for. `Body` is a function
+A CodegenContext becomes one Python function, `bound(run)`. It binds what a run offers (functions of the user, values of
+variables), defines a function for every query inside, and returns what it is for. `PythonScope` is a function
 under construction. Values that need not be computed again are kept in *slots*: a slot belongs to the
 outermost function and loop where everything that its expression reads is known, and is filled when the
 expression is first needed. So nothing is evaluated that the written order would not evaluate.
@@ -52,10 +52,10 @@ class PythonScope:
     the functions around that are set here, `locals` names that are set here and read further in. `counts`
     says how often an expression is written here, `slots` where the values of costly ones are kept. `known` has
     for each open loop the names of expressions that have been computed wherever the code after them is reached;
-    `sure` says whether what is being written is such an expression, not one that may be skipped; `forgotten` are values
-    of that kind, by identity. While `trusting`, indexes are written as Python's own, and `trusted` says whether there
-    were any, see `write_with_later_check`. `before` is the function that this one goes on for. `early_keys`: the keys
-    of arguments are computed before the loop.
+    `sure` says whether what is being written is such an expression, not one that may be skipped; `forgotten_values` are
+    values of that kind, by identity. While it `may_check_later`, indexes are written as Python's own, and `trusted`
+    says whether there were any, see `write_with_later_check`. `before` is the function that this one goes on for.
+    `early_keys`: the keys of arguments are computed before the loop.
     """
 
     unit: CodegenContext
@@ -255,11 +255,11 @@ class CodegenContext:
     """One piece of generated code.
 
     `names` and `states` give the local names of sources and START WITH variables, `tuples` the columns of the
-    sources whose elements are tuples (of those that are `bare`, a name stands for the one column that is read),
-    `elements` the types of those whose elements are values. `worlds` are the tables of those that walk keys of a world.
-    `keys` names the exact keys that elements come with, see call_memo.py. `by_level` is the search whose steps are
-    counted level by level, see level_counts.py; `watched` the one that trace.py hears of; `searched` the one whose
-    results `find` finds.
+    sources whose elements are tuples (of those in `single_column_queries`, a name stands for the one column that is
+    read), `elements` the types of those whose elements are values. `worlds` are the tables of those that walk keys of a
+    world. `keys` names the exact keys that elements come with, see call_memo.py. `by_level` is the search whose steps
+    are counted level by level, see level_counts.py; `watched` the one that trace.py hears of; `level_searched_query`
+    the one whose results `find` finds.
     """
 
     def __init__(self, span: Span, analysis: ExpressionAnalysis, parameters: tuple[str, ...] = ()) -> None:
@@ -333,7 +333,7 @@ class CodegenContext:
         )
 
     def variable(self, name: str, build: AstBuilder) -> ast.expr:
-        """The value of a script variable: read once where nothing in the unit changes it, else each time."""
+        """The value of a script variable: read once where nothing in this code changes it, else each time."""
         run, text = build.name("run"), build.constant(name)
         if not self.analysis.is_fixed(name):
             return build.call(self.helper(get_variable), run, text)
@@ -370,13 +370,13 @@ class CodegenContext:
     # --- the end ---------------------------------------------------------------------------------------
 
     def module(self, result: ast.expr) -> ast.Module:
-        """The code of the unit, whose function `bound` gives `result`."""
+        """The code, whose function `bound` gives `result`."""
         # Slots stand in the root's block; what they are filled with comes later.
         self.root.blocks[0].extend((*self.bindings, *self.definitions, self.build.back(result)))
         return ast.Module([self.root.finished(self.build)], [])
 
     def compiled(self, module: ast.Module) -> Callable[..., Any]:
-        """The function `bound` of the unit's module."""
+        """The function `bound` of the generated module."""
         code = compile(module, self.page.name, "exec", dont_inherit=True)
         inner = next(constant for constant in code.co_consts if isinstance(constant, CodeType))
         return FunctionType(inner, self.namespace)

@@ -1,6 +1,6 @@
 """Flat queries: a generator of nested loops that yields one result after the other.
 
-A result is a row; behind its columns stand the keys of ORDER BY. With GROUP BY it is a pair of the row and its keys:
+A result is a row; after its columns stand the keys of ORDER BY. With GROUP BY it is a pair of the row and its keys:
 the arguments of aggregates, the values of GROUP BY, those of ORDER BY; a query that aggregates yields its groups, see
 group_loops.py.
 """

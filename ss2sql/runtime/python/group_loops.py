@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class GroupCollector:
-    """The groups of one query, whose loops stand in `outer`: `collect` adds a row inside of them, `end` comes behind.
+    """The groups of one query, whose loops stand in `outer`: `collect` adds a row inside of them, `end` follows.
 
     A group is a list, or a tuple of several lists. Where GROUP BY has nothing but constants there is one group, which
     is left out if it has no row; without GROUP BY it stays.

@@ -1,6 +1,6 @@
 """How often a run looks at the clock while it works.
 
-Turns of a loop may take a tenth of a microsecond or, with a slow function, seconds. So the turns between two
+Iterations of a loop may take a tenth of a microsecond or, with a slow function, seconds. So the turns between two
 looks are counted, and their number follows the time that they took.
 """
 
@@ -44,7 +44,7 @@ def make_turn_check(run: Run) -> Callable[[int], int]:
 
 
 def make_step_meter(run: Run) -> Callable[[int, int, int], int]:
-    """The pace of searches, which also hands on to the run what generated code has counted."""
+    """Checks searches for cancellation, and adds to the counters of the run what generated code has counted."""
     stats, check_turn = run.stats, ClockChecks(run).next
     before = (0, 0, 0)
 

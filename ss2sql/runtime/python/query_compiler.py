@@ -1,7 +1,7 @@
-"""Compiles the queries of a unit, each with the queries inside of it.
+"""Compiles the queries of a statement, each with the queries inside of it.
 
 A query becomes a function that finds its results (flat_query.py, search_compiler.py), functions for what stands around
-them (LIMIT and its kin, groups, the arguments of AS), and a `Task` that puts them together when a run begins.
+them (LIMIT and its kin, groups, the arguments of AS), and a `QueryExecution` that puts them together when a run begins.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class CompiledSubquery:
 
 
 class QueryCompiler:
-    """Compiles into one unit. With `dispatch` the queries are somebody else's, see `compile_statement`."""
+    """Compiles into one CodegenContext. With `dispatch` the queries are somebody else's, see `compile_statement`."""
 
     def __init__(self, unit: CodegenContext, dispatch: Dispatch | None = None) -> None:
         self.unit = unit

@@ -1,6 +1,6 @@
 """Calls that a search makes only once need no memory: to ask it and to fill it is a third of what such a step costs.
 
-UNIQUE and MEMORIZE expand no row twice. Where a row is the state behind it they expand no state twice either, but for
+UNIQUE and MEMORIZE expand no row twice. Where a row is the state after it they expand no state twice either, but for
 the start, which a row may be as well. A call of all that makes a state and of the element is then another one in every
 step, if the elements are all different and nobody else calls the function.
 

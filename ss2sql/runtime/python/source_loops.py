@@ -180,7 +180,7 @@ class SourceLoops:
     def push_condition_to_world(self, condition: plan.Expr) -> None:
         """Tells a world of a condition, where what its column is compared with is known before the world is asked.
 
-        The condition is tested all the same, so it may be asked early only where nobody can notice.
+        The condition is tested all the same, so it may be evaluated early only where nobody can notice.
         """
         facts = self.builder.unit.analysis.of(condition)
         demand = find_world_condition(condition, self.sources) if facts.steady and facts.total else None

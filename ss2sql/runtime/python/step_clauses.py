@@ -363,7 +363,7 @@ class StepClauses:
         )
 
     def _write_edge(self) -> list[ast.stmt]:
-        """What MEMORIZE is given of a step to a known row: its weight is asked for, and nothing else."""
+        """What MEMORIZE is given of a step to a known row: its weight is evaluated, and nothing else."""
         build = self.build
 
         def write() -> None:
@@ -433,7 +433,7 @@ class StepClauses:
         return value if option_values.is_proven(expr.type, check) else build.call(self.unit.helper(check), value)
 
     def _weighs_early(self) -> bool:
-        """Whether the weight is asked for before STOP WITH and WHERE: STOP WITH guards a COST that may fail."""
+        """Whether the weight is evaluated before STOP WITH and WHERE: STOP WITH guards a COST that may fail."""
         weight = self.search.weight
         assert weight is not None
         check = option_values.check_probability if self.search.order == "probability" else option_values.check_cost

@@ -239,7 +239,7 @@ class StepFunction(StepClauses):
         return name
 
     def _write(self, look: str, words: dict[str, ast.expr], together: bool) -> list[ast.stmt]:
-        """The code of the function behind the parameters, with what is computed once for a state.
+        """The code of the function after the parameters, with what is computed once for a state.
 
         `together`: the elements of a state are counted together, as soon as it is expanded.
         """

@@ -77,7 +77,7 @@ def has_source_code(loop: Callable[..., Any]) -> bool:
 def _get_body(loop: Callable[..., Any]) -> list[ast.stmt]:
     (function,) = ast.parse(inspect.getsource(loop)).body
     assert isinstance(function, ast.FunctionDef)
-    return strip_positions(function.body[1:])  # behind its docstring
+    return strip_positions(function.body[1:])  # after its docstring
 
 
 def _remove_assignments(code: list[ast.stmt], name: str) -> None:
@@ -109,7 +109,7 @@ class _Transformer(ast.NodeTransformer):
 class _ConstantFolder(_Transformer):
     """Puts in what words stand for and leaves out what that excludes.
 
-    Names that are set once, to a constant, are words, too; `stores` says how often names are set.
+    Names that are set once, to a constant, are words, too; `store_counts` says how often names are set.
     """
 
     def __init__(self, words: dict[str, ast.expr], store_counts: Counter[str]) -> None:

@@ -102,7 +102,7 @@ def _loses_errors(frame: FrameType) -> bool:
 def defer_keyboard_interrupt(run: Run | None = None) -> Iterator[None]:
     """Has Ctrl-C noted for as long as something is under way, in the main thread.
 
-    A run notices by itself. What is no run is finished first: KeyboardInterrupt is raised behind it. Only Python's own
+    A run notices by itself. What is no run is finished first: KeyboardInterrupt is raised after it. Only Python's own
     way to handle Ctrl-C is replaced; whoever has set another one decides what it means.
     """
     if threading.current_thread() is not threading.main_thread():

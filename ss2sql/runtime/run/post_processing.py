@@ -89,7 +89,7 @@ class PostProcessing:
             answer.groups = self._group_positions([keys[at] for at in places])
 
     def _in_order(self, found: Iterator[Any], results: list[Any]) -> None:
-        """ORDER BY of a flat query: its keys stand behind the columns of its rows."""
+        """ORDER BY of a flat query: its keys stand after the columns of its rows."""
         width, whole = len(self.form.columns), list[Row]()
         try:
             whole.extend(self._take_as_many(found))

@@ -140,7 +140,8 @@ class Host(Protocol):
 class RunBounds:
     """When somebody has to end, and the bytes of memory that the process may hold by then; None is no bound.
 
-    `who` takes the time and the memory, in the words of a message. At `next_check_time` the memory is looked at again.
+    `memory_owner` takes the time and the memory, in the words of a message. At `next_check_time` the memory is looked
+    at again.
     """
 
     deadline: float | None = None
@@ -206,16 +207,16 @@ class Run:
     found a path which costs less than it expected. `framed` says that the paths of the search that runs are wanted as a
     DataFrame of the database that finds them. `bounds` are those of its time and its memory. `steps_left` bounds the
     steps of its searches, `inner_run_steps` are those of runs inside of this one; `printed` counts characters printed
-    while it was the outermost. `readings` is what was read of another database, `endings` lets go of that, and `handed`
-    are tables of it of which some rows are read, by the variables that stand for them. `sizes` measures what the script
-    makes, see value_sizes.py. `sink` holds the rows found so far by the query that runs; `answer` what the last query
-    gave. `statements` are those of the script; `lowered` is the SQL that each of their queries has run, `bound` are the
-    values for its parameters or for those of another database. `ahead` holds for each native query that runs, the
-    innermost last, what is coming for functions that take arrays (coming_arguments.py). `foreteller` has calls made by
-    other processes (workers/), `progress` shows how far the run is (progress.py), where these are wanted; `graph` is
-    the one that MEMORIZE works on; `call_places` is where the script calls functions of the user, as far as that is
-    known; `by_level` counts the steps of its search, and `trace` hears of those of the last statement's, where that is
-    wanted.
+    while it was the outermost. `readings` is what was read of another database, `cleanups` lets go of that, and
+    `handed` are tables of it of which some rows are read, by the variables that stand for them. `sizes` measures what
+    the script makes, see value_sizes.py. `sink` holds the rows found so far by the query that runs; `answer` what the
+    last query gave. `statements` are those of the script; `lowered` is the SQL that each of their queries has run,
+    `bound` are the values for its parameters or for those of another database. `ahead` holds for each native query that
+    runs, the innermost last, what is coming for functions that take arrays (coming_arguments.py). `foreteller` has
+    calls made by other processes (workers/), `progress` shows how far the run is (progress.py), where these are wanted;
+    `graph` is the one that MEMORIZE works on; `call_places` is where the script calls functions of the user, as far as
+    that is known; `by_level` counts the steps of its search, and `trace` hears of those of the last statement's, where
+    that is wanted.
     """
 
     host: Host

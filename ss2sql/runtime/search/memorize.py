@@ -1,6 +1,6 @@
 """MEMORIZE: first the graph of rows, built breadth-first, then its paths without a repeated row, best first.
 
-Each row is a node; its first visit by a step that leaves a trace makes it and fixes the state behind it, and
+Each row is a node; its first visit by a step that leaves a trace makes it and fixes the state after it, and
 it is expanded once. Every step to a row is an edge, so two elements that lead to the same row are two edges.
 The graph grows by levels: a level are the rows that were first reached by so many steps.
 """
@@ -26,7 +26,7 @@ from ss2sql.runtime.search.step_notes import Notes
 
 
 def run_memorize(search_run: SearchRun) -> Iterator[Found]:
-    """The paths of at most `hunt.bound` steps: shortest, cheapest or likeliest first."""
+    """The paths of at most `search_run.bound` steps: shortest, cheapest or likeliest first."""
     yield from iterate_results(search_run, build_graph(search_run))
 
 
@@ -51,7 +51,7 @@ def iterate_results(search_run: SearchRun, graph: RowGraph) -> Iterator[Found]:
 
 
 def build_graph(search_run: SearchRun) -> RowGraph:
-    """The graph of the rows that are reached by at most `hunt.bound` steps."""
+    """The graph of the rows that are reached by at most `search_run.bound` steps."""
     if search_run.run.foreteller is not None:
         search_run.run.foreteller.begin(search_run)
     keeper = search_run.run.host.graphs

@@ -7,7 +7,7 @@ greater length it would have gone on: the least of them is the next length, and 
 path exists.
 
 Distances do not know that the path itself is in the way, and a walk knows nothing of the walks before it. In
-most graphs neither matters. Where `PATIENCE` times as many edges as the graph has were looked at without another
+most graphs neither matters. Where `PATIENCE_FACTOR` times as many edges as the graph has were looked at without another
 path, the careful walk of simple_paths.py takes over. It takes three to ten times as long where all is well.
 """
 

@@ -6,8 +6,8 @@ Among equals source order decides, so a path whose bound is its total leads stra
 millions of its kind. That is why bounds have to be exact, see path_bounds.py.
 
 Bounds do not know that the path itself is in the way, nor how many steps are left. Where that has cost many steps
-without a result, every path is asked before it goes on what it can really get, by a search around its
-nodes. From then on each path that goes on leads to a result.
+without a result, a search around the nodes of each path finds its exact bound before it goes on. From then on each
+path that goes on leads to a result.
 """
 
 from __future__ import annotations

@@ -28,8 +28,8 @@ MAX_KEPT = 500_000  # branches that are kept; one takes some 300 bytes, and what
 class PathBranch:
     """What goes on from one path, which ends at `node`.
 
-    `bounds` has for each edge the least length of a path that goes on by it and is still to come. `kids` are the
-    branches behind the edges, by position, where they have been entered.
+    `bounds` has for each edge the least length of a path that goes on by it and is still to come. `child_branches` are
+    the branches after the edges, by position, where they have been entered.
     """
 
     node: int
@@ -113,7 +113,7 @@ class SimplePathWalks:
         return bound if bound <= self.longest else UNREACHABLE
 
     def _enter_branch(self, branch: PathBranch, at: int, depth: int, length: int) -> PathBranch | None:
-        """The branch behind an edge, which is the step `depth`; None where it has no path of this length."""
+        """The branch after an edge, which is the step `depth`; None where it has no path of this length."""
         node = self.targets[branch.node][at]
         if self._known_bounds is branch and self._known[-1:] == [node]:
             self._known.pop()
@@ -132,7 +132,7 @@ class SimplePathWalks:
     def _around(self, start: int, depth: int) -> tuple[int, list[int]]:
         """The length of the shortest path that goes on from `start`, its node after `depth` steps, and its way on.
 
-        The way is the nodes behind `start`, backwards. An A* search: distances bound what is left.
+        The path is the nodes after `start`, backwards. An A* search: distances bound what is left.
         """
         near, targets, visited, longest = self.near, self.targets, self.visited, self.longest
         queue: list[tuple[int, int, int, int]] = [(0, -depth, start, start)]

@@ -24,7 +24,7 @@ UNIQUE n = n + this` the steps from the start are
 
 **The caller guarantees**
 - `state` is a start or an `after` of this function: a tuple of the frozen values of the START WITH variables in their
-  order, behind them whether it is a start where START WITH has a condition. Nobody changes it.
+  order, then whether it is a start where START WITH has a condition. Nobody changes it.
 - It draws the steps of a state in order, and the next one only when it has done with the one before: what it adds to
   `closed` or `best` meanwhile is seen by the steps that follow, siblings included. It may leave the iterator for other
   states and come back (depth first), or drop it (MAXIMUM).
@@ -43,9 +43,9 @@ ORDER SIBLINGS BY, one step or none:
 - none if it stops without being a goal, or if its probability is 0; pruned, if its total is not below `best[key]`.
 
 **Order and laziness.** When a step is drawn its clauses are evaluated in the order of language.md, 7, guards included,
-each call once, and nothing of the elements behind it; what mentions only the state when it is first needed, once for
-the state. Where all clauses are steady the order may differ where no guard forbids it: `best` is asked before STOP WITH
-where COST cannot fail, and before HEURISTIC and CONNECT BY.
+each call once, and nothing of the elements after it; what mentions only the state when it is first needed, once for
+the state. Where all clauses are steady the order may differ where no guard forbids it: `best` is looked up before STOP
+WITH where COST cannot fail, and before HEURISTIC and CONNECT BY.
 
 **Errors** pass through as they are; `finally` has put the counters right. Places are those of the script's positions in
 the code. A function's result is made a value before any clause sees it, or refused by the function's name.

@@ -17,7 +17,7 @@ from ss2sql.language.frozen_values import UNSET, State
 from ss2sql.language.rows import Row
 from ss2sql.runtime.search.step_contract import Step
 
-Note: TypeAlias = list[Any]  # the values of clauses, UNSET where they are not known; at the end whether it was asked
+Note: TypeAlias = list[Any]  # the values of clauses, UNSET where they are not known; the last says whether it was made
 Pair: TypeAlias = tuple[Note, Any]  # of a note and an element, a tuple where there are several sources
 Last: TypeAlias = tuple[Any, ...]  # the elements of a step and the state before it
 Places: TypeAlias = tuple[tuple[int, ...], tuple[int | None, ...], dict[str, int], int]

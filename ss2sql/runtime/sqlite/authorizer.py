@@ -66,7 +66,7 @@ class Authorizer:
             self._looks = False
 
     def _check_prepared_statement(self, cursor: apsw.Cursor, text: str, values: Any) -> bool:
-        """apsw asks this between preparing a statement and running it: one that only reads, and no other behind it."""
+        """apsw asks this between preparing a statement and running it: one that only reads, and no other after it."""
         self._looks = False
         return cursor.is_readonly and len(text) == len(self._text)
 
@@ -76,7 +76,7 @@ class Authorizer:
         if not self._looks or action == apsw.SQLITE_SELECT or action == apsw.SQLITE_RECURSIVE:
             return apsw.SQLITE_OK
         if inside is not None and action in (apsw.SQLITE_READ, apsw.SQLITE_FUNCTION):
-            return apsw.SQLITE_OK  # of a view, whose definition is the file's, see lock_down
+            return apsw.SQLITE_OK  # of a view, whose definition is the file's, see lock_down_connection
         if action == apsw.SQLITE_READ:
             return apsw.SQLITE_DENY if (first or "").lower().startswith("sqlite_") else apsw.SQLITE_OK
         if action == apsw.SQLITE_FUNCTION:

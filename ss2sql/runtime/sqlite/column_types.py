@@ -40,7 +40,7 @@ class _TooManyStepsError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class TableColumn:
-    """A column with its declared type. `led`: the entries of an index, or the rows of the table, go by its values."""
+    """A column with its declared type. `leads_index`: an index, or the table itself, is sorted by its values."""
 
     name: str
     declared: str = ""

@@ -170,7 +170,7 @@ class CompletedCalls:
         self._element_calls = list(element_calls)
 
     def __iter__(self) -> Iterator[tuple[str, tuple[Any, ...], Any]]:
-        """Each call: the function's name, the arguments, and the value or what the call was Refused with."""
+        """Each call: the function's name, the arguments, and the value or the FailedCall."""
         decode = self._pool.decode
         for name, memories in self._known.items():
             for memory in memories:

@@ -38,10 +38,10 @@ class OtherFormError(Exception):
 
 
 class Interning:
-    """The structured values of one run; they live as long as the pool.
+    """The structured values of one run; they live as long as the Interning.
 
     Every method takes or gives *SQL values*: None, int, float, str, or bytes, which are a handle, or a BLOB
-    of somebody's table, an opaque bytes object. TRUE and FALSE are the same handles in every pool; the
+    of somebody's table, an opaque bytes object. TRUE and FALSE are the same handles in every Interning; the
     others begin with six random bytes, so that no stored BLOB can be taken for one.
     """
 
@@ -55,7 +55,7 @@ class Interning:
         tag = urandom(6)
         self._tags = (_FALSY + tag, _TRUTHY + tag)
         self._made = 0
-        # What tells values apart -> handle: marshal bytes; of objects, which have none, see _exact.
+        # What tells values apart -> handle: marshal bytes; of objects, which have none, see _make_exact_key.
         self._handles: dict[Hashable, bytes] = {}
         # Whether all values were such that equal ones are the same, numbers apart; `mixed` hears of the first other.
         self.pure = True
@@ -99,14 +99,14 @@ class Interning:
         return handle
 
     def encode_object(self, value: Any, giver: str) -> Any:
-        """`encode(normalise(value, giver))`, without a look at the value where it is known already.
+        """`encode(convert_value(value, giver))`, without a look at the value where it is known already.
 
         Args:
             value: what a Python function returned, or a variable holds.
             giver: who hands it over, for errors.
 
         Raises:
-            ExecutionError: X004, as `normalise` does.
+            ExecutionError: X004, as `convert_value` does.
         """
         kind = type(value)
         if kind is list:
@@ -186,7 +186,7 @@ class Interning:
     def key(self, value: Any) -> Any:
         """One SQL value for all equal values: SQLite's `IS` and Python's `==` on keys are the language's equality.
 
-        The key of True is 1. Keys of structured values are handles of the pool. They are hashable.
+        The key of True is 1. Keys of structured values are handles. They are hashable.
         """
         if type(value) is not bytes:
             return value
@@ -231,7 +231,7 @@ class Interning:
             self.mixed()
 
     def _encode_objects(self, value: Any) -> bytes:
-        """The handle of an object, or of a list or dict with objects inside, which the pool keeps alive."""
+        """The handle of an object, or of a list or dict with objects inside, which this keeps alive."""
         try:
             exact = _make_exact_key(value)
         except RecursionError:

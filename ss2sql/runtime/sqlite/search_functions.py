@@ -64,7 +64,7 @@ def _return_key(key: Any) -> Any:
 class StepNumbers:
     """Numbers from 1 for what nobody has to keep: `next` is a C function, 0.04 us a call.
 
-    They go on from run to run of a connection; `given` counts those of one run, for which it begins `anew`.
+    They go on from run to run of a connection; `given` counts those of one run, which `restart` begins.
     """
 
     def __init__(self) -> None:
@@ -118,7 +118,7 @@ class SearchState:
         """Starts afresh and gives what has to be handed to `end`.
 
         `key` gives equal SQL values one hashable value; what is compared needs none where it is `plain`, see also
-        `trust`. `keyed`: something else than rows is compared, and kept beside them.
+        `trust_plain_rows`. `keyed`: something else than rows is compared, and kept beside them.
         """
         outer = {name: getattr(self, name) for name in self.__slots__}
         outer |= {"counted": [numbers.restart() for numbers in (self.numbers, self.expansions)]}
@@ -138,7 +138,7 @@ class SearchState:
     def _reset(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool) -> None:
         self.key = key
         self.always_plain = self.plain = plain
-        self.asked: tuple[Any, ...] = ()  # the row that a guard was asked about, and let pass
+        self.asked: tuple[Any, ...] = ()  # the row that a repeat test let pass
         self.asked_key: Any = ()
         self.generated = 0
         self.expanded = 0
@@ -250,19 +250,19 @@ class SearchState:
         return len(self.rows) - 1
 
     def enter_first(self, parent: int) -> int:
-        """The same for the first step to the row that `reached` was asked about last."""
+        """The same for the first step to the row that `reached` was called with last."""
         number = self.met[self.asked_key] = len(self.rows)
         self.rows.append((parent, self.asked))
         return number
 
     def enter_best(self, parent: int, rank: Any) -> int:
-        """The same for the best step so far to the row that `improves` was asked about last."""
+        """The same for the best step so far to the row that `improves` was called with last."""
         self.met[self.asked_key] = rank
         self.rows.append((parent, self.asked))
         return len(self.rows) - 1
 
     def enter_keyed(self, parent: int, *row: Any) -> int:
-        """`enter` for a step whose key a guard was asked about last."""
+        """`enter` for a step whose key was tested last."""
         assert self.keyed is not None
         self.keyed.append((parent, self.asked_key))
         self.rows.append((parent, row))

@@ -1,4 +1,4 @@
-"""Helper functions of the SQL that lowering writes: they build, take apart and collect values of the pool."""
+"""Helper functions of the SQL that lowering writes: they build, take apart and collect interned values."""
 
 from __future__ import annotations
 

@@ -308,7 +308,7 @@ class NativeVectorizedFunction(VectorizedFunction):
         return first
 
     def adopt(self, arguments: Arguments, answer: Any) -> None:
-        """Remembers what a call has given elsewhere, a value or what it was Refused with."""
+        """Remembers what a call has given elsewhere, a value or a FailedCall."""
         self._keep((self.key(arguments), arguments), answer)
 
     def _keep(self, row: Row, answer: Any) -> None:

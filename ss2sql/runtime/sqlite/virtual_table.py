@@ -86,7 +86,7 @@ class WorldModules:
         self._signatures[name] = table.signature
 
     def _current(self, name: str) -> tuple[Reading, Interning]:
-        """The running query's reading of a table, and its interning pool."""
+        """The running query's reading of a table, and its Interning."""
         table = self.tables.get(name)
         if table is None:
             raise failure(f"the table '{name}' is not attached any more")
@@ -102,7 +102,7 @@ class WorldModules:
 
 
 class WorldModule:
-    """The module for one table. `current` gives the reading of the query that runs, and its pool.
+    """The module for one table. `current` gives the reading of the query that runs, and its Interning.
 
     `names` are the names of the columns in SQL, `columns` those of the table with the comparisons that each can pass
     on; `parameters` are those of a table function, the first `required` of which have no default.
