@@ -30,16 +30,16 @@ if TYPE_CHECKING:
 _EXTREMES: dict[str, type[exp.AggFunc]] = {"max": exp.Max, "min": exp.Min}
 
 
-def lower_function_of_rows(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> Node | None:
+def lower_function_of_rows(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
     """A call of a built-in function on the list that a query gives; None for any other call."""
     match call.arguments:
         case (plan.Subquery(query=query) as inner,) if query.representation.name in ("list", "rows", "dict"):
             aggregate = _choose_aggregate(lowering, call, query)
             if aggregate is None:
-                node = lowering.python(call, [lowering.value(inner, env)])
+                node = lowering.python(call, [lowering.value(inner, scope)])
             else:
-                node = sql_builder.scalar(lowering.unordered(inner, env, aggregate))
-            return memoize_reduction(lowering, call, node, env) if has_constant_source(query) else node
+                node = sql_builder.scalar(lowering.unordered(inner, scope, aggregate))
+            return memoize_reduction(lowering, call, node, scope) if has_constant_source(query) else node
         case _:
             return None
 
@@ -52,16 +52,16 @@ def _choose_aggregate(
     if query.search or query.group or query.limit or len(query.columns) > 1 or query.columns[0].star:
         return None
     if name == "len":
-        return lambda env: exp.Count(this=exp.Star())
+        return lambda scope: exp.Count(this=exp.Star())
     # An aggregate belongs to the innermost query whose columns it mentions.
     own = not list_sources(column).isdisjoint(source.id for source in query.sources)
     plain = any(column.type.kinds == kind for kind in (Kind.INT, Kind.FLOAT, Kind.STR))
     if name in _EXTREMES and own and plain and query.representation.name == "list":
-        return lambda env: _EXTREMES[name](this=lowering.lower(column, env))
+        return lambda scope: _EXTREMES[name](this=lowering.lower(column, scope))
     return None
 
 
-def memoize_reduction(lowering: ExpressionLowering, call: plan.Call, node: Node, env: SqlScope) -> Node:
+def memoize_reduction(lowering: ExpressionLowering, call: plan.Call, node: Node, scope: SqlScope) -> Node:
     """The value, which is computed once for each of the values that it reads of the rows around it."""
     inside = list_inside(call)
     queries = {part.id for part in walk(call) if isinstance(part, plan.Query)}
@@ -69,9 +69,9 @@ def memoize_reduction(lowering: ExpressionLowering, call: plan.Call, node: Node,
     for part in walk(call):
         match part:
             case plan.Element(source=source) | plan.Column(source=source) if source not in inside:
-                keys.append(lowering.value(part, env))
+                keys.append(lowering.value(part, scope))
             case plan.State(query=query) | plan.GroupKey(query=query) if query not in queries:
-                keys.append(lowering.value(part, env))
+                keys.append(lowering.value(part, scope))
     if not keys and not sql_builder.calls_python(node):
         return node  # SQLite evaluates it once
     number = sql_builder.number(lowering.needs.reduction(call))

@@ -37,7 +37,7 @@ MAX_BOX_SIZE = 2**22  # 4 MB; a list of a few points that lie far apart is left 
 # --- elements ------------------------------------------------------------------------------------------
 
 
-def lower_item(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> Node | None:
+def lower_item(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
     """`values[i]` and `rows[i][j]`, where the elements are integers in a narrow range, or bools."""
     container, indexes = _split_indexes(call)
     packing = None if "cells" in lowering.needs.disabled else _choose_encoding(container.type, len(indexes))
@@ -45,19 +45,19 @@ def lower_item(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> 
         return None
     if not all(index.type.only(INTEGRAL) and is_number(index.type) for index in indexes):
         return None
-    nodes = [lowering.lower(index, env) for index in indexes]
+    nodes = [lowering.lower(index, scope) for index in indexes]
     sizes = [container.type.size, container.type.item.size if container.type.item else None]
     cells = lowering.needs.packed(container, packing)
     found = _build_byte_lookup(
         lowering, cells, _build_offset(nodes, sizes[1 : len(nodes)]), _get_leaf_type(container.type, len(indexes))
     )
-    if all(_is_index_in_bounds(index, size, env.facts) for index, size in zip(indexes, sizes, strict=False)):
+    if all(_is_index_in_bounds(index, size, scope.facts) for index, size in zip(indexes, sizes, strict=False)):
         return found
     if not all(map(can_repeat, nodes)):
         return None
     inside = [_build_between(node, 0, size - 1) for node, size in zip(nodes, sizes, strict=False) if size is not None]
     otherwise = sql_builder.mark_as_rare(
-        lowering.python(call, [lowering.value(argument, env) for argument in call.arguments])
+        lowering.python(call, [lowering.value(argument, scope) for argument in call.arguments])
     )
     condition = sql_builder.conjunction(inside)
     assert condition is not None
@@ -142,7 +142,7 @@ def _build_between(node: Node, low: int, high: int) -> Node:
 # --- membership ----------------------------------------------------------------------------------------
 
 
-def lower_membership(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> Node | None:
+def lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
     """`[x, y] IN points` for lists of integers that lie close together."""
     item, container = call.arguments
     packing = None if "cells" in lowering.needs.disabled else _choose_point_encoding(container.type)
@@ -152,7 +152,7 @@ def lower_membership(lowering: ExpressionLowering, call: plan.Call, env: SqlScop
         return None
     if not all(part.type.only(INTEGRAL) and is_number(part.type) for part in item.items):
         return None
-    nodes = [lowering.lower(part, env) for part in item.items]
+    nodes = [lowering.lower(part, scope) for part in item.items]
     if not all(map(can_repeat, nodes)):
         return None
     places = [_subtract_number(node, low) for node, (low, _) in zip(nodes, packing.box, strict=True)]

@@ -97,7 +97,7 @@ def _reads_element(argument: plan.Expr, source: plan.ValueSource) -> bool:
 
 
 def add_call_columns(
-    selects: FlatLowering, query: plan.Query, calls: tuple[plan.Call, ...], item: Node, env: SqlScope
+    selects: FlatLowering, query: plan.Query, calls: tuple[plan.Call, ...], item: Node, scope: SqlScope
 ) -> tuple[Node, SqlScope]:
     """The item of FROM for the last source with columns for these calls, and the sight in which they are known."""
     source = query.sources[-1]
@@ -123,7 +123,7 @@ def add_call_columns(
         made.append(ElementCall(choose_free_name(call.function.name, taken), call.function.name, tuple(arguments)))
     module = selects.needs.name_list_table(ListTable(columns, tuple(made)))
     if module is None:
-        return item, env
+        return item, scope
     selects.needs.applied["calls"] = None
     label = item.alias_or_name
     known = [
@@ -131,6 +131,6 @@ def add_call_columns(
         for call, column in zip(calls, made, strict=True)
     ]
     table = sql_builder.table_function(
-        module, [*item.this.expressions, *(selects.expressions.value(argument, env) for argument in given)], label
+        module, [*item.this.expressions, *(selects.expressions.value(argument, scope) for argument in given)], label
     )
-    return table, replace(env, known=(*env.known, *known))
+    return table, replace(scope, known=(*scope.known, *known))

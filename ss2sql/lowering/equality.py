@@ -31,8 +31,8 @@ MAX_WRITTEN_MEMBERS = 30  # of a list that is written into the text
 LowerFunction: TypeAlias = "Callable[[ExpressionLowering, plan.Call, SqlScope], Node | None]"
 
 
-def _lower_operands(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> list[Node]:
-    return [lowering.lower(argument, env) for argument in call.arguments]
+def _lower_operands(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> list[Node]:
+    return [lowering.lower(argument, scope) for argument in call.arguments]
 
 
 def _has_one_form(kind: Type) -> bool:
@@ -49,7 +49,7 @@ def _is_bound_beforehand(expr: plan.Expr) -> bool:
     return isinstance(expr, (plan.Constant, plan.Variable)) or (is_run_constant(expr) and not can_fail(expr))
 
 
-def _compare_handles(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> Node | None:
+def _compare_handles(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
     """Structured values that are compared by their handles, which saves a Python call of 0.4 us.
 
     Of one that is known beforehand, it is taken for granted that no value that equals it has another form; the
@@ -59,18 +59,18 @@ def _compare_handles(lowering: ExpressionLowering, call: plan.Call, env: SqlScop
     first, second = call.arguments
     nodes: list[Node] | None = None
     if _has_one_form(first.type) and _has_one_form(second.type):
-        nodes = [lowering.value(argument, env) for argument in call.arguments]
+        nodes = [lowering.value(argument, scope) for argument in call.arguments]
     elif not lowering.needs.by_value:
         for known, other in ((first, second), (second, first)):
             if _is_bound_beforehand(known) and _has_one_form(known.type):
-                nodes = [lowering.value(other, env), lowering.needs.bind_plain(known)]
+                nodes = [lowering.value(other, scope), lowering.needs.bind_plain(known)]
                 break
     if nodes is None:
         return None
     return sql_builder.binary(exp.NullSafeEQ if call.function.name == "eq" else exp.NullSafeNEQ, *nodes)
 
 
-def _compare_with_equal_value(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> Node | None:
+def _compare_with_equal_value(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
     """A number or a string that is compared with a variable of unknown kind: with the one that this equals.
 
     Then SQLite compares by itself, uses indexes, and passes the comparison on to worlds.
@@ -82,11 +82,11 @@ def _compare_with_equal_value(lowering: ExpressionLowering, call: plan.Call, env
         if plain and isinstance(other, plan.Variable) and not isinstance(known, plan.Variable):
             bound = lowering.needs.bind(other, other.name, False, EqualValueEncoding(text))
             kind = exp.NullSafeEQ if call.function.name == "eq" else exp.NullSafeNEQ
-            return sql_builder.binary(kind, lowering.lower(known, env), bound)
+            return sql_builder.binary(kind, lowering.lower(known, scope), bound)
     return None
 
 
-def _lower_equality(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> Node | None:
+def _lower_equality(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
     left, right = (argument.type for argument in call.arguments)
     equal = call.function.name == "eq"
     for index, argument in enumerate(call.arguments):
@@ -94,34 +94,34 @@ def _lower_equality(lowering: ExpressionLowering, call: plan.Call, env: SqlScope
             # None equals nothing but None, whatever the other side is.
             question = call.arguments[1 - index]
             if isinstance(question, plan.Subquery) and is_exists(question.query):
-                found = lowering.exists(question, env)
+                found = lowering.exists(question, scope)
                 return exp.Not(this=found) if equal else found
-            other = sql_builder.wrap_operand(lowering.value(call.arguments[1 - index], env))
+            other = sql_builder.wrap_operand(lowering.value(call.arguments[1 - index], scope))
             none = sql_builder.null()
             return exp.Is(this=other, expression=none if equal else exp.Not(this=none))
     if not have_same_storage_class(left, right, none=True):
-        return _compare_with_equal_value(lowering, call, env) or _compare_handles(lowering, call, env)
-    a, b = _lower_operands(lowering, call, env)
+        return _compare_with_equal_value(lowering, call, scope) or _compare_handles(lowering, call, scope)
+    a, b = _lower_operands(lowering, call, scope)
     if left.may(Kind.NONE) or right.may(Kind.NONE):
         return sql_builder.binary(exp.NullSafeEQ if equal else exp.NullSafeNEQ, a, b)
     return sql_builder.binary(exp.EQ if equal else exp.NEQ, a, b)
 
 
-def _lower_membership(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> Node | None:
+def _lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
     """`x IN [1, 2, 3]`, a list of the class of x: written out where it is short, else walked once by SQLite."""
     item, items = call.arguments
     known = items.type.item if items.type.kinds == Kind.LIST else None
     if known is None or not have_same_storage_class(item.type, known) or known.may(Kind.BOOL):
-        return lower_membership(lowering, call, env)
+        return lower_membership(lowering, call, scope)
     if not isinstance(items, (plan.Constant, plan.Variable)):
         return None  # before the item is lowered: who comes next would lower it again, and all within it
-    this = sql_builder.wrap_operand(lowering.lower(item, env))
+    this = sql_builder.wrap_operand(lowering.lower(item, scope))
     if isinstance(items, plan.Constant) and len(items.value) <= MAX_WRITTEN_MEMBERS:
         written = [lowering.constant(plan.Constant(value, known, span=items.span)) for value in items.value]
         test = exp.In(this=this, expressions=written)
     else:
         label = lowering.needs.label("members")
-        members = lowering.lower(items, env)
+        members = lowering.lower(items, scope)
         if isinstance(members, exp.Placeholder):
             lowering.needs.members.add(members.name)
         walked = sql_builder.table_function(lowering.needs.elements(()), [members], label)
@@ -131,12 +131,12 @@ def _lower_membership(lowering: ExpressionLowering, call: plan.Call, env: SqlSco
     return test if call.function.name == "in" else exp.Not(this=exp.Paren(this=test))
 
 
-def _lower_like(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> Node | None:
+def _lower_like(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
     """A pattern that is written out. SQLite's GLOB ends at a NUL, so some texts with one in them are left to Python."""
     value, pattern = call.arguments
     if call.function.raises or not isinstance(pattern, plan.Constant) or pattern.value.count("%") > 2:
         return None  # SQLite's GLOB tries every place of each *
-    text, node, negated = pattern.value, lowering.lower(value, env), call.function.name == "not_like"
+    text, node, negated = pattern.value, lowering.lower(value, scope), call.function.name == "not_like"
     part = text.strip("%")
     plain = "_" not in part and "%" not in part
     if plain and text == part:

@@ -52,13 +52,13 @@ class FlatLowering:
 
     # --- parts -----------------------------------------------------------------------------------------
 
-    def conditions(self, where: plan.Expr | None, env: SqlScope) -> list[Node]:
+    def conditions(self, where: plan.Expr | None, scope: SqlScope) -> list[Node]:
         """WHERE, which cannot fail, as conditions that all have to hold, in any order."""
-        return [self.expressions.condition(part, env) for part in split_and(where)]
+        return [self.expressions.condition(part, scope) for part in split_and(where)]
 
-    def flat(self, query: plan.Query, env: SqlScope) -> JoinBuilder:
+    def flat(self, query: plan.Query, scope: SqlScope) -> JoinBuilder:
         """FROM and WHERE of a query."""
-        opened, inner = open_sources(self, query.sources, env)
+        opened, inner = open_sources(self, query.sources, scope)
         tables = any(isinstance(source, plan.TableSource) for source in _find_all_sources(query))
         disabled = self.needs.disabled
         looks_up = self.copies is not None and "lookup" not in disabled
@@ -76,7 +76,7 @@ class FlatLowering:
         natural = flat.natural_order if all(is_sortable(key.expr.type) for key in query.order) else None
         if natural is None:
             return None
-        keys = [(self.expressions.lower(key.expr, flat.env), key.descending) for key in query.order]
+        keys = [(self.expressions.lower(key.expr, flat.scope), key.descending) for key in query.order]
         return keys + [(key, False) for key in natural]
 
     def _scan_in_order(self, flat: JoinBuilder) -> None:
@@ -95,15 +95,15 @@ class FlatLowering:
 
     # --- grouped queries -------------------------------------------------------------------------------
 
-    def grouped(self, query: plan.Query, env: SqlScope, names: list[str | None]) -> exp.Select:
+    def grouped(self, query: plan.Query, scope: SqlScope, names: list[str | None]) -> exp.Select:
         """One row per group, in order of first appearance."""
-        flat = self.flat(query, env)
+        flat = self.flat(query, scope)
         where = sql_builder.conjunction(flat.terms)
         first = flat.natural_order
         if (not query.group or (first is not None and len(first) == 1)) and not _needs_numbers(query):
-            keys = [self.expressions.lower(key, flat.env) for key in query.group]
+            keys = [self.expressions.lower(key, flat.scope) for key in query.group]
             number = first[0] if query.group and first else sql_builder.null()
-            return self._group(query, _GroupInput(flat.env, flat.items, where, keys, number), names)
+            return self._group(query, _GroupInput(flat.scope, flat.items, where, keys, number), names)
         return self._group_numbered(query, flat, where, names)
 
     def _group_numbered(
@@ -112,23 +112,25 @@ class FlatLowering:
         """Groups of a product: its rows are numbered first, so that groups can be sorted by first appearance."""
         arguments = tuple(dict.fromkeys(find_aggregate_inputs(query)))
         inner = self._number_product_rows(
-            flat, select_group_inputs(self, arguments, query.group, flat.env, False), where
+            flat, select_group_inputs(self, arguments, query.group, flat.scope, False), where
         )
-        return self.group_numbered_rows(query, inner, arguments, flat.env, names)
+        return self.group_numbered_rows(query, inner, arguments, flat.scope, names)
 
     def group_numbered_rows(
         self,
         query: plan.Query,
         inner: exp.Select,
         arguments: Sequence[plan.Expr],
-        env: SqlScope,
+        scope: SqlScope,
         names: list[str | None],
     ) -> exp.Select:
         """The groups of rows with the columns of the numbered product `inner`."""
         label = self.needs.label("product")
         columns = [sql_builder.column(f"argument_{index}", label) for index in range(1, len(arguments) + 1)]
         keys: list[Node] = [sql_builder.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
-        rows = _GroupInput(env, [sql_builder.derived(inner, label)], None, keys, sql_builder.column("position", label))
+        rows = _GroupInput(
+            scope, [sql_builder.derived(inner, label)], None, keys, sql_builder.column("position", label)
+        )
         return _NumberedLowering(self, arguments, columns)._group(query, rows, names)
 
     def _number_product_rows(self, flat: JoinBuilder, outputs: list[Node], where: Node | None) -> exp.Select:
@@ -142,51 +144,51 @@ class FlatLowering:
         return sql_builder.select([*outputs, sql_builder.alias(number, "position")], flat.items, where)
 
     def _group(self, query: plan.Query, rows: _GroupInput, names: list[str | None]) -> exp.Select:
-        env = rows.env.with_groups({(query.id, index): key for index, key in enumerate(rows.keys)})
-        select = rows.grouped(self.outputs(query, env, names))
+        scope = rows.scope.with_groups({(query.id, index): key for index, key in enumerate(rows.keys)})
+        select = rows.grouped(self.outputs(query, scope, names))
         if query.having is not None:
-            having = self.expressions.condition(query.having, env)
+            having = self.expressions.condition(query.having, scope)
             select.set("having", exp.Having(this=having))
         if not query.group:
             return select
-        order = [(self.expressions.lower(key.expr, env), key.descending) for key in query.order]
+        order = [(self.expressions.lower(key.expr, scope), key.descending) for key in query.order]
         if not all(isinstance(key, plan.Constant) for key in query.group):  # else there is one group
             order.append((rows.first_row, False))
         return sql_builder.sort_query(select, order)
 
     # --- whole queries ---------------------------------------------------------------------------------
 
-    def outputs(self, query: plan.Query, env: SqlScope, names: list[str | None], boxed: bool = False) -> list[Node]:
+    def outputs(self, query: plan.Query, scope: SqlScope, names: list[str | None], boxed: bool = False) -> list[Node]:
         lower = self.expressions.value if boxed else self.expressions.lower
-        nodes = [lower(output.expr, env) for output in query.columns]
+        nodes = [lower(output.expr, scope) for output in query.columns]
         return [sql_builder.named(node, name) for node, name in zip(nodes, names, strict=True)]
 
-    def rows(self, query: plan.Query, env: SqlScope, names: list[str | None], boxed: bool = False) -> exp.Select:
+    def rows(self, query: plan.Query, scope: SqlScope, names: list[str | None], boxed: bool = False) -> exp.Select:
         """The query's rows, sorted and cut; the caller guarantees that SQL can sort them."""
         limit, offset = self.needs.limits(query)
         if query.aggregated:
-            select = self.grouped(query, env, names)
+            select = self.grouped(query, scope, names)
             return sql_builder.sort_query(select, (), limit, offset)
-        flat = self.flat(query, env)
+        flat = self.flat(query, scope)
         order = self.order(query, flat)
         assert order is not None, "declared in unsupported.py"
-        outputs = self.outputs(query, flat.env, names, boxed)
+        outputs = self.outputs(query, flat.scope, names, boxed)
         return sql_builder.select(outputs, flat.items, sql_builder.conjunction(flat.terms), order, limit, offset)
 
-    def derived(self, query: plan.Query, env: SqlScope) -> exp.Select:
+    def derived(self, query: plan.Query, scope: SqlScope) -> exp.Select:
         """The query as a derived table, its columns under the names of sql_names."""
         names = choose_column_names(tuple(output.name for output in query.columns))
-        select = self.rows(query, env, list(names.values()))
+        select = self.rows(query, scope, list(names.values()))
         if select.args.get("limit") is None:
             sql_builder.sort_query(select, (), sql_builder.unlimited())
         return select
 
-    def subquery(self, query: plan.Query, env: SqlScope) -> Node:
+    def subquery(self, query: plan.Query, scope: SqlScope) -> Node:
         """A query in an expression: the value that its representation gives."""
         name = query.representation.name
         flag = query.aggregated and is_flag(query.columns[0].expr.type)  # which would not be made a value again
         if name == "value" and not flag:
-            select = self.rows(replace(query, columns=query.columns[:1]), env, [None], boxed=not query.aggregated)
+            select = self.rows(replace(query, columns=query.columns[:1]), scope, [None], boxed=not query.aggregated)
             if select.args.get("limit") is None:
                 sql_builder.sort_query(select, (), sql_builder.number(1))
             return sql_builder.scalar(select)
@@ -196,12 +198,12 @@ class FlatLowering:
         simple = simple and not (query.aggregated or query.order or query.limit)
         tables = any(isinstance(source, plan.TableSource) for source in _find_all_sources(query))
         if simple and not tables:
-            flat = self.flat(query, env)
-            values = self.outputs(query, flat.env, [None] * len(query.columns), boxed=True)
+            flat = self.flat(query, scope)
+            values = self.outputs(query, flat.scope, [None] * len(query.columns), boxed=True)
             collected = self._collect_values(query, values)
             return sql_builder.scalar(sql_builder.select([collected], flat.items, sql_builder.conjunction(flat.terms)))
         label = self.needs.label("results")
-        select = self.derived(query, env)
+        select = self.derived(query, scope)
         columns: list[Node] = []
         for output, name_ in zip(
             query.columns, choose_column_names(tuple(o.name for o in query.columns)).values(), strict=True
@@ -212,11 +214,11 @@ class FlatLowering:
             sql_builder.select([self._collect_values(query, columns)], [sql_builder.derived(select, label)])
         )
 
-    def unordered(self, query: plan.Query, env: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
+    def unordered(self, query: plan.Query, scope: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
         """One column over the rows of a query whose order is of no account."""
-        flat = self.flat(replace(query, limit=None), env)
+        flat = self.flat(replace(query, limit=None), scope)
         where = sql_builder.conjunction([term for term in flat.terms if term not in flat.ordering])
-        return sql_builder.select([output(flat.env)], flat.items, where)
+        return sql_builder.select([output(flat.scope)], flat.items, where)
 
     def _collect_values(self, query: plan.Query, values: list[Node]) -> Node:
         if query.representation.name != "dict":
@@ -231,7 +233,7 @@ class FlatLowering:
 class _GroupInput:
     """The rows that are put into groups: how they are read, FROM and WHERE, the keys, and what numbers them."""
 
-    env: SqlScope
+    scope: SqlScope
     items: list[Node]
     where: Node | None
     keys: list[Node]
@@ -262,11 +264,11 @@ class _ArgumentLowering(ExpressionLowering):
         super().__init__(selects.needs, selects.subquery, selects.unordered)
         self.known = list(zip(arguments, columns, strict=True))
 
-    def value(self, expr: plan.Expr, env: SqlScope) -> Node:
+    def value(self, expr: plan.Expr, scope: SqlScope) -> Node:
         for argument, column in self.known:
             if argument == expr:
                 return column.copy()
-        return super().value(expr, env)
+        return super().value(expr, scope)
 
 
 def _find_all_sources(query: plan.Query) -> list[plan.Source]:
@@ -293,13 +295,13 @@ def select_group_inputs(
     selects: FlatLowering,
     arguments: Sequence[plan.Expr],
     keys: Sequence[plan.Expr],
-    env: SqlScope,
+    scope: SqlScope,
     position: bool = True,
 ) -> list[Node]:
     """What is computed of each row before groups are made: arguments of aggregates, the keys, and its position."""
     lower, value = selects.expressions.lower, selects.expressions.value
-    shown = [sql_builder.alias(value(expr, env), f"argument_{index}") for index, expr in enumerate(arguments, 1)]
-    shown += [sql_builder.alias(lower(key, env), f"key_{index}") for index, key in enumerate(keys, 1)]
+    shown = [sql_builder.alias(value(expr, scope), f"argument_{index}") for index, expr in enumerate(arguments, 1)]
+    shown += [sql_builder.alias(lower(key, scope), f"key_{index}") for index, key in enumerate(keys, 1)]
     return [*shown, sql_builder.alias(sql_builder.call("next_position"), "position")] if position else shown
 
 

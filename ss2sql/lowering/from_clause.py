@@ -45,7 +45,7 @@ class FromItem:
 
 
 def open_sources(
-    selects: FlatLowering, sources: tuple[plan.Source, ...], env: SqlScope, search: int | None = None
+    selects: FlatLowering, sources: tuple[plan.Source, ...], scope: SqlScope, search: int | None = None
 ) -> tuple[list[FromItem], SqlScope]:
     """All sources of a query, from left to right, each in the sight of those before it.
 
@@ -54,17 +54,17 @@ def open_sources(
     siblings: set[int] = set()
     opened: list[FromItem] = []
     for source in sources:
-        part = open_source(selects, source, env, siblings, search)
-        env = env.with_source(source.id, part.reader)
+        part = open_source(selects, source, scope, siblings, search)
+        scope = scope.with_source(source.id, part.reader)
         siblings.add(source.id)
         opened.append(part)
-    return opened, env
+    return opened, scope
 
 
 def open_source(
     selects: FlatLowering,
     source: plan.Source,
-    env: SqlScope,
+    scope: SqlScope,
     siblings: set[int],
     search: int | None,
 ) -> FromItem:
@@ -73,21 +73,23 @@ def open_source(
         case plan.TableSource():
             return _open_table(selects, source)
         case plan.ValueSource(value=value):
-            return _open_elements(selects, source, selects.expressions.value(value, env))
+            return _open_elements(selects, source, selects.expressions.value(value, scope))
         case plan.QuerySource(optional=True):
-            return _open_left_joined(selects, source, env, siblings)
+            return _open_left_joined(selects, source, scope, siblings)
         case plan.QuerySource(query=query):
             if _can_join(query) and not (search is None and _reads_only_outer_rows(query, siblings)):
-                return _open_joined(selects, source, env, siblings, search)
+                return _open_joined(selects, source, scope, siblings, search)
             lateral = varies_with(query, siblings, search)
             whole = search is not None
             outside = list_sources(query) - list_inside(query) or list_states(query)
             apart = not lateral and not (whole and outside)
             if apart and query.representation.name == "dict" and (not query.group or query.aggregated):
-                return _open_derived(selects, source, env, whole)
-            return _open_elements(selects, source, selects.subquery(query, replace(env, again=env.again or lateral)))
+                return _open_derived(selects, source, scope, whole)
+            return _open_elements(
+                selects, source, selects.subquery(query, replace(scope, again=scope.again or lateral))
+            )
         case plan.WorldSource():
-            return _open_world(selects, source, env)
+            return _open_world(selects, source, scope)
         case _:
             assert_never(source)
 
@@ -132,7 +134,7 @@ def _open_elements(selects: FlatLowering, source: plan.ValueSource | plan.QueryS
     return FromItem((item,), read, (sql_builder.column("rowid", label),), witness)
 
 
-def _open_world(selects: FlatLowering, source: plan.WorldSource, env: SqlScope) -> FromItem:
+def _open_world(selects: FlatLowering, source: plan.WorldSource, scope: SqlScope) -> FromItem:
     """A table of a world, or one of its table functions; it is walked in its own order."""
     label = selects.needs.label(source.name)
     names = choose_column_names(tuple(name for name, _ in source.columns))
@@ -143,7 +145,7 @@ def _open_world(selects: FlatLowering, source: plan.WorldSource, env: SqlScope) 
 
     item = sql_builder.table(source.table.module, label)
     if source.table.schema.parameters:
-        arguments = [selects.expressions.value(argument, env) for argument in source.arguments]
+        arguments = [selects.expressions.value(argument, scope) for argument in source.arguments]
         item = sql_builder.table_function(source.table.module, arguments, label)
     return FromItem((item,), read, (sql_builder.column(ROW_NUMBER, label),), sql_builder.column(ROW_NUMBER, label))
 
@@ -177,13 +179,13 @@ def _reads_only_outer_rows(query: plan.Query, siblings: set[int]) -> bool:
 
 
 def _open_joined(
-    selects: FlatLowering, source: plan.QuerySource, env: SqlScope, siblings: set[int], search: int | None
+    selects: FlatLowering, source: plan.QuerySource, scope: SqlScope, siblings: set[int], search: int | None
 ) -> FromItem:
     """The sources and conditions of a simple query, joined with those of the query around it."""
     query = source.query
     items: list[Node] = []
     order: list[Node] = []
-    inner = env
+    inner = scope
     for part in query.sources:
         opened = open_source(selects, part, inner, siblings, search)
         inner = inner.with_source(part.id, opened.reader)
@@ -210,16 +212,16 @@ def _read_through_query(opened: FromItem, query: plan.Query) -> Reader:
     return read
 
 
-def _open_left_joined(selects: FlatLowering, source: plan.QuerySource, env: SqlScope, siblings: set[int]) -> FromItem:
+def _open_left_joined(selects: FlatLowering, source: plan.QuerySource, scope: SqlScope, siblings: set[int]) -> FromItem:
     """The right side of a LEFT JOIN. A number of its rows is needed, which says whether there is one."""
     query = source.query
     (inner,) = query.sources
     if isinstance(inner, plan.QuerySource) and not inner.optional and not varies_with(inner.query, siblings, None):
-        part = _open_numbered(selects, _open_derived(selects, inner, env, False), inner)
+        part = _open_numbered(selects, _open_derived(selects, inner, scope, False), inner)
     else:
-        part = open_source(selects, inner, env, siblings, None)
+        part = open_source(selects, inner, scope, siblings, None)
         part = part if part.order else _open_numbered(selects, part, inner)
-    here = env.with_source(inner.id, part.reader)
+    here = scope.with_source(inner.id, part.reader)
     on = [selects.expressions.all_of(split_and(query.where), here)] if query.where is not None else []
     plain, number = _read_through_query(part, query), part.order[-1]
     element, kinds = query.columns[0].expr.type, dict(inner.columns or ())
@@ -250,17 +252,17 @@ def _open_numbered(selects: FlatLowering, part: FromItem, source: plan.Source) -
     return FromItem((item,), part.reader, (number,), number, (sort_by_row_number(label, number.name),))
 
 
-def _open_derived(selects: FlatLowering, source: plan.QuerySource, env: SqlScope, whole: bool) -> FromItem:
+def _open_derived(selects: FlatLowering, source: plan.QuerySource, scope: SqlScope, whole: bool) -> FromItem:
     """`(SELECT ... LIMIT -1) AS name`, which the limit keeps apart, and its order with it; or a table of WITH."""
     query, needs = source.query, selects.needs
     label = needs.label(source.name)
     if whole:
         if source.id not in needs.materialized_ctes:  # a search opens its sources twice
-            made = selects.derived(query, env)
+            made = selects.derived(query, scope)
             needs.materialized_ctes[source.id] = build_materialized_cte(needs.table(f"{source.name}_once"), made)
         item: Node = sql_builder.table(needs.materialized_ctes[source.id].alias, label)
     else:
-        item = sql_builder.derived(selects.derived(query, env), label)
+        item = sql_builder.derived(selects.derived(query, scope), label)
     names = choose_column_names(tuple(output.name for output in query.columns))
     columns: dict[str, Node] = {name: sql_builder.column(short, label) for name, short in names.items()}
     return FromItem((item,), make_column_reader(selects, query, columns), (), next(iter(columns.values())))

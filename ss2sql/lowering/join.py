@@ -87,14 +87,14 @@ class JoinBuilder:
     """The product of a query's sources, put together level by level."""
 
     def __init__(
-        self, selects: FlatLowering, query: plan.Query, opened: list[FromItem], env: SqlScope, levels: EvaluationOrder
+        self, selects: FlatLowering, query: plan.Query, opened: list[FromItem], scope: SqlScope, levels: EvaluationOrder
     ) -> None:
         self.selects = selects
         self.query = query
         self.opened = opened
         self.levels = levels
         self.tables: list[DerivedTable] = []
-        self.env = replace(env, sources={**env.sources, **self._make_readers(env)})
+        self.scope = replace(scope, sources={**scope.sources, **self._make_readers(scope)})
         self.keys: dict[int, dict[ExpressionKey, str]] = {}  # by source: columns of its copy that are computed
         self.items: list[Node] = []
         self.terms: list[Node] = []
@@ -131,11 +131,11 @@ class JoinBuilder:
             node = table.carry(node)
         return node
 
-    def _make_readers(self, env: SqlScope) -> dict[int, Reader]:
+    def _make_readers(self, scope: SqlScope) -> dict[int, Reader]:
         def outward(reader: Reader) -> Reader:
             return lambda expr: self.translate_outward(reader(expr))
 
-        return {source.id: outward(env.sources[source.id]) for source in self.query.sources}
+        return {source.id: outward(scope.sources[source.id]) for source in self.query.sources}
 
     @property
     def copies(self) -> bool:
@@ -177,9 +177,9 @@ class JoinBuilder:
         for key in natural:
             table.carry(key)  # one column has to be there
         self.tables.append(table)
-        self.env = replace(self.env, known=tuple((expr, table.carry(node)) for expr, node in self.env.known))
+        self.scope = replace(self.scope, known=tuple((expr, table.carry(node)) for expr, node in self.scope.known))
         late = [condition.expr for condition in conditions if not condition.free]
-        self.terms = [self.selects.expressions.all_of(tuple(late), self.env)] if late else []
+        self.terms = [self.selects.expressions.all_of(tuple(late), self.scope)] if late else []
         self.rows_sorted = True
 
     def _enclose_join(self, name: str, order: Sequence[tuple[Node, bool]] = ()) -> DerivedTable:
@@ -231,9 +231,9 @@ class JoinBuilder:
         """The equality with a column of the copy."""
         lower = self.selects.expressions
         if key.plain:
-            sides = sql_builder.column(name, label), lower.lower(key.other, self.env)
+            sides = sql_builder.column(name, label), lower.lower(key.other, self.scope)
         else:
-            sides = sql_builder.column(name, label), sql_builder.call("as_key", lower.value(key.other, self.env))
+            sides = sql_builder.column(name, label), sql_builder.call("as_key", lower.value(key.other, self.scope))
         none = not key.plain or any(side.type.may(Kind.NONE) for side in (key.expr, key.other))
         return sql_builder.binary(exp.NullSafeEQ if none else exp.EQ, *sides)
 
@@ -241,12 +241,12 @@ class JoinBuilder:
         """The column of the copy."""
         lower = self.selects.expressions
         node = (
-            lower.lower(key.expr, self.env)
+            lower.lower(key.expr, self.scope)
             if key.plain
-            else sql_builder.call("as_key", lower.value(key.expr, self.env))
+            else sql_builder.call("as_key", lower.value(key.expr, self.scope))
         )
         if key.guards:
-            node = sql_builder.case([(lower.all_of(key.guards, self.env), node)], sql_builder.null())
+            node = sql_builder.case([(lower.all_of(key.guards, self.scope), node)], sql_builder.null())
         return sql_builder.alias(node, name)
 
     def _left_join(self, source: plan.Source, part: FromItem) -> None:
@@ -267,15 +267,15 @@ class JoinBuilder:
             return self._write_key_equality(
                 part.items[0].alias_or_name, condition.key, self.keys[source][condition.key]
             )
-        node = self.selects.expressions.condition(condition.expr, self.env)
+        node = self.selects.expressions.condition(condition.expr, self.scope)
         return self._delay_condition(condition.level, self.levels.of(condition.expr), node)
 
     def _in_order(self, group: list[plan.Expr], level: int, free: list[plan.Expr]) -> Node:
         """Parts of WHERE that may fail, in their order."""
-        node = self.selects.expressions.all_of(tuple(group), self.env)
+        node = self.selects.expressions.all_of(tuple(group), self.scope)
         if isinstance(self.query.sources[level - 1], plan.TableSource):
             # SQLite evaluates first what an index of the table answers, whatever stands before it.
-            before = [self.selects.expressions.condition(part, self.env) for part in free]
+            before = [self.selects.expressions.condition(part, self.scope) for part in free]
             node = sql_builder.case(
                 [(exp.Not(this=sql_builder.wrap_operand(part)), sql_builder.number(0)) for part in before], node
             )
@@ -296,15 +296,15 @@ class JoinBuilder:
         """Makes a table of what is joined so far, with the values of its level."""
         table = self._enclose_join(f"to_{self.query.sources[level - 1].name}")
         values = [value.expr for value in hoisted if value.level == level]
-        nodes = [self.selects.expressions.lower(expr, self.env) for expr in values]
+        nodes = [self.selects.expressions.lower(expr, self.scope) for expr in values]
         self.tables.append(table)
         here = [
             (e, sql_builder.column(table.add(_choose_name(e), n), table.label))
             for e, n in zip(values, nodes, strict=True)
         ]
         later = self._find_later_expressions(level, conditions, hoisted)
-        known = [(expr, table.carry(node)) for expr, node in self.env.known if _is_read_later(expr, later, values)]
-        self.env = replace(self.env, known=(*here, *known))
+        known = [(expr, table.carry(node)) for expr, node in self.scope.known if _is_read_later(expr, later, values)]
+        self.scope = replace(self.scope, known=(*here, *known))
 
     def _find_later_expressions(
         self, level: int, conditions: list[Condition], hoisted: list[HoistedValue]

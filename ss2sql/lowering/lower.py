@@ -84,14 +84,14 @@ def lower(
         order = selects.order(query, flat)
         keys = query.group
         orders = query.order if order is None else ()
-        outputs = selects.outputs(query, flat.env, _choose_column_names(query))
-        outputs += [selects.expressions.lower(key, flat.env) for key in keys]
-        outputs += [selects.expressions.lower(key.expr, flat.env) for key in orders]
+        outputs = selects.outputs(query, flat.scope, _choose_column_names(query))
+        outputs += [selects.expressions.lower(key, flat.scope) for key in keys]
+        outputs += [selects.expressions.lower(key.expr, flat.scope) for key in orders]
         is_sorted, is_limited = order is not None, order is not None and _can_limit_in_sql(query)
         limits = needs.limits(query) if is_limited else (None, None)
         select = sql_builder.select(outputs, flat.items, sql_builder.conjunction(flat.terms), order or (), *limits)
         if "late" not in disabled and not keys and not orders:
-            shown_late = {key: selects.expressions.lower(key, flat.env) for key in find_late_columns(query)}
+            shown_late = {key: selects.expressions.lower(key, flat.scope) for key in find_late_columns(query)}
     read_late: LateColumns | None = None
     if shown_late:
         select = sql_builder.replace_outputs(

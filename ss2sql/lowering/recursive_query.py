@@ -124,10 +124,10 @@ class RecursiveQuery(ABC):
 
     def reading(self) -> SqlScope:
         """Reads elements from a row of the recursive table."""
-        env = SqlScope()
+        scope = SqlScope()
         for source in self.query.sources:
-            env = env.with_source(source.id, self._find_carried_reads)
-        return env
+            scope = scope.with_source(source.id, self._find_carried_reads)
+        return scope
 
     def _find_carried_reads(self, expr: plan.Element | plan.Column) -> Node:
         if parts := self.parts(expr):
@@ -174,14 +174,16 @@ class RecursiveQuery(ABC):
         each = tuple(
             replace(source, value=self._substitute_start_values(source.value, values)) for source in self.search.each
         )
-        opened, env = open_sources(self.selects, each, SqlScope())
+        opened, scope = open_sources(self.selects, each, SqlScope())
         moved = {source.id for source in each}
         states: dict[tuple[int, str], Node] = {}
         for name, value in values.items():
             flag = self.flags[name]
             plain = isinstance(value, plan.Constant) and not isinstance(value.value, (list, bool))
             if list_sources(value) & moved:
-                states[(self.query.id, name)] = (self.expressions.lower if flag else self.expressions.value)(value, env)
+                states[(self.query.id, name)] = (self.expressions.lower if flag else self.expressions.value)(
+                    value, scope
+                )
             else:
                 known = self.expressions.lower(value, SqlScope()) if plain else needs.bind(value, name, flag)
                 states[(self.query.id, name)] = known
@@ -197,11 +199,11 @@ class RecursiveQuery(ABC):
         """Whether the state of a start counts as visited."""
         return self.keyed and self.search.by == "state"
 
-    def visited(self, env: SqlScope) -> list[Node]:
+    def visited(self, scope: SqlScope) -> list[Node]:
         """What lets the state of a start count as visited, where it does."""
         if not self.visits:
             return []
-        return [sql_builder.call("visit", *(self.expressions.value(part, env) for part in self.compared))]
+        return [sql_builder.call("visit", *(self.expressions.value(part, scope) for part in self.compared))]
 
     def _started(self, opened: list[FromItem], states: dict[tuple[int, str], Node]) -> dict[tuple[int, str], Node]:
         """The START WITH variables as columns of a table, where they are another value in each start."""
@@ -226,25 +228,25 @@ class RecursiveQuery(ABC):
             return values[expr.name]
         return rebuild(expr, lambda part: self._substitute_start_values(part, values))
 
-    def following(self, env: SqlScope) -> dict[tuple[int, str], Node]:
+    def following(self, scope: SqlScope) -> dict[tuple[int, str], Node]:
         """The state after CONNECT BY. A later assignment sees an earlier one: its expression stands for the name.
 
         Where the columns are made in the order of `variables`, all that may fail is evaluated in the order of the text.
         """
-        states = dict(env.states)
+        states = dict(scope.states)
         for name, expr in self.search.connect:
             lower = self.expressions.lower if self.flags[name] else self.expressions.value
-            states[(self.query.id, name)] = lower(expr, env.with_states(states))
+            states[(self.query.id, name)] = lower(expr, scope.with_states(states))
         return states
 
     # --- sources ---------------------------------------------------------------------------------------
 
-    def open(self, env: SqlScope) -> tuple[list[Node], list[Node], SqlScope, list[Node]]:
+    def open(self, scope: SqlScope) -> tuple[list[Node], list[Node], SqlScope, list[Node]]:
         """The items of FROM for the children of a state, their conditions, the sight on them, a column of each."""
-        opened, env = open_sources(self.selects, self.query.sources, env, self.query.id)
+        opened, scope = open_sources(self.selects, self.query.sources, scope, self.query.id)
         items = [item for part in opened for item in part.items]
         conditions = [condition for part in opened for condition in part.conditions]
-        return items, conditions, env, [part.witness_column for part in opened]
+        return items, conditions, scope, [part.witness_column for part in opened]
 
     def order_items(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The items of FROM, read so that their rows come in order under these conditions, which may become more."""

@@ -196,16 +196,16 @@ class EagerSearch(RecursiveQuery):
             terms.append(self.again())
         return self.build_recursive_query(self.all_column_names, terms, self.results())
 
-    def write_start_row(self, env: SqlScope) -> exp.Select:
+    def write_start_row(self, scope: SqlScope) -> exp.Select:
         """The state of START WITH as the row with the number 0, which is no step: its children are the first steps."""
         known: dict[str | None, Node] = {"step": sql_builder.number(0), "parent": sql_builder.number(0)}
         known |= dict.fromkeys((self.depth, self.goal, self.estimate, self.rank), sql_builder.number(0))
         known |= dict.fromkeys((self.continues_column, self.waits), sql_builder.number(1))
         known[self.total] = sql_builder.number(1 if self.search.order == "probability" else 0)
         for name, short_name in self.states.items():
-            known[short_name] = env.states[(self.query.id, name)]
+            known[short_name] = scope.states[(self.query.id, name)]
         outputs = [known.get(name, sql_builder.null()).copy() for name in self.all_column_names]
-        return sql_builder.select(outputs, [], sql_builder.conjunction(self.visited(env)))
+        return sql_builder.select(outputs, [], sql_builder.conjunction(self.visited(scope)))
 
     @property
     def all_column_names(self) -> list[str]:
@@ -246,17 +246,17 @@ class EagerSearch(RecursiveQuery):
 
     # --- the recursive terms ---------------------------------------------------------------------------
 
-    def steps(self, env: SqlScope, first: bool) -> list[exp.Select]:
+    def steps(self, scope: SqlScope, first: bool) -> list[exp.Select]:
         """The steps from the START WITH state, or those from a step that goes on."""
         if self.arms is not None:
-            return [self._lower_branch(item, env, first, item is self.arms.items[0]) for item in self.arms.items]
-        sources, conditions, env, witnesses = self.open(env)
+            return [self._lower_branch(item, scope, first, item is self.arms.items[0]) for item in self.arms.items]
+        sources, conditions, scope, witnesses = self.open(scope)
         if self.shared:
-            sources[-1], env = add_call_columns(self.selects, self.query, self.shared, sources[-1], env)
+            sources[-1], scope = add_call_columns(self.selects, self.query, self.shared, sources[-1], scope)
         items: list[Node] = [sql_builder.table(self.table, self.table)]
         if first:
             items = [] if self.starts is None else [self.starts]
-        step = SearchStep(self, env, first)
+        step = SearchStep(self, scope, first)
         conditions += step.lookups()
         sources = self.order_items(sources, conditions)
         entering = [self._evaluate_for_each_step(node, witnesses) for node in step.enters()]
@@ -266,11 +266,11 @@ class EagerSearch(RecursiveQuery):
         outputs = step.outputs(self.find_indexed_positions(sources, conditions))
         return [sql_builder.select(outputs, items + sources, sql_builder.conjunction(where))]
 
-    def _lower_branch(self, item: plan.Expr, env: SqlScope, first: bool, expands: bool) -> exp.Select:
+    def _lower_branch(self, item: plan.Expr, scope: SqlScope, first: bool, expands: bool) -> exp.Select:
         """The step with one item of the list from a state, which the first of the items `expands`."""
         assert self.arms is not None
         self.selects.needs.applied["arms"] = None
-        inner = env.with_source(self.arms.source.id, self.arms.reader(self.expressions, item, env))
+        inner = scope.with_source(self.arms.source.id, self.arms.reader(self.expressions, item, scope))
         step = SearchStep(self, inner, first, item)
         where = [*([] if first else self.check_parent_continues(expands)), *step.lookups(), *step.enters()]
         return sql_builder.select(

@@ -33,37 +33,37 @@ if TYPE_CHECKING:
 
 
 class SearchStep:
-    """`env` reads the elements and the state before the step; `first` says that this is the START WITH state.
+    """`scope` reads the elements and the state before the step; `first` says that this is the START WITH state.
 
     `item` is that of the list which the step is one with, where each has a SELECT of its own.
     """
 
-    def __init__(self, search: EagerSearch, env: SqlScope, first: bool, item: plan.Expr | None = None) -> None:
+    def __init__(self, search: EagerSearch, scope: SqlScope, first: bool, item: plan.Expr | None = None) -> None:
         self.of = search
         self.item = item
-        self.env = env
+        self.scope = scope
         self.first = first
         self.expressions = search.expressions
         self.query = search.query
         self.search = search.search
         self.parent: Node = sql_builder.number(0) if first else search.column("step")
         self.best = search.total is not None and self.search.repeats == "unique"
-        self.next = search.following(env)
+        self.next = search.following(scope)
 
     def row(self) -> list[Node]:
         """The row, as far as it is shown on paths or compared."""
         if self.of.arms is not None and self.item is not None:
-            return list(self.of.arms.row(self.expressions, self.query, self.item, self.env))
+            return list(self.of.arms.row(self.expressions, self.query, self.item, self.scope))
         if not self.query.gives_paths and (self.search.repeats == "allowed" or self.of.keyed):
             return []
-        return [self.expressions.value(expr, self.env) for expr in self.of.outputs]
+        return [self.expressions.value(expr, self.scope) for expr in self.of.outputs]
 
     def key(self) -> list[Node]:
         """What is compared: the row, or what BY names."""
         if not self.of.keyed:
             return self.row()
-        env = self.env if self.search.by != "state" else self.env.with_states(self.next)
-        return [self.expressions.value(expr, env) for expr in self.of.compared]
+        scope = self.scope if self.search.by != "state" else self.scope.with_states(self.next)
+        return [self.expressions.value(expr, scope) for expr in self.of.compared]
 
     @property
     def made(self) -> plan.Expr | None:
@@ -74,18 +74,18 @@ class SearchStep:
     def stop(self) -> Node:
         """Whether a step that enters stops."""
         assert self.of.stops.goals is not None
-        return self.expressions.condition(self.of.stops.goals, self.env)
+        return self.expressions.condition(self.of.stops.goals, self.scope)
 
     def goal(self) -> Node:
         assert self.query.where is not None
-        return self.expressions.condition(self.query.where, self.env)
+        return self.expressions.condition(self.query.where, self.scope)
 
     def lookups(self) -> list[Node]:
         """What SQLite may look up or ask early: the condition of CONNECT BY, as far as it cannot fail, and equalities
         without which the step would stop and be no goal.
         """
         parts = [part for part in split_and(self.made) if not can_fail(part)]
-        return [self.expressions.condition(part, self.env) for part in (*parts, *self.of.looked_up)]
+        return [self.expressions.condition(part, self.scope) for part in (*parts, *self.of.looked_up)]
 
     def _meets_connect(self) -> list[Node]:
         """The condition of CONNECT BY where it has to be evaluated before the rest, which may fail."""
@@ -93,7 +93,7 @@ class SearchStep:
         clauses = [self.search.stop, self.query.where, self.search.weight, *self.of.compared, made]
         if made is None or not any(clause is not None and can_fail(clause) for clause in clauses):
             return []
-        return [self.expressions.condition(made, self.env)]
+        return [self.expressions.condition(made, self.scope)]
 
     # --- whether it enters -----------------------------------------------------------------------------
 
@@ -144,11 +144,11 @@ class SearchStep:
 
     def _continues_or_is_goal(self) -> list[Node]:
         """Whether the step goes on or is a goal: each part of STOP WITH by itself where it is never true of a goal."""
-        conditions = [_negate(self.expressions.condition(part, self.env)) for part in self.of.stops.others]
+        conditions = [_negate(self.expressions.condition(part, self.scope)) for part in self.of.stops.others]
         drops = self.of.stops.pruning_condition
         if drops is not None:
             conditions.append(
-                sql_builder.disjunction([_negate(self.expressions.condition(drops, self.env)), self.goal()])
+                sql_builder.disjunction([_negate(self.expressions.condition(drops, self.scope)), self.goal()])
             )
         return conditions
 
@@ -204,14 +204,14 @@ class SearchStep:
                     estimate if goal is None else sql_builder.case([(goal, estimate)], sql_builder.null())
                 )
         for name, key in zip(of.siblings, self.search.siblings, strict=True):
-            carried[name] = self.expressions.lower(key.expr, self.env)
+            carried[name] = self.expressions.lower(key.expr, self.scope)
         for name, node in zip(of.variables, self._build_next_state(), strict=True):
             anyway = name not in of.assigned or of.assigns_when_stopped(name)
             carried[of.states[name]] = node if anyway else self._null_if_stopped(node, sql_builder.null())
         for name, short in of.before.items():
-            carried[short] = self.env.states[(self.query.id, name)].copy()
+            carried[short] = self.scope.states[(self.query.id, name)].copy()
         for short, read in of.reads:
-            carried[short] = self.expressions.lower(read, self.env)
+            carried[short] = self.expressions.lower(read, self.scope)
         return [carried[name] for name in of.all_column_names]
 
     def _number(self, positions: list[Node]) -> Node:
@@ -255,7 +255,7 @@ class SearchStep:
         return heuristic is not None and (can_fail(heuristic) or not is_within_bound(heuristic.type, self.of.most))
 
     def _checked(self, expr: plan.Expr, check: str) -> Node:
-        node = self.expressions.lower(expr, self.env)
+        node = self.expressions.lower(expr, self.scope)
         if is_within_bound(expr.type, self.of.most):
             return node
         return sql_builder.call(check, node, self.expressions.place(expr.span))

@@ -81,9 +81,9 @@ class ExpressionLowering:
         self.rows = rows
         self._lowered: dict[tuple[int, int], tuple[plan.Expr, SqlScope, Node]] | None = None
 
-    def value(self, expr: plan.Expr, env: SqlScope) -> Node:
+    def value(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The expression as a value."""
-        node = self.lower(expr, env)
+        node = self.lower(expr, scope)
         return self.boxed(node) if is_flag(expr.type) else node
 
     def boxed(self, flag: Node) -> Node:
@@ -94,9 +94,9 @@ class ExpressionLowering:
         """A value as what stands for its type: a bool becomes a flag."""
         return sql_builder.binary(exp.NullSafeEQ, node, self.needs.bind(TRUE, "true")) if is_flag(kind) else node
 
-    def condition(self, expr: plan.Expr, env: SqlScope) -> Node:
+    def condition(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The truth of an expression as a flag."""
-        node = self.lower(expr, env)
+        node = self.lower(expr, scope)
         kind = expr.type
         if is_flag(kind):
             return node
@@ -109,7 +109,7 @@ class ExpressionLowering:
             return exp.Is(this=sql_builder.wrap_operand(node), expression=exp.true())
         return sql_builder.call("truth", node)
 
-    def lower(self, expr: plan.Expr, env: SqlScope) -> Node:
+    def lower(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The expression as a flag or a value, by its type.
 
         A guard lowers its operands, and where they are too long to be written twice they are arguments of a call
@@ -117,19 +117,19 @@ class ExpressionLowering:
         """
         outermost = self._lowered is None
         lowered = self._lowered = {} if self._lowered is None else self._lowered
-        key = id(expr), id(env)
+        key = id(expr), id(scope)
         if key in lowered:
             return lowered[key][-1].copy()
         try:
-            node = self._lower(expr, env)
+            node = self._lower(expr, scope)
         finally:
             if outermost:
                 self._lowered = None
-        lowered[key] = expr, env, node  # with what has the identities, lest others come to have them
+        lowered[key] = expr, scope, node  # with what has the identities, lest others come to have them
         return node
 
-    def _lower(self, expr: plan.Expr, env: SqlScope) -> Node:
-        for known, node in env.known:
+    def _lower(self, expr: plan.Expr, scope: SqlScope) -> Node:
+        for known, node in scope.known:
             if known == expr:
                 return node.copy()
         match expr:
@@ -138,46 +138,46 @@ class ExpressionLowering:
             case plan.Variable(name=name, type=kind):
                 return self.needs.bind(expr, name, is_flag(kind))
             case plan.Element(source=source) | plan.Column(source=source):
-                return env.sources[source](expr)
+                return scope.sources[source](expr)
             case plan.State(query=query, name=name):
-                return env.states[(query, name)]
+                return scope.states[(query, name)]
             case plan.Call():
-                return self.call(expr, env)
+                return self.call(expr, scope)
             case plan.And(parts=parts):
-                return self.all_of(parts, env)
+                return self.all_of(parts, scope)
             case plan.Or(parts=parts):
-                return self.any_of(parts, env)
+                return self.any_of(parts, scope)
             case plan.Xor(left=left, right=right):
-                one, other = self.condition(left, env), self.condition(right, env)
+                one, other = self.condition(left, scope), self.condition(right, scope)
                 return sql_builder.binary(exp.NEQ, one, other)
             case plan.Not(operand=operand):
-                return exp.Not(this=sql_builder.wrap_operand(self.condition(operand, env)))
+                return exp.Not(this=sql_builder.wrap_operand(self.condition(operand, scope)))
             case plan.If():
-                return self.conditional(expr, env)
+                return self.conditional(expr, scope)
             case plan.MakeList() if not can_fail(expr) and is_run_constant(expr):
                 return self.needs.bind(expr)
             case plan.MakeList(items=items):
-                return sql_builder.call("list", *(self.value(item, env) for item in items))
+                return sql_builder.call("list", *(self.value(item, scope) for item in items))
             case plan.GroupKey(query=query, index=index):
-                return env.groups[(query, index)]
+                return scope.groups[(query, index)]
             case plan.Aggregate():
-                return self.aggregate(expr, env)
+                return self.aggregate(expr, scope)
             case _:
                 assert isinstance(expr, plan.Subquery), "all others are declared in unsupported.py"
-                return self.unbox_value(self._query(self.subquery, expr, env), expr.type)
+                return self.unbox_value(self._query(self.subquery, expr, scope), expr.type)
 
-    def exists(self, expr: plan.Subquery, env: SqlScope) -> Node:
+    def exists(self, expr: plan.Subquery, scope: SqlScope) -> Node:
         """Whether a query that only says so has a row, as a flag."""
-        return exp.Exists(this=self.unordered(expr, env, lambda env: sql_builder.number(1)))
+        return exp.Exists(this=self.unordered(expr, scope, lambda scope: sql_builder.number(1)))
 
-    def unordered(self, expr: plan.Subquery, env: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
+    def unordered(self, expr: plan.Subquery, scope: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
         """What is made of the rows of a query whose order is of no account."""
-        return self._query(lambda query, env: self.rows(query, env, output), expr, env)
+        return self._query(lambda query, scope: self.rows(query, scope, output), expr, scope)
 
-    def _query(self, lower: Callable[[plan.Query, SqlScope], N], expr: plan.Subquery, env: SqlScope) -> N:
+    def _query(self, lower: Callable[[plan.Query, SqlScope], N], expr: plan.Subquery, scope: SqlScope) -> N:
         outer, self._lowered = self._lowered, None  # the parts of a query change after they are lowered
         try:
-            return lower(expr.query, env.enter_query())
+            return lower(expr.query, scope.enter_query())
         finally:
             self._lowered = outer
 
@@ -197,24 +197,24 @@ class ExpressionLowering:
             case _:
                 return self.needs.bind(expr)
 
-    def call(self, expr: plan.Call, env: SqlScope) -> Node:
+    def call(self, expr: plan.Call, scope: SqlScope) -> Node:
         function = expr.function
         if not function.builtin:
             name = self.needs.function(function.name, expr.place)
-            return self.unbox_value(sql_builder.call(name, *(self.value(a, env) for a in expr.arguments)), expr.type)
-        reduced = lower_function_of_rows(self, expr, env)
+            return self.unbox_value(sql_builder.call(name, *(self.value(a, scope) for a in expr.arguments)), expr.type)
+        reduced = lower_function_of_rows(self, expr, scope)
         if reduced is not None:
             return reduced
         by_hand = SPECIAL_OPERATIONS.get(function.name, sqlite_forms.lower_unchecked)
-        node = by_hand(self, expr, env)
+        node = by_hand(self, expr, scope)
         if node is not None:
             return node
         if not can_fail(expr) and is_run_constant(expr):
             return self.needs.bind(expr, None, is_flag(expr.type))
-        node = sqlite_forms.lower_checked(self, expr, env)
+        node = sqlite_forms.lower_checked(self, expr, scope)
         if node is not None:
             return node
-        return self.python(expr, [self.value(argument, env) for argument in expr.arguments])
+        return self.python(expr, [self.value(argument, scope) for argument in expr.arguments])
 
     def python(self, expr: plan.Call, arguments: Sequence[Node]) -> Node:
         """A call of the language's own function on values."""
@@ -228,8 +228,8 @@ class ExpressionLowering:
     def place(self, span: Span) -> Node:
         return sql_builder.string(f"{span.line}:{span.column}")
 
-    def all_of(self, parts: tuple[plan.Expr, ...], env: SqlScope) -> Node:
-        conditions = self.in_order(parts, env, True)
+    def all_of(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
+        conditions = self.in_order(parts, scope, True)
         if not any(can_fail(part) for part in parts[1:]):
             joined = sql_builder.conjunction([sql_builder.keep_condition(condition) for condition in conditions])
             assert joined is not None
@@ -239,30 +239,30 @@ class ExpressionLowering:
         ]
         return sql_builder.case(stops, conditions[-1])
 
-    def any_of(self, parts: tuple[plan.Expr, ...], env: SqlScope) -> Node:
+    def any_of(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
         return sql_builder.disjunction(
-            [sql_builder.keep_condition(condition) for condition in self.in_order(parts, env, False)]
+            [sql_builder.keep_condition(condition) for condition in self.in_order(parts, scope, False)]
         )
 
-    def in_order(self, parts: tuple[plan.Expr, ...], env: SqlScope, truth: bool) -> list[Node]:
+    def in_order(self, parts: tuple[plan.Expr, ...], scope: SqlScope, truth: bool) -> list[Node]:
         """The truth of expressions, each where those before it have this truth."""
         conditions: list[Node] = []
         for part in parts:
-            conditions.append(self.condition(part, env))
-            env = env.with_facts(part, truth)
+            conditions.append(self.condition(part, scope))
+            scope = scope.with_facts(part, truth)
         return conditions
 
-    def conditional(self, expr: plan.If, env: SqlScope) -> Node:
+    def conditional(self, expr: plan.If, scope: SqlScope) -> Node:
         branches = []
         for branch, truth in ((expr.then, True), (expr.otherwise, False)):
-            here = env.with_facts(expr.condition, truth)
+            here = scope.with_facts(expr.condition, truth)
             branches.append(self.lower(branch[-1], here) if is_flag(expr.type) else self.value(branch[-1], here))
-        return sql_builder.case([(self.condition(expr.condition, env), branches[0])], branches[1])
+        return sql_builder.case([(self.condition(expr.condition, scope), branches[0])], branches[1])
 
-    def aggregate(self, expr: plan.Aggregate, env: SqlScope) -> Node:
+    def aggregate(self, expr: plan.Aggregate, scope: SqlScope) -> Node:
         if expr.argument is None:
             return exp.Count(this=exp.Star())
-        argument = self.value(expr.argument, env)
+        argument = self.value(expr.argument, scope)
         node = sqlite_forms.lower_aggregate(expr, argument)
         if node is not None:
             return node

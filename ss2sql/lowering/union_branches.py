@@ -45,7 +45,7 @@ class UnionBranches:
             plan.Column(expr.source, build_item_column_name(at), kind, span=expr.span) for at, kind in enumerate(kinds)
         )
 
-    def reader(self, expressions: ExpressionLowering, item: plan.Expr, env: SqlScope) -> Reader:
+    def reader(self, expressions: ExpressionLowering, item: plan.Expr, scope: SqlScope) -> Reader:
         """Reads an item, in the sight of its parts, and these."""
 
         def read(expr: plan.Element | plan.Column) -> Node:
@@ -54,18 +54,20 @@ class UnionBranches:
                 assert isinstance(item, plan.MakeList)
                 read_of = item.items[get_item_position(expr.name)]
             if is_flag(expr.type) and is_flag(read_of.type):
-                return expressions.lower(read_of, env)
-            return expressions.unbox_value(expressions.value(read_of, env), expr.type)
+                return expressions.lower(read_of, scope)
+            return expressions.unbox_value(expressions.value(read_of, scope), expr.type)
 
         return read
 
-    def row(self, expressions: ExpressionLowering, query: plan.Query, item: plan.Expr, env: SqlScope) -> Iterator[Node]:
+    def row(
+        self, expressions: ExpressionLowering, query: plan.Query, item: plan.Expr, scope: SqlScope
+    ) -> Iterator[Node]:
         """The values of a step's row, a list as its parts."""
         for output in query.columns:
             if self.parts(output.expr) and isinstance(item, plan.MakeList):
-                yield from (expressions.value(part, env) for part in item.items)
+                yield from (expressions.value(part, scope) for part in item.items)
             else:
-                yield expressions.value(output.expr, env)
+                yield expressions.value(output.expr, scope)
 
 
 def find_union_branches(query: plan.Query) -> UnionBranches | None:

@@ -88,7 +88,7 @@ def _open_spark(session: Any, begun: Sequence[Run]) -> TableEngine:
         spark.close,
         (PySparkException, Py4JError),
         lambda *parts: DataFrameSearch(*parts).results(),
-        lambda hunt, store, written, most: DataFrameSearch(hunt, store, written).frame(most),
+        lambda search_run, store, written, most: DataFrameSearch(search_run, store, written).frame(most),
     )
 
 

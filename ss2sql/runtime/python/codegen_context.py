@@ -357,8 +357,10 @@ class CodegenContext:
     def write_turn_check(self, counter: str) -> ast.expr:
         """A call that ends the run if it has to end; its value is the count at which to ask again."""
         build = self.build
-        pace = self.bind("pace", "pace", build.call(self.helper(make_turn_check), build.name("run")), build)
-        return build.call(pace, build.name(counter))
+        turn_check = self.bind(
+            "turn_check", "turn_check", build.call(self.helper(make_turn_check), build.name("run")), build
+        )
+        return build.call(turn_check, build.name(counter))
 
     def write_step_check(self) -> ast.expr:
         """The same for the steps of searches; it also hands on what they have counted."""

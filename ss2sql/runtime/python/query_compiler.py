@@ -107,13 +107,13 @@ class QueryCompiler:
         sources = tuple(source for source in node.sources if body.is_source_visible(source))
         states = tuple(state for state in node.states if body.is_state_visible(state))
         kept = ((source, unit.tuples.get(source), unit.elements.get(source)) for source in sources)
-        sight = EvalScope(
+        eval_scope = EvalScope(
             node.scope,
             tuple((*known, unit.worlds.get(known[0])) for known in kept),
             states,
             self.dispatch,
         )
-        constant = build.name(unit.constant(sight, "sight"))
+        constant = build.name(unit.constant(eval_scope, "eval_scope"))
         texts = unit.bind(
             ("texts", id(node)), "texts", build.call(unit.helper(make_eval_cache), build.name("run"), constant), build
         )

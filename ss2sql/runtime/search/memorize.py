@@ -54,8 +54,8 @@ def build_graph(search_run: SearchRun) -> RowGraph:
     """The graph of the rows that are reached by at most `search_run.bound` steps."""
     if search_run.run.foreteller is not None:
         search_run.run.foreteller.begin(search_run)
-    keeper = search_run.run.host.graphs
-    memory = None if keeper is None else keeper.open_cached_graph(search_run)
+    cache_policy = search_run.run.host.graphs
+    memory = None if cache_policy is None else cache_policy.open_cached_graph(search_run)
     if memory is not None:
         with memory:
             return _build_graph(search_run, memory, None)

@@ -93,20 +93,9 @@ class SearchState:
 
     # What stands in a slot is found faster than in a dict: a search over edges runs a quarter fewer instructions.
     __slots__ = (
-        *(
-            "always_plain",
-            "asked",
-            "asked_key",
-            "expanded",
-            "generated",
-            "given",
-            "highest",
-            "key",
-            "keyed",
-            "expansions",
-        ),
-        *("numbers", "last_dropped", "late", "members", "met", "overestimated", "plain", "pruned", "rows", "shared"),
-        *("taken", "walks", "way"),
+        *("always_plain", "current_path", "expanded", "expansions", "generated", "given", "highest", "key", "keyed"),
+        *("last_dropped", "late_pruned", "members", "met", "numbers", "overestimated", "plain", "pruned", "rows"),
+        *("shared", "taken", "tested_key", "tested_row", "walks"),
     )
 
     def __init__(self) -> None:
@@ -138,12 +127,12 @@ class SearchState:
     def _reset(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool) -> None:
         self.key = key
         self.always_plain = self.plain = plain
-        self.asked: tuple[Any, ...] = ()  # the row that a repeat test let pass
-        self.asked_key: Any = ()
+        self.tested_row: tuple[Any, ...] = ()  # the row that a repeat test let pass
+        self.tested_key: Any = ()
         self.generated = 0
         self.expanded = 0
         self.pruned = 0
-        self.late = 0  # of these, the steps that had entered
+        self.late_pruned = 0  # of these, the steps that had entered
         self.highest = float("-inf")  # the greatest total that A* expected of a path through a step that was taken
         self.overestimated = False  # whether a path was found that costs less
         self.rows: list[Kept] = [(0, ())]  # of the steps that entered, by number
@@ -151,7 +140,7 @@ class SearchState:
         self.taken: dict[Any, Any] = {}  # row -> the rank at which it was taken
         self.given: set[Any] = set()
         self.keyed: list[tuple[int, Any]] | None = [(0, ())] if keyed else None  # the same with what is compared
-        self.way = (
+        self.current_path = (
             StepPathKeys(self.rows, self._key_of) if self.keyed is None else StepPathKeys(self.keyed, _return_key)
         )
         self.last_dropped = 0
@@ -176,7 +165,7 @@ class SearchState:
         if not generated and book.counts == "product":
             return self._count_steps_per_state() * book.arms * (self._count_continued(book, results) + 1)
         if not generated and book.counts == "entered":
-            return self._count_entered(book, results) + self.pruned - self.late
+            return self._count_entered(book, results) + self.pruned - self.late_pruned
         return generated
 
     def _count_steps_per_state(self) -> int:
@@ -210,10 +199,10 @@ class SearchState:
         self.met = {self._unify_key(key): value for key, value in self.met.items()}
         self.taken = {self._unify_key(key): value for key, value in self.taken.items()}
         self.given = set(map(self._unify_key, self.given))
-        self.asked_key = self._unify_key(self.asked_key)
+        self.tested_key = self._unify_key(self.tested_key)
         if self.keyed is not None:
             self.keyed[:] = [(parent, self._unify_key(key)) for parent, key in self.keyed]
-        self.way.keys = set(map(self._unify_key, self.way.keys))
+        self.current_path.keys = set(map(self._unify_key, self.current_path.keys))
 
     def _unify_key(self, key: Any) -> Hashable:
         """The key of a row that has stood for itself so far."""
@@ -251,31 +240,31 @@ class SearchState:
 
     def enter_first(self, parent: int) -> int:
         """The same for the first step to the row that `reached` was called with last."""
-        number = self.met[self.asked_key] = len(self.rows)
-        self.rows.append((parent, self.asked))
+        number = self.met[self.tested_key] = len(self.rows)
+        self.rows.append((parent, self.tested_row))
         return number
 
     def enter_best(self, parent: int, rank: Any) -> int:
         """The same for the best step so far to the row that `improves` was called with last."""
-        self.met[self.asked_key] = rank
-        self.rows.append((parent, self.asked))
+        self.met[self.tested_key] = rank
+        self.rows.append((parent, self.tested_row))
         return len(self.rows) - 1
 
     def enter_keyed(self, parent: int, *row: Any) -> int:
         """`enter` for a step whose key was tested last."""
         assert self.keyed is not None
-        self.keyed.append((parent, self.asked_key))
+        self.keyed.append((parent, self.tested_key))
         self.rows.append((parent, row))
         return len(self.rows) - 1
 
     def enter_first_keyed(self, parent: int, *row: Any) -> int:
         """`enter_first` for the first step to a key."""
-        self.met[self.asked_key] = len(self.rows)
+        self.met[self.tested_key] = len(self.rows)
         return self.enter_keyed(parent, *row)
 
     def enter_best_keyed(self, parent: int, rank: Any, *row: Any) -> int:
         """`enter_best` for the best step so far to a key."""
-        self.met[self.asked_key] = rank
+        self.met[self.tested_key] = rank
         return self.enter_keyed(parent, *row)
 
     def visit(self, *key: Any) -> int:
@@ -284,7 +273,7 @@ class SearchState:
         if found in self.met:
             return 0
         self.met[found] = self.taken[found] = float("-inf")
-        self.way.keys.add(found)
+        self.current_path.keys.add(found)
         return 1
 
     def _compared(self, step: int) -> Any:
@@ -297,7 +286,7 @@ class SearchState:
         if key in self.met:
             self.pruned += 1
             return 1
-        self.asked, self.asked_key = row, key
+        self.tested_row, self.tested_key = row, key
         return 0
 
     def reached_value(self, value: Any) -> int:
@@ -306,7 +295,7 @@ class SearchState:
         if key in self.met:
             self.pruned += 1
             return 1
-        self.asked, self.asked_key = (value,), key
+        self.tested_row, self.tested_key = (value,), key
         return 0
 
     def arrive(self, step: int) -> int:
@@ -315,7 +304,7 @@ class SearchState:
             return 1
         if step != self.last_dropped:  # it is asked for the result and for the children
             self.last_dropped = step
-            self.late += 1
+            self.late_pruned += 1
             self.pruned += 1
         return 0
 
@@ -332,7 +321,7 @@ class SearchState:
         key = row if self.plain and len(row) > 1 else self._key_of(row)
         best = self.met.get(key)
         if best is None or rank < best:
-            self.asked, self.asked_key = row, key
+            self.tested_row, self.tested_key = row, key
             return 1
         self.pruned += 1
         return 0
@@ -369,12 +358,12 @@ class SearchState:
 
     def on_path(self, parent: int, *row: Any) -> int:
         """Whether the row occurs on the path to the parent."""
-        way = self.way
-        if parent != way.end:
-            way.follow_to(parent)
+        current_path = self.current_path
+        if parent != current_path.end:
+            current_path.follow_to(parent)
         key = row if self.plain and len(row) > 1 else self._key_of(row)
-        if key in way.keys:
+        if key in current_path.keys:
             self.pruned += 1
             return 1
-        self.asked_key = key
+        self.tested_key = key
         return 0
