@@ -27,26 +27,21 @@ class BenchRules:
 
 @dataclass(slots=True)
 class BenchResult:
-    """The result of one strategy on one engine.
-
-    `seconds` are those of its runs, `missing` the reason why there are none. `answer` is its answer in a few words:
-    `same` if it equals that of the script as written, in any order, `forbidden` if the language forbids it. `paths` is
-    None for statements that are no search. `steps` and `calls` are those of one run.
-    """
+    """The result of one strategy on one engine."""
 
     strategy: str
     engine: str
-    seconds: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)  # of its runs
     compile_seconds: float | None = None
-    paths: int | None = None
+    paths: int | None = None  # None for statements that are no search
     rows: int | None = None
-    steps: int = 0
-    calls: dict[str, int] = field(default_factory=dict)
+    steps: int = 0  # of one run
+    calls: dict[str, int] = field(default_factory=dict)  # of one run
     memory: int | None = None
-    answer: str = ""
-    same: bool = False
-    forbidden: bool = False
-    missing: str | None = None
+    answer: str = ""  # in a few words
+    same: bool = False  # equals the answer of the script as written, in any order
+    forbidden: bool = False  # the language forbids the answer
+    missing: str | None = None  # the reason why there are no runs
 
     @property
     def name(self) -> str:

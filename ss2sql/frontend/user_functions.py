@@ -22,28 +22,22 @@ from ss2sql.language.operations import OPERATIONS
 
 @dataclass(frozen=True, slots=True)
 class UserFunction:
-    """A registered function.
-
-    `inferred` says that the volatility was found in its source, not declared; `body` is what the function computes
-    where queries may compute it themselves, else the reason why not. A function that is proven to change nothing
-    (`changes` is false) gets its arguments without a copy. `of_world` is what scripts call a function of worlds.
-    One that is an `aggregate` takes a list, with GROUP BY that of the values of a group.
-    """
+    """A registered function."""
 
     name: str
     function: Callable[..., Any]
     volatility: plan.Volatility
-    inferred: bool
+    inferred: bool  # the volatility was found in the source, not declared
     reason: str
     minimum: int
     maximum: int | None
     parameters: tuple[str, ...] = ()
     inverse: Callable[..., Any] | None = None
     vectorized: bool = False
-    body: FunctionBody | str = ""
-    changes: bool = True
-    of_world: str = ""
-    aggregate: bool = False
+    body: FunctionBody | str = ""  # what it computes, where queries may compute it themselves; else the reason why not
+    changes: bool = True  # may change its arguments, so it gets copies
+    of_world: str = ""  # what scripts call a function of worlds
+    aggregate: bool = False  # takes a list, with GROUP BY that of the values of a group
 
     @property
     def plan(self) -> plan.Function:

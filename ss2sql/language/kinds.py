@@ -75,21 +75,15 @@ class Opaque:
 
 @dataclass(frozen=True, slots=True)
 class Type:
-    """A set of kinds; `low` and `high` bound the numbers among the values (None: unknown, or no numbers).
-
-    `item` is the type of the elements of a list, `columns` the names and types of the keys that its
-    elements have (of a dict: of its own keys). `positions` are the types of the elements one by one, where
-    all lists are of one length; `item` then covers them. `length` is that of lists without `positions`, if they
-    are not empty. Each is None where nothing is known.
-    """
+    """A set of kinds, and what is known of the values; None: nothing is known."""
 
     kinds: Kind = Kind.ANY
-    low: float | int | None = None
+    low: float | int | None = None  # bounds the numbers among the values, as does `high`
     high: float | int | None = None
-    item: Type | None = None
-    columns: tuple[tuple[str, Type], ...] | None = None
-    positions: tuple[Type, ...] | None = None
-    length: int | None = None
+    item: Type | None = None  # the type of the elements of a list
+    columns: tuple[tuple[str, Type], ...] | None = None  # the keys that a dict, or each element of a list, has
+    positions: tuple[Type, ...] | None = None  # of lists of one length: the types of their elements
+    length: int | None = None  # of lists without `positions`, if it is not 0
 
     @property
     def size(self) -> int | None:

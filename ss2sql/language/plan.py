@@ -52,28 +52,22 @@ Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """What the plan knows of a function; the callable stays in the session.
-
-    `raises` is False only if the call cannot fail. `reason` explains the volatility, `body` see
-    frontend/inlining/function_bodies.py. `vectorized` functions take arrays. `of_world` is the name in scripts of a
-    function that worlds bring along. `has_inverse`: it was registered with an inverse; `inverse_of` names the function
-    whose inverse this is. `collects`: with GROUP BY it gets the list of the values of a group.
-    """
+    """What the plan knows of a function; the callable stays in the session."""
 
     name: str
     minimum: int
     maximum: int | None
     volatility: Volatility
     builtin: bool = True
-    raises: bool = True
-    reason: str = field(default="", compare=False)
+    raises: bool = True  # False only if the call cannot fail
+    reason: str = field(default="", compare=False)  # explains the volatility
     parameters: tuple[str, ...] = field(default=(), compare=False)
-    body: Any = field(default=None, compare=False, repr=False)
-    vectorized: bool = field(default=False, compare=False)
-    of_world: str = field(default="", compare=False)
-    has_inverse: bool = field(default=False, compare=False)
-    inverse_of: str = ""
-    collects: bool = False
+    body: Any = field(default=None, compare=False, repr=False)  # see frontend/inlining/function_bodies.py
+    vectorized: bool = field(default=False, compare=False)  # takes arrays
+    of_world: str = field(default="", compare=False)  # its name in scripts, if a world brings it
+    has_inverse: bool = field(default=False, compare=False)  # was registered with an inverse
+    inverse_of: str = ""  # the function whose inverse this is
+    collects: bool = False  # with GROUP BY it gets the list of a group's values
 
     def inverted(self) -> Function:
         """The inverse: from the value of the function and the other arguments it computes the missing one."""
@@ -357,35 +351,24 @@ By: TypeAlias = Literal["row", "step", "state"]
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """The hierarchical part of a query.
+    """The hierarchical part of a query. `weight`, `key` and `siblings` are evaluated for each step."""
 
-    `order` says which step comes next, `repeats` what happens to a repeated row. `weight` is the COST or
-    PROBABILITY of a step. `bound` is MEMORIZE's greatest length, `maximum` the number of results (both are
-    evaluated once, at the start, and see outer queries and script variables). `stop` None: never. `states`
-    are the types that the START WITH variables keep throughout the search.
-
-    `made` is the condition of CONNECT BY that a step must meet, `first` that of START WITH, which replaces it for the
-    first steps. `each` are the lists whose elements START WITH takes one by one. `key`, if any, is compared in
-    place of the row: the columns that remain of a row (`by` is "row"), or the expressions of BY, evaluated in the step
-    or in the state after it. `siblings` order the elements of a step.
-    """
-
-    start: tuple[tuple[str, Expr], ...]
-    connect: tuple[tuple[str, Expr], ...]
-    stop: Expr | None
-    order: Order = "depth first"
-    repeats: Repeats = "allowed"
-    weight: Expr | None = None
+    start: tuple[tuple[str, Expr], ...]  # START WITH: variables and their values
+    connect: tuple[tuple[str, Expr], ...]  # CONNECT BY: variables and their values after a step
+    stop: Expr | None  # None: never
+    order: Order = "depth first"  # of the frontier
+    repeats: Repeats = "allowed"  # what happens to a repeated row
+    weight: Expr | None = None  # COST or PROBABILITY
     heuristic: Expr | None = None
-    bound: Expr | None = None
-    maximum: Expr | None = None
-    states: tuple[tuple[str, Type], ...] = ()
-    made: Expr | None = None
-    first: Expr | None = None
-    each: tuple[ValueSource, ...] = ()
-    key: tuple[Expr, ...] = ()
-    by: By = "row"
-    siblings: tuple[OrderKey, ...] = ()
+    bound: Expr | None = None  # MEMORIZE's greatest length, evaluated once, before the search
+    maximum: Expr | None = None  # the number of results, likewise
+    states: tuple[tuple[str, Type], ...] = ()  # the types that the START WITH variables keep
+    made: Expr | None = None  # the condition of CONNECT BY that a step must meet
+    first: Expr | None = None  # the same of START WITH, in its place for first steps
+    each: tuple[ValueSource, ...] = ()  # lists whose elements START WITH takes one by one
+    key: tuple[Expr, ...] = ()  # compared in place of the row: the expressions of BY, or the row's columns that remain
+    by: By = "row"  # where `key` is evaluated: in the row, in the step, or in the state after it
+    siblings: tuple[OrderKey, ...] = ()  # the order of the steps from one state
 
     @property
     def plain(self) -> bool:

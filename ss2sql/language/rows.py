@@ -36,22 +36,15 @@ def make_row_class(columns: tuple[str, ...]) -> Callable[[Row], Row]:
 
 @dataclass(slots=True)
 class Rows:
-    """The answer of one query, before `AS`.
-
-    `rows` holds the rows of a flat query, `paths` those of a search (the rows of each path), the other
-    is None. With a GROUP BY that partitions, `groups` lists each group's value and the positions of its
-    members in `rows` or `paths`, in order of first appearance. `plain` says that the rows consist of numbers,
-    strings, bools and None, so that nobody can change them. The last `hidden` columns are for the representation
-    alone. `ended` says that MAXIMUM, of the script or of the run, ended the search.
-    """
+    """The answer of one query, before `AS`."""
 
     columns: tuple[str, ...]
-    rows: list[Row] | None = None
-    paths: Sequence[Sequence[Row]] | None = None
-    groups: list[tuple[Any, list[int]]] | None = None
-    plain: bool = False
-    hidden: int = 0
-    ended: bool = False
+    rows: list[Row] | None = None  # of a flat query
+    paths: Sequence[Sequence[Row]] | None = None  # of a search: the rows of each path
+    groups: list[tuple[Any, list[int]]] | None = None  # values, and positions in `rows` or `paths`
+    plain: bool = False  # rows consist of immutable values: numbers, strings, bools and None
+    hidden: int = 0  # how many of the last columns are for the representation alone
+    ended: bool = False  # by MAXIMUM, of the script or of the run
 
     def clear(self) -> None:
         """Forgets all rows and paths."""

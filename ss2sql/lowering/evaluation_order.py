@@ -117,7 +117,6 @@ class _HoistingPass:
                 self.floor = max(self.floor, level)
 
     def parts(self, expr: plan.Expr, level: int) -> None:
-        """What the expression evaluates before itself."""
         for part in _iterate_certain_parts(expr):
             self.visit(part, level)
 

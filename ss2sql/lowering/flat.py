@@ -241,7 +241,6 @@ class _GroupInput:
 
     @property
     def first_row(self) -> Node:
-        """The number of the first row of a group."""
         return exp.Min(this=self.number.copy())
 
     def grouped(self, outputs: list[Node]) -> exp.Select:
@@ -272,7 +271,6 @@ class _ArgumentLowering(ExpressionLowering):
 
 
 def _find_all_sources(query: plan.Query) -> list[plan.Source]:
-    """The query's sources and those of queries in its FROM."""
     found: list[plan.Source] = []
     for source in query.sources:
         found.append(source)

@@ -68,7 +68,6 @@ def open_source(
     siblings: set[int],
     search: int | None,
 ) -> FromItem:
-    """One source."""
     match source:
         case plan.TableSource():
             return _open_table(selects, source)
@@ -151,7 +150,6 @@ def _open_world(selects: FlatLowering, source: plan.WorldSource, scope: SqlScope
 
 
 def build_record(columns: dict[str, Node]) -> Node:
-    """A row as a dict."""
     arguments: list[Node] = []
     for name, node in columns.items():
         arguments += [sql_builder.string(name), node]

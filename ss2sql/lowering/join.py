@@ -228,7 +228,6 @@ class JoinBuilder:
             known[key] = choose_free_name(key.name, taken | {name.lower() for name in known.values()})
 
     def _write_key_equality(self, label: str, key: ExpressionKey, name: str) -> Node:
-        """The equality with a column of the copy."""
         lower = self.selects.expressions
         if key.plain:
             sides = sql_builder.column(name, label), lower.lower(key.other, self.scope)
@@ -238,7 +237,6 @@ class JoinBuilder:
         return sql_builder.binary(exp.NullSafeEQ if none else exp.EQ, *sides)
 
     def _write_key_column(self, key: ExpressionKey, name: str) -> Node:
-        """The column of the copy."""
         lower = self.selects.expressions
         node = (
             lower.lower(key.expr, self.scope)
@@ -394,7 +392,6 @@ class JoinBuilder:
 
 
 def _is_statement_constant(value: plan.Expr) -> bool:
-    """Whether the value is the same for the whole statement."""
     return not list_sources(value) and not list_states(value)
 
 

@@ -37,12 +37,10 @@ def lower(
 ) -> SqlQuery:
     """The statement of a query that stands by itself, not inside another.
 
-    `function_names` maps registered functions to their names in SQL. `cut` says that a search may end before its
-    steps are used up, whether its text says so or not. `by_value` asks for a statement that compares values of several
-    forms by their values, not by their handles: what to run where a value equals another one in another form.
-    `disabled` names rewrites that are switched off.
-
-    Raises UnsupportedError with the reason where the query has to run natively.
+    `function_names` maps registered functions to their names in SQL. `cut`: the search may end before its steps are
+    used up. `by_value` compares values by their content instead of their handles, for a run that has met equal values
+    of several forms. `disabled` names rewrites that are switched off. Raises UnsupportedError with the reason if only
+    Python can run the query.
     """
     check_supported(query)
     needs = StatementNeeds(function_names, by_value=by_value, disabled=disabled)
@@ -132,10 +130,10 @@ def lower(
 
 
 def _strip_truth_calls(select: exp.Select, needs: StatementNeeds) -> frozenset[str]:
-    """Takes `truth` away from calls of functions of the user that are conditions, and gives the functions' names.
+    """Removes `truth` from calls of user functions that are conditions; gives the functions' names.
 
-    SQLite takes numbers and handles for true or false as Python does, but not texts and None. The run notices when one
-    turns up, and goes over to the statement that compares by value.
+    SQLite tests numbers and handles as Python does, but not strings and None: when one turns up, the run changes to the
+    statement that compares by value.
     """
     users = {needs.function_names.get(name, name): name for name in needs.calls}
     found: set[str] = set()
@@ -150,20 +148,20 @@ def _strip_truth_calls(select: exp.Select, needs: StatementNeeds) -> frozenset[s
 
 
 def _is_condition(node: sql_builder.Node) -> bool:
-    """Whether of a node nothing but the truth counts."""
+    """Whether only the truth of a node counts."""
     parent = node.parent
     condition = isinstance(parent, exp.If) and parent.this is node
     return condition or isinstance(parent, (exp.And, exp.Or, exp.Not, exp.Where, exp.Having))
 
 
 def _distinguishes_arguments(query: plan.Query, name: str) -> bool:
-    """Whether the arguments of all calls of a function are such that equal ones are the same: 1.0 equals 1."""
+    """Whether equal arguments of a function are always the same value; 1.0 equals 1, but is another one."""
     calls = [node for node in walk(query) if isinstance(node, plan.Call) and node.function.name == name]
     return not any(argument.type.may(Kind.FLOAT) for call in calls for argument in call.arguments)
 
 
 def _find_iterated_parameters(select: exp.Select, needs: StatementNeeds) -> frozenset[str]:
-    """The parameters whose value as a whole nobody asks for: it is walked, and need not be compared with others."""
+    """The parameters that are only walked, so that their value as a whole is never compared."""
     asked: set[str] = set()
     for node in select.find_all(exp.Placeholder):
         call = node.parent
@@ -189,7 +187,7 @@ def _find_source(expr: plan.Expr) -> int | None:
 
 
 def _can_limit_in_sql(query: plan.Query) -> bool:
-    """Whether LIMIT may stand in the SQL; a partition is cut before it is made."""
+    """Whether SQL can do LIMIT; partitions are cut in Python."""
     return query.limit is not None and not (query.group and not query.aggregated)
 
 

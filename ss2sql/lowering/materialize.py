@@ -151,7 +151,6 @@ def _find_equalities(conditions: Iterable[Node]) -> list[tuple[Node, Node]]:
 
 
 def prune_columns(copied: exp.CTE, terms: exp.Expr) -> None:
-    """Leaves only those columns in the copy of a table that the terms read."""
     name = copied.alias_or_name
     labels = {item.alias_or_name for item in terms.find_all(exp.Table) if item.name == name}
     read = {column.name for column in terms.find_all(exp.Column) if column.table in labels}

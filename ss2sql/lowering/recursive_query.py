@@ -191,7 +191,6 @@ class RecursiveQuery(ABC):
 
     @property
     def has_special_first_steps(self) -> bool:
-        """Whether first steps are made otherwise than those that follow."""
         return bool(self.search.each) or self.search.first is not None
 
     @property

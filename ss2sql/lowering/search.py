@@ -36,9 +36,9 @@ MAX_WEIGHT = 2**40  # costs up to here do not add up to 64 bits: 2^23 steps on o
 class EagerSearch(RecursiveQuery):
     """The terms of the recursion and the query around it.
 
-    The columns of the recursive table, each where it is needed: `depth`; the total of COST or PROBABILITY and
-    the estimate of HEURISTIC; the flags `goal` and `goes_on`; `waits`, 0 for a goal that waits as a result
-    only; `rank`, which sorts the queue; the state after the step; parts of the state before it; elements.
+    The recursive table has these columns where they are needed: `depth`; the total of COST or PROBABILITY; the estimate
+    of HEURISTIC; the flags `goal` and `goes_on`; `waits`, 0 for a goal that waits only as a result; `rank`, which sorts
+    the queue; the state after the step; parts of the state before it; elements.
     """
 
     def __init__(self, selects: FlatLowering, query: plan.Query, cut: bool) -> None:
@@ -77,12 +77,12 @@ class EagerSearch(RecursiveQuery):
 
     @property
     def most(self) -> int:
-        """The greatest weight of a step that is not looked at."""
+        """The greatest weight of a step that is not checked."""
         return 1 if self.search.order == "probability" else MAX_WEIGHT
 
     @property
     def weight_calls_functions(self) -> bool:
-        """Whether COST, PROBABILITY or HEURISTIC call functions of the user, which rows that are closed spare."""
+        """Whether COST, PROBABILITY or HEURISTIC call functions of the user; repeated rows are then tested before."""
         return bool(_find_user_calls(self.search.weight) or _find_user_calls(self.search.heuristic))
 
     @property
@@ -93,7 +93,7 @@ class EagerSearch(RecursiveQuery):
 
     @property
     def steps_unkept(self) -> bool:
-        """Whether nobody asks for the steps before one, so that steps need no more than numbers."""
+        """Whether the result needs no step before the last one, so that steps need only numbers."""
         return not self.query.gives_paths and self.search.repeats == "allowed"
 
     @property
@@ -118,7 +118,7 @@ class EagerSearch(RecursiveQuery):
 
     @property
     def counts(self) -> StepCounting:
-        """How it is known how many steps were generated: see `SearchState.count`."""
+        """How the number of generated steps is known, see `SearchState.count`."""
         query = self.query
         if self.shared:
             return "steps"
@@ -133,7 +133,7 @@ class EagerSearch(RecursiveQuery):
     # --- what is known of a step when it is taken ------------------------------------------------------
 
     def _find_column_calls(self) -> list[tuple[plan.Expr, str]]:
-        """Calls, and what is chosen, whose values are the state after the step, with the column that holds it."""
+        """Calls whose values are the state after the step, with the column that holds them."""
         return [
             (expr, self.states[name])
             for name, expr in self.at_once.items()
@@ -144,11 +144,11 @@ class EagerSearch(RecursiveQuery):
 
     @property
     def admits_stopping_goals(self) -> bool:
-        """Whether a step may enter that stops: a goal."""
+        """Whether a goal that stops may enter."""
         return self.stops.goals is not None
 
     def assigns_when_stopped(self, name: str) -> bool:
-        """Whether CONNECT BY may set a variable for each step that enters, also for one that stops."""
+        """Whether CONNECT BY may assign the variable for each step that enters, also for one that stops."""
         if not self.admits_stopping_goals:
             return True
         if name not in self.at_once:  # it may contain what is set before it, of a state that was not evaluated
@@ -157,7 +157,7 @@ class EagerSearch(RecursiveQuery):
         return all(any(part == other for other in done) for part in find_fallible_parts(self.at_once[name]))
 
     def now(self) -> SqlScope:
-        """Reads a step that was taken: its elements, the state before it, and the calls that became columns."""
+        """Reads the step that was taken: its elements, the state before it, and the calls that became columns."""
         before = {(self.query.id, name): self.column(short) for name, short in self.before.items()}
         known = tuple((expr, self.column(short)) for expr, short in self.known)
         return replace(self.reading().with_states(before), known=known)
@@ -197,7 +197,7 @@ class EagerSearch(RecursiveQuery):
         return self.build_recursive_query(self.all_column_names, terms, self.results())
 
     def write_start_row(self, scope: SqlScope) -> exp.Select:
-        """The state of START WITH as the row with the number 0, which is no step: its children are the first steps."""
+        """The state of START WITH as row 0; its children are the first steps."""
         known: dict[str | None, Node] = {"step": sql_builder.number(0), "parent": sql_builder.number(0)}
         known |= dict.fromkeys((self.depth, self.goal, self.estimate, self.rank), sql_builder.number(0))
         known |= dict.fromkeys((self.continues_column, self.waits), sql_builder.number(1))
@@ -209,7 +209,7 @@ class EagerSearch(RecursiveQuery):
 
     @property
     def all_column_names(self) -> list[str]:
-        """The columns, in the order in which the language evaluates them, for the first that fails shows."""
+        """The columns in the language's order of evaluation, because the first that fails is reported."""
         made = (
             self.depth,
             self.goal,
@@ -247,7 +247,7 @@ class EagerSearch(RecursiveQuery):
     # --- the recursive terms ---------------------------------------------------------------------------
 
     def steps(self, scope: SqlScope, first: bool) -> list[exp.Select]:
-        """The steps from the START WITH state, or those from a step that goes on."""
+        """The steps from START WITH, or those from a step that goes on."""
         if self.arms is not None:
             return [self._lower_branch(item, scope, first, item is self.arms.items[0]) for item in self.arms.items]
         sources, conditions, scope, witnesses = self.open(scope)
@@ -280,7 +280,7 @@ class EagerSearch(RecursiveQuery):
         )
 
     def carry(self, node: plan.Element | plan.Column) -> str:
-        """The column that holds what is read of an element; it may be that of a variable which CONNECT BY gives it."""
+        """The column of what is read of an element, possibly that of a variable to which CONNECT BY assigns it."""
         for name, expr in self.at_once.items() if self.arms is not None else ():
             if expr == node and self.assigns_when_stopped(name) and is_flag(expr.type) == self.flags[name]:
                 return self.states[name]
@@ -289,7 +289,7 @@ class EagerSearch(RecursiveQuery):
     def _evaluate_for_each_step(self, node: Node, witnesses: list[Node]) -> Node:
         """A condition on entering, evaluated for every step where it may change from step to step.
 
-        SQLite evaluates a condition as soon as all columns are known that it mentions; `witnesses` are a column of each
+        SQLite evaluates a condition once the columns that it mentions are known; `witnesses` are a column of each
         source.
         """
         last = witnesses[-1]
@@ -321,7 +321,7 @@ class EagerSearch(RecursiveQuery):
         ]
 
     def check_still_best(self) -> list[Node]:
-        """Whether the step that was taken still counts: another may have reached its row meanwhile."""
+        """Whether the step that was taken is still the best one to its row."""
         if self.search.repeats != "unique":
             return []
         if self.total is not None:
@@ -339,11 +339,11 @@ class EagerSearch(RecursiveQuery):
         return [] if self.rank is None else [self.column(self.rank)]
 
     def rank_total(self, total: Node) -> Node:
-        """A total as a number that is the smaller the better it is."""
+        """A total as a number that sorts better totals first."""
         return exp.Neg(this=sql_builder.wrap_operand(total)) if self.search.order == "probability" else total
 
     def again(self) -> exp.Select:
-        """A goal that has come out waits again, to be expanded in its turn."""
+        """Lets a goal that was taken as a result wait again, to be expanded at its own place."""
         assert self.waits is not None
         changed: dict[str, Node] = {self.waits: sql_builder.number(1)}
         if self.estimate is not None and self.later is not None:
@@ -359,7 +359,7 @@ class EagerSearch(RecursiveQuery):
     # --- results ---------------------------------------------------------------------------------------
 
     def results(self) -> exp.Select:
-        """The SELECT at the end, which picks the goals from the rows of `search`."""
+        """The final SELECT, which picks the goals from the rows of `search`."""
         now = self.now()
         query = self.query
         shown: list[Node] = [self.column("step"), self.column("parent")] if query.gives_paths else []

@@ -51,7 +51,7 @@ class SearchStep:
         self.next = search.following(scope)
 
     def row(self) -> list[Node]:
-        """The row, as far as it is shown on paths or compared."""
+        """The row, as far as it is shown or compared."""
         if self.of.arms is not None and self.item is not None:
             return list(self.of.arms.row(self.expressions, self.query, self.item, self.scope))
         if not self.query.gives_paths and (self.search.repeats == "allowed" or self.of.keyed):
@@ -67,7 +67,7 @@ class SearchStep:
 
     @property
     def made(self) -> plan.Expr | None:
-        """The condition without which there is no step."""
+        """The condition of CONNECT BY, without which there is no step."""
         other = self.search.first if self.first else None
         return self.search.made if other is None else other
 
@@ -81,14 +81,16 @@ class SearchStep:
         return self.expressions.condition(self.query.where, self.scope)
 
     def lookups(self) -> list[Node]:
-        """What SQLite may look up or ask early: the condition of CONNECT BY, as far as it cannot fail, and equalities
-        without which the step would stop and be no goal.
+        """What SQLite may look up or evaluate early.
+
+        This is the part of CONNECT BY that cannot fail, and equalities without which the step would stop and be no
+        goal.
         """
         parts = [part for part in split_and(self.made) if not can_fail(part)]
         return [self.expressions.condition(part, self.scope) for part in (*parts, *self.of.looked_up)]
 
     def _meets_connect(self) -> list[Node]:
-        """The condition of CONNECT BY where it has to be evaluated before the rest, which may fail."""
+        """The condition of CONNECT BY if it can fail, so that it is evaluated before the rest."""
         made = self.made
         clauses = [self.search.stop, self.query.where, self.search.weight, *self.of.compared, made]
         if made is None or not any(clause is not None and can_fail(clause) for clause in clauses):
@@ -98,7 +100,6 @@ class SearchStep:
     # --- whether it enters -----------------------------------------------------------------------------
 
     def enters(self) -> list[Node]:
-        """The conditions on entering."""
         new, alive = self._is_new(), self._continues_or_is_goal()
         weighed = [] if self.of.total is None else self._weighed()
         weighs = self.best and not new
@@ -127,7 +128,7 @@ class SearchStep:
         return any(map(sql_builder.calls_python, drops))
 
     def _is_new(self) -> list[Node]:
-        """Whether the row was not met; `improves` asks for more than `closed`, but needs the weight."""
+        """Whether the row is new; `improves` is stricter than `closed`, but needs the weight."""
         name = self.of.guard.repeat_test
         if name is None:
             return []
@@ -143,7 +144,7 @@ class SearchStep:
         return [_negate(sql_builder.call(name, *arguments, *self.key()))]
 
     def _continues_or_is_goal(self) -> list[Node]:
-        """Whether the step goes on or is a goal: each part of STOP WITH by itself where it is never true of a goal."""
+        """Whether the step goes on or is a goal; a part of STOP WITH that is never true of goals stands alone."""
         conditions = [_negate(self.expressions.condition(part, self.scope)) for part in self.of.stops.others]
         drops = self.of.stops.pruning_condition
         if drops is not None:
@@ -153,7 +154,7 @@ class SearchStep:
         return conditions
 
     def _weighed(self) -> list[Node]:
-        """What COST or PROBABILITY ask of a step."""
+        """The conditions on COST or PROBABILITY of a step."""
         asked: list[Node] = []
         if self.search.order == "probability":
             asked.append(sql_builder.binary(exp.GT, self.weight(), sql_builder.number(0)))
@@ -164,7 +165,7 @@ class SearchStep:
     # --- what it carries -------------------------------------------------------------------------------
 
     def outputs(self, positions: list[Node]) -> list[Node]:
-        """The columns of the recursive table; `positions` are looked at where SQLite looks rows up."""
+        """The columns of the recursive table; `positions` are read where SQLite looks rows up."""
         of = self.of
         carried: dict[str | None, Node] = {"step": self._number(positions), "parent": self.parent}
         carried[of.depth] = (
@@ -261,7 +262,7 @@ class SearchStep:
         return sql_builder.call(check, node, self.expressions.place(expr.span))
 
     def total(self) -> Node:
-        """What the path comes to with this step."""
+        """The total of the path with this step."""
         of = self.of
         assert of.total is not None
         if self.first:
@@ -272,11 +273,10 @@ class SearchStep:
 
 @dataclass(frozen=True, slots=True)
 class StopConditions:
-    """STOP WITH as what it says of goals and of other steps.
+    """STOP WITH, split by what it says of goals and of other steps; None: nothing.
 
-    `others` are the parts that are true of no goal: whatever they stop does not enter. `goals` is the rest, which may
-    be true of a step that enters, `drops` what of that drops a step that is no goal: `STOP WITH there OR far` drops
-    what is far. Both are None where there is nothing of the kind.
+    `others` is never true of a goal: these steps do not enter. `goals` is the rest; `drops` is the part of it that
+    drops steps which are no goals: of `STOP WITH there OR far` it is `far`.
     """
 
     others: tuple[plan.Expr, ...] = ()
@@ -285,9 +285,9 @@ class StopConditions:
 
 
 def split_stop_conditions(query: plan.Query, steady: Sequence[plan.Expr]) -> StopConditions:
-    """STOP WITH, taken apart; `steady` are calls that cannot fail where they stand, for they are columns.
+    """Splits STOP WITH; `steady` are calls that cannot fail, because they are columns.
 
-    What stands apart reads the last source: of the state alone SQLite would ask it before it makes the steps.
+    A part on its own reads the last source; SQLite would evaluate one of the state alone before it makes the steps.
     """
     stop = None if query.search is None else query.search.stop
     goal = query.where
@@ -309,12 +309,12 @@ def split_stop_conditions(query: plan.Query, steady: Sequence[plan.Expr]) -> Sto
 
 
 def _can_evaluate_anytime(part: plan.Expr, steady: Sequence[plan.Expr]) -> bool:
-    """Whether a part may be evaluated by itself, at any time."""
+    """Whether a part may be evaluated alone, at any time."""
     return all(any(node == known for known in steady) for node in find_fallible_parts(part))
 
 
 def are_exclusive(one: plan.Expr, other: plan.Expr) -> bool:
-    """Whether two conditions are never true together: they demand of something that it equals what is not equal."""
+    """Whether two conditions are never true together, such as `x == 1` and `x != 1`."""
     return any(
         a == c and not may_be_equal(b.type, d.type)
         for part in split_and(other)
@@ -333,7 +333,7 @@ def _get_sides(expr: plan.Expr) -> list[tuple[plan.Expr, plan.Expr]]:
 
 
 def is_within_bound(kind: Type, most: float) -> bool:
-    """Whether the type promises numbers from 0 to `most`; a bool among others is a handle, not a number as yet."""
+    """Whether the type promises numbers from 0 to `most`; a bool among other values is a handle."""
     return (kind.only(Kind.INT | Kind.FLOAT) or is_flag(kind)) and kind.at_least(0) and kind.bounded(most)
 
 

@@ -43,7 +43,6 @@ def column(name: str, table: str | None = None) -> exp.Column:
 
 
 def call(name: str, *arguments: Node) -> exp.Anonymous:
-    """A call of a function registered under this name."""
     return exp.Anonymous(this=identifier(name), expressions=list(arguments))
 
 
@@ -265,7 +264,6 @@ def sort_key(node: Node) -> Node:
 def sort_query(
     query: exp.Select, order: Sequence[tuple[Node, bool]], limit: Node | None = None, offset: Node | None = None
 ) -> exp.Select:
-    """The query with ORDER BY, LIMIT and OFFSET."""
     if order:
         query.set("order", _build_order(order))
     if limit is not None:

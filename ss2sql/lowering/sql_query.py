@@ -43,29 +43,19 @@ class ListTable:
 
 @dataclass(frozen=True, slots=True)
 class Bookkeeping:
-    """How the steps of a search are kept and counted.
+    """How the steps of a search are kept and counted."""
 
-    `counts` says how it is known how many were generated: one by one, as the product of the sources for each step
-    that went on, or as those that entered the queue and those that a guard kept out. `all_go_on` says that whatever
-    enters goes on, `all_results` that it also comes out as a result. `compares_raw_rows` says that rows may be compared
-    as they are until the interning has met values that have several forms, `keyed` that something else than rows is
-    compared, `steps_unkept` that steps have numbers and are not kept. Of what goes on, `starts` are no steps. `sources`
-    names the parameters that are walked as sources, `members` those that are walked as lists right of IN, which make no
-    steps; the value of one may be that of the other. `arms` are the steps from a state that have a SELECT of their own;
-    `parts` says of each column of a row how many values are a list, 0 where it is one value.
-    """
-
-    counts: StepCounting = "steps"
-    all_go_on: bool = False
-    all_results: bool = False
-    compares_raw_rows: bool = False
-    sources: tuple[str, ...] = ()
-    members: frozenset[str] = frozenset()
-    arms: int = 1
-    parts: tuple[int, ...] = ()
-    keyed: bool = False
-    steps_unkept: bool = False
-    starts: int = 0
+    counts: StepCounting = "steps"  # how the number of generated steps is known
+    all_go_on: bool = False  # every step that enters goes on
+    all_results: bool = False  # every step that enters is a result
+    compares_raw_rows: bool = False  # rows are compared as they are, until values with several forms turn up
+    sources: tuple[str, ...] = ()  # the parameters that are walked as sources
+    members: frozenset[str] = frozenset()  # those that are walked as lists right of IN, which make no steps
+    arms: int = 1  # the number of SELECTs that make the steps from a state
+    parts: tuple[int, ...] = ()  # for each column of a row the number of values that form its list; 0: it is one value
+    keyed: bool = False  # something else than rows is compared
+    steps_unkept: bool = False  # steps have numbers, but are not kept
+    starts: int = 0  # how many of what goes on are starts
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +71,6 @@ class Parameter:
     blob_encoding: BlobEncoding | None = None
 
     def bound(self, value: Any) -> Any:
-        """What is bound for a value of the expression."""
         return value if self.blob_encoding is None else self.blob_encoding.pack(value)
 
 
@@ -94,35 +83,25 @@ class OutputColumn:
 
 @dataclass(frozen=True, slots=True)
 class SqlQuery:
-    """A lowered query.
-
-    The statement's columns are, in this order: for a search the step's and its parent's number; the
-    `outputs`; `keys` group values; `orders` sort keys that SQL does not sort by itself. `sorted` and `limited`
-    say what SQL has done of ORDER BY and LIMIT. `plain` are the parameters whose handles stand for all values
-    that equal theirs, as long as no other form of such a value turns up. `plain_rows` says that the rows consist of
-    numbers, strings and None, `plain_keys` that what a search compares does. `snapshot` is that of worlds, `late` what
-    makes the rows where the statement gives keys of worlds alone. `applied` names the rewrites of lowering.
-    `truths` are the functions whose calls are conditions as they are, as long as none gives a text or None;
-    `told_apart` those whose equal arguments are the same ones.
-    """
+    """A lowered query. Its columns: of a search the step's and its parent's number; then outputs, keys, orders."""
 
     query: plan.Query
     text: str
     parameters: tuple[Parameter, ...]
     outputs: tuple[OutputColumn, ...]
-    keys: tuple[OutputColumn, ...]
-    orders: tuple[OutputColumn, ...]
-    sorted: bool
-    limited: bool
+    keys: tuple[OutputColumn, ...]  # the values of groups
+    orders: tuple[OutputColumn, ...]  # the keys of ORDER BY where SQL does not sort
+    sorted: bool  # SQL has done ORDER BY
+    limited: bool  # SQL has done LIMIT
     calls: Mapping[str, tuple[Span, ...]]
     modules: Mapping[str, ListTable]
-    plain: frozenset[str] = frozenset()
-    plain_rows: bool = False
-    plain_keys: bool = False
+    plain: frozenset[str] = frozenset()  # parameters whose handles stand for all values that equal theirs
+    plain_rows: bool = False  # the rows consist of numbers, strings and None
+    plain_keys: bool = False  # what a search compares does
     bookkeeping: Bookkeeping = Bookkeeping()
     snapshot: Snapshot = NO_SNAPSHOT
-    late: LateColumns | None = None
-    applied: tuple[str, ...] = ()
+    late: LateColumns | None = None  # makes the rows where the statement gives only keys of worlds
+    applied: tuple[str, ...] = ()  # the rewrites that lowering has applied
     only_iterated: frozenset[str] = frozenset()  # parameters whose value nobody asks for as a whole
-    truths: frozenset[str] = frozenset()
-    told_apart: frozenset[str] = frozenset()
+    truths: frozenset[str] = frozenset()  # functions whose calls are conditions, see lower.py
+    told_apart: frozenset[str] = frozenset()  # functions whose equal arguments are the same ones

@@ -35,19 +35,14 @@ Reader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
 
 @dataclass(frozen=True, slots=True)
 class SqlScope:
-    """How sources and START WITH variables are read in the SQL scope at hand.
-
-    A reader, state or group value gives what stands in a column: a flag where the type is bool alone. `known`
-    are expressions that stand in a column already, `facts` comparisons that hold wherever an expression is evaluated.
-    `again` says that what stands here is evaluated any number of times, maybe not at all.
-    """
+    """How sources and START WITH variables are read in the SQL scope at hand: a flag where the type is bool alone."""
 
     sources: Mapping[int, Reader] = field(default_factory=dict)
     states: Mapping[tuple[int, str], Node] = field(default_factory=dict)
     groups: Mapping[tuple[int, int], Node] = field(default_factory=dict)
-    known: tuple[tuple[plan.Expr, Node], ...] = ()
-    facts: tuple[Comparison, ...] = ()
-    again: bool = False
+    known: tuple[tuple[plan.Expr, Node], ...] = ()  # expressions that stand in a column already
+    facts: tuple[Comparison, ...] = ()  # comparisons that hold wherever an expression is evaluated
+    again: bool = False  # what stands here is evaluated any number of times, maybe never
 
     def with_facts(self, condition: plan.Expr, truth: bool) -> SqlScope:
         return replace(self, facts=(*self.facts, *collect_comparisons(condition, truth)))
@@ -59,7 +54,7 @@ class SqlScope:
         return replace(self, states={**self.states, **states})
 
     def enter_query(self) -> SqlScope:
-        """The sight of a query in an expression: an aggregate is one of the innermost query, whatever looks like it."""
+        """The scope of a query in an expression: aggregates belong to the innermost query."""
         kept = [one for one in self.known if not any(isinstance(node, plan.Aggregate) for node in walk_own(one[0]))]
         return replace(self, known=tuple(kept), again=True)
 
@@ -68,7 +63,7 @@ class SqlScope:
 
 
 class ExpressionLowering:
-    """Lowers the expressions of one statement; `needs` collects what they ask for."""
+    """Lowers the expressions of one statement; `needs` collects what they require."""
 
     def __init__(
         self,
@@ -91,7 +86,7 @@ class ExpressionLowering:
         return sql_builder.case([(flag, self.needs.bind(TRUE, "true"))], self.needs.bind(FALSE, "false"))
 
     def unbox_value(self, node: Node, kind: Type) -> Node:
-        """A value as what stands for its type: a bool becomes a flag."""
+        """A value in the form of its type: a bool becomes a flag."""
         return sql_builder.binary(exp.NullSafeEQ, node, self.needs.bind(TRUE, "true")) if is_flag(kind) else node
 
     def condition(self, expr: plan.Expr, scope: SqlScope) -> Node:
@@ -112,8 +107,8 @@ class ExpressionLowering:
     def lower(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The expression as a flag or a value, by its type.
 
-        A guard lowers its operands, and where they are too long to be written twice they are arguments of a call
-        instead. So all within an expression is kept until that is lowered, else n of them in each other took 2^n steps.
+        Subexpressions are kept until the whole is lowered: some are lowered twice, and n of them inside each other
+        would take 2^n steps.
         """
         outermost = self._lowered is None
         lowered = self._lowered = {} if self._lowered is None else self._lowered
@@ -167,11 +162,11 @@ class ExpressionLowering:
                 return self.unbox_value(self._query(self.subquery, expr, scope), expr.type)
 
     def exists(self, expr: plan.Subquery, scope: SqlScope) -> Node:
-        """Whether a query that only says so has a row, as a flag."""
+        """Whether a query has a row, as a flag."""
         return exp.Exists(this=self.unordered(expr, scope, lambda scope: sql_builder.number(1)))
 
     def unordered(self, expr: plan.Subquery, scope: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
-        """What is made of the rows of a query whose order is of no account."""
+        """A value computed from the rows of a query in any order."""
         return self._query(lambda query, scope: self.rows(query, scope, output), expr, scope)
 
     def _query(self, lower: Callable[[plan.Query, SqlScope], N], expr: plan.Subquery, scope: SqlScope) -> N:
@@ -222,7 +217,7 @@ class ExpressionLowering:
         return node if expr.function.name in PREDICATES else self.unbox_value(node, expr.type)
 
     def field(self, element: Node, column: plan.Column) -> Node:
-        """A column that is looked for in the element when it is read."""
+        """A column that is looked up in the element when it is read."""
         return sql_builder.call("field", element, sql_builder.string(column.name), self.place(column.span))
 
     def place(self, span: Span) -> Node:
@@ -245,7 +240,7 @@ class ExpressionLowering:
         )
 
     def in_order(self, parts: tuple[plan.Expr, ...], scope: SqlScope, truth: bool) -> list[Node]:
-        """The truth of expressions, each where those before it have this truth."""
+        """The truth of expressions, each given that those before it have this truth."""
         conditions: list[Node] = []
         for part in parts:
             conditions.append(self.condition(part, scope))
@@ -270,12 +265,12 @@ class ExpressionLowering:
 
 
 def is_run_constant(expr: plan.Expr) -> bool:
-    """Whether an expression is made of constants and script variables alone, so that it has one value per run."""
+    """Whether an expression has one value per run: it reads only constants and script variables."""
     return all(isinstance(part, (plan.Constant, plan.Variable, plan.Call, plan.MakeList)) for part in walk(expr))
 
 
 def _prints_exactly(value: float) -> bool:
-    """Whether SQLite reads the float's shortest text back exactly: few digits and a small exponent."""
+    """Whether SQLite reads the float's shortest text back exactly."""
     digits, _, power = repr(abs(value)).partition("e")
     return len(digits.replace(".", "").strip("0")) <= 15 and (not power or abs(int(power)) <= 20)
 

@@ -21,34 +21,26 @@ from ss2sql.lowering.sql_query import ListTable, Parameter
 
 @dataclass(slots=True)
 class StatementNeeds:
-    """Collects what one statement needs while it is lowered.
+    """Collects what one statement needs while it is lowered."""
 
-    `function_names` maps the functions of the language to their names in SQL. `worlds` are the tables of worlds by the
-    labels of their sources, `materialized_ctes` the queries in FROM that are evaluated as a whole, by the numbers of
-    theirs. `plain` are parameters with which values are compared by their handles; where a statement compares
-    `by_value`, nothing is. `walked` has the parameters that are walked as sources, by the numbers of theirs, `members`
-    those that are walked as lists right of IN. `disabled` are the rewrites that are switched off, `applied` those that
-    lowering has applied; `written` gives an expression as it was before these, for Python to evaluate.
-    """
-
-    function_names: Mapping[str, str]
+    function_names: Mapping[str, str]  # function of the language -> its name in SQL
     parameters: dict[str, Parameter] = field(default_factory=dict)
     calls: dict[str, list[Span]] = field(default_factory=dict)
     modules: dict[str, ListTable] = field(default_factory=dict)
-    worlds: dict[str, Any] = field(default_factory=dict)
-    materialized_ctes: dict[int, exp.CTE] = field(default_factory=dict)
+    worlds: dict[str, Any] = field(default_factory=dict)  # label -> the table of a world
+    materialized_ctes: dict[int, exp.CTE] = field(default_factory=dict)  # source -> its query, evaluated as a whole
     labels: set[str] = field(default_factory=set)
     tables: set[str] = field(default_factory=set)
-    by_value: bool = False
-    plain: set[str] = field(default_factory=set)
-    walked: dict[int, str] = field(default_factory=dict)
-    members: set[str] = field(default_factory=set)
-    disabled: Collection[str] = ()
-    applied: dict[str, None] = field(default_factory=dict)
+    by_value: bool = False  # no values are compared by their handles
+    plain: set[str] = field(default_factory=set)  # parameters that are compared by their handles
+    walked: dict[int, str] = field(default_factory=dict)  # source -> the parameter that it walks
+    members: set[str] = field(default_factory=set)  # parameters that are walked as lists right of IN
+    disabled: Collection[str] = ()  # the rewrites that are switched off
+    applied: dict[str, None] = field(default_factory=dict)  # the rewrites that lowering has applied
     memoized_expressions: list[plan.Expr] = field(
         default_factory=list
     )  # what is remembered, see aggregate_subqueries.py
-    written: Callable[[plan.Expr], plan.Expr] | None = None
+    written: Callable[[plan.Expr], plan.Expr] | None = None  # an expression before the rewrites, for Python
 
     def reduction(self, expr: plan.Expr) -> int:
         """The number of an expression whose values are remembered; equal ones share them."""
@@ -95,7 +87,6 @@ class StatementNeeds:
         return node
 
     def limits(self, query: plan.Query) -> tuple[Node | None, Node | None]:
-        """LIMIT and OFFSET."""
         limit = None if query.limit is None else self.count(query.limit, "limit")
         return limit, None if query.offset is None else self.count(query.offset, "offset")
 

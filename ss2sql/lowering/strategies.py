@@ -12,34 +12,24 @@ from ss2sql.language import plan
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """Which step is taken next from the queue of a recursive query.
-
-    `queue` are the columns of the recursive table that sort the queue, with True for descending order; `step`, the
-    number under which a step was generated, decides ties. `total` is the column with the total of the path, where steps
-    have weights. `promise` says what a user can rely on.
-    """
+    """Which step is taken next from the queue of a recursive query."""
 
     name: str
     keyword: str
-    queue: tuple[tuple[str, bool], ...]
-    promise: str
-    total: str | None = None
+    queue: tuple[tuple[str, bool], ...]  # columns that sort the queue, True: descending; then the step's number
+    promise: str  # what a user can rely on
+    total: str | None = None  # the column with the total of the path, where steps have weights
 
 
 @dataclass(frozen=True, slots=True)
 class RepeatRule:
-    """What happens to a step whose row was reached before; the names are SQL functions of
-    runtime/sqlite/search_functions.py.
-
-    `repeat_test` tells whether a row was reached (None: rows are not compared), and `number` gives the step its number
-    and notes the row. `lowered` is False for what only Python runs.
-    """
+    """What happens to a step whose row was reached before, by functions of runtime/sqlite/search_functions.py."""
 
     name: str
     keyword: str
-    repeat_test: str | None
-    number: str
-    lowered: bool
+    repeat_test: str | None  # tells whether the row was reached; None: rows are not compared
+    number: str  # numbers the step and notes its row
+    lowered: bool  # False: only Python runs it
     promise: str
 
 
@@ -97,7 +87,7 @@ MEMORIZE = RepeatRule(
 ORDERS: dict[str, Order] = {
     order.name: order for order in (DEPTH_FIRST, BREADTH_FIRST, UNIFORM_COST, MOST_LIKELY_FIRST, GREEDY_BEST_FIRST)
 }
-REPEAT_RULES: dict[str, RepeatRule] = {guard.name: guard for guard in (TREE_SEARCH, NO_CYCLE, UNIQUE, MEMORIZE)}
+REPEAT_RULES: dict[str, RepeatRule] = {rule.name: rule for rule in (TREE_SEARCH, NO_CYCLE, UNIQUE, MEMORIZE)}
 
 
 def get_order(search: plan.Search) -> Order:
@@ -105,6 +95,6 @@ def get_order(search: plan.Search) -> Order:
 
 
 def get_repeat_rule(search: plan.Search) -> RepeatRule:
-    """The guard of a search; UNIQUE has another one where steps have weights."""
+    """The rule of a search; UNIQUE has another one if steps have weights."""
     best = search.repeats == "unique" and search.weight is not None
     return UNIQUE_BEST if best else REPEAT_RULES[search.repeats]

@@ -97,7 +97,6 @@ def find_union_branches(query: plan.Query) -> UnionBranches | None:
 
 
 def _get_list_items(value: plan.Expr) -> tuple[plan.Expr, ...]:
-    """The items of a list literal."""
     return value.items if isinstance(value, plan.MakeList) else ()
 
 

@@ -31,10 +31,7 @@ ASSIGNMENTS = (plan.Assign, plan.TemporalAssign, plan.AssignLate)
 
 
 class CompiledStatement:
-    """One statement: its plan, the `generation` of the session that it was made for, and the function that runs it.
-
-    `variable` gives the values that variables will have when it runs, as far as they are known.
-    """
+    """One compiled statement. `variable` gives the values that variables will have, as far as they are known."""
 
     def __init__(
         self,
@@ -62,7 +59,7 @@ class CompiledStatement:
     def _function(
         self, expr: plan.Expr, variable: Callable[[str], Any]
     ) -> tuple[Callable[[Run], Any], list[CompiledQuery]]:
-        """What computes the statement, and the queries in it."""
+        """The function that computes the statement, and the queries in it."""
         queries: list[CompiledQuery] = []
 
         def compiled(query: plan.Query) -> CompiledQuery:
@@ -87,7 +84,7 @@ class CompiledStatement:
         return self.function(run)
 
     def is_outdated(self, run: Run, source: Callable[[str], Any], but: Container[str] = ()) -> bool:
-        """Whether the plan relies on columns or types that are no longer so, of other variables than these."""
+        """Whether the plan relies on outdated columns or types, of other variables than those in `but`."""
         if self.generation != self.host.generation:
             return True
         own = self.host.names.values
@@ -106,7 +103,7 @@ class CompiledStatement:
 
 
 def _get_variable_type(source: Callable[[str], Any], name: str) -> Type:
-    """The type of a variable's present value; of one that cannot be read nothing: whoever reads it says so."""
+    """The type of a variable's present value; the unknown type if it cannot be read now."""
     try:
         return type_of(source(name))
     except KeyError:
@@ -116,10 +113,10 @@ def _get_variable_type(source: Callable[[str], Any], name: str) -> Type:
 
 
 class Query:
-    """A compiled script, to be run many times. Names are resolved before anything runs, anew where that is called for.
+    """A compiled script, to be run many times; its names are resolved again when their meaning changes.
 
-    `parameters` are the names that the script does not know; `run` takes them as keywords. `plan` is the
-    resolved program, `sql` the text that runs. It is `fresh` where it was resolved for the run that comes next.
+    `parameters` are the names that the script does not know, which `run` takes as keywords. `plan` is the resolved
+    program, `sql` the text that runs. A `fresh` one was resolved for the next run.
     """
 
     def __init__(
@@ -143,7 +140,7 @@ class Query:
         self._fresh = fresh
 
     def statements(self, engine: Engine | None = None, run: Run | None = None) -> list[CompiledStatement]:
-        """The compiled statements for an engine; for a run, which has begun, with the values that it is given."""
+        """The compiled statements for an engine; for a run that has begun, with its values."""
         chosen = engine or self._engine
         if chosen not in self._statements:
             self._statements[chosen] = self._compile_now(chosen, run)
@@ -153,7 +150,7 @@ class Query:
         return self._statements[chosen]
 
     def _is_outdated(self, engine: Engine, run: Run) -> bool:
-        """Whether names in statements after the first one, which looks itself, might no longer mean what they meant."""
+        """Whether names in statements after the first might have another meaning; the first one checks for itself."""
         first, *others = self._statements[engine]
         if engine in self._open and any(compiled.statement.tentative for compiled in others):
             return True
@@ -166,7 +163,7 @@ class Query:
         return False
 
     def _compile_now(self, engine: Engine, run: Run | None) -> list[CompiledStatement]:
-        """What an engine refuses is resolved once more: the sources may be others now, and parameters have values."""
+        """Compiles for an engine; after a refusal once more, with the present sources and the values of parameters."""
         if self._program.parameters:
             self._open.add(engine)
         try:
@@ -175,7 +172,7 @@ class Query:
             return self._resolve_now(engine, run)
 
     def _resolve_now(self, engine: Engine, run: Run | None) -> list[CompiledStatement]:
-        """The statements resolved against the values that stand now, and those that the run is given."""
+        """The statements resolved against the present values, and those given to the run."""
         values, stats = ({}, Stats()) if run is None else (run.arguments, run.stats)
         resolved = stats.time_stage("resolve", lambda: self._host.resolve_script(self._script, values, run is None))
         statements = self._compiled(resolved(), self._host.generation, engine, run)
@@ -202,7 +199,7 @@ class Query:
 
     @cached_property
     def call_places(self) -> dict[str, Places]:
-        """Where the script calls functions of the user; empty where that is not known."""
+        """Where the script calls functions of the user; empty if that is not known."""
         return call_places(*(statement.expr for statement in self._program.statements))
 
     @property
@@ -217,7 +214,7 @@ class Query:
         return join_script_sql(outline(self.statements()))
 
     def explain(self) -> Explanation:
-        """What becomes of the script, as `Result.explain` says it, without what only a run can tell."""
+        """Explains the script as `Result.explain` does, without what only a run can tell."""
         from ss2sql.results.explain.explanation import explain
         from ss2sql.session.outlines import outline
 
@@ -232,12 +229,11 @@ class Query:
         return self._execute(self, engine, timeout, maximum, workers, max_rows, variables, trace=trace)
 
     def spark(self, timeout: float | None = None, maximum: int | None = None, **variables: Any) -> Any:
-        """The paths of the search that the script ends with as a DataFrame of Spark, which finds and keeps them.
+        """The paths of the last search as a DataFrame of Spark, which finds and keeps them.
 
-        It has the rows of a result, with the columns `path`, `step` and those of SELECT, in the session of Spark that
-        `connect` was given. None of them passes through this process, but for the first levels. Raises UnsupportedError
-        for what is no such search and for ORDER BY and GROUP BY, RepresentationError V001 for a column with values of
-        several kinds, and what `run` raises.
+        It has the columns `path`, `step` and those of SELECT, in the session of Spark that `connect` was given; only
+        the first levels pass through this process. Raises UnsupportedError for other queries and for ORDER BY and GROUP
+        BY, RepresentationError V001 for a column with values of several kinds, and what `run` raises.
         """
         self._check(variables)
         return self._execute(self, "spark", timeout, maximum, 1, None, variables, framed=True).value

@@ -18,7 +18,7 @@ ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 
 def get_abilities(name: str) -> EngineAbilities | None:
-    """What a database can that searches by levels; None for others. Only who asks for one loads what it needs."""
+    """The abilities of a database that searches by levels; None for other engines. Loads only this engine."""
     from ss2sql.lowering.dialects import DUCKDB, SPARK
     from ss2sql.runtime.external.level_query import EngineAbilities
     from ss2sql.runtime.external.level_statements import DuckLevel, SparkLevel
@@ -38,12 +38,10 @@ def check_engine(engine: Any) -> None:
 
 
 def open_table_engine(name: str, session: Any = None, begun: Sequence[Run] = ()) -> TableEngine | None:
-    """The database behind an engine; None where SQLite or Python do the work.
+    """The database of an engine; None if SQLite or Python do the work.
 
-    Args:
-        name: the engine.
-        session: a connection of that database, whose settings count; searches leave nothing behind in it.
-        begun: the runs that are under way, the innermost last.
+    `session` is the user's connection of that database, whose settings count; `begun` are the active runs, innermost
+    last.
     """
     opener = _OPENERS.get(name)
     return None if opener is None else opener(session, begun)

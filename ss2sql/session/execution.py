@@ -34,7 +34,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """What may be said of one run, see `Session.run`."""
+    """The options of one run, see `Session.run`."""
 
     engine: Engine | None
     timeout: float | None
@@ -46,7 +46,6 @@ class RunOptions:
     trace: int | None = None
 
     def check(self) -> None:
-        """Raises SessionError S002 for what makes no sense."""
         if self.engine is not None:
             check_engine(self.engine)
         check_bound("maximum", self.maximum, 1)
@@ -56,10 +55,7 @@ class RunOptions:
 
 
 def run_attended(host: SessionHost, work: Callable[[Run], T]) -> T:
-    """What `work` gives, a new run, which hears of Ctrl-C and `interrupt` from here on.
-
-    Raises Stopped, of whichever kind, with what was found until then; whoever was interrupted hears of nothing else.
-    """
+    """Calls `work` with a new run that Ctrl-C and `interrupt` can end. Raises Stopped with what was found."""
     run: Run | None = None
     try:
         run = Run(host, Stats(), sizes=ValueSizes(host.limits.max_size))
@@ -95,7 +91,7 @@ def run_attended(host: SessionHost, work: Callable[[Run], T]) -> T:
 
 
 def set_deadline(run: Run, host: SessionHost, seconds: float | None) -> None:
-    """Says when a run that starts now has to end; one inside of another run ends with that at the latest."""
+    """Sets the end of a run that starts now; that of an inner run is not later than the outer one's."""
     times = [outer.bounds.deadline for outer in host.runs]
     times.append(None if seconds is None else time.monotonic() + seconds)
     run.bounds.deadline = min((moment for moment in times if moment is not None), default=None)
@@ -175,7 +171,7 @@ def _compute_last_value(
 def _make_rerun(
     host: SessionHost, arguments: dict[str, Any], maximum: int | None
 ) -> Callable[[Callable[[Run], Any]], Any]:
-    """What has something done by another run under the same conditions. It keeps nothing of the run that was."""
+    """A function that does something in another run under the same conditions; it keeps nothing of the first run."""
 
     def recount(work: Callable[[Run], Any]) -> Any:
         def again(run: Run) -> Any:
@@ -193,7 +189,7 @@ def _make_rerun(
 
 
 def _collect_trace(run: Run, statement: CompiledStatement) -> tuple[SearchTrace | None, tuple[str, ...]]:
-    """What a traced run keeps of its search, and what there is to say of that."""
+    """The trace of the run's last search, with its notes."""
     if run.trace is None:
         return None, ()
     from ss2sql.results.watching.search_trace import collect_notes, make_trace
@@ -223,7 +219,7 @@ def _build_result(host: SessionHost, run: Run, statements: Sequence[CompiledStat
 
 
 def _foreteller(host: SessionHost, run: Run, workers: int) -> Foreteller | None:
-    """What has calls made by other processes, where more than one is wanted. They themselves start no others."""
+    """Starts other processes for calls of functions if `workers` is more than one and this is not one of them."""
     if workers == 1 or IN_WORKER in os.environ:
         return None
     from ss2sql.runtime.parallel.block_calls import Foreteller
@@ -235,7 +231,7 @@ def _foreteller(host: SessionHost, run: Run, workers: int) -> Foreteller | None:
 
 
 def _find_memory_ceiling(host: SessionHost) -> int | None:
-    """The bytes that the process may hold; a run inside of another one has no more."""
+    """The bytes that the process may hold; an inner run has the ceiling of the outer one."""
     if host.limits.max_memory is None:
         return None
     ceilings = [run.bounds.ceiling for run in host.runs if run.bounds.ceiling is not None]
@@ -243,7 +239,7 @@ def _find_memory_ceiling(host: SessionHost) -> int | None:
 
 
 def _count_steps_left(host: SessionHost) -> int | None:
-    """The steps that a run may try; one inside of another has what that has left."""
+    """The steps that a run may try; an inner run has those that the outer one has left."""
     outer = host.runs[-1] if host.runs else None
     if outer is None or outer.steps_left is None:
         return host.limits.max_steps
@@ -251,7 +247,7 @@ def _count_steps_left(host: SessionHost) -> int | None:
 
 
 def _build_partial_result(run: Run | None, status: Status) -> Result | None:
-    """What the query has found that was running; None where there was none."""
+    """The rows that the interrupted query has found; None if no query was running."""
     if run is None or run.sink is None:
         return None
     rows, engine = run.sink.rows, run.sink.engine

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class TableNames:
-    """The tables and views of the session's database, and of the engine's own, which is asked when somebody looks."""
+    """The tables and views of the session's database, and of the engine's own database."""
 
     own: list[str]
     others: OtherTables | None
@@ -126,7 +126,7 @@ class SessionHost:
 
     @cached_property
     def graphs(self) -> CachePolicy | None:
-        """What keeps graphs of searches in the session's file, if it has one and graphs are kept."""
+        """What keeps the graphs of searches, if the session has a file and keeps graphs."""
         if self.graph_store is None or "remember" in self.disabled:
             return None
         from ss2sql.runtime.graph_cache.cache_policy import CachePolicy
@@ -134,7 +134,7 @@ class SessionHost:
         return CachePolicy(self.graph_store, self._find_function, self._worlds)
 
     def _find_function(self, name: str) -> UserFunction:
-        """A function by the name that plans use. Raises ExecutionError X011 where it has gone with its world."""
+        """A function by its name in plans. Raises ExecutionError X011 if it was detached with its world."""
         try:
             return self.planned[name]
         except KeyError:
@@ -149,7 +149,7 @@ class SessionHost:
         self._name_functions({entry.name})
 
     def _name_functions(self, changed: Collection[str]) -> None:
-        """Gives functions their names in SQL, and tells the database of those that have changed."""
+        """Gives functions their names in SQL, and registers those that have changed with the database."""
         self.generation += 1
         self.planned = {entry.name: entry for entry in self.world_functions.values()} | self.functions
         before, self.sql_names = self.sql_names, choose_function_names(self.planned)
@@ -160,17 +160,14 @@ class SessionHost:
             self.register_pending()
 
     def register_pending(self) -> None:
-        """Tells the database of the functions that it does not know yet.
-
-        Raises apsw.BusyError where a statement that runs may call one of them: none of it has changed then.
-        """
+        """Registers waiting functions with the database. Raises apsw.BusyError if a running statement may call one."""
         for name, sql_name in list(self.late.items()):
             if name in self.planned:  # else it was of a world that has gone
                 self.database.register_user(self.planned[name], sql_name)
             del self.late[name]
 
     def ready(self) -> None:
-        """Sees to it that a run finds the functions as they are. Raises SessionError S004 where it cannot."""
+        """Prepares the database for a run. Raises SessionError S004 if it cannot."""
         if self.late:
             try:
                 self.register_pending()
@@ -180,10 +177,7 @@ class SessionHost:
                 raise SessionError("S004", message, hints=hints) from None
 
     def attach_world(self, name: str, world: contract.World) -> None:
-        """Makes a world known: its tables, its functions, and its representations where there are none of the name.
-
-        Raises SessionError S002 where it declares what cannot be.
-        """
+        """Adds tables, functions and representations of a world. Raises SessionError S002 for wrong declarations."""
         self.names.attach_world(name, AttachedWorld(name, world, self.database.worlds.choose_name))
         for word, method in world.representations.items():
             if word.lower() not in representations.ALL:
@@ -196,7 +190,7 @@ class SessionHost:
             self.watched_scenes.append(listeners)
 
     def end_triggers(self) -> None:
-        """Ends the triggers: no scene looks after them any more."""
+        """Ends all triggers, which no scene polls any more."""
         for listeners in self.watched_scenes:
             if self.triggers.poll in listeners:
                 listeners.remove(self.triggers.poll)
@@ -210,7 +204,7 @@ class SessionHost:
 
     @contextmanager
     def _using(self) -> Iterator[None]:
-        """While a thread uses the session: no other copy of SQLite has its files open. Copies are made anew for it."""
+        """While a thread uses the session: parks other copies of SQLite and refreshes copied databases."""
         for copied in self.tables.copied.values():
             copied.stale = True
         with use_files(self.connection):
@@ -239,7 +233,7 @@ class SessionHost:
         open_names: bool = False,
         read: Callable[[], Container[str] | None] = lambda: None,
     ) -> Catalog:
-        """What scripts may name; `read` gives the columns of tables that they read, as far as that is known."""
+        """The names that scripts may use; `read` gives the known columns of tables that they read."""
         given = dict(values or {})
         snapshots: dict[str, Any] = {}
 
@@ -267,23 +261,23 @@ class SessionHost:
         )
 
     def present(self, name: str, given: Mapping[str, Any]) -> Any:
-        """The value that is given, or else the present one, as it stands in FROM; raises what `source` raises."""
+        """The given value, or else the present one, as it stands in FROM. Raises what `source` raises."""
         return given[name] if name in given else self.names.source(name)
 
     def _planned(self, entry: UserFunction) -> plan.Function:
-        """The function as the plan knows it; its body counts only while the operators in it are the built-in ones."""
+        """The function for plans; its body counts only while the operators in it are the built-in ones."""
         function = entry.plan
         known = function.body is not None and "inline" not in self.disabled
         return function if known and not function.body.uses & self.functions.keys() else replace(function, body=None)
 
     def resolve_script(self, tree: ast.Script, values: Mapping[str, Any], open_names: bool) -> plan.Program:
-        """The plan of a script, resolved against the values that stand now and those that are given."""
+        """The plan of a script, resolved against the present and the given values."""
         read = cache(lambda: collect_column_names(tree, *self.names.late.values()))
         catalog = self.catalog(values, open_names, read)
         return retry_with_stack(lambda: resolve(tree, catalog))
 
     def resolve_statement(self, tree: ast.Expr, run: Run) -> plan.Statement:
-        """The plan of one statement, resolved against the values that stand now."""
+        """The plan of one statement, resolved against the present values."""
         script = ast.Script((tree,), span=tree.span)
         return self.resolve_script(script, run.arguments, open_names=False).statements[0]
 
@@ -303,7 +297,7 @@ class SessionHost:
         return RewriteContext(variable, read, frozenset(self.functions))  # those that may stand in for built-in ones
 
     def _resolve_single_statement(self, text: str, scope: Any) -> plan.Expr | None:
-        """The one statement of a text given to `eval`; None where there are more, or where it has no meaning yet."""
+        """The only statement of a text given to `eval`; None if there are more, or if it cannot be resolved yet."""
         try:
             statements = self.resolve_text(text, scope)
         except Error:
@@ -314,7 +308,7 @@ class SessionHost:
         return self.runs[-1].arguments if self.runs else {}
 
     def has_table_changed(self, table: plan.TableSource | plan.WorldSource, run: Run) -> bool:
-        """Whether a table has other columns, or values of other kinds, than a plan was made for, or is another one."""
+        """Whether a plan was made for other columns, or values of other kinds, than the table has now."""
         if isinstance(table, plan.WorldSource):
             name = table.table.world_name
             world = None if name in run.arguments else self.names.worlds.get(name)
@@ -354,20 +348,20 @@ class SessionHost:
         return known
 
     def hand_over_calls(self, run: Run) -> None:
-        """Lets a native query know the calls that the statement before has made, for nobody makes them twice."""
+        """Adopts the results of calls that the statement before has made, so that nothing is called twice."""
         for name, arguments, answer in run.calls_made:
             if self.memo_limit:
                 self.call(self.planned[name].plan, run).adopt(arguments, answer)  # type: ignore[attr-defined]
         run.calls_made = ()
 
     def forget_stable_calls(self, run: Run) -> None:
-        """Forgets what stable functions gave: the statement before may have changed what they look at."""
+        """Forgets the results of stable functions, which the statement before may have changed."""
         for name in list(run.callables):
             if name not in self.planned or self.planned[name].volatility == "stable":
                 del run.callables[name]
 
     def _clock(self) -> float:
-        """The time of getTime(): the user's own, else that of the first world that has a clock, else the computer's."""
+        """The time of getTime(): the user's own, else that of the first world with a clock, else the computer's."""
         entry = self.functions.get("getTime")
         if entry:
             return convert_moment(entry.function(), "the function 'getTime'")

@@ -50,8 +50,7 @@ def open_connection(path: str | os.PathLike[str] | None, read_only: bool) -> aps
 def read_source(script: str | Path | Source) -> Source:
     """The text of a script with its name.
 
-    Raises SessionError S002 for a file that cannot be read, and ParseError P004 for one that is too large, of which no
-    more is read.
+    Raises SessionError S002 for an unreadable file, ParseError P004 for one that is too large.
     """
     if isinstance(script, Path):
         try:

@@ -20,10 +20,9 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class SessionResources:
-    """The processes of `workers`, once there are any, and the databases that search by levels.
+    """The processes of `workers` and the databases that search by levels. A finalizer keeps it, so it knows no session.
 
-    `session` is what such a database is reached by, if the user has said so; `active_runs` are the runs that are under
-    way. It knows nothing of the session itself, so that a finalizer can keep it.
+    `session` is the user's connection of such a database; `active_runs` are the runs that are under way.
     """
 
     session: Any = None
@@ -33,20 +32,20 @@ class SessionResources:
     owner: int = field(default_factory=os.getpid)
 
     def engine(self, name: str) -> TableEngine | None:
-        """The database behind an engine, if there is one. Raises SessionError S003 where it is not installed."""
+        """The database of an engine, if there is one. Raises SessionError S003 if it is not installed."""
         if name not in self.engines:
             self.engines[name] = open_table_engine(name, self.session, self.active_runs)
         return self.engines[name]
 
     def parquet(self, path: Path, name: str) -> Reader:
-        """What reads a Parquet file. Raises SessionError S002 where it is none, S003 where DuckDB is not installed."""
+        """The reader of a Parquet file. Raises SessionError S002 for other files, S003 if DuckDB is not installed."""
         found = self.engine("duckdb")
         assert found is not None
         assert found.sources is not None
         return found.sources.parquet(path, name)
 
     def end(self) -> None:
-        """Ends all of it; what a copy of the process made by `fork` has is the other's."""
+        """Ends all of it; a copy of the process made by `fork` leaves it to the original."""
         if self.processes is not None:
             self.processes.end()
         while self.engines:

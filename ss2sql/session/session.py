@@ -140,8 +140,8 @@ class Session:
                   volatility: plan.Volatility | None = None) -> Any:  # fmt: skip
         """Registers a Python function of a list as an aggregate: as a decorator, with or without a name, or called.
 
-        With GROUP BY it gets the list of the values of a group that are not None, in their order, and what else stands
-        in the call; else it is a function of a list.
+        With GROUP BY it gets the list of the values of a group that are not None, in their order, and the other
+        arguments of the call; without it is a function of a list.
 
         Raises:
             SessionError: S002 for a name, signature or volatility that cannot be used.
@@ -174,24 +174,22 @@ class Session:
 
     @with_session_lock
     def attach(self, name: str, source: Any) -> None:
-        """Makes a Python object known under a name; scripts see it as it is when they run.
+        """Makes a Python object known under a name; each run sees its present contents.
 
         Args:
             name: the name in scripts.
-            source: a world, or an object that there is an adapter for (`ss2sql.World` says what that is): its first
-                table is then `name`, its others `name.table`, its functions are known to scripts. A list (of
-                values, dicts or dataclass objects), a dict of columns, any other value of the language. A data frame
-                of pandas or Polars, an Arrow table or what gives Arrow data, a structured NumPy array. The path of a
-                SQLite file, or its text if that ends in .db, .sqlite or .sqlite3; its tables are then `name.table`.
-                A connection of `sqlite3`, likewise: its main database is copied at the start of each run, in the
-                thread of the connection.
-                The path of a Parquet file, which ends in .parquet; DuckDB reads it. An iterator is read once, into a
-                list. `pybullet`, or the number of a connection of it, is that client.
+            source: a world or an object with an adapter (see `ss2sql.World`): its first table is `name`, its others
+                `name.table`; a list, a dict of columns or any other value of the language; a data frame of pandas or
+                Polars, a table of Arrow, a structured NumPy array; the path of a SQLite file, or its text if it ends in
+                .db, .sqlite or .sqlite3, with its tables as `name.table`; a connection of `sqlite3`, whose main
+                database is copied when a run starts, in the thread of the connection; the path of a Parquet file, which
+                DuckDB reads; an iterator, which is read once into a list; `pybullet`, or the number of a connection of
+                it.
 
         Raises:
-            SessionError: S002 for anything else, and for a world that declares what cannot be; S003 where DuckDB is
-                needed and missing; S004 for a connection of another thread; S005 for a file that another copy of
-                SQLite has open in this process.
+            SessionError: S002 for anything else, and for a world with invalid declarations; S003 if DuckDB is needed
+                and missing; S004 for a connection of another thread; S005 for a file that another copy of SQLite has
+                open in this process.
         """
         self._check_name(name)
         self._texts.clear()  # they would hold on to what was attached before
@@ -226,7 +224,7 @@ class Session:
 
     @with_session_lock
     def detach(self, name: str) -> None:
-        """Forgets what was attached under the name. Raises KeyError where nothing is."""
+        """Removes what was attached under the name. Raises KeyError if there is none."""
         self._check_open()
         if name not in self.host.names.attached and name not in self.host.tables.attached:
             raise KeyError(name)
@@ -236,7 +234,7 @@ class Session:
 
     @with_session_lock
     def tables(self) -> dict[str, tuple[str, ...]]:
-        """The columns of all that FROM finds as a table, of the database and of worlds; none of an unreadable view."""
+        """The columns of each table that FROM finds, in the database and in worlds; none of an unreadable view."""
         self._check_open()
         from ss2sql.session.world_description import list_tables
 
@@ -290,8 +288,8 @@ class Session:
     def compile(self, script: str | Path | Source, engine: Engine = "auto") -> Query:
         """Parses, resolves and lowers a script once; names that it does not know become its parameters.
 
-        Raises ParseError and ResolveError, UnsupportedError if `engine` is "database" and that is impossible; Timeout
-        and Cancelled, for the tables that it reads are looked at.
+        Reads its tables to learn their types. Raises ParseError, ResolveError, Timeout and Cancelled; UnsupportedError
+        if `engine` is "database" and the script cannot run there.
         """
 
         def work(run: Run) -> Query:
@@ -317,10 +315,7 @@ class Session:
         return Query(self.host, self.execute, tree, program, engine, fresh=not open_names)
 
     def _known(self, script: str | Path | Source, engine: Engine, values: Mapping[str, Any], stats: Stats) -> Query:
-        """The compiled script; a text that is run without values again is not compiled again.
-
-        A compiled script looks by itself whether names mean what they meant. 1.3 ms for a small search, 0.1 without.
-        """
+        """The compiled script; a text that runs without values is compiled once: 0.1 ms instead of 1.3 ms."""
         key = (script, engine, self.engine)
         query = self._texts.pop(key, None) if isinstance(script, str) and not values else None
         if query is None or self._closed:
@@ -415,27 +410,26 @@ class Session:
     # --- triggers --------------------------------------------------------------------------------------
 
     def on_change(self, script: str | Path, every: float = 0.1, engine: Engine = "auto") -> Callable[..., Trigger]:
-        """Decorator: calls the function with the new value of a script whenever that has changed.
+        """Decorator: calls the function with the new value of a script whenever it has changed.
 
-        The script runs at once, which gives the first value without a call, and then every so often: by itself while
-        an attached scene steps, else when `poll` is called.
+        The script runs at once, without a call, and then periodically: while an attached scene steps, else in `poll`.
 
         Args:
-            script: the script; what its last statement gives is its value.
-            every: seconds of `getTime()` from one look to the next.
+            script: its last statement gives the value.
+            every: seconds of `getTime()` between two runs.
             engine: as for `run`.
 
         Returns:
             A decorator that gives a `Trigger`, which has `value`, `time`, `runs`, `changes` and `stop()`.
 
         Raises:
-            Error: what `compile` and the first run raise. Later errors come out of `poll`, or of the scene's `step`.
+            Error: what `compile` and the first run raise. `poll`, or the scene's `step`, raises later errors.
         """
         query = self.compile(script, engine)
         return lambda function: self.host.triggers.add(query, every, function)
 
     def poll(self) -> int:
-        """Looks after the triggers that are due, and gives the number of those whose values had changed."""
+        """Runs the triggers that are due, and gives the number of those whose values have changed."""
         self._check_open()
         return self.host.triggers.poll()
 
@@ -447,7 +441,7 @@ class Session:
     def close(self) -> None:
         """Closes the connection; the session cannot run scripts any more. Closing twice does no harm.
 
-        What runs is ended first, as by `interrupt`: in a function of the user, or in another thread.
+        Running scripts are interrupted first, also in another thread.
         """
         self._closed = True
         self._texts.clear()
@@ -473,5 +467,4 @@ class Session:
 
 
 def _convert_variables(variables: Mapping[str, Any]) -> dict[str, Any]:
-    """Variables of one run as values of the language."""
     return {name: convert_value(value, f"the variable '{name}'", named=True) for name, value in variables.items()}

@@ -36,7 +36,7 @@ class SessionFunctions:
         self.world_functions = world_functions
 
     def function(self, name: str) -> Callable[..., Any]:
-        """The Python form of a built-in function that the table leaves to the session."""
+        """The Python form of a built-in function that needs the session."""
         found: Callable[..., Any] = getattr(self, f"_{name}")
         return found
 
@@ -53,7 +53,6 @@ class SessionFunctions:
         return values[-1] if values else None
 
     def _help(self, name: Any = None) -> str:
-        """The list of functions, what one function does, or the tables of a world."""
         world = next((known for known in self.names.worlds.values() if name in (known.world, known.name)), None)
         if world is not None and name not in self.functions:
             return describe_world(world)
@@ -67,7 +66,6 @@ class SessionFunctions:
         return f"{self._call(name)}: {texts[name]}"
 
     def _call(self, name: str) -> str:
-        """How a function is called."""
         entry = self.functions.get(name) or self.world_functions.get(name)
         if entry is None:
             return OPERATIONS[name].call
@@ -84,7 +82,6 @@ class SessionFunctions:
         return texts
 
     def _var(self, name: str | None = None) -> Any:
-        """All script variables as a dict, or the value of one."""
         if name is None:
             ValueSizes(self.limits.max_size).checked(self.names.values)
             return self.names.copies()
@@ -95,11 +92,9 @@ class SessionFunctions:
         return copy_for_python(variables[name])
 
     def _clear(self) -> None:
-        """Forgets all script variables."""
         self.names.clear()
 
     def _getTime(self) -> float:  # noqa: N802 - the language's name
-        """The time in seconds."""
         return self.names.temporal_store.clock()
 
     def _eval(self, text: str) -> Any:

@@ -22,9 +22,9 @@ T = TypeVar("T")
 
 
 class SessionLock:
-    """Who uses the connection of a session: one thread, which may come again while it is there.
+    """Lets one thread use the connection of a session, which may enter again while it is inside.
 
-    Two runs at once would read each other's values. A second thread does not wait, for the first one may wait for it.
+    A second thread gets an error: waiting could be a deadlock, and two runs would read each other's values.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class SessionLock:
 
     @property
     def here(self) -> bool:
-        """Whether this is the process that has opened the session, and no copy made by `fork`."""
+        """Whether this process has opened the session, and is no copy made by `fork`."""
         return os.getpid() == self._process
 
     def __enter__(self) -> None:
@@ -78,7 +78,7 @@ class SessionLock:
             self._end_if_free()
 
     def close(self) -> None:
-        """Gives back what the session holds, now or when the last one leaves."""
+        """Releases the resources of the session, now or when the last user leaves."""
         self._closed = True
         self._end_if_free()
 
@@ -92,7 +92,6 @@ class SessionLock:
 
 
 def is_damage_error(error: BaseException | None) -> bool:
-    """Whether there is this error because a file is damaged."""
     seen: set[int] = set()  # they may form a cycle
     while error is not None and id(error) not in seen:
         if isinstance(error, apsw.CorruptError):
@@ -103,7 +102,7 @@ def is_damage_error(error: BaseException | None) -> bool:
 
 
 def with_session_lock(work: Callable[Concatenate[Session, P], T]) -> Callable[Concatenate[Session, P], T]:
-    """Decorator: a method of a session that uses its connection, and that Ctrl-C does not break off in the middle."""
+    """Decorator: a method of a session that uses its connection; Ctrl-C cannot interrupt it halfway."""
 
     @wraps(work)
     def unbroken(session: Session, /, *arguments: P.args, **named: P.kwargs) -> T:

@@ -27,7 +27,7 @@ def convert_seconds(value: Any, what: str) -> float:
 
 
 def convert_moment(value: Any, giver: str) -> float:
-    """What a clock says, in seconds; raises ExecutionError X004 for what is no finite number."""
+    """The seconds that a clock gives; raises ExecutionError X004 for what is no finite number."""
     try:
         moment = float(value)
     except Exception as error:  # the value is the user's own, and so is how it becomes a number
@@ -92,12 +92,12 @@ class TemporalStore:
         return self.histories[name][-1][1]
 
     def kept(self, name: str) -> tuple[list[tuple[float, Any]], float] | None:
-        """The history of a variable and how long its values are kept, to be restored; None where it has none."""
+        """The history of a variable and its `keep`, for `restore`; None if it has none."""
         history = self.histories.get(name)
         return None if history is None else (list(history), self.keeps[name])
 
     def restore(self, name: str, before: tuple[list[tuple[float, Any]], float] | None) -> None:
-        """Makes a history what `kept` gave."""
+        """Restores a history that `kept` gave."""
         self.drop(name)
         if before is not None:
             self.histories[name], self.keeps[name] = before
@@ -118,7 +118,7 @@ class TemporalFile:
         self.connection = connection
 
     def load(self, store: TemporalStore) -> None:
-        """Fills the store with what an earlier session has kept. Raises SessionError S002 where that is damaged."""
+        """Fills the store from the file. Raises SessionError S002 if the file is damaged."""
         try:
             if not self.connection.execute("SELECT 1 FROM sqlite_schema WHERE name = 'ss2sql_temporal'").fetchall():
                 return
@@ -137,7 +137,7 @@ class TemporalFile:
             raise SessionError("S002", message, hints=hints) from error
 
     def save(self, store: TemporalStore, name: str) -> None:
-        """Puts the history of one variable, or its end, into the file."""
+        """Writes the history of one variable to the file, or deletes it there."""
         try:
             rows = [
                 (name, moment, _encode_json(value), store.keeps[name])
@@ -158,14 +158,14 @@ class TemporalFile:
 
 
 def _decode_row(name: Any, moment: Any, value: Any, keep: Any) -> tuple[str, float, Any, float]:
-    """A row of the table. Raises ValueError, TypeError or ExecutionError where it is none that was written here."""
+    """A row of the table. Raises ValueError, TypeError or ExecutionError for a row that was not written here."""
     if not (type(name) is str and type(value) is str and type(moment) is float and type(keep) is float):
         raise ValueError("a row has values of other types")
     return name, moment, convert_value(json.loads(value), f"the variable '{name}'"), keep
 
 
 def _encode_json(value: Any) -> str:
-    """The value as JSON. Raises TypeError where JSON would give back another one, as of a dict with numbers as keys."""
+    """The value as JSON. Raises TypeError if JSON would give back another one, as for a dict with numbers as keys."""
     text = json.dumps(value)
     if json.loads(text) != value:
         raise TypeError

@@ -51,11 +51,11 @@ class Trigger:
         self.active = False
 
     def is_look_due(self, now: float) -> bool:
-        """Whether it is time to look; also when the clock has been set back, as by a new simulation."""
+        """Whether it is time to run; also after the clock was set back, as by a new simulation."""
         return self.active and not self._running and (now - self.time >= self.every - SLACK or now < self.time)
 
     def look(self, now: float) -> bool:
-        """Runs the script, and the function if the value has changed; tells whether it has."""
+        """Runs the script, and the function if the value has changed; gives whether it has."""
         self._running = True  # the function may step the simulation, which looks after its triggers
         try:
             known = self._known
@@ -90,7 +90,7 @@ class Triggers:
         self.all: list[Trigger] = []
 
     def add(self, query: Query, every: float, callback: Callable[[Any], Any]) -> Trigger:
-        """A new trigger; its script runs now, so that the next change is noticed."""
+        """A new trigger; its script runs now, to know the first value."""
         if isinstance(every, bool) or not isinstance(every, (int, float)) or not (0 < every < math.inf):
             raise SessionError("S002", f"every={every!r} is no time to wait", hints=("give seconds, more than 0",))
         if not callable(callback):
@@ -101,7 +101,7 @@ class Triggers:
         return trigger
 
     def poll(self) -> int:
-        """Looks at what is due; gives the number of changes."""
+        """Runs what is due; gives the number of changes."""
         self.all = [trigger for trigger in self.all if trigger.active]
         now = self.clock() if self.all else 0.0
         return sum(trigger.look(now) for trigger in list(self.all) if trigger.is_look_due(now))

@@ -20,16 +20,16 @@ class OtherTables(Protocol):
     """The tables of the engine's own database."""
 
     def find(self, name: str) -> str | None:
-        """As what variable the table `name` or `schema.name` is read, if there is one; scripts cannot name it."""
+        """The variable as which the table `name` or `schema.name` is read, if there is one; scripts cannot name it."""
 
     def reader(self, variable: str) -> Reader | None:
-        """What reads the table of such a variable, if there is one."""
+        """The reader of the table of such a variable, if there is one."""
 
     def names(self) -> list[str]:
         """The tables that need no schema before their names."""
 
     def columns(self, name: str) -> tuple[tuple[str, Type], ...]:
-        """The columns of the table `name` or `schema.name`, nothing where there is none or it cannot be read."""
+        """The columns of the table `name` or `schema.name`; none if it is missing or unreadable."""
 
 
 class Variables:
@@ -73,11 +73,11 @@ class Variables:
         return self.values[name] if reader is None else reader()
 
     def is_frame(self, name: str) -> bool:
-        """Whether a name stands for a data frame, or a table that is handed over as one."""
+        """Whether a name stands for a data frame, or a table that is read as one."""
         return name in self.frames or (self.others is not None and self.others.reader(name) is not None)
 
     def read(self, name: str, run: Run) -> Any:
-        """The value, or the data frame, as a run sees it; raises ExecutionError R001 where it has none yet."""
+        """The value, or the data frame, in a run; raises ExecutionError R001 before the first assignment."""
         if name in run.snapshots:
             return run.snapshots[name]
         if name not in self and (self.others is None or self.others.reader(name) is None):
@@ -114,13 +114,13 @@ class Variables:
         self.late[name] = literal
 
     def forget(self, name: str) -> None:
-        """Makes room for a new meaning. Raises ExecutionError X009 where the file does; nothing changes then."""
+        """Prepares a name for a new meaning. Raises ExecutionError X009, without a change, if the file fails."""
         if name in self.temporal_store.histories:
             self._change(name, lambda: self.temporal_store.drop(name))
         self._let_go(name)
 
     def _let_go(self, name: str) -> None:
-        """Forgets what the name means, its history apart."""
+        """Forgets the meaning of the name, but not its history."""
         self.values.pop(name, None)
         self.attached.pop(name, None)
         self.frames.pop(name, None)
@@ -130,7 +130,6 @@ class Variables:
         self.late.pop(name, None)
 
     def clear(self) -> None:
-        """Forgets all script variables; what is attached stays."""
         for name in [*self.values, *self.late]:
             self.forget(name)
 
@@ -150,7 +149,7 @@ class Variables:
         self.values[name] = value
 
     def _change(self, name: str, change: Callable[[], None]) -> None:
-        """Changes a history, in the file too; where that fails, it is what it was."""
+        """Changes a history, also in the file; an error leaves it as it was."""
         if self.file is None:
             change()
             return
@@ -166,7 +165,7 @@ class Variables:
 def predict_values(
     names: Variables, assigned: Mapping[str, plan.Constant | None], values: Mapping[str, Any]
 ) -> Callable[[str], Any]:
-    """The values that variables will have, going by the statements before; KeyError where that is not known."""
+    """The values that variables will have after the statements before; KeyError if they are not known."""
 
     def variable(name: str) -> Any:
         if name in assigned:

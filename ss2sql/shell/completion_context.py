@@ -33,20 +33,15 @@ class SourceName:
 
 @dataclass(slots=True)
 class CompletionContext:
-    """The context of the cursor.
+    """The context of the cursor."""
 
-    `word` is the beginning of the word there, `owner` the name before its dot. `expected` are the kinds of token that
-    the grammar accepts, None where the text before does not fit it; `clause` is the current clause, as errors name it.
-    `seen` are the keywords of this query before the cursor.
-    """
-
-    word: str = ""
-    owner: str = ""
+    word: str = ""  # the beginning of the word at the cursor
+    owner: str = ""  # the name before its dot
     in_string: bool = False
-    expected: frozenset[str] | None = None
-    clause: str = ""
+    expected: frozenset[str] | None = None  # tokens that the grammar accepts; None: the text before does not fit it
+    clause: str = ""  # the current clause, as errors name it
     after: str = ""
-    seen: tuple[str, ...] = ()
+    seen: tuple[str, ...] = ()  # the keywords of this query before the cursor
     sources: list[SourceName] = field(default_factory=list)
     states: list[str] = field(default_factory=list)
 

@@ -33,19 +33,14 @@ ColumnReader = Callable[[plan.Element, str], plan.Column | None]
 
 @dataclass(frozen=True, slots=True)
 class FunctionBody:
-    """A function as an expression of its parameters.
-
-    `defaults` are the values of parameters that a call may leave out, `text` is the expression as Python writes it,
-    `uses` are the built-in functions in it; `gives_tuple` says that a result may be a tuple, which is a list only
-    once it has left Python.
-    """
+    """A function as an expression of its parameters."""
 
     parameters: tuple[str, ...]
-    defaults: Mapping[str, plan.Constant]
+    defaults: Mapping[str, plan.Constant]  # values of parameters that a call may leave out
     expr: plan.Expr
-    text: str
-    uses: frozenset[str]
-    gives_tuple: bool
+    text: str  # the expression as Python writes it
+    uses: frozenset[str]  # the built-in functions in it
+    gives_tuple: bool  # a result may be a tuple, which becomes a list outside of Python
 
 
 def find_builtin(name: str) -> plan.Function:

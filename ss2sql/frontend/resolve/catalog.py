@@ -14,30 +14,19 @@ from ss2sql.language.kinds import Type
 
 @dataclass(slots=True)
 class Catalog:
-    """All names that a script can refer to.
+    """All names that a script can refer to."""
 
-    `functions` holds the built-in and the registered ones, a registered one in place of a built-in of the
-    same name. `variable_type` gives the type of a script variable's current value (it is called only for
-    names in `variables`). `table` finds a table or view by schema (None: any) and name. `late` are variables
-    bound to list literals that are resolved where they are used. With `open_names` an unknown name becomes a
-    parameter, else it is an error. `worlds` are those attached, with the names of their tables; `world_functions`
-    their columns and methods, which apply where an argument may be an element. `other_table` finds `name` or
-    `schema.name` in the engine's own database and gives the variable that it is read as. `frames` are the variables
-    that are data frames, `files` the names of attached SQLite files. `asked` says what representations need beside the
-    columns: "elements" or "calls".
-    """
-
-    functions: Mapping[str, plan.Function]
+    functions: Mapping[str, plan.Function]  # built-in and registered ones
     representations: Iterable[str] = ("dict", "list", "rows", "value", "set", "void")
     variables: Iterable[str] = ()
-    variable_type: Callable[[str], Type] = lambda name: Type()
+    variable_type: Callable[[str], Type] = lambda name: Type()  # the type of the present value of one of `variables`
     table: Callable[[str | None, str], plan.TableSource | None] = lambda schema, name: None
     tables: Iterable[str] = ()
-    other_table: Callable[[str], str | None] = lambda name: None
-    late: Mapping[str, ast.ListLiteral] = field(default_factory=dict)
-    open_names: bool = False
-    worlds: Mapping[str, Any] = field(default_factory=dict)
-    world_functions: Mapping[str, plan.Function] = field(default_factory=dict)
-    frames: Collection[str] = ()
-    files: Collection[str] = ()
-    asked: Mapping[str, str] = field(default_factory=dict)
+    other_table: Callable[[str], str | None] = lambda name: None  # of the engine's database -> its variable
+    late: Mapping[str, ast.ListLiteral] = field(default_factory=dict)  # resolved where they are used
+    open_names: bool = False  # unknown names become parameters
+    worlds: Mapping[str, Any] = field(default_factory=dict)  # name -> the attached world
+    world_functions: Mapping[str, plan.Function] = field(default_factory=dict)  # for arguments that may be elements
+    frames: Collection[str] = ()  # variables that are data frames
+    files: Collection[str] = ()  # names of attached SQLite files
+    asked: Mapping[str, str] = field(default_factory=dict)  # representation -> "elements" or "calls"

@@ -41,25 +41,19 @@ ALL = range(99)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownFunction:
-    """A function that is known to be pure.
-
-    `reads` are the positions whose iterables it reads through, `alone` restricts them to calls with one argument;
-    `unordered`: it gives the same for every order of a set there, `generated`: even when its elements are computed from
-    a set one by one. `function` is the position of an argument that it calls; of its `keywords` (`*` for any) `key` is
-    called too. `changes`: it changes an argument in place. `most` is the number of arguments the entry is good for.
-    """
+    """A function that is known to be pure."""
 
     target: Any
     name: str
-    reads: range = NONE
-    alone: bool = False
-    unordered: bool = False
-    generated: bool = False
-    function: int | None = None
-    keywords: tuple[str, ...] = ()
+    reads: range = NONE  # the positions of iterables that it reads through
+    alone: bool = False  # `reads` is for calls with one argument
+    unordered: bool = False  # gives the same for every order of a set
+    generated: bool = False  # also where the elements are computed from a set one by one
+    function: int | None = None  # the position of an argument that it calls
+    keywords: tuple[str, ...] = ()  # that it accepts, `*`: any; it calls `key`, too
     gives: ResultKind = ResultKind.VALUE
-    changes: bool = False
-    most: int = 99
+    changes: bool = False  # changes an argument in place
+    most: int = 99  # the number of arguments that this entry covers
 
 
 @dataclass(frozen=True, slots=True)

@@ -91,7 +91,6 @@ class PortableExpressions:
                 raise build_refusal("this is not SQL that every database has", expr.span)
 
     def called(self, expr: plan.Call, scope: PortableScope) -> Node:
-        """The call of a built-in function."""
         name, fails = expr.function.name, can_fail(replace(expr, arguments=()))
         written = SPECIAL_OPERATIONS.get(name, portable_forms.write_call if OPERATIONS[name].portable else None)
         node = None if fails or written is None else written(self, expr, scope)
@@ -163,7 +162,6 @@ class PortableExpressions:
 
 
 def write_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
-    """A known value."""
     match value:
         case None:
             return sql_builder.null()

@@ -42,24 +42,17 @@ class TypedColumn:
 
 @dataclass(frozen=True, slots=True)
 class StepSelect:
-    """`tries` is the SELECT, with the columns place, `rows`, goal, goes_on, and those of `own`.
+    """The steps of a search as a SELECT."""
 
-    `goal` and `goes_on` are what these columns have in every row, None where it depends on the row.
-
-    `states` names for each START WITH variable the column that has it after a step: one of `rows`, or of `own`.
-    `reads` are the columns of `elements` beside `nth`, `elements` the query that gives them. `parameters` are what
-    stands for script variables in the text, with these.
-    """
-
-    tries: str
+    tries: str  # the SELECT, with the columns place, `rows`, goal, goes_on, and `own`
     rows: tuple[TypedColumn, ...]
     own: tuple[TypedColumn, ...]
-    states: tuple[TypedColumn, ...]
-    reads: tuple[TypedColumn, ...]
-    elements: plan.Query | None
-    parameters: dict[str, str]
-    goal: bool | None
-    goes_on: bool | None
+    states: tuple[TypedColumn, ...]  # for each START WITH variable its column after a step, of `rows` or `own`
+    reads: tuple[TypedColumn, ...]  # the columns of `elements` beside `nth`
+    elements: plan.Query | None  # the query that gives the elements
+    parameters: dict[str, str]  # script variable -> what stands for it in the text
+    goal: bool | None  # of every row; None: it depends on the row
+    goes_on: bool | None  # likewise
 
     def after(self, state: Sequence[Any] | None) -> dict[TypedColumn, Any]:
         """The columns that have a state, with their values; none where there is no state."""
@@ -209,7 +202,6 @@ class _StepWriter:
         return {name: states[self.query.id, name].copy() for name, _ in self.search.start}
 
     def _column(self, node: Node, column: TypedColumn) -> Node:
-        """A column of the SELECT."""
         return sql_builder.alias(cast_literal(node, column.type), column.name)
 
 

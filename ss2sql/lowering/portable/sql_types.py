@@ -27,7 +27,6 @@ def is_nullable(kind: Type) -> bool:
 
 
 def is_integer(kind: Type) -> bool:
-    """Whether the values are integers that fit into 64 bits."""
     return kind.kinds == Kind.INT and kind.bounded(2**63 - 1)
 
 

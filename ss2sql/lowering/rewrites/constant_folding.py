@@ -23,7 +23,6 @@ from ss2sql.lowering.rewrites.rewrite_context import MAX_ELEMENTS, RewriteContex
 
 
 def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
-    """The query with all constant expressions in it computed."""
     return rewrite_bottom_up(query, fold_node)
 
 

@@ -43,7 +43,6 @@ class Point:
 
 
 def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
-    """The query with the boxes that distances imply."""
     sources: Sources = {node.id: node for node in walk(query) if isinstance(node, plan.SOURCES)}
     placed = any(isinstance(source, plan.WorldSource) and source.table.schema.places for source in sources.values())
     if not placed or not _NEEDED_OPERATORS.isdisjoint(world.replaced):

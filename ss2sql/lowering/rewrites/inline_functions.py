@@ -22,7 +22,6 @@ from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 
 
 def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
-    """The query with calls of functions replaced by what they compute."""
     return _inline_calls(query, Inliner())
 
 

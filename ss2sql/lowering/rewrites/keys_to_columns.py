@@ -22,7 +22,6 @@ from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 
 
 def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
-    """The query with keys of elements as columns."""
     columns: dict[int, dict[str, Type]] = {}
     worlds: dict[int, plan.WorldSource] = {}
     for source in walk(query):

@@ -23,7 +23,6 @@ Names: TypeAlias = dict[plan.Expr, str]  # of columns, by what the query compute
 
 
 def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
-    """The query with lists in FROM as rows."""
     found = (node for node in walk(query) if isinstance(node, plan.QuerySource) and not node.optional)
     sources = {node.id: node for node in found if _is_list_query(node.query)}
     if not sources:

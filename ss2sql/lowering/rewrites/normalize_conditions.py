@@ -37,7 +37,6 @@ MIN_MEMBERS = 3  # comparisons that are worth an IN
 
 
 def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
-    """The query with all conditions in it split."""
     return query if not COMPARISONS.isdisjoint(world.replaced) else rewrite_bottom_up(query, _rewrite_node)
 
 

@@ -54,7 +54,6 @@ def is_true(node: plan.Constant) -> bool:
 
 
 def make_bool(expr: plan.Expr) -> plan.Expr:
-    """The truth of an expression as a bool."""
     if expr.type.only(Kind.BOOL):
         return expr
     return plan.Not(plan.Not(expr, BOOL, span=expr.span), BOOL, span=expr.span)
@@ -75,7 +74,6 @@ def make_disjunction(parts: list[plan.Expr], span: Span) -> plan.Expr:
 
 
 def make_call(name: str, *arguments: plan.Expr, span: Span) -> plan.Call:
-    """A call of a built-in function."""
     row, types = OPERATIONS[name], tuple(argument.type for argument in arguments)
     return plan.Call(row.function(types), arguments, row.result(types), span=span, place=span)
 

@@ -20,22 +20,14 @@ _NO_VARIABLES: dict[str, Any] = {}
 
 @dataclass(slots=True)
 class RewriteContext:
-    """The session while one query is rewritten, and what the rewritten query relies on.
+    """The session while one query is rewritten, and what the rewritten query relies on."""
 
-    `variable` gives the value that a script variable has, or will have, when the query runs, and raises
-    KeyError or an Error where that is not known. `read` resolves a text in the scope of an `eval`, to None
-    where that fails. `replaced` are the names of functions of the user.
-
-    `lists` are the fingerprints of the variables whose values were asked for, `types` the types of those that
-    texts mention. A query that relies on something that no longer holds is made anew.
-    """
-
-    variable: Callable[[str], Any] = _NO_VARIABLES.__getitem__
-    read: Callable[[str, Any], plan.Expr | None] = lambda text, scope: None
-    replaced: Collection[str] = ()
+    variable: Callable[[str], Any] = _NO_VARIABLES.__getitem__  # raises where the value is unknown
+    read: Callable[[str, Any], plan.Expr | None] = lambda text, scope: None  # resolves a text of `eval`
+    replaced: Collection[str] = ()  # names of functions of the user
     fixed: bool = True
-    lists: dict[str, bytes | None] = field(default_factory=dict)
-    types: dict[str, Type] = field(default_factory=dict)
+    lists: dict[str, bytes | None] = field(default_factory=dict)  # fingerprints of the values that it relies on
+    types: dict[str, Type] = field(default_factory=dict)  # the types of the variables that texts of `eval` mention
 
     def get_list(self, name: str) -> list[Any] | None:
         """The value of a variable if it is a short list of plain values; the query then relies on it."""

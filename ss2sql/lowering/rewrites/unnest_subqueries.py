@@ -43,7 +43,6 @@ Test: TypeAlias = Callable[[plan.Expr], plan.Expr]
 
 
 def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
-    """The query with every such nested query in it turned into conditions."""
     asks = any(isinstance(node, (plan.Subquery, plan.Eval)) for node in walk(query))
     if not asks or not COMPARISONS.isdisjoint(world.replaced):
         return query
@@ -231,7 +230,6 @@ def _are_identical(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
 
 
 def _get_counted_query(expr: plan.Expr) -> plan.Subquery | None:
-    """The query whose rows a call of `len` or `count` counts."""
     match expr:
         case plan.Call(
             function=plan.Function(name="len" | "count", builtin=True), arguments=(plan.Subquery() as query,)

@@ -88,7 +88,6 @@ def _is_correlated(query: plan.Query) -> bool:
 
 
 def _get_items(value: plan.Expr, world: RewriteContext) -> list[plan.Expr] | None:
-    """The elements of a list literal, or of a variable's value, as expressions."""
     match value:
         case plan.MakeList(items=items):
             known: list[plan.Expr] | None = list(items)

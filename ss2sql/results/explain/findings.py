@@ -47,27 +47,22 @@ class FunctionFacts:
 
 @dataclass(frozen=True, slots=True)
 class QueryFacts:
-    """One query.
-
-    `cures` would let SQLite run it. `search` and `rewrites` map names to descriptions, `notes` are about the search.
-    `plan` is the engine's plan, `afterwards` the post-processing in Python; `plan_missing` is the reason for a missing
-    plan. `parameters` are the bound values of `sql`.
-    """
+    """One query."""
 
     text: str
     engine: str
     reason: str
-    cures: tuple[str, ...]
+    cures: tuple[str, ...]  # would let SQLite run it
     search: Mapping[str, str]
     rewrites: Mapping[str, str]
     functions: tuple[FunctionFacts, ...]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # about the search
     warnings: tuple[str, ...]
-    plan: tuple[PlanLine, ...]
-    plan_missing: str | None
-    afterwards: tuple[str, ...]
+    plan: tuple[PlanLine, ...]  # of the engine
+    plan_missing: str | None  # why there is no plan
+    afterwards: tuple[str, ...]  # the post-processing in Python
     sql: str | None
-    parameters: tuple[ParameterFacts, ...]
+    parameters: tuple[ParameterFacts, ...]  # the bound values of `sql`
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,26 +40,21 @@ class Owner(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class OutlinedQuery:
-    """One query: as written and after the rewrites; SQLite's statement, or the reason against it and the cure.
-
-    `levels` is a search by levels in another database, `duck` another query in DuckDB. `sql` is the text that runs, or
-    that SQLite would run, with its bound values as far as they are known; `tell` makes it. `passed_on` is the reason
-    why the requested engine does not run the query. `handed` are the reads that replace tables of DuckDB.
-    """
+    """One query: as written and after the rewrites, and how it runs."""
 
     host: Owner
     written: plan.Query
     query: plan.Query
     engine: str
-    lowered: SqlQuery | None
-    levels: LevelQuery | None
-    duck: DuckQuery | None
-    passed_on: str | None
+    lowered: SqlQuery | None  # SQLite's statement, else `reason` and `cures`
+    levels: LevelQuery | None  # a search by levels in another database
+    duck: DuckQuery | None  # another query in DuckDB
+    passed_on: str | None  # why the requested engine does not run the query
     reason: str
     cures: tuple[str, ...]
     rewrites: tuple[str, ...]
-    tell: Callable[[], Sql]
-    handed: tuple[PushedTable, ...]
+    tell: Callable[[], Sql]  # makes `sql`
+    handed: tuple[PushedTable, ...]  # reads in place of tables of DuckDB
 
     @property
     def sql(self) -> Sql:

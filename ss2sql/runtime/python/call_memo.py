@@ -73,7 +73,6 @@ class FastCounter:
         self._told = 1
 
     def more(self, number: int) -> None:
-        """Adds so many."""
         self._told -= number
 
     def taken(self) -> int:

@@ -64,7 +64,6 @@ def strip_positions(code: list[ast.stmt]) -> list[ast.stmt]:
 
 
 def set_positions(tree: ast.AST, at: Mapping[str, int]) -> None:
-    """Gives a place to all parts of a tree that have none."""
     for node in ast.walk(tree):
         if "lineno" in node._attributes and not hasattr(node, "lineno"):
             for word, value in at.items():

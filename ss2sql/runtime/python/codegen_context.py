@@ -43,41 +43,28 @@ class MissingValueError(Exception):
 
 @dataclass(slots=True)
 class PythonScope:
-    """A generated function under construction.
-
-    `blocks` holds its statements and those of each loop that is open, outermost first. `levels` gives for
-    each source that is bound here the number of loops that must be open (0: a parameter). `states` are the
-    START WITH variables bound here, `moved` those that CONNECT BY has given a new value under a new name.
-    `groups` names the values of groups that are bound here, see `get_group_key`. `shared` are names of
-    the functions around that are set here, `locals` names that are set here and read further in. `counts`
-    says how often an expression is written here, `slots` where the values of costly ones are kept. `known` has
-    for each open loop the names of expressions that have been computed wherever the code after them is reached;
-    `sure` says whether what is being written is such an expression, not one that may be skipped; `forgotten_values` are
-    values of that kind, by identity. While it `may_check_later`, indexes are written as Python's own, and `trusted`
-    says whether there were any, see `write_with_later_check`. `before` is the function that this one goes on for.
-    `early_keys`: the keys of arguments are computed before the loop.
-    """
+    """A generated function under construction."""
 
     unit: CodegenContext
     name: str
     parameters: list[str]
     parent: PythonScope | None
-    blocks: list[list[ast.stmt]] = field(default_factory=lambda: [[]])
-    levels: dict[int, int] = field(default_factory=dict)
-    states: set[tuple[int, str]] = field(default_factory=set)
-    moved: dict[tuple[int, str], str] = field(default_factory=dict)
-    groups: dict[tuple[int, int], str] = field(default_factory=dict)
-    shared: dict[str, None] = field(default_factory=dict)
-    locals: list[str] = field(default_factory=list)
-    counts: Counter[int] = field(default_factory=Counter)
-    slots: dict[int, str] = field(default_factory=dict)
-    known: list[dict[int, str]] = field(default_factory=lambda: [{}])
-    forgotten_values: dict[int, ast.expr] = field(default_factory=dict)
-    before: PythonScope | None = None
-    sure: bool = True
-    may_check_later: bool = False
-    trusted: bool = False
-    early_keys: bool = True
+    blocks: list[list[ast.stmt]] = field(default_factory=lambda: [[]])  # statements, of each open loop, too
+    levels: dict[int, int] = field(default_factory=dict)  # source -> the loop that binds it; 0: a parameter
+    states: set[tuple[int, str]] = field(default_factory=set)  # START WITH variables that are bound here
+    moved: dict[tuple[int, str], str] = field(default_factory=dict)  # changed by CONNECT BY -> their new names
+    groups: dict[tuple[int, int], str] = field(default_factory=dict)  # values of groups -> names, see get_group_key
+    shared: dict[str, None] = field(default_factory=dict)  # names of outer functions that are set here
+    locals: list[str] = field(default_factory=list)  # names that are set here and read in inner functions
+    counts: Counter[int] = field(default_factory=Counter)  # expression -> how often it is written here
+    slots: dict[int, str] = field(default_factory=dict)  # expression -> the name that keeps its value
+    known: list[dict[int, str]] = field(default_factory=lambda: [{}])  # by loop: what was certainly computed
+    forgotten_values: dict[int, ast.expr] = field(default_factory=dict)  # like `known`, by identity
+    before: PythonScope | None = None  # the function that this one continues
+    sure: bool = True  # whether what is being written is certainly evaluated
+    may_check_later: bool = False  # writes indexes as Python's own, see write_with_later_check
+    trusted: bool = False  # whether there were any such indexes
+    early_keys: bool = True  # computes the keys of arguments before the loop
 
     def is_source_visible(self, source: int) -> bool:
         """Whether a source is bound here or in a function around this one."""
@@ -94,7 +81,6 @@ class PythonScope:
 
     @property
     def level(self) -> int:
-        """The number of open loops."""
         return len(self.blocks) - 1
 
     def add(self, *statements: ast.stmt) -> None:
@@ -234,7 +220,6 @@ class PythonScope:
                 stack.extend(list_parts(node))
 
     def finished(self, build: AstBuilder) -> ast.stmt:
-        """The function's definition."""
         statements = self.blocks[0] or [build.run(build.constant(None))]
         if self.shared:
             statements = [build.shared(list(self.shared)), *statements]
@@ -252,15 +237,7 @@ class PythonScope:
 
 
 class CodegenContext:
-    """One piece of generated code.
-
-    `names` and `states` give the local names of sources and START WITH variables, `tuples` the columns of the
-    sources whose elements are tuples (of those in `single_column_queries`, a name stands for the one column that is
-    read), `elements` the types of those whose elements are values. `worlds` are the tables of those that walk keys of a
-    world. `keys` names the exact keys that elements come with, see call_memo.py. `by_level` is the search whose steps
-    are counted level by level, see level_counts.py; `watched` the one that trace.py hears of; `level_searched_query`
-    the one whose results `find` finds.
-    """
+    """One piece of generated code."""
 
     def __init__(self, span: Span, analysis: ExpressionAnalysis, parameters: tuple[str, ...] = ()) -> None:
         self.page = CodePage(span.source)
@@ -268,18 +245,18 @@ class CodegenContext:
         self.analysis = analysis
         self.namespace: dict[str, Any] = {"__name__": __name__, PAGE: self.page}
         self.root = PythonScope(self, "bound", ["run"], None)
-        self.names: dict[int, str] = {}
-        self.states: dict[tuple[int, str], str] = {}
-        self.tuples: dict[int, tuple[str, ...]] = {}
-        self.single_column_queries: set[int] = set()
-        self.elements: dict[int, Type] = {}
-        self.worlds: dict[int, Any] = {}
-        self.keys: dict[int, str] = {}
+        self.names: dict[int, str] = {}  # source -> its local name
+        self.states: dict[tuple[int, str], str] = {}  # START WITH variable -> its local name
+        self.tuples: dict[int, tuple[str, ...]] = {}  # source whose elements are tuples -> their columns
+        self.single_column_queries: set[int] = set()  # of these, sources whose name stands for their only column
+        self.elements: dict[int, Type] = {}  # source whose elements are values -> their type
+        self.worlds: dict[int, Any] = {}  # source that walks keys of a world -> its table
+        self.keys: dict[int, str] = {}  # source -> the name of its elements' exact keys, see call_memo.py
         self.bindings: list[ast.stmt] = []
         self.definitions: list[ast.stmt] = []
-        self.by_level: plan.Query | None = None
-        self.watched: plan.Query | None = None
-        self.level_searched_query: plan.Query | None = None
+        self.by_level: plan.Query | None = None  # the search that is counted, see level_counts.py
+        self.watched: plan.Query | None = None  # the search that trace.py hears of
+        self.level_searched_query: plan.Query | None = None  # the search whose results `find` finds
         self.find: FindPaths | None = None
         self._bound: dict[Any, str] = {}
         self._count = 0

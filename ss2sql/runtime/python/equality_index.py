@@ -134,7 +134,6 @@ def index_computed_keys(rows: list[Any], key_of: Callable[[Any], list[Any]]) -> 
 
 
 def index_elements(items: list[Any]) -> dict[Hashable, list[Any]]:
-    """The elements by themselves."""
     index: dict[Hashable, list[Any]] = defaultdict(list)
     for item in items:
         index[make_hashable(item)].append(item)

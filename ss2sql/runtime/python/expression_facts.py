@@ -14,24 +14,16 @@ from ss2sql.language.plan_traversal import list_parts
 
 @dataclass(frozen=True, slots=True)
 class ExpressionFacts:
-    """Facts of one node of a plan.
+    """Facts of one node of a plan."""
 
-    `sources` and `states` are what it reads, nested queries included; `groups` are the queries of whose groups
-    it reads values (OWN_GROUP: aggregates, which no nested query sees). A `steady` node gives the same value
-    in the same row however often it is evaluated, and has no effect; it may raise. A `total` node cannot
-    raise. `key` is the same for expressions that are the same text with the same meaning (None where that is
-    not known); `costly` marks calls of user functions and queries, whose values are worth keeping; `calls` says that
-    there is one in the expression.
-    """
-
-    sources: frozenset[int] = frozenset()
-    states: frozenset[tuple[int, str]] = frozenset()
-    groups: frozenset[int] = frozenset()
-    steady: bool = True
-    total: bool = True
-    key: int | None = None
-    costly: bool = False
-    calls: bool = False
+    sources: frozenset[int] = frozenset()  # that it reads, nested queries included
+    states: frozenset[tuple[int, str]] = frozenset()  # START WITH variables that it reads, likewise
+    groups: frozenset[int] = frozenset()  # queries whose groups it reads; OWN_GROUP: aggregates
+    steady: bool = True  # has no effect and one value per row, however often it is evaluated; it may raise
+    total: bool = True  # cannot raise
+    key: int | None = None  # equal for expressions of the same text and meaning; None: not known
+    costly: bool = False  # a call of a user function or a query, whose value is worth keeping
+    calls: bool = False  # contains a call of a user function
 
 
 OWN_GROUP = -1

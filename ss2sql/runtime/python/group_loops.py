@@ -49,7 +49,6 @@ class GroupCollector:
         outer.locals += [self.groups] if self.plain else [self.groups, self.first_rows]
 
     def collect(self, inner: PythonScope) -> None:
-        """Adds the current row to its group."""
         build = self.build
         for node in self.aggregates:
             self.of.append(self._find_list(node, inner))
@@ -112,7 +111,6 @@ class GroupCollector:
         return lists[0] if len(lists) == 1 else self.build.pack(*lists)
 
     def end(self) -> None:
-        """Gives the groups."""
         build, outer = self.build, self.outer
         group, key = (self.groups if self.single else self.unit.local("group")), self.unit.local("key")
         first, *lists = [self._list(group, index) for index in (0, *self.of)]

@@ -28,7 +28,6 @@ class ClockChecks:
         self._last = time.perf_counter()
 
     def next(self, turn: int) -> int:
-        """The turn at which to ask again."""
         self._check()
         now = time.perf_counter()
         if now - self._last < QUICK:

@@ -55,7 +55,6 @@ class NativeQuery:
 
     @property
     def generated_code(self) -> str:
-        """The generated code as text."""
         with deepen_stack(2 * self.levels):
             return ast.unparse(ast.fix_missing_locations(self._module))
 

@@ -148,7 +148,7 @@ class NotedStep(StepFunction):
         taken = pen.unpack([*names, "_"], pen.name(self.note))
         self.loop.body = [taken, ast.Try(body, [], [], [kept], **pen.at)]
 
-    def _session_name(self, items: ast.expr) -> ast.expr:
+    def _choose_items(self, items: ast.expr) -> ast.expr:
         """The elements with their notes, which are known or begun."""
         pen, known = self.build, self.unit.local("known")
         choose = pen.name("choose")

@@ -275,7 +275,6 @@ def can_be_tuple(known: Type) -> bool:
 
 
 def write_tuple(value: ast.expr, build: AstBuilder) -> ast.expr:
-    """The tuple of a list."""
     return build.pack(*value.elts) if isinstance(value, ast.List) else build.call("tuple", value)
 
 

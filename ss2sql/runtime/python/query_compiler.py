@@ -192,7 +192,6 @@ class QueryCompiler:
         return CompiledSubquery(task, value, tuples, None if ends else functions["find"], outer)
 
     def _flush(self, build: AstBuilder) -> str:
-        """A function that hands on what was counted."""
         name = self.unit.local("flush")
         self.unit.definitions.append(build.function(name, [], [build.run(self.unit.write_step_check())]))
         return name
@@ -257,7 +256,6 @@ class QueryCompiler:
         return body.name
 
     def _arguments(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
-        """A function that gives the arguments of AS."""
         representation = query.representation
         if not representation.arguments and not representation.named:
             return None
@@ -282,7 +280,6 @@ def _reads_outer_rows(part: Any, body: PythonScope) -> bool:
 
 
 def memoize_value(memo: dict[Any, Any], key: Any, value: Any) -> Any:
-    """The value, kept by its key."""
     if len(memo) >= MEMO_LIMIT:
         forget_older_half(memo)
     memo[key] = value

@@ -35,19 +35,14 @@ INLINE_STEPS = True  # for tests of the step function by itself
 
 @dataclass(frozen=True, slots=True)
 class SearchForm:
-    """What is known of a search when it is compiled.
-
-    `inlined`: the step function stands in its loop; `chooses`: there MEMORIZE may choose among the elements of a state;
-    `remembered`: steps are, see memoized_steps.py; `leveled`: they are counted level by level; `watched`: the trace
-    of the run hears of them.
-    """
+    """What is known of a search when it is compiled."""
 
     shapes: FrozenShapes
-    inlined: bool
-    chooses: bool
-    remembered: bool
-    counts_levels: bool
-    watched: bool
+    inlined: bool  # the step function stands in its loop
+    chooses: bool  # MEMORIZE may choose among the elements of a state there
+    remembered: bool  # steps are remembered, see memoized_steps.py
+    counts_levels: bool  # steps are counted by level
+    watched: bool  # the trace of the run hears of the steps
 
 
 def compile_search(

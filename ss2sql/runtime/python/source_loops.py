@@ -333,7 +333,6 @@ class SourceLoops:
         return build.call(unit.helper(read_table_rows), build.name("run"), build.name(unit.constant(source, "table")))
 
     def _list_columns_read(self, source: int, columns: tuple[str, ...]) -> tuple[str, ...]:
-        """Those columns of a source that anything reads."""
         read: set[str] = set()
         for node in chain.from_iterable(map(walk, self.builder.unit.analysis.roots)):
             if isinstance(node, plan.Eval) or (isinstance(node, plan.Element) and node.source == source):
@@ -447,6 +446,5 @@ def yields_rows(query: plan.Query) -> bool:
 
 
 def list_source_expressions(query: plan.Query) -> list[plan.Expr]:
-    """The expressions in the FROM of a query."""
     values = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
     return values + [e for source in query.sources if isinstance(source, plan.WorldSource) for e in source.arguments]

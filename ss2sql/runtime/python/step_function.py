@@ -136,13 +136,13 @@ LOOK
 
 
 def sort_siblings(elements: Iterable[tuple[Any, Row]], descending: tuple[bool, ...]) -> list[Any]:
-    """The elements, which come with their keys, as ORDER SIBLINGS BY has them."""
+    """The elements in the order of ORDER SIBLINGS BY; they come with their keys."""
     pairs = list(elements)
     return sort_rows([element for element, _ in pairs], [keys for _, keys in pairs], descending)
 
 
 class StepLoops(SourceLoops):
-    """The loops over the sources of a search, whose innermost turns are its steps; the step function counts these."""
+    """The loops over the sources of a search; the step function counts the iterations of the innermost one."""
 
     def _count(self, body: PythonScope, innermost: bool) -> None:
         if not innermost:
@@ -150,7 +150,7 @@ class StepLoops(SourceLoops):
 
 
 class StepFunction(StepClauses):
-    """Writes the function into `owner`, see StepClauses for what it takes."""
+    """Writes the step function into `owner`; StepClauses has its arguments."""
 
     loops: StepLoops
 
@@ -204,7 +204,7 @@ class StepFunction(StepClauses):
         return self.body.name
 
     def write_search(self, loop: Callable[..., Any]) -> str | None:
-        """Writes the loop of a search with the function put in, and gives its name; None where it cannot be."""
+        """Writes the loop of a search with the step function inlined; gives its name, None if it cannot be inlined."""
         if not has_source_code(loop) or self.search.first is not None or (self.resumed and not self.has_list_elements):
             return None
         build, unit, run = self.build, self.unit, self.build.name("run")
@@ -241,7 +241,7 @@ class StepFunction(StepClauses):
     def _write(self, look: str, words: dict[str, ast.expr], together: bool) -> list[ast.stmt]:
         """The code of the function after the parameters, with what is computed once for a state.
 
-        `together`: the elements of a state are counted together, as soon as it is expanded.
+        `together`: the elements of a state are counted together when it is expanded.
         """
         build, unit, body = self.build, self.unit, self.body
         watch = write_template(look, build, words)
@@ -253,7 +253,7 @@ class StepFunction(StepClauses):
         items = self._write_items_as_tuples()
         self.loop.iter = build.name("turns")
         if together and (self.edges or self.form.noted):
-            items = self._session_name(items)
+            items = self._choose_items(items)
         unit.helper(Parts)
         single = self.single
         for_state = [] if single is None else single.state_statements
@@ -277,15 +277,15 @@ class StepFunction(StepClauses):
 
     # --- elements --------------------------------------------------------------------------------------
 
-    def _session_name(self, items: ast.expr) -> ast.expr:
-        """Those elements of which runtime/search/bidirectional.py knows that they lead to the goal in time."""
+    def _choose_items(self, items: ast.expr) -> ast.expr:
+        """The elements that lead to the goal in time, see runtime/search/bidirectional.py."""
         build = self.build
         nobody = build.compare(build.name("choose"), ast.Is(), build.constant(None))
         state = build.pack(*map(build.name, self.frozen_states.values()))
         return build.if_else(nobody, items, build.call("choose", items, state))
 
     def _write_items_as_tuples(self) -> ast.expr:
-        """The elements; those of `FROM [[A, b], [a, B]]` that are only taken apart and shown are made as tuples."""
+        """The elements; those of `FROM [[A, b], [a, B]]` are tuples if they are only unpacked and shown."""
         items, target = self.loop.iter, self.loop.target
         if not (isinstance(items, ast.List) and isinstance(target, ast.Name)):
             return items
@@ -306,7 +306,7 @@ class StepFunction(StepClauses):
         return self.build.array(*made)
 
     def _write_element_generator(self, placed: Mapping[int, Sequence[plan.Expr]], guarded: int | None) -> None:
-        """Loops over all sources in a generator of its own, whose elements ORDER SIBLINGS BY may sort."""
+        """Loops over all sources in a generator of its own, for ORDER SIBLINGS BY."""
         unit, build, outer, siblings = self.unit, self.build, self.owner, self.search.siblings
         states = sorted(self.body.states)
         generator = PythonScope(unit, unit.local("elements"), [unit.states[state] for state in states], outer)
@@ -331,10 +331,10 @@ class StepFunction(StepClauses):
         self.body.levels.update((source.id, 1) for source in self.query.sources)
 
     def _plan_lookups(self) -> None:
-        """Leaves out elements that STOP WITH and WHERE drop at once: `STOP WITH a != b ...`, `WHERE a == b ...`.
+        """Excludes elements that STOP WITH and WHERE drop at once: `STOP WITH a != b ...`, `WHERE a == b ...`.
 
-        Without a WHERE, STOP WITH drops them alone. With MEMORIZE they matter, for a step to a known row is not asked
-        whether it stops.
+        Without a WHERE, STOP WITH suffices. With MEMORIZE these elements matter, because STOP WITH is not evaluated for
+        a step to a known row.
         """
         stop = self.search.stop.parts if isinstance(self.search.stop, plan.Or) else (self.search.stop,)
         where = self.query.where.parts if isinstance(self.query.where, plan.And) else (self.query.where,)
@@ -356,7 +356,7 @@ class StepFunction(StepClauses):
         return all(a is not None and a == b for a, b in keys)
 
     def _attach_frozen(self) -> None:
-        """Elements that are read once, and stand in the row as they are, are frozen once; so are keys of arguments."""
+        """Freezes elements once that are read once and stand in the row as they are; also keys of arguments."""
         single = None if self.single is None else self.single.key
         shown = {expr.source for expr in self.outputs if isinstance(expr, plan.Element)}
         calls = (node for expr in self.keeps_everything for node in walk(expr) if is_memoized_call(node))

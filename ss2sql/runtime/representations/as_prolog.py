@@ -86,7 +86,6 @@ def _add_key(name: str, element: Element) -> str:
 
 
 def _find_elements(value: Any) -> list[Element]:
-    """The elements of worlds in a value."""
     if isinstance(value, Element):
         return [value]
     parts = value if isinstance(value, list) else list(value.values()) if isinstance(value, dict) else []

@@ -62,7 +62,6 @@ class CallMemo:
         return counts
 
     def keep(self, arguments: tuple[Any, ...], result: Any) -> None:
-        """Notes a result."""
         plain, exact = self.plain, self.exact
         if len(plain) + len(exact) >= self.limit:
             if not self.limit:

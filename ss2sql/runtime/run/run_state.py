@@ -31,9 +31,9 @@ Places: TypeAlias = frozenset[tuple[int, int]]  # stretches of the script
 
 @dataclass(frozen=True, slots=True)
 class GraphLevel:
-    """One level of the graph of MEMORIZE: the rows that are reached by so many steps and no fewer, and the steps from
-    the level before it, which lead there or back to rows that were known. `pruned` are the steps that came to nothing:
-    they stop and are no goals, or are impossible.
+    """One level of the graph of MEMORIZE: the rows that are first reached by so many steps.
+
+    `steps` lead from the level before it, also back to known rows; `pruned` steps are dropped as stopped or impossible.
     """
 
     rows: int
@@ -42,7 +42,6 @@ class GraphLevel:
 
     @property
     def repeated(self) -> int:
-        """The number of steps to known rows."""
         return self.steps - self.rows
 
 
@@ -56,34 +55,25 @@ class ResultSink(NamedTuple):
 
 @dataclass(slots=True)
 class Stats:
-    """What a run has done so far.
+    """What a run has done so far. Of functions that take arrays, `calls` counts the rows that were computed."""
 
-    `calls` counts real calls of user functions by name (a remembered value is no call), `remembered` those
-    answered from the memo; `generated` counts steps that were evaluated, `expanded` those that went on,
-    `pruned` those dropped because their row was there before. `seconds` holds the time of each stage: `parse`,
-    `resolve`, `lower`, `compile` (to Python), `run` and `shape`, which of a search grows when its value is first read.
-    Of functions that take arrays `calls` counts rows that were computed, `blocks` how often the function was called.
-    `levels` are those of the graph of the last search with MEMORIZE, `backward` those that it found from the goal.
-    `notes` say what was not done as asked or hoped for, and why. `graph` is the number of its remembered graph, if it
-    has one, and `remembered_steps` counts the steps that such graphs knew.
-    """
-
-    calls: Counter[str] = field(default_factory=Counter)
-    blocks: Counter[str] = field(default_factory=Counter)
-    remembered: Counter[str] = field(default_factory=Counter)
-    generated: int = 0
-    expanded: int = 0
-    pruned: int = 0
-    levels: list[GraphLevel] = field(default_factory=list)
-    backward: list[GraphLevel] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    graph: int | None = None
-    remembered_steps: int = 0
-    seconds: dict[str, float] = field(default_factory=dict)
+    calls: Counter[str] = field(
+        default_factory=Counter
+    )  # of user functions by name, without those answered from memory
+    blocks: Counter[str] = field(default_factory=Counter)  # calls of functions that take arrays
+    remembered: Counter[str] = field(default_factory=Counter)  # calls that were answered from memory
+    generated: int = 0  # steps that were evaluated
+    expanded: int = 0  # steps from which the search went on
+    pruned: int = 0  # steps that were dropped because their row had been reached before
+    levels: list[GraphLevel] = field(default_factory=list)  # of the graph of the last search with MEMORIZE
+    backward: list[GraphLevel] = field(default_factory=list)  # of these, the levels that were found from the goal
+    notes: list[str] = field(default_factory=list)  # what was not done as requested, and why
+    graph: int | None = None  # the number of the remembered graph
+    remembered_steps: int = 0  # steps that remembered graphs knew
+    seconds: dict[str, float] = field(default_factory=dict)  # by stage: parse, resolve, lower, compile, run, shape
 
     @property
     def steps(self) -> tuple[int, int, int]:
-        """What was generated, expanded and pruned."""
         return self.generated, self.expanded, self.pruned
 
     @steps.setter
@@ -91,7 +81,7 @@ class Stats:
         self.generated, self.expanded, self.pruned = steps
 
     def time_stage(self, stage: str, work: Callable[P, T]) -> Callable[P, T]:
-        """The work, whose time counts for a stage whenever it is done."""
+        """Wraps a function so that the time of each call counts for a stage."""
 
         def measured(*arguments: P.args, **named: P.kwargs) -> T:
             started = perf_counter()
@@ -103,7 +93,7 @@ class Stats:
         return measured
 
     def add_seconds(self, stage: str, started: float) -> None:
-        """Counts the time since then for a stage."""
+        """Adds the time since `started` to a stage."""
         self.seconds[stage] = self.seconds.get(stage, 0.0) + perf_counter() - started
 
 
@@ -112,12 +102,10 @@ class OtherEngineNeededError(Exception):
 
 
 class Host(Protocol):
-    """The session, as a run sees it. `memories` is what worlds remember; `graphs` keeps graphs, in a file; so many
-    calls of a function are remembered as `memo_limit`.
-    """
+    """What a run asks of its session. Values are those of the language, tables are read in their own order."""
 
-    memories: QueryCaches
-    memo_limit: int
+    memories: QueryCaches  # of worlds
+    memo_limit: int  # calls of one function that are remembered
 
     @property
     def graphs(self) -> CachePolicy | None: ...
@@ -138,16 +126,12 @@ class Host(Protocol):
 
 @dataclass(slots=True)
 class RunBounds:
-    """When somebody has to end, and the bytes of memory that the process may hold by then; None is no bound.
-
-    `memory_owner` takes the time and the memory, in the words of a message. At `next_check_time` the memory is looked
-    at again.
-    """
+    """When a run has to end, and how many bytes of memory the process may hold until then; None is no bound."""
 
     deadline: float | None = None
     ceiling: int | None = None
-    memory_owner: str = "the run"
-    next_check_time: float = 0.0
+    memory_owner: str = "the run"  # what takes time and memory, in messages
+    next_check_time: float = 0.0  # when to measure the memory again
 
     def check(self) -> None:
         """Raises OutOfMemory or Timeout when it has to end."""
@@ -164,7 +148,6 @@ class RunBounds:
             )
 
     def left(self) -> RemainingBounds:
-        """What is left of them now."""
         seconds = None if self.deadline is None else max(self.deadline - time.monotonic(), 0.0)
         size = None if self.ceiling is None else max(self.ceiling - (measure_memory() or 0), 0)
         return RemainingBounds(seconds, size, self.ceiling)
@@ -172,7 +155,7 @@ class RunBounds:
 
 @dataclass(frozen=True, slots=True)
 class RemainingBounds:
-    """What a run has left of its time and its memory: each reading of its result may take as much."""
+    """The time and memory that a run has left: each reading of its result may take as much."""
 
     seconds: float | None = None
     size: int | None = None
@@ -189,70 +172,42 @@ class RemainingBounds:
 
 @dataclass(slots=True)
 class Run:
-    """The state of one run. Executors call `check()` every few thousand steps at the latest.
-
-    `host` answers what only the session knows, see Host:
-
-    - `variable(name, run)`: the value of a script variable, or the data frame of that name; what lives outside is read
-      once per run and kept in `snapshots`.
-    - `call(function, run)`: the callable behind a plan.Function, built in or the user's, on language values;
-      the user's gets fresh values, is remembered where immutable, counted, and its result made a language
-      value. The run's memos live in `callables`; `calls_made` are those of a statement that gave up.
-    - `resolve_eval(text, scope)`: the resolved statements of a text given to `eval`.
-    - `shape(query, rows, arguments, named, run)`: the value that `AS` makes of rows, as a language value.
-    - `read_table_rows(source, run)`: all rows of a table of the database, in its order, values of its columns in order.
-      A text that is not UTF-8 is an UnreadableText, and `doubtful` says so; without a run it is an error.
-
-    `notes` are what a person should know of the result, in order, see result_notes.py; `overestimated` says that A* has
-    found a path which costs less than it expected. `framed` says that the paths of the search that runs are wanted as a
-    DataFrame of the database that finds them. `bounds` are those of its time and its memory. `steps_left` bounds the
-    steps of its searches, `inner_run_steps` are those of runs inside of this one; `printed` counts characters printed
-    while it was the outermost. `readings` is what was read of another database, `cleanups` lets go of that, and
-    `handed` are tables of it of which some rows are read, by the variables that stand for them. `sizes` measures what
-    the script makes, see value_sizes.py. `sink` holds the rows found so far by the query that runs; `answer` what the
-    last query gave. `statements` are those of the script; `lowered` is the SQL that each of their queries has run,
-    `bound` are the values for its parameters or for those of another database. `ahead` holds for each native query that
-    runs, the innermost last, what is coming for functions that take arrays (coming_arguments.py). `foreteller` has
-    calls made by other processes (workers/), `progress` shows how far the run is (progress.py), where these are wanted;
-    `graph` is the one that MEMORIZE works on; `call_places` is where the script calls functions of the user, as far as
-    that is known; `by_level` counts the steps of its search, and `trace` hears of those of the last statement's, where
-    that is wanted.
-    """
+    """The state of one run. Executors call `check()` every few thousand steps at the latest."""
 
     host: Host
     stats: Stats = field(default_factory=Stats)
-    notes: dict[str, None] = field(default_factory=dict)
-    overestimated: bool = False
+    notes: dict[str, None] = field(default_factory=dict)  # for a reader of the result, in order, see result_notes.py
+    overestimated: bool = False  # A* has found a path that costs less than HEURISTIC expected
     bounds: RunBounds = field(default_factory=RunBounds)
-    steps_left: int | None = None
-    inner_run_steps: int = 0
-    printed: int = 0
+    steps_left: int | None = None  # bounds the steps of all searches
+    inner_run_steps: int = 0  # the steps of runs inside of this one
+    printed: int = 0  # characters printed while this was the outermost run
     texts: int = 0  # how many texts of `eval` are being run, each inside of the one before
     interrupted: bool = False
-    doubtful: bool = False
+    doubtful: bool = False  # a table has given a text that is not UTF-8
     max_rows: int | None = None
     maximum: int | None = None
-    framed: bool = False
+    framed: bool = False  # the paths are wanted as a DataFrame of the database that finds them
     sizes: ValueSizes = field(default_factory=ValueSizes)
-    arguments: dict[str, Any] = field(default_factory=dict)
-    sink: ResultSink | None = None
-    answer: Any = None
-    snapshots: dict[str, Any] = field(default_factory=dict)
-    readings: dict[object, Any] = field(default_factory=dict)
-    cleanups: list[Callable[[], object]] = field(default_factory=list)
-    handed: dict[str, Callable[[], Any]] = field(default_factory=dict)
-    callables: dict[str, Callable[..., Any]] = field(default_factory=dict)
-    calls_made: Iterable[tuple[str, tuple[Any, ...], Any]] = ()
-    ahead: list[Any] = field(default_factory=list)
-    statements: list[Any] = field(default_factory=list)
-    lowered: dict[object, SqlQuery] = field(default_factory=dict)
-    bound: dict[object, dict[str, Any]] = field(default_factory=dict)
-    foreteller: Any = None
+    arguments: dict[str, Any] = field(default_factory=dict)  # values of names of the script for this run only
+    sink: ResultSink | None = None  # the rows found so far by the query that runs
+    answer: Any = None  # of the last query
+    snapshots: dict[str, Any] = field(default_factory=dict)  # values of attached objects, each read once
+    readings: dict[object, Any] = field(default_factory=dict)  # what was read of another database
+    cleanups: list[Callable[[], object]] = field(default_factory=list)  # release the readings
+    handed: dict[str, Callable[[], Any]] = field(default_factory=dict)  # tables of another database, by their variables
+    callables: dict[str, Callable[..., Any]] = field(default_factory=dict)  # functions by name, with their memos
+    calls_made: Iterable[tuple[str, tuple[Any, ...], Any]] = ()  # by a statement that failed in SQL
+    ahead: list[Any] = field(default_factory=list)  # see coming_arguments.py; for each native query, the innermost last
+    statements: list[Any] = field(default_factory=list)  # of the script, compiled
+    lowered: dict[object, SqlQuery] = field(default_factory=dict)  # the SQL that each query has run
+    bound: dict[object, dict[str, Any]] = field(default_factory=dict)  # the values of its parameters
+    foreteller: Any = None  # has calls made by other processes, see runtime/parallel
     progress: Any = None
-    graph: Any = None
-    by_level: Any = None
-    trace: Any = None
-    call_places: Mapping[str, Places] = field(default_factory=dict)
+    graph: Any = None  # that MEMORIZE works on
+    by_level: Any = None  # counts the steps of a search by level
+    trace: Any = None  # receives the events of the last statement's search
+    call_places: Mapping[str, Places] = field(default_factory=dict)  # where the script calls functions of the user
 
     @property
     def steps(self) -> int:
@@ -262,8 +217,7 @@ class Run:
     def check_steps(self, more: int = 0) -> None:
         """Raises OutOfSteps when too many steps have been tried; `more` of them are not in the statistics yet.
 
-        It is asked now and then, and always at the end of a statement: so whether it is too many depends on the script
-        alone. How many there were by then depends on when somebody asks.
+        The end of a statement always calls it, so the script alone decides whether it raises.
         """
         if self.steps_left is not None and self.steps + more > self.steps_left:
             hint = "bound the search, for example with MAXIMUM, UNIQUE or STOP WITH, or raise max_steps"
@@ -321,7 +275,7 @@ def measure_memory() -> int | None:
 
 
 def translate_memory_error(error: MemoryError) -> Exception:
-    """The error where Python had no memory; what a function of the user raises stays an exception of its own."""
+    """The error for a MemoryError of Python; one that a function of the user has raised stays what it is."""
     frame = error.__traceback__
     while frame is not None and frame.tb_next is not None:
         frame = frame.tb_next
@@ -331,6 +285,5 @@ def translate_memory_error(error: MemoryError) -> Exception:
 
 
 def build_memory_error() -> OutOfMemory:
-    """The error where there is no memory left."""
     hints = ("bound the search or the result, or the values in it: max_rows, max_size and max_memory do so",)
     return OutOfMemory("T003", "there is not enough memory", hints=hints)

@@ -48,7 +48,6 @@ class SearchPaths(Sequence[list[Row]]):
         self._idle: list[_PathWalk] = []  # stands where the path ends that was read last; another thread begins its own
 
     def add(self, end: End) -> None:
-        """One more result."""
         self._ends.append(end)
 
     def extend(self, ends: Iterable[End]) -> None:
@@ -136,7 +135,6 @@ class SearchPaths(Sequence[list[Row]]):
 
     @property
     def _width(self) -> int:
-        """The number of cells of a row."""
         return len(self._ends[0]) - 2 if self._ends else 0
 
     @overload

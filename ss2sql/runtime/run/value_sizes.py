@@ -210,13 +210,11 @@ class ValueSizes:
         return self.cells if self.rows is None else min(self.rows, self.cells)
 
     def build_row_count_error(self) -> ExecutionError:
-        """The error for a query whose rows are more than that."""
         if self.rows is None or self.cells < self.rows:
             return self.build_size_error("the result of a query")
         return build_row_limit_error(self.rows)
 
     def build_size_error(self, what: str) -> ExecutionError:
-        """The error for a value beyond the limit."""
         message = f"the script made {what} of more than max_size={self.limit} bytes"
         hint = "see whether it is meant to grow like that, keep less of it, or raise max_size"
         return ExecutionError("X014", message, hints=(hint,))

@@ -49,7 +49,6 @@ class BackwardSearch:
                 self.last.append(goal)
 
     def grow(self) -> None:
-        """One level more."""
         self.depth += 1
         depth, before, key_of, edges, seen = self.depth, self.before, self.key, self.edges, self.seen
         level: list[State] = []
@@ -75,12 +74,12 @@ class BackwardSearch:
         self.search_run.stats.backward.append(GraphLevel(len(level), steps))
 
     def knows_ways_on(self, depth: int) -> bool:
-        """Whether all is known of the way on from states that so many steps have reached."""
+        """Whether the backward search has reached all states that so many steps from the start can have."""
         bound = self.search_run.bound
         return not self.last or (bound is not None and depth + self.depth >= bound)
 
     def chosen(self, depth: int, elements: list[Any], state: State) -> list[Any]:
-        """Those elements of a frozen state of that level which still lead to the goal in time."""
+        """The elements of a frozen state of that level from which the goal can be reached in time."""
         bound = self.search_run.bound
         assert bound is not None
         known = self.edges.get(state, ())
@@ -88,9 +87,9 @@ class BackwardSearch:
 
 
 def start_backward_search(search_run: SearchRun) -> BackwardSearch | None:
-    """The way back from the goal; None where there is none, or, with a note, where it cannot be begun.
+    """The search from the goal; None if there is none or, with a note, if it cannot start.
 
-    It asks for the goal before the first step. What fails then may never be asked by the search itself.
+    It evaluates the goal before the first step, so an error here need not be one of the forward search.
     """
     noted = search_run.noted
     if noted is None or noted.goals is None:
@@ -108,11 +107,10 @@ def start_backward_search(search_run: SearchRun) -> BackwardSearch | None:
 
 
 def balance_backward_search(backward: BackwardSearch, depth: int, level: Sequence[State]) -> BackwardSearch | None:
-    """Lets the way back grow as long as its last level is no larger than that of the other side: `level`, frozen.
+    """Grows the backward search while its last level is no larger than `level` of the forward search.
 
-    Gives None, with a note, where that fails or takes more memory than `max_rows` allows. States that only the way back
-    meets need not be states at all for the functions that see them, so what fails there says nothing about the search:
-    it goes on from the start alone, and fails where the script says so.
+    Gives None, with a note, after an error or beyond `max_rows`. The script need not reach the states that only the
+    backward search meets, so its errors are not those of the script: the forward search goes on alone.
     """
     most = backward.search_run.run.max_rows
     new = set(level) - backward.met  # more than one row may lead to a state

@@ -16,24 +16,18 @@ UNREACHABLE = 2**62  # no goal can be reached
 
 @dataclass(slots=True)
 class RowGraph:
-    """Nodes are numbers; 0 is the start, which has no row. Edges are numbers, too, in the order of their making.
-
-    `edges[node]` are the edges out of a node in source order. Of an edge, `targets` is the node that it leads
-    to, `weights` its cost or probability, `lasts` what GROUP BY and ORDER BY see of its step; these two are empty where
-    nobody asks for them. No path has more than `bound` steps.
-    """
+    """Nodes are numbers; 0 is the start, which has no row. Edges are numbers, in the order of their making."""
 
     check: Callable[[], None]
-    bound: int | None
+    bound: int | None  # the greatest length of a path
     rows: list[Row] = field(default_factory=lambda: [()])
     goals: list[bool] = field(default_factory=lambda: [False])
-    edges: list[Sequence[int]] = field(default_factory=lambda: [()])
-    targets: list[int] = field(default_factory=list)
-    weights: list[Any] = field(default_factory=list)
-    lasts: list[Any] = field(default_factory=list)
+    edges: list[Sequence[int]] = field(default_factory=lambda: [()])  # out of a node, in source order
+    targets: list[int] = field(default_factory=list)  # the node to which an edge leads
+    weights: list[Any] = field(default_factory=list)  # cost or probability of an edge; empty where they are not needed
+    lasts: list[Any] = field(default_factory=list)  # what GROUP BY and ORDER BY see of its step; likewise
 
     def add_node(self, row: Row, goal: bool) -> int:
-        """The number of a new node."""
         self.rows.append(row)
         self.goals.append(goal)
         self.edges.append(())
@@ -54,7 +48,6 @@ class RowGraph:
         return nodes if self.bound is None else min(nodes, self.bound)
 
     def found(self, path: Sequence[int]) -> Found:
-        """The result for a path, given as edges."""
         return [self.rows[self.targets[edge]] for edge in path], self.lasts[path[-1]] if self.lasts else None
 
     def marks(self) -> list[Row] | None:
@@ -80,7 +73,7 @@ class RowGraph:
         return path[::-1]
 
     def list_predecessors(self) -> list[list[int]]:
-        """For each node the nodes with an edge to it, each as often as there are edges."""
+        """For each node the nodes with an edge to it, once per edge."""
         sources: list[list[int]] = [[] for _ in self.rows]
         for node, edges in enumerate(self.edges):
             for edge in edges:
@@ -88,7 +81,7 @@ class RowGraph:
         return sources
 
     def fill_goal_distances(self, steps: list[int]) -> list[int]:
-        """Fills in the number of steps to the nearest goal for each node where `steps` has FAR, and gives the list."""
+        """Sets the steps to the nearest goal for each node that is UNREACHABLE in `steps`, and gives the list."""
         sources = self.list_predecessors()
         level = [node for node, goal in enumerate(self.goals) if goal]
         depth = 0

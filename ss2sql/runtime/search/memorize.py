@@ -31,7 +31,7 @@ def run_memorize(search_run: SearchRun) -> Iterator[Found]:
 
 
 def iterate_results(search_run: SearchRun, graph: RowGraph) -> Iterator[Found]:
-    """The same for the graph that has grown."""
+    """The same paths, of a graph that was built before."""
     thaw = search_run.shapes.make_row_thaw()
     by_weight = search_run.order in ("cost", "probability")
     first = None if by_weight else graph.find_first_path()
@@ -51,7 +51,7 @@ def iterate_results(search_run: SearchRun, graph: RowGraph) -> Iterator[Found]:
 
 
 def build_graph(search_run: SearchRun) -> RowGraph:
-    """The graph of the rows that are reached by at most `search_run.bound` steps."""
+    """The graph of the rows within `search_run.bound` steps."""
     if search_run.run.foreteller is not None:
         search_run.run.foreteller.begin(search_run)
     cache_policy = search_run.run.host.graphs
@@ -66,7 +66,6 @@ def build_graph(search_run: SearchRun) -> RowGraph:
 
 
 def _build_graph(search_run: SearchRun, notes: Notes | None, backward: BackwardSearch | None) -> RowGraph:
-    """The same, with notes where there are some."""
     graph = search_run.run.graph = RowGraph(search_run.check, search_run.bound)
     search_run.flush()
     numbers: dict[Hashable, int] = {}
@@ -104,9 +103,9 @@ def _build_graph(search_run: SearchRun, notes: Notes | None, backward: BackwardS
 def grow_level(
     problem: Problem, graph: RowGraph, level: Nodes, seen: dict[Hashable, int], most: int, choose: ChooseElements | None
 ) -> list[Node]:
-    """One level of the graph: every step to a row is an edge, the first that leaves a trace makes it a node.
+    """Adds one level to the graph: every step to a row is an edge, the first one that leaves a trace makes it a node.
 
-    Gives the nodes of the next level that go on. Ends early beyond `most` rows.
+    Gives the nodes of the next level that go on; ends early beyond `most` rows.
     """
     expand = problem.expand
     rows, goals, edges = graph.rows, graph.goals, graph.edges
@@ -134,6 +133,5 @@ def grow_level(
 
 
 def build_graph_limit_error(query: plan.Query, most: int) -> ExecutionError:
-    """The error for a graph that does not fit."""
     hints = ("bound MEMORIZE, stop paths that lead nowhere with STOP WITH, or raise max_rows",)
     return ExecutionError("X010", f"the graph of MEMORIZE has more than max_rows={most} rows", query.span, hints)

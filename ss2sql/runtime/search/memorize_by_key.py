@@ -36,10 +36,7 @@ class KeyedEdge(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class KeyedMemorize:
-    """One run of such a search.
-
-    `most` bounds the keys that are reached. `shown` makes rows, and the states after them, where rows ask for the path.
-    """
+    """One run of such a search. `shown` makes rows, and the states after them, if rows depend on the path."""
 
     query: plan.Query
     problem: Problem
@@ -52,7 +49,7 @@ class KeyedMemorize:
     def paths(self) -> Iterator[Found]:
         """The paths without a repeated key: shortest, cheapest or likeliest first, ties in source order.
 
-        A path is extended only by steps from which a goal can be reached in the steps that are left.
+        Only steps from which a goal is still reachable within the bound extend a path.
         """
         problem, bound = self.problem, self.bound
         nodes, roots = self._build_graph()
@@ -115,7 +112,7 @@ class KeyedMemorize:
         return nodes, roots
 
     def _found(self, path: list[KeyedEdge], thaw: Thaw) -> Found:
-        """The result; a step belongs to many paths, and what its row says of the path is said of this one."""
+        """The result, with the rows of this path; a step belongs to many paths."""
         rows = list(thaw(edge.row for edge in path))
         last = path[-1].last
         if self.shown is None:
@@ -143,7 +140,6 @@ class KeyedMemorize:
         return rows, last
 
     def _shown(self, last: tuple[Any, ...]) -> tuple[list[Any], State]:
-        """The row of a step, and the state after it, for another state before it."""
         assert self.shown is not None
         sources = self.shown.sources
         before, notes = self.shapes.freeze(last[sources:]), Notes(self.shown)
@@ -170,7 +166,7 @@ def _carries_path_value(variable: str) -> bool:
 
 
 def _compute_distances(nodes: ByNode) -> dict[Hashable, int]:
-    """How many steps it takes at least from each node to a goal."""
+    """The least number of steps from each node to a goal."""
     before: dict[Hashable, list[Hashable]] = {}
     found: dict[Hashable, int] = {}
     for node, edges in nodes.items():

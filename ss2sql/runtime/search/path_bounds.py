@@ -51,7 +51,7 @@ class PathBounds:
     def onward(self, node: int, total: Any) -> Any:
         """The least total of a path that is at `node` with this total and takes at least one more step to a goal.
 
-        The caller guarantees that there is a way on. Steps to nodes that the path has visited are not excluded.
+        The goal must be reachable. Nodes that the path has visited are not excluded.
         """
         if self._exact:
             return self.combine(total, self._best[node])
@@ -60,7 +60,7 @@ class PathBounds:
         return self._known[node, total]
 
     def _search_onward(self, node: int, total: Any) -> None:
-        """Finds the best way on; what it leads to is the least total from each of its nodes, too."""
+        """Finds the best path to a goal, which gives the least total from each of its nodes."""
         found = self._search(node, total, 0, (), limited=False)
         assert found is not None
         least, remaining_path = found
@@ -74,16 +74,16 @@ class PathBounds:
     def around(
         self, node: int, total: Any, taken: int, visited: Container[Hashable]
     ) -> tuple[Any, RemainingPath] | None:
-        """The least total of a path that goes on from `node` around the nodes visited, and the way on.
+        """The least total of a path that goes on from `node` around the nodes visited, and the rest of this path.
 
-        It has `taken` so many steps to get there.
+        The path has `taken` steps at `node`.
         """
         return self._search(node, total, taken, visited, limited=self.graph.bound is not None)
 
     def _search(
         self, node: int, total: Any, taken: int, visited: Container[Hashable], limited: bool
     ) -> tuple[Any, RemainingPath] | None:
-        """An A* search. With `limited`, a more expensive path to a node counts where it has fewer steps."""
+        """An A* search. With `limited`, a more expensive path to a node counts if it has fewer steps."""
         graph, combine, best, slack = self.graph, self.combine, self._best, self._rounding_slack
         done: dict[int, list[tuple[Any, int]]] = {}
         number = 0  # keeps ways from being compared
@@ -110,7 +110,6 @@ class PathBounds:
         return None
 
     def look_at(self, node: int) -> None:
-        """Counts the edges of a node."""
         self.steps += 1 + len(self.graph.edges[node])
         if self.steps > self._due:
             self._due = self.steps + CHECK_EVERY
@@ -118,7 +117,7 @@ class PathBounds:
 
 
 def _reverse_path(remaining_path: RemainingPath) -> RemainingPath:
-    """A way from its end, as one from its beginning."""
+    """A path from its end as one from its beginning."""
     after: Any = None
     back: Any = remaining_path
     while back is not None:
@@ -143,7 +142,7 @@ def _are_products_exact(weights: Iterable[Any], longest: int) -> bool:
 
 
 def _compute_goal_distances(graph: RowGraph, likeliest: bool) -> list[Any]:
-    """For each node the least cost, or greatest probability, of at least one step to a goal; None: there is no way."""
+    """For each node the least cost, or greatest probability, of at least one step to a goal; None: no path."""
     combine: Callable[[Any, Any], Any] = mul if likeliest else add
     sign = -1 if likeliest else 1  # less is better in the queue
     into: list[list[tuple[int, Any]]] = [[] for _ in graph.rows]

@@ -30,7 +30,7 @@ def enumerate_by_length(graph: RowGraph, marks: Sequence[Any] | None = None) -> 
 
 
 class PathsByLength:
-    """The paths of one graph: by the quick walk until it loses its way, then by the careful one."""
+    """The paths of one graph: by the quick walk, after too many dead ends by the careful one."""
 
     def __init__(self, graph: RowGraph, marks: Sequence[Any] | None = None) -> None:
         self.graph = graph
@@ -73,13 +73,12 @@ class DistanceWalks:
         self.given = 0  # paths of this length
 
     def first(self) -> int:
-        """The length of the shortest paths."""
         return min(self.even[0], self.odd[0])
 
     def paths(self, length: int) -> Iterator[list[Any]]:
-        """The paths of this length as lists of marks; `longer` is then the next length that is worth a walk.
+        """The paths of this length as lists of marks; `longer` is then the next possible length.
 
-        Ends with `lost` where too many ways lead nowhere, after so many as `given`.
+        Sets `lost` and ends after `given` edges without a path.
         """
         self.graph.check()
         self.longer = UNREACHABLE
@@ -126,19 +125,19 @@ class DistanceWalks:
                     return
 
     def _list_edges(self, node: int) -> list[tuple[Any, int]]:
-        """The edges out of a node as `edges` has them; those that lead nowhere are left out."""
+        """The edges out of a node that lead to a goal."""
         even, odd, targets, marks = self.even, self.odd, self.graph.targets, self.marks
         pairs = [(marks[edge], targets[edge]) for edge in self.graph.edges[node]]
         known = self.edges[node] = [pair for pair in pairs if even[pair[1]] < UNREACHABLE or odd[pair[1]] < UNREACHABLE]
         return known
 
     def _note_longer_walk(self, node: int, depth: int) -> None:
-        """Notes the length of the shortest walk that goes on from a node which is the last one now."""
+        """Notes the length of the shortest walk that goes on from the last node."""
         for _, following in self.edges[node] or self._list_edges(node):
             self._note(following, depth + 1, -1)
 
     def _note(self, node: int, depth: int, left: int) -> None:
-        """Notes the least length of a walk that takes more than `left` steps after the `depth` ones to the node."""
+        """Notes the least length of a walk with more than `left` steps after the `depth` ones to the node."""
         for parity, distances in enumerate((self.even, self.odd)):
             further = distances[node]
             if further < UNREACHABLE:
@@ -147,7 +146,7 @@ class DistanceWalks:
 
 
 def _compute_distances(graph: RowGraph) -> tuple[list[int], list[int]]:
-    """For each node the steps to the nearest goal, by walks of even and of odd length; FAR beyond the longest path."""
+    """For each node the steps to the nearest goal by walks of even and of odd length; FAR beyond the longest path."""
     sources = graph.list_predecessors()
     far = [UNREACHABLE] * len(graph.rows)
     distances = (far, far.copy())

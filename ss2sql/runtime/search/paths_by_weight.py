@@ -37,7 +37,7 @@ def enumerate_by_weight(graph: RowGraph, likeliest: bool) -> Iterator[Sequence[i
 
 
 def _is_ordered_by_length(graph: RowGraph, likeliest: bool) -> bool:
-    """Whether all weights are the same and each step makes a path worse, so that its length decides."""
+    """Whether all weights are equal and each step makes a path worse, so that shorter paths are better."""
     weights = set(graph.weights)
     if len(weights) != 1:
         return False
@@ -47,8 +47,6 @@ def _is_ordered_by_length(graph: RowGraph, likeliest: bool) -> bool:
 
 
 class PathsByWeight:
-    """The paths of one graph."""
-
     def __init__(self, graph: RowGraph, likeliest: bool) -> None:
         self.graph = graph
         self.bounds = PathBounds(graph, likeliest)
@@ -71,7 +69,7 @@ class PathsByWeight:
             yield from islice(self._iterate_paths(by_search=True), given, None)
 
     def _iterate_paths(self, by_search: bool) -> Iterator[Sequence[int]]:
-        """Ends with `lost` where it is not careful and too many ways lead nowhere."""
+        """The paths; without `by_search` it sets `lost` and ends after too many dead ends."""
         bounds, trail = self.bounds, PathKeys()
         trusted = bounds.steps + self.patience
         queue: list[QueueEntry] = []
@@ -96,7 +94,6 @@ class PathsByWeight:
                 return
 
     def _go_on(self, queue: list[QueueEntry], trail: PathKeys, entry: QueueEntry) -> None:
-        """Puts the paths that are one step longer into the queue."""
         graph, bounds = self.graph, self.bounds
         bound, path, _, total, node, place, remaining_path = entry
         bounds.look_at(node)

@@ -34,7 +34,7 @@ class Regression:
 
 
 class _NotReversibleError(Exception):
-    """Carries the reason."""
+    """The reason why a search cannot go backwards."""
 
 
 def find_regression(query: plan.Query) -> Regression | str:
@@ -66,7 +66,7 @@ def _build_regression(query: plan.Query) -> Regression:
 
 
 def _check_order(query: plan.Query) -> None:
-    """What CONNECT BY changes one after the other can only be undone where each variable follows from itself."""
+    """Raises unless each variable follows from itself, or CONNECT BY changes just one."""
     assert query.search is not None
     for name, expr in query.search.connect:
         others = {state.name for state in _iterate_states(query, expr)} - {name}
@@ -81,7 +81,6 @@ def _iterate_states(query: plan.Query, expr: plan.Expr) -> Iterator[plan.State]:
 
 
 def _is_step_constant(query: plan.Query, expr: plan.Expr) -> bool:
-    """Whether the expression is the same for all steps."""
     own = {source.id for source in query.sources}
     return not any(
         (isinstance(node, (plan.Element, plan.Column)) and node.source in own)
@@ -109,7 +108,7 @@ def _find_goals(query: plan.Query, steps: dict[str, plan.Expr]) -> tuple[GoalSta
 
 
 def _find_demands(query: plan.Query, part: plan.Expr, steps: dict[str, plan.Expr]) -> dict[str, list[plan.Expr]]:
-    """The values after the step that a condition allows for variables."""
+    """The values of variables after a step for which a condition holds."""
     match part:
         case plan.Call(plan.Function(name="eq", builtin=True), (left, right)):
             for value, expr in ((left, right), (right, left)):
@@ -132,7 +131,7 @@ def _find_demands(query: plan.Query, part: plan.Expr, steps: dict[str, plan.Expr
 def _solve_equality(
     query: plan.Query, value: plan.Expr, expr: plan.Expr, steps: dict[str, plan.Expr]
 ) -> dict[str, plan.Expr]:
-    """What variables are after the step where the expression equals a value that is fixed."""
+    """The values of variables after the step for which the expression equals a fixed value."""
     if not _is_step_constant(query, value):
         return {}
     for name, step in steps.items():
@@ -159,7 +158,7 @@ def _get_items(expr: plan.Expr) -> list[plan.Expr] | None:
 
 
 def _invert_assignment(query: plan.Query, name: str, step: plan.Expr) -> plan.Expr:
-    """The variable before a step; the expression reads what it is after the step as if it were before one."""
+    """A variable before the step, as an expression of the variables after it."""
     states = list(_iterate_states(query, step))
     if not states:
         raise _NotReversibleError(f"'{name}' after a step does not tell what it was before")
@@ -167,7 +166,7 @@ def _invert_assignment(query: plan.Query, name: str, step: plan.Expr) -> plan.Ex
 
 
 def _invert_expression(query: plan.Query, step: plan.Expr, whole: plan.Expr, after: plan.Expr) -> plan.Expr:
-    """What `whole`, the variable or an item of it, was if the expression has the value `after`."""
+    """The value of `whole`, a variable or an item of it, for which the expression has the value `after`."""
     if step == whole:
         return after
     match step:
@@ -207,7 +206,7 @@ def _make_call(step: plan.Call, name: str, left: plan.Expr, right: plan.Expr) ->
 
 
 def _check_item_place(query: plan.Query, item: plan.Expr, whole: plan.State, at: int) -> plan.Expr:
-    """What an item of the new list reads of the old one, which has to be the item at the same place."""
+    """Raises unless an item of the new list reads the item at the same place of the old one."""
     for node in walk(item):
         match node:
             case plan.Call(plan.Function(name="item", builtin=True), (plan.State() as state, plan.Constant(value))):
@@ -220,7 +219,7 @@ def _check_item_place(query: plan.Query, item: plan.Expr, whole: plan.State, at:
 
 
 def _check_row(query: plan.Query, steps: dict[str, plan.Expr]) -> None:
-    """Rows are compared, not states, so a row has to tell the state after its step."""
+    """Raises unless the row determines the state after its step, because rows are compared."""
     shown = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
     whole = {expr.source for expr in shown if isinstance(expr, plan.Element)}
     for name, step in steps.items():

@@ -35,26 +35,19 @@ FindPaths: TypeAlias = Callable[["SearchRun"], Iterator[Found]]
 
 @dataclass(frozen=True, slots=True)
 class SearchRun:
-    """One run of a search.
+    """One run of a search."""
 
-    `start` has values; the start of `problem`, and all that its step function gives, are frozen as `shapes` says.
-    `grow(problem, ...)` makes a level of the graph where the step function is inlined; `chooses`: it takes a choice of
-    elements. `bound` is MEMORIZE's. `check` ends the run if it has to end; who works for long without making steps
-    calls it. `query` is what is searched for in `run`. `noted` is the search with notes, where it can have some.
-    `flush` brings `stats` up to date. `keyed`: GROUP BY or ORDER BY ask for the last part of a result.
-    """
-
-    start: State
+    start: State  # as values; the states of `problem` are frozen
     problem: Problem
-    shapes: FrozenShapes
-    grow: Callable[..., list[Node]] | None
+    shapes: FrozenShapes  # how states are frozen
+    grow: Callable[..., list[Node]] | None  # makes a level of the graph, with the step function inlined
     order: plan.Order
-    bound: int | None
+    bound: int | None  # MEMORIZE's greatest length
     stats: Stats
-    check: Callable[[], None]
+    check: Callable[[], None]  # ends the run if it has to end
     query: plan.Query
     run: Run
-    noted: Noted | None = None
-    chooses: bool = False
-    flush: Callable[[], None] = lambda: None
-    keyed: bool = True
+    noted: Noted | None = None  # the search with notes of its steps, where it can have some
+    chooses: bool = False  # `grow` takes a choice of elements
+    flush: Callable[[], None] = lambda: None  # brings `stats` up to date
+    keyed: bool = True  # GROUP BY or ORDER BY need the last part of a result

@@ -38,7 +38,7 @@ class PathBranch:
 
 
 class SimplePathWalks:
-    """The walks over one graph. `steps` counts the edges that were looked at."""
+    """The walks over one graph. `steps` counts edges."""
 
     def __init__(self, graph: RowGraph, marks: Sequence[Any]) -> None:
         self.graph = graph
@@ -64,7 +64,6 @@ class SimplePathWalks:
             length = min(root.bounds, default=UNREACHABLE)
 
     def _iterate_paths(self, branch: PathBranch, length: int) -> Iterator[list[Any]]:
-        """The paths of this length."""
         marks, visited = self.marks, self.visited
         path: list[Any] = []
         above: list[tuple[PathBranch, Iterator[tuple[int, int]], int]] = []
@@ -99,7 +98,7 @@ class SimplePathWalks:
                     self.kept -= 1
 
     def _make_branch(self, node: int, depth: int) -> PathBranch:
-        """A branch of which the path has `depth` steps after the next one."""
+        """A branch whose next step is followed by `depth` others."""
         near, longest, visited = self.near, self.longest, self.visited
         bounds = [
             UNREACHABLE if visited[target] or target == node or (bound := depth + near[target]) > longest else bound
@@ -113,7 +112,7 @@ class SimplePathWalks:
         return bound if bound <= self.longest else UNREACHABLE
 
     def _enter_branch(self, branch: PathBranch, at: int, depth: int, length: int) -> PathBranch | None:
-        """The branch after an edge, which is the step `depth`; None where it has no path of this length."""
+        """The branch after an edge, which is step `depth`; None if it has no path of this length."""
         node = self.targets[branch.node][at]
         if self._known_bounds is branch and self._known[-1:] == [node]:
             self._known.pop()
@@ -130,9 +129,9 @@ class SimplePathWalks:
         return kid
 
     def _around(self, start: int, depth: int) -> tuple[int, list[int]]:
-        """The length of the shortest path that goes on from `start`, its node after `depth` steps, and its way on.
+        """The length of the shortest path that goes on from `start`, its node after `depth` steps, and its other nodes.
 
-        The path is the nodes after `start`, backwards. An A* search: distances bound what is left.
+        The nodes are in reverse order. An A* search whose estimate is the distance.
         """
         near, targets, visited, longest = self.near, self.targets, self.visited, self.longest
         queue: list[tuple[int, int, int, int]] = [(0, -depth, start, start)]
@@ -157,7 +156,6 @@ class SimplePathWalks:
         return UNREACHABLE, []
 
     def _look_at(self, node: int) -> None:
-        """Counts the edges of a node."""
         self.steps += 1 + len(self.targets[node])
         if self.steps > self._due:
             self._due = self.steps + CHECK_EVERY

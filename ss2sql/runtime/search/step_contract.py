@@ -81,27 +81,19 @@ def _ignore_result(total: Any, guess: Any) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One run of a search: what a loop gets.
-
-    `likeliest`: the weights are probabilities. `weighed`, `keyed`: steps have a weight, a last part. `alone`: the key
-    is the only value of its row; `apart`: it is no row. `visits`: the starts count as visited, by `key_of(start)`.
-    `last`: of a path only the last row is wanted. `found(total, guess)` hears of a result of A* that costs less than
-    was expected of a path. `watch(path)`, where there is one, hears to which state the search turns, and
-    `watch(path, False)` to which it comes back: for the line of progress, and for counts by level. The path is one of
-    those of backpointers.py. `outdated(state, last)`, where there is one, hears of steps that waited for nothing.
-    """
+    """One run of a search: what a loop gets."""
 
     starts: Sequence[State]
     expand: Expand
     repeats: plan.Repeats
-    likeliest: bool = False
-    weighed: bool = False
-    keyed: bool = False
-    alone: bool = False
-    apart: bool = False
-    visits: bool = False
-    last: bool = False
+    likeliest: bool = False  # the weights are probabilities
+    weighed: bool = False  # steps have a weight
+    keyed: bool = False  # steps have a last part
+    alone: bool = False  # the key is the only value of its row
+    apart: bool = False  # the key is no row
+    visits: bool = False  # the starts count as visited, by `key_of(start)`
+    last: bool = False  # only the last row of a path is wanted
     key_of: Callable[[State], Any] = id
-    found: Callable[[Any, Any], None] = _ignore_result
-    on_expand: Callable[..., None] | None = None
-    outdated: Callable[[State, Any], None] | None = None
+    found: Callable[[Any, Any], None] = _ignore_result  # (total, guess): A* has found a result below its estimate
+    on_expand: Callable[..., None] | None = None  # (path): turns to its state; (path, False): back to it
+    outdated: Callable[[State, Any], None] | None = None  # a step has waited in vain

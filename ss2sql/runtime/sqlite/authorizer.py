@@ -42,12 +42,10 @@ class Authorizer:
         connection.authorizer = self._authorize_action
 
     def scalar(self, name: str, function: Callable[..., Any], arguments: int = -1) -> None:
-        """Registers a function that statements may call."""
         self.connection.create_scalar_function(name, function, arguments)
         self.functions.add(name.lower())
 
     def aggregate(self, name: str, factory: Callable[[], Any]) -> None:
-        """Registers an aggregate that statements may call."""
         self.connection.create_aggregate_function(name, factory)
         self.functions.add(name.lower())
 

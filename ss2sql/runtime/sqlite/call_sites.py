@@ -32,17 +32,12 @@ SCOUT = 0  # the number of scouts as queries: nothing in them asks for it
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Site:
-    """One call.
-
-    The rows of `scout` begin with the truth of the conditions before the call; then come the values of the arguments
-    at the positions `free`. All other arguments are those of the call that asks, for they depend on the state of a
-    search, where a scout cannot look ahead: its rows are then the same for every state, and `repeats`.
-    """
+    """One call, whose arguments a query gives beforehand."""
 
     function: str
-    scout: plan.Query
-    free: tuple[int, ...]
-    repeats: bool
+    scout: plan.Query  # gives the truth of the conditions before the call, then the arguments `free`
+    free: tuple[int, ...]  # the other arguments depend on the state of a search, which no scout knows
+    repeats: bool  # the rows are the same for every state of a search
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +51,6 @@ class _Place:
 
 
 def takes_arrays(query: plan.Query) -> bool:
-    """Whether the query calls functions that take arrays."""
     return any(function.vectorized for function in list_functions(query))
 
 

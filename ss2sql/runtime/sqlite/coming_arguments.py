@@ -199,7 +199,6 @@ class Ahead:
         return (EachState if site.repeats else InStep)(site, asker, rows, self.first)
 
     def close(self) -> None:
-        """Ends the scouts."""
         for coming in self.coming.values():
             if coming is not None:
                 coming.rows.close()

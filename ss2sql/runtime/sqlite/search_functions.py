@@ -214,13 +214,11 @@ class SearchState:
         return row if self.plain else tuple(map(self.key, row))
 
     def get_kept_steps(self) -> list[Kept]:
-        """The steps that entered, by number."""
         return self.rows
 
     # --- steps that are evaluated on entering ----------------------------------------------------------
 
     def count_step(self, element: Any) -> int:
-        """Counts a step with an element; always true."""
         self.generated += 1
         return 1
 

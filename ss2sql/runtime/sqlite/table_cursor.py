@@ -144,7 +144,6 @@ class CurrentRow(dict[int, SqlValue]):
         self.let_go()
 
     def let_go(self) -> None:
-        """Ends the last row."""
         self.clear()
         self.alone.clear()
         self.readers: dict[int, Read] = {}
