@@ -184,10 +184,10 @@ CODES: dict[str, Code] = _table(
     ),
     (
         "U001", "not possible in the database",
-        "With the engine `database` something was to run that only runs natively.",
-        "`engine=\"database\"` guarantees that SQLite runs the query; SQLite cannot run this one.",
-        "Leave the engine to ss2sql, `engine=\"auto\"`, which runs such queries natively with the same result, or "
-        "rewrite the query as the message says.",
+        "The engine `database`, `duckdb` or `spark` was to run what only runs elsewhere.",
+        "`engine=\"database\"` guarantees that SQLite runs the query; SQLite cannot run this one. DuckDB likewise.",
+        "Leave the engine to ss2sql, `engine=\"auto\"`, or ask for `engine=\"native\"`, which runs such queries with "
+        "the same result, or rewrite the query as the message says.",
     ),
     (
         "X001", "operands do not fit",

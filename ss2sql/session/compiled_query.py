@@ -24,7 +24,7 @@ from ss2sql.results.result_notes import explain_empty_result, explain_overestima
 from ss2sql.runtime.python import NativeQuery, compile_statement
 from ss2sql.runtime.representations.shape import PATH_FORMS, expand_stars
 from ss2sql.runtime.run.option_values import check_count, find_least
-from ss2sql.runtime.run.run_state import OtherEngineNeededError, ResultSink, Run
+from ss2sql.runtime.run.run_state import ResultSink, Run
 from ss2sql.runtime.run.sql_post_processing import finish_rows
 from ss2sql.runtime.sqlite.argument_queries import Scouts
 from ss2sql.runtime.sqlite.call_sites import takes_arrays
@@ -77,43 +77,38 @@ class CompiledQuery:
         self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
         self.refusal = None
         self.native: NativeQuery | LevelQuery | DuckQuery | None = None
-        self._levels: LevelQuery | None = None
-        self._duck: DuckQuery | None = None
-        self.passed_on: str | None = None  # why the engine that was asked for does not run it
+        self.levels: LevelQuery | None = None  # a search by levels in another database
+        self.duck: DuckQuery | None = None  # any other query in DuckDB
         tables = host.held.engine(self.wanted)
         levels = tables if query.search else None
         sources = None if tables is None or query.search else tables.sources
-        if sources is not None:
-            from ss2sql.runtime.external.duckdb_query import DuckQuery
-
-            try:
-                self.native = self._duck = DuckQuery(query, sources, variable)
-                self.reason = f"engine='{self.wanted}' was asked for"
-            except UnsupportedError as error:
-                self.passed_on = f"not in {self.wanted}: {error.message}"
-        if (
-            self.native is None and "ss2sql.runtime.external.duckdb_sources" in sys.modules
-        ):  # else nobody has a table of DuckDB
+        # Nobody has a table of DuckDB while the module is not loaded.
+        if sources is None and "ss2sql.runtime.external.duckdb_sources" in sys.modules:
             from ss2sql.runtime.external.predicate_pushdown import push_down_predicates
 
             query, self.handed = push_down_predicates(query, variable)
             self.query = query
         try:
-            if levels is not None:
+            if sources is not None:
+                from ss2sql.runtime.external.duckdb_query import DuckQuery
+
+                self.native = self.duck = DuckQuery(query, sources, variable)
+                self.reason = f"engine='{self.wanted}' was asked for"
+            elif levels is not None:
                 from ss2sql.runtime.external.level_query import LevelQuery
 
-                self.native = self._levels = LevelQuery(query, levels)
+                self.native = self.levels = LevelQuery(query, levels)
                 self.reason = f"engine='{self.wanted}' was asked for"
             elif self.wanted == "auto" and self._reads_only_values(query):
                 self.reason = READS_VALUES
             elif self.wanted == "auto" and _stops_early_in_depth(query):
                 self.reason = CUT_DEEP_DOWN
-            elif self.wanted != "native" and self.native is None:
+            elif self.wanted != "native":
                 self.lowered = self._lower(query)
                 self.rewrites = (*self.rewrites, *self.lowered.applied)
         except UnsupportedError as error:
             self.reason, self.cures = error.message, tuple(error.hints)
-            self.refusal = error if self.required_engine or levels is not None else None
+            self.refusal = error if self.required_engine or levels or sources else None
         self.lowering_seconds = time.perf_counter() - started
         if not (self.native or self.lowered or self.refusal):
             self.native = NativeQuery(query)
@@ -150,16 +145,6 @@ class CompiledQuery:
     def notes(self) -> tuple[str, ...]:
         """What a person should know of the query whatever it finds."""
         return find_notes(self.written)
-
-    @property
-    def levels(self) -> LevelQuery | None:
-        """The search as it goes by levels in another database."""
-        return self._levels if self.native is self._levels else None
-
-    @property
-    def duck(self) -> DuckQuery | None:
-        """The query as DuckDB runs it, if it is no search."""
-        return self._duck if self.native is self._duck else None
 
     def value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
@@ -248,12 +233,7 @@ class CompiledQuery:
         assert self.native is not None
         if run.trace is not None:
             return NativeQuery(self.query, watched=True).rows(run, sink)
-        try:
-            return self.native.rows(run, sink)
-        except OtherEngineNeededError as error:
-            self.passed_on = f"not in {self.engine}: {error}"
-            self.native, self.reason = NativeQuery(self.query), "SQLite was not asked"
-            return self.native.rows(run, sink)
+        return self.native.rows(run, sink)
 
     def _read_database_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.lowered is not None

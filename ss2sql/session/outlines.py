@@ -27,7 +27,6 @@ def _outlined(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
         query.shown(run),
         query.levels,
         query.duck,
-        query.passed_on,
         query.reason,
         query.cures,
         query.rewrites,

@@ -289,7 +289,7 @@ class Session:
         """Parses, resolves and lowers a script once; names that it does not know become its parameters.
 
         Reads its tables to learn their types. Raises ParseError, ResolveError, Timeout and Cancelled; UnsupportedError
-        if `engine` is "database" and the script cannot run there.
+        if the engine that is asked for cannot run the script.
         """
 
         def work(run: Run) -> Query:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from agreement import exact, is_allowed, outcome, reference_outcome, session_for
+from agreement import Outcome, exact, is_allowed, outcome, reference_outcome, session_for
 from hypothesis import given, seed
 from hypothesis import strategies as st
 from level_searches import agree, by_sheet
@@ -68,7 +68,7 @@ def test_what_is_committed_counts(ss: ss2sql.Session, own: Any) -> None:
     own.execute("BEGIN; INSERT INTO t VALUES (NULL)")
     assert query.run().value == [2]
     own.execute("COMMIT")
-    assert code_of(query.run) == "X001"  # None + 1
+    assert code_of(query.run) == "U001"  # None + 1 fails
     own.execute("DELETE FROM t WHERE a IS NULL; INSERT INTO t VALUES (41)")
     assert query.run().value == [2, 42]
     own.execute("ALTER TABLE t RENAME COLUMN a TO b")
@@ -89,7 +89,7 @@ def test_nothing_is_held_after_a_run(ss: ss2sql.Session, own: Any) -> None:
         ss.run("SELECT str(a) + 1 FROM t")
     assert own.execute("FROM duckdb_connection_count()").fetchall() == [(1,)]
     assert kept[0].value == [{"a": 1}]
-    assert caught.value.code == "X001"
+    assert caught.value.code == "U001"
 
 
 COLUMNS = (
@@ -114,11 +114,13 @@ def test_columns_become_values_as_those_of_data_frames_do(
             own.execute(f"INSERT INTO t VALUES ({added})")
             expected.append((row,))
         for engine in ("duckdb", "database", "native"):
-            found = ss.run("SELECT x FROM t AS rows", engine=engine).value  # type: ignore[arg-type]
-            assert exact(found) == exact(expected), engine
+            found, _ = outcome(ss, "SELECT x FROM t AS rows", engine=engine)
+            unknown = expected in ([], [(None,)]) or kind[:4] in ("TIME", "INTE", "STRU", "DECI")
+            assert found == Outcome(exact(expected)) or (found is None and unknown and engine == "duckdb"), engine
         ss.attach("frame", own.sql("FROM t").to_arrow_table())
-        assert exact(ss.eval("SELECT x FROM frame AS rows")) == exact(expected)
+        assert exact(ss.run("SELECT x FROM frame AS rows", engine="native").value) == exact(expected)
     own.execute("DELETE FROM t; INSERT INTO t VALUES (NULL), (NULL)")
+    ss.engine = "native"
     assert ss.eval("SELECT x, x == None FROM t AS rows") == [(None, True)] * 2
     assert ss.eval("SELECT x, count(x) FROM t GROUP BY x AS rows") == [(None, 0)]
 
@@ -136,7 +138,7 @@ def test_times_are_texts(ss: ss2sql.Session, own: Any) -> None:
     assert result.value == [("2024-01", 1, "2024-12-31T23:59:59.250000"), ("2024-02", 6, "2024-12-31T23:59:59.500000")]
     assert ss.eval("SELECT at FROM t WHERE d == '2024-02-03' AS list") == ["2025-01-01T00:00:00"]
     own.execute("INSERT INTO t VALUES ('10000-01-01', 'infinity'), ('0044-03-15 (BC)', NULL)")
-    assert ss.run("SELECT d FROM t LIMIT 1 AS list").engine == "database"
+    assert code_of(ss.run, "SELECT d FROM t LIMIT 1 AS list") == "U001"
 
 
 NO_VALUES = {"UBIGINT": "9223372036854775808", "HUGEINT": "-9223372036854775809", "DOUBLE": "'-inf'", "BIT": "'101'"}
@@ -146,7 +148,7 @@ NO_VALUES = {"UBIGINT": "9223372036854775808", "HUGEINT": "-9223372036854775809"
 def test_what_is_no_value_is_named(ss: ss2sql.Session, own: Any, kind: str, written: str) -> None:
     own.execute(f"CREATE TABLE t(x {kind}); INSERT INTO t VALUES (NULL), ({written})")
     with pytest.raises(ss2sql.Error, match="the column 'x' of 't'") as caught:
-        ss.run("SELECT x FROM t")
+        ss.run("SELECT x FROM t", engine="native")
     assert caught.value.code == "X004"
 
 
@@ -182,6 +184,10 @@ def test_a_view_that_cannot_be_read_is_named(ss: ss2sql.Session, own: Any) -> No
 def test_settings_change_no_meaning(ss: ss2sql.Session, own: Any, setting: str) -> None:
     own.execute("CREATE TABLE t(s VARCHAR COLLATE nocase); INSERT INTO t VALUES ('B'), ('a'), ('A'), (NULL)")
     own.execute(setting)
+    if "default" in setting:
+        with pytest.raises(ss2sql.UnsupportedError, match="RESET default_collation"):
+            ss.eval("SELECT s FROM t")
+        ss.engine = "auto"
     assert ss.eval("SELECT s FROM t ORDER BY s DESC AS list") == ["a", "B", "A", None]
     assert ss.eval("SELECT s FROM t WHERE s == 'a' AS list") == ["a"]
     assert ss.eval("SELECT s, count(*) FROM t WHERE s != None GROUP BY s AS rows") == [("B", 1), ("a", 1), ("A", 1)]
@@ -284,10 +290,10 @@ def store(own: Any, case: ProgramCase, kept: str) -> None:
         pytest.param(TWINS, "views", "duckdb", "engine: duckdb", 4, marks=pytest.mark.slow),
         (TWINS, "tables", "database", "DuckDB hands over", 10),
         pytest.param(TWINS, "tables", "native", "DuckDB hands over", 10, marks=pytest.mark.slow),
-        (joins(), "tables", "duckdb", "DuckDB hands over the rows of x, y", 5),
+        (joins(), "tables", "database", "DuckDB hands over the rows of x, y", 10),
         pytest.param(joins(), "tables", "native", "DuckDB hands over the rows of x, y", 5, marks=pytest.mark.slow),
     ],
-    ids=["variables", "tables", "views", "narrowed-database", "narrowed-native", "joined-duckdb", "joined-native"],
+    ids=["variables", "tables", "views", "narrowed-database", "narrowed-native", "joined-database", "joined-native"],
 )
 def test_random_queries(own: Any, cases: Any, kept: str, engine: Any, told: str, least: int) -> None:
     done = 0
@@ -304,7 +310,7 @@ def test_random_queries(own: Any, cases: Any, kept: str, engine: Any, told: str,
             store(own, case, kept)
         with session_for(ProgramCase(case.script, variables, case.uses), engine="duckdb", session=own) as ss:
             found, _ = outcome(ss, case.script, engine=engine)
-            if found is None:  # the database alone cannot run it
+            if found is None:  # the engine alone cannot run it
                 return
             done += told in str(ss.compile(case.script, engine=engine).explain())
         assert is_allowed(found, reference_outcome(case), "duckdb"), case
@@ -339,15 +345,14 @@ def test_sums_of_floats_are_rounded_once(own: Any, threads: int) -> None:
 
 def test_a_sum_that_is_too_large_on_its_way(ss: ss2sql.Session) -> None:
     ss.set("t", [{"x": 1.5e308}, {"x": 1.5e308}, {"x": -1.5e308}])
-    result = ss.run("SELECT sum(x) FROM t GROUP BY 1 AS list")
-    assert (result.engine, result.value) == ("native", [1.5e308])
-    assert "a sum of floats becomes too large on its way" in str(result.explain())
-    assert code_of(ss.run, "SELECT sum(x) FROM t WHERE x > 0 GROUP BY 1 AS list") == "X004"
+    for rest in ("", "WHERE x > 0"):
+        with pytest.raises(ss2sql.UnsupportedError, match="a sum of floats becomes too large on its way"):
+            ss.run(f"SELECT sum(x) FROM t {rest} GROUP BY 1 AS list")
 
 
 def test_a_sum_of_nothing_is_a_whole_number(ss: ss2sql.Session) -> None:
     ss.set("t", [{"k": 1, "x": 0.5}, {"k": 2, "x": None}, {"k": 1, "x": None}])
-    whole = ss.run("SELECT k, sum(x) FROM t GROUP BY k AS rows")
-    assert (whole.engine, exact(whole.value)) == ("native", exact([(1, 0.5), (2, 0)]))
+    with pytest.raises(ss2sql.UnsupportedError, match="a sum of nothing is a whole number"):
+        ss.run("SELECT k, sum(x) FROM t GROUP BY k AS rows")
     floats = ss.run("SELECT k, sum(x), average(x) FROM t WHERE k == 1 GROUP BY k AS rows")
     assert (floats.engine, exact(floats.value)) == ("duckdb", exact([(1, 0.5, 0.5)]))

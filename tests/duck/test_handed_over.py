@@ -29,6 +29,7 @@ def ss(own: Any, ss: ss2sql.Session) -> ss2sql.Session:
         CREATE TABLE roads AS SELECT i // 3 AS here, i // 3 + 1 + i % 3 AS there FROM range(90) AS r(i);
         CREATE TABLE towns AS SELECT 5 * i AS id, 'n' || i AS name, [i] AS list FROM range(6) AS r(i);
     """)
+    ss.engine = "auto"
     ss.function("last", lambda n: int(str(n)[-1]), volatility="immutable")
     ss.function("turned", lambda n: "".join(reversed(str(n))), volatility="immutable")
     return ss
@@ -69,7 +70,7 @@ def as_without_tables(ss: ss2sql.Session, script: str, value: Any) -> None:
 # --- which rows are read -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("engine", ["database", "native", "duckdb"])
+@pytest.mark.parametrize("engine", ["database", "native"])
 def test_functions_of_python_are_asked_of_few_rows(ss: ss2sql.Session, read: list[int], engine: Any) -> None:
     script = "SELECT id, last(id) FROM sales WHERE kind == most AND price > 20 AND last(id) > 4 AS rows"
     result = ss.run(script, engine=engine, most=3)
@@ -103,7 +104,7 @@ def test_which_rows_are_read(ss: ss2sql.Session, read: list[int], script: str, c
     as_without_tables(ss, f"SELECT {script}", value)
 
 
-@pytest.mark.parametrize("engine", ["native", "duckdb"])
+@pytest.mark.parametrize("engine", ["native", "auto"])
 def test_a_query_in_a_text_reads_rows_of_its_own(ss: ss2sql.Session, engine: Any) -> None:
     """It has a source of the same name, which the query around it goes on reading."""
     inner = "SELECT b.id FROM b = sales WHERE b.kind == 2 AND last(b.id) < 5 AND b.id < 30 AS list"
@@ -118,7 +119,7 @@ def test_a_query_in_a_text_reads_rows_of_its_own(ss: ss2sql.Session, engine: Any
 # --- joins -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("engine", ["database", "native", "duckdb"])
+@pytest.mark.parametrize("engine", ["database", "native"])
 def test_the_rows_of_the_product_come_in_its_order(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT here, name, turned(there) FROM towns, roads WHERE id == there AND here > 3 AND turned(id) != '51'"
     result = ss.run(f"{script} AS rows", engine=engine)

@@ -52,6 +52,8 @@ class PortableExpressions:
 
     def value(self, expr: plan.Expr, scope: PortableScope) -> Node:
         """The expression. Raises UnsupportedError where it could mean something else."""
+        if isinstance(expr, plan.Call) and not expr.function.builtin:
+            raise build_refusal(f"{expr.function.name} is a Python function", expr.span)
         if get_column_type(expr.type) is None and expr.type.kinds != Kind.NONE:
             raise build_refusal(
                 "the kind of this value is not known, or other databases have no type for it", expr.span
@@ -83,10 +85,8 @@ class PortableExpressions:
                 return self._write_conditional(expr, scope)
             case plan.MakeList(items=items):
                 return exp.Array(expressions=[self.value(item, scope) for item in items])
-            case plan.Call(function=function) if function.builtin:
+            case plan.Call():
                 return self.called(expr, scope)
-            case plan.Call(function=function):
-                raise build_refusal(f"{function.name} is a Python function", expr.span)
             case _:
                 raise build_refusal("this is not SQL that every database has", expr.span)
 

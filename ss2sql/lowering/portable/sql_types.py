@@ -44,6 +44,9 @@ def cast_literal(node: exp.Expr, kind: str | None) -> exp.Expr:
     return node if node.find(exp.Column) or kind in (None, "BOOLEAN") else cast_node(node, kind)
 
 
-def build_refusal(reason: str, span: Span, cure: str = "leave engine and dialect to ss2sql") -> UnsupportedError:
+CURE = "leave engine and dialect to ss2sql, or ask for engine='native'"
+
+
+def build_refusal(reason: str, span: Span, cure: str = CURE) -> UnsupportedError:
     """What is raised where SQL of other databases could mean something else."""
     return UnsupportedError("U001", reason, span, (cure,))

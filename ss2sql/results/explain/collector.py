@@ -63,7 +63,7 @@ def _collect_query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
     return QueryFacts(
         text=outlined.written.span.text,
         engine=outlined.engine,
-        reason=_find_reason(outlined),
+        reason="all of it can be said in SQL" if lowered else outlined.reason,
         cures=() if lowered else tuple(filter(None, map(_find_cures, outlined.cures))),
         search=describe_search(query),
         rewrites={name: REWRITES[name].done for name in outlined.rewrites},
@@ -76,13 +76,6 @@ def _collect_query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
         sql=lowered.text if lowered else str(outlined.sql) if outlined.levels or outlined.duck else None,
         parameters=tuple(_collect_parameters(outlined)),
     )
-
-
-def _find_reason(outlined: OutlinedQuery) -> str:
-    if outlined.lowered and outlined.passed_on:
-        return outlined.passed_on
-    reason = "all of it can be said in SQL" if outlined.lowered else outlined.reason
-    return f"{outlined.passed_on}; {reason}" if outlined.passed_on else reason
 
 
 def _find_cures(hint: str) -> str:

@@ -49,7 +49,6 @@ class OutlinedQuery:
     lowered: SqlQuery | None  # SQLite's statement, else `reason` and `cures`
     levels: LevelQuery | None  # a search by levels in another database
     duck: DuckQuery | None  # another query in DuckDB
-    passed_on: str | None  # why the requested engine does not run the query
     reason: str
     cures: tuple[str, ...]
     rewrites: tuple[str, ...]

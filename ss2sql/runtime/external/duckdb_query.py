@@ -6,13 +6,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
-from ss2sql.errors import Error, ExecutionError, UnsupportedError
+from ss2sql.errors import Error, ExecutionError
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row, Rows, iterate_within_limit
 from ss2sql.lowering.dialects import DUCKDB
 from ss2sql.lowering.portable.pushdown import LIMIT_PARAMETER, ExternalTable, LoadedTable, PushdownQuery, write_pushdown
+from ss2sql.lowering.portable.sql_types import build_refusal
 from ss2sql.lowering.sql_string import Sql
 from ss2sql.runtime.external.duckdb_functions import register_functions
 from ss2sql.runtime.external.duckdb_loading import build_arrow_table, collect_columns
@@ -20,7 +21,7 @@ from ss2sql.runtime.external.duckdb_sources import DuckFrame, DuckSources, DuckT
 from ss2sql.runtime.external.statement_cancellation import interrupt_when_due
 from ss2sql.runtime.python.native_query import compile_statement
 from ss2sql.runtime.run.option_values import check_count
-from ss2sql.runtime.run.run_state import OtherEngineNeededError, Run
+from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import CELL_SIZE
 
 ROWS_PER_BLOCK = 10_000  # rows that are read at once
@@ -75,7 +76,7 @@ class DuckQuery:
     # --- running it ----------------------------------------------------------------------------------------
 
     def rows(self, run: Run, sink: Rows | None = None) -> Rows:
-        """The answer of the query, see `NativeQuery.rows`. Raises NotHereError before anything is in the sink."""
+        """The answer of the query, see `NativeQuery.rows`. Raises UnsupportedError where only a run can tell."""
         sink = sink or Rows(tuple(output.name for output in self.query.columns), [])
         assert sink.rows is not None
         limit = self._evaluate_limit(run)
@@ -85,13 +86,13 @@ class DuckQuery:
         with self.sources.asked():
             strange = reading.strange
         if strange:
-            raise OtherEngineNeededError("settings of the connection say how texts compare, or where None is sorted")
+            reason = "settings of the connection say how texts compare, or where None is sorted"
+            cure = "RESET default_collation and default_null_order"
+            raise build_refusal(reason, self.query.span, cure)
         if run.max_rows is not None and self._has_lists:
-            raise OtherEngineNeededError("max_rows counts the elements of the list that a query in FROM gives")
-        try:
-            self.written, self.text = self._write(run.source)
-        except UnsupportedError as error:  # a table is not what it was
-            raise OtherEngineNeededError(error.message) from None
+            reason = "max_rows counts the elements of the list that a query in FROM gives"
+            raise build_refusal(reason, self.query.span, "leave max_rows away, or the form of the query in FROM")
+        self.written, self.text = self._write(run.source)  # a table may not be what it was
         given = [(table, self._columns(table, run)) for table in self.written.loaded]
         values = {
             name: limit if name == LIMIT_PARAMETER else run.variable(wanted) for name, wanted in self.parameters.items()
@@ -102,9 +103,6 @@ class DuckQuery:
             with interrupt_when_due(run, reading):
                 found = self._found(reading, given, values, run)
                 sink.rows.extend(found if run.max_rows is None else iterate_within_limit(found, run.max_rows))
-        except OtherEngineNeededError:
-            sink.rows.clear()
-            raise
         except self.sources.errors as error:
             hint = "look at its limit of memory and the room on its disk"
             raise ExecutionError("X009", f"duckdb: {error}", self.query.span, (hint,)) from error
@@ -150,7 +148,7 @@ class DuckQuery:
         for name in functions:
             cursor.remove_function(name)
         if failed:
-            raise OtherEngineNeededError(failed[0])
+            raise build_refusal(failed[0], self.query.span)
 
     # --- sizes ---------------------------------------------------------------------------------------------
 
@@ -170,7 +168,7 @@ class DuckQuery:
         given: list[tuple[LoadedTable, list[Sequence[Any]]]],
         values: Mapping[str, Any],
     ) -> None:
-        """Raises NotHereError where a text or list could become larger than one may be."""
+        """Raises UnsupportedError where a text or list could become larger than one may be."""
         if not self._count_joined_values:
             return
         loaded = (value for _, (_, *columns) in given for column in columns for value in column)
@@ -182,7 +180,8 @@ class DuckQuery:
         frames = (find_duck_frame(source, run.source) for source in self._values)
         sizes += [frame.longest() for frame in frames if frame is not None]
         if max(sizes) * self._count_joined_values > run.sizes.limit:
-            raise OtherEngineNeededError("texts or lists may become larger than max_size")
+            reason = "texts or lists may become larger than max_size"
+            raise build_refusal(reason, self.query.span, "give a larger max_size")
 
 
 def _estimate_size(value: Any) -> int:

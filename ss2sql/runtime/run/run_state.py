@@ -97,10 +97,6 @@ class Stats:
         self.seconds[stage] = self.seconds.get(stage, 0.0) + perf_counter() - started
 
 
-class OtherEngineNeededError(Exception):
-    """What only a run can tell: this time the query has to run elsewhere. Its text is the reason."""
-
-
 class Host(Protocol):
     """What a run asks of its session. Values are those of the language, tables are read in their own order."""
 
