@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import gc
 import math
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import islice
 from operator import is_
 from typing import Any
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.frozen_values import State
+from ss2sql.language.frozen_values import State, thaw_value
 from ss2sql.language.rows import Row
 from ss2sql.runtime.graph_cache.graph_store import GraphStore, build_damage_error
 from ss2sql.runtime.graph_cache.value_json import decode_values, encode_values
@@ -18,21 +20,34 @@ from ss2sql.runtime.graph_cache.value_json import decode_values, encode_values
 MAX_HELD = 200_000  # of each kind of thing that stays in memory, to be read again where need be
 
 
+_NO_VERDICTS: dict[str, Any] = {}
+
+
+@contextmanager
+def without_collector() -> Iterator[None]:
+    """A time in which nothing that is made is garbage: looking for some takes a third of it."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
+
+
 class CachedEdge:
     """A step: its row, the node it leads to, its elements, and what clauses said of it.
 
-    The elements are None where FROM is read again; `verdicts` go by the names of the clauses. `unknown` is how much of
-    its note was not known.
+    The elements are None where FROM is read again; `verdicts` go by the names of the clauses, and are not changed.
     """
 
-    __slots__ = ("elements", "row", "target", "unknown", "verdicts")
+    __slots__ = ("elements", "row", "target", "verdicts")
 
     def __init__(self, row: Row, elements: tuple[Any, ...] | None, target: CachedNode | None = None) -> None:
         self.row = row
         self.elements = elements
         self.target = target
-        self.unknown = 0
-        self.verdicts: dict[str, Any] | None = None
+        self.verdicts = _NO_VERDICTS
 
 
 class CachedNode:
@@ -44,11 +59,11 @@ class CachedNode:
 
     __slots__ = ("edges", "era", "loaded", "number", "state", "text", "touched")
 
-    def __init__(self, state: State, number: int | None = None, era: int = 0) -> None:
+    def __init__(self, state: State, number: int | None = None, era: int = 0, text: str | None = None) -> None:
         self.state = state
         self.number = number
         self.era = era
-        self.text: str | None = None
+        self.text = text
         self.edges: list[CachedEdge] | None = None
         self.loaded = False
         self.touched = False
@@ -101,42 +116,39 @@ class CachedGraph:
 
     # --- reading ---------------------------------------------------------------------------------------
 
-    def load(self, nodes: Sequence[CachedNode]) -> list[CachedNode]:
-        """Reads what the tables have of these nodes; gives a node for each, the same one where states are the same.
+    def find_nodes(self, states: Sequence[State]) -> list[CachedNode]:
+        """A node for each frozen state, the same one where states are the same.
 
-        Raises NotKept where a state has no text, ExecutionError X009 where the tables cannot be read.
+        Raises NotCacheable where a state has no text.
         """
-        collects = gc.isenabled()
-        gc.disable()  # nothing of what is made here is garbage: looking for some takes a third of the time
-        try:
-            return self._load(nodes)
-        finally:
-            if collects:
-                gc.enable()
-
-    def _load(self, nodes: Sequence[CachedNode]) -> list[CachedNode]:
         if len(self._nodes_by_text) > MAX_HELD:
             self._nodes_by_text.clear()
-        self._check(nodes)
-        known = len(self._nodes_by_text)
         held = self._nodes_by_text
-        one_of_each = [held.setdefault(node.written(), node) if node.number is None else node for node in nodes]
-        texts = list(islice(held, known, None))
-        with self.store.reading():
+        texts = list(map(encode_values, states))
+        for text, state in zip(texts, states, strict=True):
+            if text not in held:
+                held[text] = CachedNode(tuple(map(thaw_value, state)), None, self.era, text)
+        return list(map(held.__getitem__, texts))
+
+    def load(self, nodes: Sequence[CachedNode]) -> list[CachedNode]:
+        """Reads what the tables have of nodes; gives those that have it.
+
+        Raises ExecutionError X009 where the tables cannot be read.
+        """
+        with without_collector(), self.store.reading():
             if self.number is None:
                 self.number = self.store.graph(self.key)
             if self.number is None:
-                return one_of_each
-            for place, number in self.store.find(self.number, texts):
-                self._nodes_by_text[texts[place]].number = number
-            one_of_each = [
-                node if node.number is None else self._nodes.setdefault(node.number, node) for node in one_of_each
-            ]
+                return list(nodes)
+            new = [node for node in nodes if node.number is None]
+            for place, number in self.store.find(self.number, [node.written() for node in new]):
+                new[place].number = number
+            found = [node if node.number is None else self._nodes.setdefault(node.number, node) for node in nodes]
             try:
-                self._load_edges({node.number: node for node in one_of_each if node.number and node.edges is None})
+                self._load_edges({node.number: node for node in found if node.number and node.edges is None})
             except (ValueError, TypeError, LookupError) as error:
                 raise build_damage_error(f"what they hold is no graph ({error})") from error
-        return one_of_each
+        return found
 
     def _load_edges(self, nodes: dict[int, CachedNode]) -> None:
         assert self.number is not None
@@ -147,19 +159,13 @@ class CachedGraph:
         self._decode_states(set(targets) - {None})
         self._decode_rows(set(given) - {None})
         elements = {None: None, **{text: self._rows[text] for text in set(given) - {None}}}
-        edges: dict[int, list[CachedEdge]] = {number: [] for number in counts}
-        made = map(
-            CachedEdge,
-            map(self._rows.__getitem__, rows),
-            map(elements.__getitem__, given),
-            map(self._nodes.get, targets),
-        )
-        for source, edge in zip(sources, made, strict=True):
-            edges[source].append(edge)
+        parts = map(self._rows.__getitem__, rows), map(elements.__getitem__, given), map(self._nodes.get, targets)
+        made = map(CachedEdge, *parts)
+        edges = {number: list(islice(made, count)) for number, count in Counter(sources).items()}  # they are in order
         self._load_verdicts(edges)
         for number, count in counts.items():
-            if len(edges[number]) == count:  # else the graph was dropped meanwhile
-                nodes[number].edges = edges[number]
+            if len(edges.get(number, ())) == count:  # else the graph was dropped meanwhile
+                nodes[number].edges = edges.get(number, [])
                 nodes[number].loaded = number not in self._own
 
     def _decode_rows(self, texts: Iterable[str]) -> None:
@@ -169,8 +175,9 @@ class CachedGraph:
 
     def _decode_states(self, numbers: Iterable[int]) -> None:
         found = self.store.states([number for number in numbers if number not in self._nodes])
-        for (number, _), values in zip(found, decode_values([text for _, text in found]), strict=True):
-            self._nodes[number] = CachedNode(tuple(values), number, self.era)
+        for (number, text), values in zip(found, decode_values([text for _, text in found]), strict=True):
+            node = self._nodes[number] = CachedNode(tuple(values), number, self.era, text)
+            self._nodes_by_text[text] = node
 
     def _load_verdicts(self, edges: dict[int, list[CachedEdge]]) -> None:
         assert self.number is not None
@@ -182,7 +189,7 @@ class CachedGraph:
                     if position < 0 or not 0 <= value <= most or math.isinf(value):
                         raise ValueError(f"a {clause.kind} is {value!r}")
                     edge = edges[source][position]
-                    edge.verdicts = {**(edge.verdicts or {}), clause.name: value}
+                    edge.verdicts = {**edge.verdicts, clause.name: value}
 
     # --- writing ---------------------------------------------------------------------------------------
 
@@ -221,7 +228,6 @@ class CachedGraph:
                 (clauses[name], numbers[id(node)], position, value)
                 for node in nodes
                 for position, edge in enumerate(node.edges or ())
-                if edge.verdicts is not None
                 for name, value in edge.verdicts.items()
             )
             self.store.touch(number, levels)

@@ -6,16 +6,16 @@ one, is done: of each state all steps or none.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
-from marshal import dumps
+from collections.abc import Callable, Iterable, Sequence
 from time import perf_counter
 from typing import Any
 
 import apsw
 
 from ss2sql.errors import ExecutionError, Stopped
-from ss2sql.language.frozen_values import UNSET, State
-from ss2sql.runtime.graph_cache.cached_graph import MAX_HELD, CachedEdge, CachedGraph, CachedNode
+from ss2sql.language.frozen_values import FREEZERS, UNSET, State
+from ss2sql.language.rows import Row
+from ss2sql.runtime.graph_cache.cached_graph import MAX_HELD, CachedEdge, CachedGraph, CachedNode, without_collector
 from ss2sql.runtime.graph_cache.graph_store import build_damage_error
 from ss2sql.runtime.graph_cache.value_json import NotCacheable
 from ss2sql.runtime.run.run_state import Stats
@@ -67,12 +67,10 @@ class CachedSteps(Notes):
         self.graph = graph
         self.changed = changed
         self.stores_elements = elements
-        self._clauses = {name: self.noted.places[2][name] for name in clauses}
-        rows, states, *_ = self.noted.places
-        self._rows = [(place, at) for at, place in enumerate(rows)]
+        self._clauses = {name: self.noted.places.clauses[name] for name in clauses}
+        rows, states = self.noted.places.rows, self.noted.places.states
         self._states = [(place, at) for at, place in enumerate(states) if place is not None and place not in rows]
-        self._kept = [place for place, _ in self._states] + list(self._clauses.values())
-        self._blank = self.noted.blank()
+        self._rows: dict[int, tuple[Note, Row]] = {}  # by the identity of a row: a note with nothing else
         self.off = False
         self._nodes: list[CachedNode] = []  # of this level
         self._unwritten: list[CachedNode] = []
@@ -116,20 +114,17 @@ class CachedSteps(Notes):
         self._begun += 1
         if self._is_due(0.0):
             self._write()
-        edges = (edge for node in self._nodes for edge in node.edges or ())
-        targets = {id(edge.target): edge.target for edge in edges if edge.target is not None}
-        reached = {_exact(node.state): node for node in targets.values()}
-        values = list(map(self.search_run.shapes.thaw, states))
-        nodes = [reached.get(_exact(state)) or CachedNode(state) for state in values]
         self._let_go()
+        self._nodes = []
         try:
-            nodes = self.graph.load(nodes)
+            self._nodes = self.graph.find_nodes(states)
+            self._nodes = self.graph.load(self._nodes)
         except NotCacheable as reason:
             self._give_up(reason)
         except _TEMPORARY_ERRORS as error:
             self._write_failed = str(error)
-        self._nodes = nodes
-        self.pairs = list(map(self._pairs, nodes))
+        with without_collector():  # as where they are loaded
+            self.pairs[: len(self._nodes)] = map(self._pairs, self._nodes)
 
     def _let_go(self) -> None:
         """Forgets the steps of the level that was, where there are too many; they are read again where need be."""
@@ -196,7 +191,8 @@ class CachedSteps(Notes):
 
     def known(self) -> list[Pair] | None:
         self._finish()
-        return super().known()
+        self.at += 1
+        return self.pairs[self.at]
 
     def paired(self, at: int, items: list[Any]) -> list[Pair]:
         edges = self._nodes[at].edges if self._nodes else None
@@ -204,7 +200,7 @@ class CachedSteps(Notes):
             return super().paired(at, items)
         if len(items) != len(edges):
             raise build_damage_error("a state has other steps now; is a function declared immutable that is not?")
-        return list(zip(map(self._note, edges), items, strict=True))
+        return list(zip(self._notes(edges), items, strict=True))
 
     def _pairs(self, node: CachedNode) -> list[Pair] | None:
         """The pairs of a state whose elements are kept."""
@@ -212,46 +208,54 @@ class CachedSteps(Notes):
         if edges is None or not self.stores_elements or (edges and edges[0].elements is None):
             return None
         several = self.noted.sources > 1
-        return [(self._note(edge), edge.elements if several else (edge.elements or ())[0]) for edge in edges]
+        elements = [edge.elements if several else (edge.elements or ())[0] for edge in edges]
+        return list(zip(self._notes(edges), elements, strict=True))
 
-    def _note(self, edge: CachedEdge) -> Note:
-        """The note of a known step."""
-        note = [*self._blank]
-        if edge.target is not None:
-            for place, at in self._states:
-                note[place] = edge.target.state[at]
-        for place, at in self._rows:
-            note[place] = edge.row[at]
-        for name, value in (edge.verdicts or {}).items():
-            note[self._clauses[name]] = value
-        edge.unknown = self._unknown(note)
-        return note
+    def _notes(self, edges: Sequence[CachedEdge]) -> list[Note]:
+        """The notes of known steps."""
+        of_row = self._rows
+        notes = [(of_row.get(id(edge.row)) or self._note_row(edge.row))[0].copy() for edge in edges]
+        if self._states or self._clauses:
+            for note, edge in zip(notes, edges, strict=True):
+                if edge.target is not None:
+                    for place, at in self._states:
+                        note[place] = edge.target.state[at]
+                for name, value in edge.verdicts.items():
+                    note[self._clauses[name]] = value
+        return notes
 
-    def _unknown(self, note: Note) -> int:
-        """How much is not known of what is kept in the file."""
-        return sum([note[place] is UNSET for place in self._kept])
+    def _note_row(self, row: Row) -> tuple[Note, Row]:
+        """A note of which the row is known: steps share their rows."""
+        note, places = self.noted.blank(), self.noted.places
+        for value, place, frozen, shape in zip(row, places.rows, places.frozen, places.shapes, strict=True):
+            note[place] = value
+            if frozen is not None:
+                note[frozen] = FREEZERS[shape](value)
+        found = self._rows[id(row)] = note, row
+        return found
 
     def _finish(self) -> None:
         """Takes from the notes of the state before what was found out; all of its steps were asked."""
         if self.off or self.at < 0 or not self._nodes:
             return
         node, pairs = self._nodes[self.at], self.pairs[self.at] or []
+        new = node.edges is None
         if node.edges is None:
             elements_of = self.noted.elements if self.stores_elements else lambda item: None
             node.edges = [CachedEdge(self.noted.row(note), elements_of(item)) for note, item in pairs]
-            changed = list(range(len(pairs)))
-        else:
-            if node.loaded:
-                self.search_run.stats.remembered_steps += len(pairs)
-            asked = (at for at, edge in enumerate(node.edges) if edge.unknown)
-            changed = [at for at in asked if self._unknown(pairs[at][0]) < node.edges[at].unknown]
-        for at in changed:
-            note, edge = pairs[at][0], node.edges[at]
-            after = self.noted.after(note, node.state) if edge.target is None else None
-            edge.target = edge.target if after is None else CachedNode(after)
-            edge.verdicts = {name: note[place] for name, place in self._clauses.items() if note[place] is not UNSET}
+        elif node.loaded:
+            self.search_run.stats.remembered_steps += len(pairs)
+        for (note, _), edge in zip(pairs, node.edges, strict=True):
+            if edge.target is None:
+                after = self.noted.after(note, node.state)
+                edge.target = None if after is None else CachedNode(after)
+                new = new or after is not None
+            if len(edge.verdicts) < len(self._clauses):
+                known = len(edge.verdicts)
+                edge.verdicts = {name: note[place] for name, place in self._clauses.items() if note[place] is not UNSET}
+                new = new or len(edge.verdicts) > known
         self.pairs[self.at] = None
-        if changed or not node.edges:
+        if new:
             self._touch(node)
         if self._is_due(PART):
             self._write()
@@ -272,11 +276,3 @@ def _count_nodes_to_write(nodes: Sequence[CachedNode]) -> int:
         if edges >= MAX_EDGES_WRITTEN:
             return number
     return len(nodes)
-
-
-def _exact(state: State) -> Hashable:
-    """The same for states that are exactly the same; one with objects is only the same as itself."""
-    try:
-        return dumps(state, 2)
-    except ValueError:
-        return id(state)

@@ -11,6 +11,7 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import convert_value
+from ss2sql.language.frozen_values import Frozen, thaw_value
 from ss2sql.language.kinds import Opaque
 
 
@@ -21,7 +22,9 @@ class NotCacheable(Exception):  # noqa: N818 - it is a finding, not an error
 _OTHER_KEYS = "JSON has no form for a dict with keys that are no text"
 
 
-def _refuse_value(value: Any) -> Any:
+def _thaw_or_refuse(value: Any) -> Any:
+    if isinstance(value, Frozen):
+        return value.value
     value = value.object if isinstance(value, Opaque) else value
     raise NotCacheable(f"JSON has no form for an object of the type {type(value).__name__}")
 
@@ -34,9 +37,9 @@ def _make_encoder() -> Callable[[Any], str]:
     make = getattr(encoder, "c_make_encoder", None)
     if make is None:  # another Python than CPython
         return json.JSONEncoder(
-            ensure_ascii=False, allow_nan=False, check_circular=False, separators=(",", ":"), default=_refuse_value
+            ensure_ascii=False, allow_nan=False, check_circular=False, separators=(",", ":"), default=_thaw_or_refuse
         ).encode
-    encode = make(None, _refuse_value, encoder.encode_basestring, None, ":", ",", False, False, False)
+    encode = make(None, _thaw_or_refuse, encoder.encode_basestring, None, ":", ",", False, False, False)
     return lambda value: "".join(encode(value, 0))
 
 
@@ -46,7 +49,7 @@ _decode = json.JSONDecoder().decode
 
 
 def encode_values(value: tuple[Any, ...]) -> str:
-    """A tuple of values as JSON. Raises NotKept where JSON would give back others."""
+    """A tuple of values, which may be frozen, as JSON. Raises NotCacheable where JSON would give back others."""
     if _NUMBERS.issuperset(map(type, value)):
         return f"[{','.join(map(str, value))}]"  # in half of the time
     try:
@@ -68,7 +71,7 @@ def encode_values(value: tuple[Any, ...]) -> str:
 
 def _is_same_value(value: Any, decoded: Any) -> bool:
     """Whether JSON has given back the very value; a tuple comes back as a list."""
-    return dumps(list(value), 2) == dumps(decoded, 2)
+    return dumps(thaw_value(value), 2) == dumps(decoded, 2)
 
 
 def decode_values(texts: Iterable[str]) -> list[Any]:

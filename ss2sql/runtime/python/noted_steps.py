@@ -29,6 +29,7 @@ from ss2sql.runtime.python.step_clauses import StepForm
 from ss2sql.runtime.python.step_function import StepFunction, StepLoops
 from ss2sql.runtime.search.memorize_by_key import shows_path_values
 from ss2sql.runtime.search.regression import Regression, find_regression
+from ss2sql.runtime.search.step_notes import Places
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.query_compiler import QueryCompiler
@@ -98,6 +99,9 @@ class NotedStep(StepFunction):
         for expr in clauses:
             self.slots.setdefault(self._slot_key(expr), self.unit.local("noted"))
         self.plain = {self._slot_key(expr): expr for expr in self.outputs if _is_at_hand(expr)}
+        for expr, shape in zip(self.outputs, columns, strict=True):
+            if shape != "scalar" and self._slot_key(expr) not in self.plain:
+                self.slots.setdefault(("frozen", self._slot_key(expr), shape), self.unit.local("noted"))
         for expr in clauses:  # calls find their slots themselves
             key = self.unit.analysis.of(expr).key
             if key is not None and self._slot_key(expr) == key:
@@ -109,15 +113,17 @@ class NotedStep(StepFunction):
         key = self.unit.analysis.of(expr).key
         return id(expr) if key is None or sequential else key
 
-    def places(self) -> tuple[tuple[int, ...], tuple[int | None, ...], dict[str, int], int]:
-        """Where in a note the columns of its row are, the variables after the step, and its clauses; its size."""
+    def places(self) -> Places:
+        """Where in a note everything is."""
         at = {key: place for place, key in enumerate(self.slots)}
         rows = tuple(at[self._slot_key(expr)] for expr in self.outputs)
         after = (self.connect.get(name) for name in self.shapes)
         states = tuple(None if expr is None else at[self._slot_key(expr)] for expr in after)
         named = {"stop": self.search.stop, "goal": self.query.where, "weight": self.search.weight}
         clauses = {name: at[self._slot_key(clause)] for name, clause in named.items() if clause is not None}
-        return rows, states, clauses, len(at)
+        pairs = zip(self.outputs, self.columns, strict=True)
+        frozen = tuple(at.get(("frozen", self._slot_key(expr), shape)) for expr, shape in pairs)
+        return Places(rows, frozen, tuple(self.columns), states, clauses, len(at))
 
     def _value(self, expr: plan.Expr) -> ast.expr:
         inner, pen, slot = self.inner, self.unit.build_at(expr.span), self.slots[self._slot_key(expr)]
@@ -131,8 +137,15 @@ class NotedStep(StepFunction):
         inner.forget(value)
         if facts.key is not None and not inner.has_state_changed(facts):
             inner.known[-1][facts.key] = slot
-        is_known = pen.compare(pen.name(slot), ast.IsNot(), pen.name("UNSET"))
-        return pen.name(inner.assigned(pen.if_else(is_known, pen.name(slot), pen.bind(slot, value)), pen, "value"))
+        return pen.name(inner.assigned(self._unless_known(slot, pen.bind(slot, value)), pen, "value"))
+
+    def _freeze(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
+        made, slot = super()._freeze(expr, shape, value), self.slots.get(("frozen", self._slot_key(expr), shape))
+        return made if slot is None else self._unless_known(slot, made)
+
+    def _unless_known(self, slot: str, made: ast.expr) -> ast.expr:
+        pen = self.build
+        return pen.if_else(pen.compare(pen.name(slot), ast.IsNot(), pen.name("UNSET")), pen.name(slot), made)
 
     def write_clauses(self) -> None:
         super().write_clauses()

@@ -152,7 +152,7 @@ def _write_key_function(builder: QueryCompiler, query: plan.Query, owner: Python
     computed = [key for key in search.key if not (isinstance(key, plan.State) and key.query == query.id)]
     for name, shape in shapes.items():
         if computed and shape != "scalar":
-            value = build.call(unit.helper(frozen_values.thaw_value), build.name(names[name]))
+            value = build.call(unit.helper(frozen_values.THAWERS[shape]), build.name(names[name]))
             body.add(build.assign(unit.states[query.id, name], value))
     keys = []
     for expr in search.key:

@@ -281,13 +281,15 @@ class StepClauses:
             return build.name(self.loops.frozen[expr.source])
         if shape == "scalar":
             return build.name(inner.assigned(value, build, "value"))
-        name = inner.variable(value, build, "value")
-        made = build.call(
-            "tuple" if frozen_values.is_flat_list(expr.type) else unit.helper(frozen_values.FREEZERS[shape]), name
-        )
+        made = self._freeze(expr, shape, inner.variable(value, build, "value"))
         if facts.steady and facts.sources.isdisjoint({source.id for source in self.query.sources}):
             made = inner.kept(replace(facts, key=None), made, build, "frozen")
         return build.name(inner.assigned(made, build, "frozen"))
+
+    def _freeze(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
+        """The frozen value of a column."""
+        build, freezer = self.unit.build_at(expr.span), self.unit.helper(frozen_values.FREEZERS[shape])
+        return build.call("tuple" if frozen_values.is_flat_list(expr.type) else freezer, value)
 
     def _pack_row(self) -> None:
         self.inner.add(self.build.assign("row", self.build.pack(*self.row)))

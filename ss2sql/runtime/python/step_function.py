@@ -262,7 +262,7 @@ class StepFunction(StepClauses):
         for name, shape in self.shapes.items():
             value = unit.states[self.query.id, name]
             if shape != "scalar" and value in used:
-                made = build.call(unit.helper(frozen_values.thaw_value), build.name(self.frozen_states[name]))
+                made = build.call(unit.helper(frozen_values.THAWERS[shape]), build.name(self.frozen_states[name]))
                 thawed.append(build.assign(value, made))
         end: list[ast.stmt] = [ast.Pass(**build.at)] if single is None else single.end
         around: dict[str, ast.expr | list[ast.stmt]] = {

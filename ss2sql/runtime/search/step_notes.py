@@ -10,17 +10,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Sequence
 from operator import itemgetter
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.frozen_values import UNSET, State
+from ss2sql.language.frozen_values import UNSET, Shape, State
 from ss2sql.language.rows import Row
 from ss2sql.runtime.search.step_contract import Step
 
 Note: TypeAlias = list[Any]  # the values of clauses, UNSET where they are not known; the last says whether it was made
 Pair: TypeAlias = tuple[Note, Any]  # of a note and an element, a tuple where there are several sources
 Last: TypeAlias = tuple[Any, ...]  # the elements of a step and the state before it
-Places: TypeAlias = tuple[tuple[int, ...], tuple[int | None, ...], dict[str, int], int]
+
+
+class Places(NamedTuple):
+    """Where in a note everything is, and the number of its values.
+
+    `rows` are the columns of the row, `frozen` the same as they are frozen in `shapes`, None where they are not noted;
+    `states` the variables after the step, None for those that stay; `clauses` are `stop`, `goal` and `weight`.
+    """
+
+    rows: tuple[int, ...]
+    frozen: tuple[int | None, ...]
+    shapes: tuple[Shape, ...]
+    states: tuple[int | None, ...]
+    clauses: dict[str, int]
+    size: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +43,9 @@ class Noted:
 
     `expand(state, closed, notes)` is the step function, see runtime/search/step_contract.py; it asks `notes.known()`
     for the pairs of the state, and where there are none `notes.begin(elements)`. `goals(start)` and `before(last)` go
-    backwards, where that is possible: the states at the goal, the state before a step. `places` says where in a note
-    the columns of the row are, the variables after the step (None for those that stay), and the clauses `stop`, `goal`
-    and `weight`; at last the number of values. `probable`: the weight is a probability. `plain`: all elements are
-    values. `row(note)` is the row of a step that was asked, `after(note, before)` the state after it, None where
-    CONNECT BY was not evaluated.
+    backwards, where that is possible: the states at the goal, the state before a step. `probable`: the weight is a
+    probability. `plain`: all elements are values. `row(note)` is the row of a step that was asked, `after(note,
+    before)` the state after it, None where CONNECT BY was not evaluated.
     """
 
     expand: Callable[[State, Container[Any], Any], Iterator[Step]]
@@ -67,8 +79,8 @@ def noted_of(
     plain: bool,
 ) -> Noted:
     """A search whose steps are noted, from what is generated."""
-    rows, states, _, size = places
-    take, whole = _taking(rows), None if None in states else _taking(states)
+    states = places.states
+    take, whole = _taking(places.rows), None if None in states else _taking(states)
 
     def after(note: Note, before: State) -> State | None:
         if whole is not None:
@@ -80,7 +92,7 @@ def noted_of(
                 return None
         return found
 
-    nothing = [*[UNSET] * size, False]
+    nothing = [*[UNSET] * places.size, False]
     return Noted(expand, goals, before, places, probable, sources, plain, take, after, nothing)
 
 
