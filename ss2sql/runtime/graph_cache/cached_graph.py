@@ -69,7 +69,7 @@ class CachedNode:
         self.touched = False
 
     def written(self) -> str:
-        """The state as text. Raises NotKept where that is impossible."""
+        """The state as text. Raises NotCacheable where that is impossible."""
         if self.text is None:
             self.text = encode_values(self.state)
         return self.text
@@ -194,13 +194,16 @@ class CachedGraph:
     # --- writing ---------------------------------------------------------------------------------------
 
     def write(self, nodes: Sequence[CachedNode], levels: int) -> None:
-        """Writes what is new of these nodes. Raises NotKept, and apsw's errors where the file cannot be written."""
-        rows = [[encode_values(edge.row) for edge in node.edges or ()] for node in nodes]
-        elements = [
-            [_encode_elements(edge, text) for edge, text in zip(node.edges or (), texts, strict=True)]
-            for node, texts in zip(nodes, rows, strict=True)
-        ]
-        targets = [edge.target for node in nodes for edge in node.edges or () if edge.target is not None]
+        """Writes what is new of nodes. Raises NotCacheable, and errors of apsw where the file cannot be written."""
+        edges = list[tuple[CachedNode, int, str, CachedNode | None, str | None]]()
+        for node in nodes:
+            for position, edge in enumerate(node.edges or ()):
+                row, target = encode_values(edge.row), edge.target
+                given = None if edge.elements is None else _encode_like_row(edge.elements, edge.row, row)
+                if target is not None and target.text is None:
+                    target.text = _encode_like_row(target.state, edge.row, row)
+                edges.append((node, position, row, target, given))
+        targets = [target for *_, target, _ in edges if target is not None]
         with self.store.writing():
             number = self.store.graph(self.key)
             made = number is None
@@ -217,11 +220,8 @@ class CachedGraph:
             numbers = self._numbers(number, (*nodes, *targets))
             clauses = {one.name: self.store.clause(number, one.key, one.kind, one.text) for one in self.clauses}
             self.store.write_edges(
-                (numbers[id(node)], position, row, None if edge.target is None else numbers[id(edge.target)], given)
-                for node, row_texts, given_texts in zip(nodes, rows, elements, strict=True)
-                for position, (edge, row, given) in enumerate(
-                    zip(node.edges or (), row_texts, given_texts, strict=True)
-                )
+                (numbers[id(node)], position, row, None if target is None else numbers[id(target)], given)
+                for node, position, row, target, given in edges
             )
             self.store.write_steps((len(node.edges), numbers[id(node)]) for node in nodes if node.edges is not None)
             self.store.write_clause_values(
@@ -255,9 +255,6 @@ class CachedGraph:
                 node.number, node.era = None, self.era
 
 
-def _encode_elements(edge: CachedEdge, row: str) -> str | None:
-    """The elements of a step, which often are its row."""
-    if edge.elements is None:
-        return None
-    same = len(edge.elements) == len(edge.row) and all(map(is_, edge.elements, edge.row))
-    return row if same else encode_values(edge.elements)
+def _encode_like_row(values: tuple[Any, ...], row: Row, text: str) -> str:
+    """The elements of a step, or the state that it leads to, which often are its row."""
+    return text if len(values) == len(row) and all(map(is_, values, row)) else encode_values(values)

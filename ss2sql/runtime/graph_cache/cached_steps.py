@@ -68,7 +68,8 @@ class CachedSteps(Notes):
         self.changed = changed
         self.stores_elements = elements
         self._clauses = {name: self.noted.places.clauses[name] for name in clauses}
-        rows, states = self.noted.places.rows, self.noted.places.states
+        rows, frozen, shapes, states, *_ = self.noted.places
+        self._columns = list(zip(rows, frozen, map(FREEZERS.__getitem__, shapes), strict=True))
         self._states = [(place, at) for at, place in enumerate(states) if place is not None and place not in rows]
         self._rows: dict[int, tuple[Note, Row]] = {}  # by the identity of a row: a note with nothing else
         self.off = False
@@ -226,11 +227,11 @@ class CachedSteps(Notes):
 
     def _note_row(self, row: Row) -> tuple[Note, Row]:
         """A note of which the row is known: steps share their rows."""
-        note, places = self.noted.blank(), self.noted.places
-        for value, place, frozen, shape in zip(row, places.rows, places.frozen, places.shapes, strict=True):
+        note = self.noted.blank()
+        for value, (place, frozen, freeze) in zip(row, self._columns, strict=True):
             note[place] = value
             if frozen is not None:
-                note[frozen] = FREEZERS[shape](value)
+                note[frozen] = freeze(value)
         found = self._rows[id(row)] = note, row
         return found
 
@@ -245,12 +246,13 @@ class CachedSteps(Notes):
             node.edges = [CachedEdge(self.noted.row(note), elements_of(item)) for note, item in pairs]
         elif node.loaded:
             self.search_run.stats.remembered_steps += len(pairs)
+        most = len(self._clauses)
         for (note, _), edge in zip(pairs, node.edges, strict=True):
             if edge.target is None:
                 after = self.noted.after(note, node.state)
                 edge.target = None if after is None else CachedNode(after)
                 new = new or after is not None
-            if len(edge.verdicts) < len(self._clauses):
+            if most and len(edge.verdicts) < most:
                 known = len(edge.verdicts)
                 edge.verdicts = {name: note[place] for name, place in self._clauses.items() if note[place] is not UNSET}
                 new = new or len(edge.verdicts) > known

@@ -10,7 +10,6 @@ from ss2sql.errors import Error
 from ss2sql.language import plan
 from ss2sql.language.kinds import Opaque
 from ss2sql.runtime.graph_cache.function_fingerprint import fingerprint_function
-from ss2sql.runtime.graph_cache.package_versions import find_package_version
 from ss2sql.runtime.graph_cache.value_json import NotCacheable
 from ss2sql.vtables.contract import Element, World
 from ss2sql.vtables.frames.frame import Frame
@@ -22,7 +21,7 @@ MAX_ROWS = 200_000  # of a table or a data frame: reading and comparing them tak
 
 
 def digest_value(value: Any, what: str) -> str:
-    """The digest of a value, called `what` where it is refused with NotKept."""
+    """The digest of a value, called `what` where it is refused with NotCacheable."""
     if isinstance(value, Frame):
         _check_row_count(value.length, what)
         value = value.value()
@@ -80,7 +79,7 @@ def digest_world(world: World) -> str:
         made = fingerprint_function(kind)
     except NotCacheable as reason:
         raise NotCacheable(f"{kind.__name__}, the class of a world, {reason}") from None
-    return sha256(repr((made, find_package_version(type(world.source).__module__), found)).encode()).hexdigest()
+    return sha256(repr((made, found)).encode()).hexdigest()
 
 
 def _check_row_count(rows: int, what: str) -> None:

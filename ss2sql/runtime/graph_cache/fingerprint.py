@@ -49,7 +49,7 @@ class GraphFingerprint:
     _own: dict[str, str] = field(default_factory=dict)  # the fingerprints of functions that belong to no world
 
     def graph(self) -> str:
-        """The key of the graph. Raises NotKept where it would have none, with the reason."""
+        """The key of the graph. Raises NotCacheable where it would have none, with the reason."""
         search = self.query.search
         assert search is not None
         self._queries[self.query.id] = 0
@@ -75,7 +75,7 @@ class GraphFingerprint:
         return None
 
     def clause(self, kind: str, clause: plan.Expr) -> str:
-        """The key of a clause that is asked of the steps of the graph. Raises NotKept."""
+        """The key of a clause that is asked of the steps of the graph. Raises NotCacheable."""
         sources, queries = dict(self._sources), dict(self._queries)
         try:
             return _hash_parts((kind, self._describe_node(clause)))

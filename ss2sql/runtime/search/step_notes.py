@@ -100,7 +100,8 @@ def _taking(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
     """What takes the values at some places of a note."""
     if len(places) > 1:
         return itemgetter(*places)
-    return lambda note: tuple([note[place] for place in places])
+    (place,) = places
+    return lambda note: (note[place],)
 
 
 class Notes:
