@@ -48,7 +48,7 @@ def nothing_parked() -> Iterator[None]:
     yield
     ss2sql.connect().close()
     with file_locks._lock:
-        file_locks._close_parked()
+        file_locks._close_parked_connections()
     assert file_locks._parked == []
 
 

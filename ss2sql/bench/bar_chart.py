@@ -50,8 +50,8 @@ def _draw_field(runs: StatementRuns, field: Any) -> None:
         value = result.best * 1000
         field.barh(place, value - left, left=left, height=0.85, color=COLOURS[result.engine],
                    hatch="//" if result.forbidden else None, edgecolor="white")  # fmt: skip
-        field.annotate(_make_label(result), (value, place), (4, 0), textcoords="offset points", va="center", fontsize=8,
-                       color=RED if result.forbidden else "black")  # fmt: skip
+        field.annotate(_format_label(result), (value, place), (4, 0), textcoords="offset points", va="center",
+                       fontsize=8, color=RED if result.forbidden else "black")  # fmt: skip
     field.set_yticks([place for place, _ in marks], [name for _, name in marks])
     field.set_ylim(max(places) + 0.8, min(places) - 0.8)
     field.set_xlim(left=left or None, right=max(times, default=1) * 1000 * (30 if wide else 1.6))
@@ -73,7 +73,7 @@ def _place_bars(results: Sequence[BenchResult]) -> tuple[list[float], list[tuple
     return places, [(sum(found) / len(found), shorten(name, 34)) for name, found in of.items()]
 
 
-def _make_label(result: BenchResult) -> str:
+def _format_label(result: BenchResult) -> str:
     """The time, and the answer where it differs."""
     assert result.best is not None
     told = "" if result.same else f", {result.answer}"

@@ -305,9 +305,9 @@ class Result:
             RepresentationError: V001 where a run was not traced.
             SessionError: S002 for a file that cannot be written.
         """
-        from ss2sql.results.watching.page import make_page, write_page
+        from ss2sql.results.watching.page import make_watching_page, write_page
 
-        page = make_page([self] if beside is None else [self, beside], title)
+        page = make_watching_page([self] if beside is None else [self, beside], title)
         if path is not None:
             write_page(page, path)
         return page

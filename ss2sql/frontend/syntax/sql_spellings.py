@@ -55,14 +55,15 @@ _SIGNS = {
 def explain_sql(t: ParseFailure) -> ParseError | None:
     """The error for a known foreign spelling; None for anything else."""
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _comment, _sign, _concatenation, _cast, _set_operation, _siblings, _option, _each, _unpacking, _assignment,
-        _modifier, _column_name, _after_as, _statement, _word, _star, _dot, _list,
-        _quotes,
+        _explain_comment, _explain_sign, _explain_concatenation, _explain_cast, _explain_set_operation,
+        _explain_siblings, _explain_option, _explain_each, _explain_unpacking, _explain_assignment, _explain_modifier,
+        _explain_missing_as, _explain_after_as, _explain_statement, _explain_word, _explain_star, _explain_dot,
+        _explain_list, _explain_quotes,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None)
 
 
-def _comment(t: ParseFailure) -> ParseError | None:
+def _explain_comment(t: ParseFailure) -> ParseError | None:
     """`-- comment` reads as two minus signs; parsing fails later on the same line, or right after it."""
     line = t.source.text.rfind("\n", 0, t.before().start) + 1
     for index in range(t.index, 0, -1):
@@ -75,7 +76,7 @@ def _comment(t: ParseFailure) -> ParseError | None:
     return None
 
 
-def _sign(t: ParseFailure) -> ParseError | None:
+def _explain_sign(t: ParseFailure) -> ParseError | None:
     """Two signs side by side that are one operator elsewhere."""
     for first, second in ((t.before(), t.found), (t.found, t.next)):
         sign = first.text + second.text
@@ -87,7 +88,7 @@ def _sign(t: ParseFailure) -> ParseError | None:
     return None
 
 
-def _concatenation(t: ParseFailure) -> ParseError | None:
+def _explain_concatenation(t: ParseFailure) -> ParseError | None:
     if t.found.text != "||":
         return None
     return t.error("P006", "there is no operator ||", f"write {t.operand()} + {_read_value_after(t)} to join strings")
@@ -97,7 +98,7 @@ _TYPES = {"TEXT": "str", "VARCHAR": "str", "CHAR": "str", "STRING": "str", "INT"
           "BIGINT": "int", "REAL": "float", "FLOAT": "float", "DOUBLE": "float", "NUMERIC": "float"}  # fmt: skip
 
 
-def _cast(t: ParseFailure) -> ParseError | None:
+def _explain_cast(t: ParseFailure) -> ParseError | None:
     """`CAST(age AS TEXT)`."""
     if t.found.kind != "AS" or t.clause != "f(" or t.bracket is None:
         return None
@@ -116,7 +117,7 @@ _SETS = {
 }  # fmt: skip
 
 
-def _set_operation(t: ParseFailure) -> ParseError | None:
+def _explain_set_operation(t: ParseFailure) -> ParseError | None:
     """`SELECT ... UNION SELECT ...`, and other set operations."""
     word = t.found.text.upper()
     every = word == "UNION" and t.next.text.upper() == "ALL"
@@ -134,7 +135,7 @@ def _set_operation(t: ParseFailure) -> ParseError | None:
     return t.error("P006", f"there is no {word} in SelectScript", f"write {cure}")
 
 
-def _siblings(t: ParseFailure) -> ParseError | None:
+def _explain_siblings(t: ParseFailure) -> ParseError | None:
     """`SEARCH DEPTH FIRST BY name SET place`, of WITH RECURSIVE."""
     order = t.next.text.upper()
     if t.found.text.upper() != "SEARCH" or order not in ("DEPTH", "BREADTH"):
@@ -147,7 +148,7 @@ def _siblings(t: ParseFailure) -> ParseError | None:
     return t.error("P006", "there is no SEARCH in SelectScript", *hints)
 
 
-def _each(t: ParseFailure) -> ParseError | None:
+def _explain_each(t: ParseFailure) -> ParseError | None:
     """`START WITH EACH town = list`."""
     if t.found.kind != "=" or t.expected != {"IN"}:
         return None
@@ -160,7 +161,7 @@ _OPTIONS = {"BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "DISTINCT": "UNIQUE", 
             "NOCYCLE": "NO CYCLE"}  # fmt: skip
 
 
-def _option(t: ParseFailure) -> ParseError | None:
+def _explain_option(t: ParseFailure) -> ParseError | None:
     """Options of CONNECT BY by other names, or followed by a `=`."""
     if t.clause != "CONNECT BY":
         return None
@@ -178,7 +179,7 @@ def _option(t: ParseFailure) -> ParseError | None:
     return None
 
 
-def _unpacking(t: ParseFailure) -> ParseError | None:
+def _explain_unpacking(t: ParseFailure) -> ParseError | None:
     """`a, b = [1, 2]`."""
     if t.found.kind != "," or t.clause or t.before().kind != "NAME" or t.before(2).kind not in (";", END):
         return None
@@ -194,7 +195,7 @@ def _unpacking(t: ParseFailure) -> ParseError | None:
     return t.error("P006", "one name is assigned at a time", f"write both = {value}; {parts}")
 
 
-def _assignment(t: ParseFailure) -> ParseError | None:
+def _explain_assignment(t: ParseFailure) -> ParseError | None:
     """`=` where nothing can be assigned: in a condition, in a column, after something that is not a name."""
     if t.found.kind != "=" or "+" not in t.expected:
         return None
@@ -233,7 +234,7 @@ def _read_value_after(t: ParseFailure) -> str:
     return "None" if text.upper() == "NULL" else text
 
 
-def _column_name(t: ParseFailure) -> ParseError | None:
+def _explain_missing_as(t: ParseFailure) -> ParseError | None:
     """`SELECT expr name FROM ...`."""
     if t.clause != "SELECT" or "FROM" not in t.expected or "," not in t.expected:
         return None
@@ -243,7 +244,7 @@ def _column_name(t: ParseFailure) -> ParseError | None:
     return None
 
 
-def _after_as(t: ParseFailure) -> ParseError | None:
+def _explain_after_as(t: ParseFailure) -> ParseError | None:
     """What follows a query that AS has ended: a clause, another source, an index."""
     ahead = t.values[-2] if len(t.values) > 1 else None
     if not isinstance(ahead, Token) or ahead.kind != "AS" or t.found.text.upper() in _POSTFIX_HINTS:
@@ -272,7 +273,7 @@ def _after_as(t: ParseFailure) -> ParseError | None:
                    f"to name a source write FROM {shape.text} = ...")  # fmt: skip
 
 
-def _statement(t: ParseFailure) -> ParseError | None:
+def _explain_statement(t: ParseFailure) -> ParseError | None:
     """Statements that write, and WITH in front of a query."""
     word = t.before()
     if word.kind != "NAME" or t.before(2).kind != ";" or t.bracket:
@@ -281,7 +282,7 @@ def _statement(t: ParseFailure) -> ParseError | None:
     if upper in _WRITING:
         return t.error("P006", f"a script only reads, there is no {upper}",
                        "change data from Python or with SQLite itself", at=word)  # fmt: skip
-    if upper == "WITH" and (cure := _with(t)) is not None:
+    if upper == "WITH" and (cure := _explain_with(t)) is not None:
         return t.error("P006", "there is no WITH in front of a query", cure, at=word)
     if upper == "WITH":
         return t.error("P006", "there is no WITH in front of a query", "assign the inner query to a variable first",
@@ -289,7 +290,7 @@ def _statement(t: ParseFailure) -> ParseError | None:
     return None
 
 
-def _with(t: ParseFailure) -> str | None:
+def _explain_with(t: ParseFailure) -> str | None:
     """`WITH t AS (SELECT ...) SELECT ...` as two statements."""
     if t.next.kind != "AS" or t.tokens[t.index + 2].kind != "(":
         return None
@@ -307,7 +308,7 @@ def _with(t: ParseFailure) -> str | None:
     return f"write {t.found.text} = {' '.join(inner.split())}; {' '.join(rest.split())}"
 
 
-def _modifier(t: ParseFailure) -> ParseError | None:
+def _explain_modifier(t: ParseFailure) -> ParseError | None:
     """Words in front of an expression: DISTINCT, CASE, PRIOR."""
     word = t.before()
     upper = word.text.upper()
@@ -320,7 +321,7 @@ def _modifier(t: ParseFailure) -> ParseError | None:
     return t.error("P006", f"there is no {upper} in SelectScript", hint, at=word)
 
 
-def _word(t: ParseFailure) -> ParseError | None:
+def _explain_word(t: ParseFailure) -> ParseError | None:
     """Words after an expression: operators, joins, set operations."""
     upper = t.found.text.upper()
     if (
@@ -337,7 +338,7 @@ def _word(t: ParseFailure) -> ParseError | None:
     return t.error("P006", f"there is no {spelling} in SelectScript", hint.format(x=x, y=y))
 
 
-def _star(t: ParseFailure) -> ParseError | None:
+def _explain_star(t: ParseFailure) -> ParseError | None:
     if t.found.kind == "*" and t.before().kind == "." and t.before(2).kind == "NAME":
         source = t.before(2).text
         return t.error("P006", f"there is no {source}.* in SelectScript",
@@ -348,7 +349,7 @@ def _star(t: ParseFailure) -> ParseError | None:
     return None
 
 
-def _dot(t: ParseFailure) -> ParseError | None:
+def _explain_dot(t: ParseFailure) -> ParseError | None:
     """`p.name.upper()`."""
     if t.found.kind == "(" and t.before(2).kind == "." and "+" in t.expected:
         owner, _, name = t.operand().rpartition(".")
@@ -356,10 +357,10 @@ def _dot(t: ParseFailure) -> ParseError | None:
     return None
 
 
-def _list(t: ParseFailure) -> ParseError | None:
+def _explain_list(t: ParseFailure) -> ParseError | None:
     """Lists without square brackets, dicts, parameters with a colon."""
     if t.found.kind == "," and t.clause in ("(", "") and not t.wants_operand:
-        return t.error("P006", "a list stands in square brackets", f"write [{_items(t)}]", *_decimal_comma(t))
+        return t.error("P006", "a list stands in square brackets", f"write [{_spell_items(t)}]", *_hint_decimal(t))
     if t.found.kind == "," and t.clause == "LIMIT":
         number = t.text(t.next.start, t.next.end)
         return t.error("P006", "LIMIT has one number", f"write LIMIT {number} OFFSET {t.operand()}")
@@ -370,7 +371,7 @@ def _list(t: ParseFailure) -> ParseError | None:
     return None
 
 
-def _items(t: ParseFailure) -> str:
+def _spell_items(t: ParseFailure) -> str:
     """The contents of parentheses that were meant as a list, if short."""
     depth = 0
     for token in t.tokens[t.index :] if t.clause == "(" else ():
@@ -380,14 +381,14 @@ def _items(t: ParseFailure) -> str:
     return f"{t.operand()}, ..."
 
 
-def _decimal_comma(t: ParseFailure) -> list[str]:
+def _hint_decimal(t: ParseFailure) -> list[str]:
     first, second = t.before(), t.next
     if first.kind == second.kind == "INTEGER" and first.end == t.found.start and t.found.end == second.start:
         return [f"a fraction has a point: {first.text}.{second.text}"]
     return []
 
 
-def _quotes(t: ParseFailure) -> ParseError | None:
+def _explain_quotes(t: ParseFailure) -> ParseError | None:
     """`'it''s'` reads as two strings."""
     before = t.before()
     if t.found.kind == before.kind == "STRING" and before.end == t.found.start:

@@ -144,7 +144,7 @@ class FlatWriter:
         shown = [self._write_group_value(key, expr) for key, expr in zip(keys, query.group, strict=True)]
         scope = replace(self.name_scope, groups={(query.id, n): key for n, key in enumerate(shown)})
         outputs = [self._write_output(output, scope) for output in query.columns]
-        order = self._order(scope) + [(place, False) for place in self._first()] if keys else []
+        order = self._order(scope) + [(place, False) for place in self._write_group_order()] if keys else []
         select = sql_builder.select(outputs, self.items, where, _drop_constant_keys(order), limit)
         if keys:
             select.set("group", exp.Group(expressions=[key.copy() for key in keys]))
@@ -154,7 +154,7 @@ class FlatWriter:
             select.set("having", exp.Having(this=self.portable.value(query.having, scope)))
         return select
 
-    def _first(self) -> list[Node]:
+    def _write_group_order(self) -> list[Node]:
         """The place of the first row of a group."""
         if len(self.places) > 1:
             raise build_refusal(

@@ -330,7 +330,7 @@ class _PushdownWriter(FlatWriter):
     def _named(self, node: Node, name: str) -> Node:
         return super()._named(node, name) if is_plain_name(name) else node
 
-    def _first(self) -> list[Node]:
+    def _write_group_order(self) -> list[Node]:
         return [exp.Min(this=_write_row_order(self.places))]
 
     def _write_group_value(self, key: Node, expr: plan.Expr) -> Node:

@@ -102,10 +102,10 @@ class SubqueryUnnester:
 
     def tested(self, expr: plan.Expr) -> plan.Expr:
         """An expression of which only the truth counts: a list is true if it has elements."""
-        found = self.has_rows(_get_counted_query(expr) or expr, True, expr.span)
+        found = self.rewrite_row_test(_get_counted_query(expr) or expr, True, expr.span)
         return expr if found is None else found
 
-    def has_rows(self, expr: plan.Expr, wanted: bool, span: Span) -> plan.Expr | None:
+    def rewrite_row_test(self, expr: plan.Expr, wanted: bool, span: Span) -> plan.Expr | None:
         """Whether a query has rows, or, if that is wanted, none."""
         if not isinstance(expr, plan.Subquery):
             return None
@@ -135,11 +135,11 @@ class SubqueryUnnester:
     def comparison(self, name: str, value: plan.Expr, known: plan.Constant, span: Span) -> plan.Expr | None:
         """`query == []`, `len(query) > 2`, `max(query) == 3` and their kin."""
         if known.value == [] and name in ("eq", "ne"):
-            return self.has_rows(value, name == "ne", span)
+            return self.rewrite_row_test(value, name == "ne", span)
         counted = _get_counted_query(value)
         if counted is not None and type(known.value) is int:
             if (name, known.value) in (("eq", 0), ("lt", 1), ("le", 0), ("ne", 0), ("gt", 0), ("ge", 1)):
-                return self.has_rows(counted, name in ("ne", "gt", "ge"), span)
+                return self.rewrite_row_test(counted, name in ("ne", "gt", "ge"), span)
             rows = self.rows(counted)
             width = len(counted.query.columns) if counted.query.representation.name == "list" else 1
             return None if rows is None else self.count(name, rows, width, known.value, span)

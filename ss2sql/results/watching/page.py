@@ -34,7 +34,7 @@ class Page:
         return f'<iframe srcdoc="{escape(self.html)}" {frame}></iframe>'
 
 
-def make_page(results: Sequence[Result], title: str | None) -> Page:
+def make_watching_page(results: Sequence[Result], title: str | None) -> Page:
     """The page of one search, or of several side by side."""
     traced = [get_trace(result, "animate()") for result in results]
     heading = title or " and ".join(dict.fromkeys(one.strategy for one in traced))

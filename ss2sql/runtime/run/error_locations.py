@@ -35,9 +35,9 @@ class CodePage:
         self._by_line: dict[int, Span] = {}
         self._functions: dict[Position, str] = {}
         self._evals: set[Position] = set()
-        self._add(source)
+        self._append_source(source)
 
-    def _add(self, source: Source) -> int:
+    def _append_source(self, source: Source) -> int:
         first = self._first[id(source)] = len(self._lines)
         self._sources.append(source)
         self._lines.extend(f"{line}\n" for line in source.text.split("\n"))
@@ -48,7 +48,7 @@ class CodePage:
         source = span.source
         first = self._first.get(id(source))
         if first is None:
-            first = self._add(source)
+            first = self._append_source(source)
         line, column = source.line_column(span.start)
         end_line, end_column = source.line_column(span.end)
         position = (

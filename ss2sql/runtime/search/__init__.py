@@ -1,7 +1,7 @@
 """The searches of the Python engine: one textbook loop per file over the step function of a query.
 
 step_contract says what loops and step function owe each other. breadth_first, depth_first and best_first are the loops;
-memoized_steps evaluates the steps of a state once, trace notes events, backpointers leads back to the start. MEMORIZE:
+memoized_steps evaluates the steps of a state once, trace notes events. MEMORIZE:
 search_run, graph, memorize, bidirectional with regression; then its paths: paths_by_length with simple_paths,
 paths_by_weight with path_bounds, memorize_by_key.
 """
@@ -18,7 +18,7 @@ from ss2sql.runtime.search.step_contract import Found, Problem
 
 
 def choose_search(search: plan.Search) -> Callable[[Problem], Iterator[Found]]:
-    """The loop of a search; that of MEMORIZE is in runtime/memorize."""
+    """The loop of a search; MEMORIZE has its own, memorize.py."""
     if search.order == "depth first":
         return depth_first
     if search.order == "breadth first":

@@ -32,7 +32,7 @@ class Asker(Protocol):
     name: str
 
     @property
-    def answers(self) -> Mapping[Any, Any]:
+    def remembered_results(self) -> Mapping[Any, Any]:
         """What is remembered of it, by the keys of arguments."""
 
     def key(self, arguments: Arguments) -> Any:
@@ -41,7 +41,7 @@ class Asker(Protocol):
     def kinds(self, arguments: Arguments) -> Kinds:
         """For each argument float, int, bool, or object for all else."""
 
-    def keeps(self, arguments: Arguments) -> bool:
+    def may_remember(self, arguments: Arguments) -> bool:
         """Whether it may remember what it gives for the arguments."""
 
 
@@ -55,7 +55,7 @@ class Chunk:
 
     def add(self, key: Any, arguments: Arguments) -> None:
         kinds = self.asker.kinds(arguments)
-        if object in kinds and not self.asker.keeps(arguments):
+        if object in kinds and not self.asker.may_remember(arguments):
             return
         lane = self.lanes.get(kinds)
         if lane is None:
@@ -94,8 +94,11 @@ class Coming(ABC):
             self.busy = False
         if following is None:
             return None
-        answers = self.asker.answers
-        return [(key, arguments), *islice((row for row in following if row[0] not in answers), self.size - 1)]
+        remembered_results = self.asker.remembered_results
+        return [
+            (key, arguments),
+            *islice((row for row in following if row[0] not in remembered_results), self.size - 1),
+        ]
 
     @abstractmethod
     def following(self, key: Any, arguments: Arguments) -> Iterator[Row] | None:
@@ -130,7 +133,7 @@ class InStep(Coming):
 
     def _read(self) -> Chunk:
         """The next arguments that are not known."""
-        chunk, key_of, answers = Chunk(self.asker), self.asker.key, self.asker.answers
+        chunk, key_of, remembered_results = Chunk(self.asker), self.asker.key, self.asker.remembered_results
         ended = False
         while not chunk.size and not ended:
             ended = True
@@ -139,7 +142,7 @@ class InStep(Coming):
                 if row[0]:
                     arguments = row[1:]
                     key = key_of(arguments)
-                    if key not in answers:
+                    if key not in remembered_results:
                         chunk.add(key, arguments)
                         if chunk.size >= self.reach:
                             break

@@ -48,7 +48,7 @@ _inherited_connections: list[apsw.Connection] = []
 def open_file(path: str, flags: int) -> apsw.Connection:
     """A connection to a file. Raises SessionError S005 where another copy of SQLite has it open; what apsw raises."""
     with _lock:
-        _close_parked()
+        _close_parked_connections()
         with _note_descriptors(path):
             connection = apsw.Connection(path, flags=flags)
         if identity := _get_identity(path):
@@ -59,7 +59,7 @@ def open_file(path: str, flags: int) -> apsw.Connection:
 def attach_file(connection: apsw.Connection, name: str, path: str) -> None:
     """Attaches a file to a connection under a name. Raises as `open_file` does."""
     with _lock:
-        _close_parked()
+        _close_parked_connections()
         with _note_descriptors(path):
             connection.execute(f"ATTACH ? AS {quote_name(name)}", (path,))
         if identity := _get_identity(path):
@@ -81,7 +81,7 @@ def close_file(connection: apsw.Connection) -> None:
     """Closes a connection: at once, or when no other copy of SQLite has its files open any more."""
     with _lock:
         _parked.append(connection)
-        _close_parked()
+        _close_parked_connections()
 
 
 @contextmanager
@@ -118,7 +118,7 @@ def _note_descriptors(path: str) -> Iterator[None]:
         _own_descriptors.setdefault(identity, set()).update(_find_descriptors(identity) - before)
 
 
-def _close_parked() -> None:
+def _close_parked_connections() -> None:
     """Closes what was parked and may be closed now."""
     for connection in list(_parked):
         identities = set(_files.get(connection, {}).values())

@@ -103,7 +103,7 @@ class VectorizedFunction(ABC):
 
     @property
     @abstractmethod
-    def answers(self) -> Mapping[Any, Any]:
+    def remembered_results(self) -> Mapping[Any, Any]:
         """What is remembered, by `key`."""
 
     @abstractmethod
@@ -118,7 +118,7 @@ class VectorizedFunction(ABC):
         return kinds
 
     @abstractmethod
-    def keeps(self, arguments: Arguments) -> bool:
+    def may_remember(self, arguments: Arguments) -> bool:
         """Whether results may be remembered: what was proved of plain data says nothing of objects."""
 
     @abstractmethod
@@ -133,7 +133,7 @@ class VectorizedFunction(ABC):
         """A call for a block that begins with the arguments; None where looking ahead has made it meanwhile."""
         while True:
             coming, rows = (None, [(key, arguments)]) if ahead is None else ahead.block(self, key, arguments)
-            if key in self.answers:
+            if key in self.remembered_results:
                 return None
             run.check()  # a slow function must not keep a timeout waiting
             columns = zip(*(row[1] for row in rows), strict=True)
@@ -225,14 +225,14 @@ class SqlVectorizedFunction(VectorizedFunction):
 
     def _keep(self, row: Row, answer: Any) -> Any:
         plain = self.memo.plain
-        if self.keeps(row[1]):
+        if self.may_remember(row[1]):
             if len(plain) >= self.memo.limit:
                 forget_older_half(plain)
             plain[row[0]] = answer
         return answer
 
     @property
-    def answers(self) -> Mapping[Any, Any]:
+    def remembered_results(self) -> Mapping[Any, Any]:
         return self.memo.plain
 
     def key(self, arguments: Arguments) -> Any:
@@ -245,7 +245,7 @@ class SqlVectorizedFunction(VectorizedFunction):
         pairs = zip(kinds, arguments, strict=True)
         return tuple(bool if value in (TRUE, FALSE) else kind for kind, value in pairs)
 
-    def keeps(self, arguments: Arguments) -> bool:
+    def may_remember(self, arguments: Arguments) -> bool:
         plain = self.stack[-1].interning.marshalled
         return not self.inferred or all(type(value) is not bytes or value in plain for value in arguments)
 
@@ -312,13 +312,13 @@ class NativeVectorizedFunction(VectorizedFunction):
         self._keep((self.key(arguments), arguments), answer)
 
     def _keep(self, row: Row, answer: Any) -> None:
-        if self.keeps(row[1]):
+        if self.may_remember(row[1]):
             if len(self.memo) >= self.limit:
                 forget_older_half(self.memo)
             self.memo[row[0]] = answer
 
     @property
-    def answers(self) -> Mapping[Any, Any]:
+    def remembered_results(self) -> Mapping[Any, Any]:
         return self.memo
 
     def key(self, arguments: Arguments) -> Any:
@@ -327,7 +327,7 @@ class NativeVectorizedFunction(VectorizedFunction):
         except ValueError:  # there are objects inside
             return ObjectKey(self.objects.encode(list(arguments)))
 
-    def keeps(self, arguments: Arguments) -> bool:
+    def may_remember(self, arguments: Arguments) -> bool:
         return not self.inferred or type(self.key(arguments)) is bytes
 
     def column(self, values: tuple[Any, ...], kind: type) -> Sequence[Any]:

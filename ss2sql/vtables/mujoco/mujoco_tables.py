@@ -115,7 +115,7 @@ def _read_from_data(name: str, part: slice = _ALL) -> Callable[[Any, Keys], Arra
     return read
 
 
-def _split_position(points: Array) -> tuple[Array, ...]:
+def _split_coordinates(points: Array) -> tuple[Array, ...]:
     x, y, z = points.T
     return x, y, z, x, y, z, points
 
@@ -231,7 +231,7 @@ class Geoms(_Oriented):
     extent = _read_from_model("geom_size")
 
     def place(self, keys: Keys) -> tuple[Array, ...]:
-        return _split_position(self.world.data.geom_xpos[self.checked(keys)])
+        return _split_coordinates(self.world.data.geom_xpos[self.checked(keys)])
 
     def quaternions(self, keys: Keys) -> Array:
         return self.world.shapes.quaternions(self.checked(keys))

@@ -137,7 +137,7 @@ class _BodyCopy:
 
     def _link(self, link: int) -> Link:
         """A link of the copy. Parts beyond PyBullet's limit for a shape go into links without mass."""
-        shape, *more = self._collision(link) or [-1]
+        shape, *more = self._copy_collision_shapes(link) or [-1]
         for other in more:
             self.more.append(Link(0.0, (other, -1), NOWHERE, self.local[link], link, FIXED))
         shapes = (shape, self._visual(link))
@@ -168,16 +168,16 @@ class _BodyCopy:
             if low < high:
                 self.client.changeDynamics(made, joint, jointLowerLimit=low, jointUpperLimit=high)
 
-    def _collision(self, link: int) -> list[int]:
+    def _copy_collision_shapes(self, link: int) -> list[int]:
         """The collision parts of a link."""
         parts = [
-            (self._solid(link, number, data), to_world(self.local[link], (data[5], data[6])))
+            (self._copy_solid(link, number, data), to_world(self.local[link], (data[5], data[6])))
             for of, number, data in self.world.shapes.of(self.body)
             if of == link
         ]
         return self.shapes.collision(parts)
 
-    def _solid(self, link: int, number: int, data: Any) -> Part:
+    def _copy_solid(self, link: int, number: int, data: Any) -> Part:
         corners = ()
         if data[5] is None:
             self._refuse()  # its place is unknown

@@ -66,15 +66,15 @@ class ShapeCopier:
         plain = [part for part in parts if "vertices" not in part[0]]
         some = [plain[first : first + MOST_PARTS] for first in range(0, len(plain), MOST_PARTS)]
         some += [[part] for part in parts if "vertices" in part[0]]
-        return [self._made(group, "collision", one, several) for group in some]
+        return [self._create_shape(group, "collision", one, several) for group in some]
 
     def visual(self, parts: list[tuple[Part, Pose]]) -> int:
         """A visual shape, -1 without parts; PyBullet shows the first MOST_PARTS parts."""
         parts = [({_VISUAL.get(name, name): value for name, value in part.items()}, pose) for part, pose in parts]
-        return self._made(parts, "visual", self.client.createVisualShape, self.client.createVisualShapeArray)
+        return self._create_shape(parts, "visual", self.client.createVisualShape, self.client.createVisualShapeArray)
 
     @staticmethod
-    def _made(parts: list[tuple[Part, Pose]], word: str, one: Any, several: Any) -> int:
+    def _create_shape(parts: list[tuple[Part, Pose]], word: str, one: Any, several: Any) -> int:
         if not parts:
             return -1
         places = [pose[0] for _, pose in parts]
