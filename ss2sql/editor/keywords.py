@@ -7,9 +7,9 @@ from typing import Literal, TypeAlias
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.search_options import ORDERS, REPEATS
-from ss2sql.frontend.syntax.parse_failure import ALONE, CLAUSES, OPTIONS, PAIRS, VALUES
+from ss2sql.frontend.syntax.parse_failure import ALONE, CLAUSES, PAIRS, VALUES
 from ss2sql.frontend.syntax.parse_table import load_table
-from ss2sql.frontend.syntax.tokenizer import RESERVED
+from ss2sql.frontend.syntax.tokenizer import OPTIONS, RESERVED
 
 Sort: TypeAlias = Literal["clause", "option", "operator", "constant", "other"]
 

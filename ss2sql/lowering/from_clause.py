@@ -20,9 +20,8 @@ from ss2sql.language.plan_traversal import can_fail, list_inside, list_sources, 
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.materialize import add_row_numbers, build_materialized_cte, sort_by_row_number
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import choose_column_names
+from ss2sql.lowering.sql_names import ROW_NUMBER, choose_column_names
 from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
-from ss2sql.vtables.hidden_names import ROW_NUMBER
 
 if TYPE_CHECKING:
     from ss2sql.lowering.flat import FlatLowering

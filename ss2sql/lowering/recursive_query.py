@@ -35,12 +35,11 @@ from ss2sql.lowering.materialize import (
     require_ordered_index,
 )
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import choose_column_names, choose_free_name
+from ss2sql.lowering.sql_names import ROW_NUMBER, choose_column_names, choose_free_name
 from ss2sql.lowering.sql_query import Bookkeeping
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.strategies import get_order, get_repeat_rule
 from ss2sql.lowering.union_branches import build_list, find_union_branches
-from ss2sql.vtables.hidden_names import ROW_NUMBER
 
 SEARCH_TABLE = "search"
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 import apsw
 
 from ss2sql.errors.renderer import CONTROL_CHARACTERS
 
+ROW_NUMBER = "place in the walk"  # a hidden column of worlds; the blanks distinguish it from users' names
 _UNWRITTEN = re.compile("[\0\ud800-\udfff]")
 _SURROGATE = re.compile("[\ud800-\udfff]")
 _PLAIN_COLUMN = re.compile(r"(?:(?!\d+\Z|with\Z)[^_A-Z]+|this_\d+)\Z")
@@ -16,6 +18,11 @@ _MARKED = re.compile(f"[A-Z^,;]|{CONTROL_CHARACTERS.pattern}")
 SQLITE_FUNCTIONS = frozenset(
     str(name) for (name,) in apsw.Connection(":memory:").execute("SELECT lower(name) FROM pragma_function_list")
 )
+
+
+def quote_names(names: Iterable[str]) -> str:
+    """Names of columns, quoted for a declaration."""
+    return ", ".join('"' + name.replace('"', '""') + '"' for name in names)
 
 
 def strip_unwritable(name: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from ss2sql.language.kinds import ANY, NOTHING, Type, covers, type_of
 from ss2sql.language.plan_traversal import walk
 from ss2sql.language.recursion_limit import retry_with_stack
 from ss2sql.lowering.sql_string import Sql
+from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement
 from ss2sql.results.result import Result
 from ss2sql.runtime.python import compile_statement
 from ss2sql.runtime.run.run_state import Places, Run, Stats
@@ -209,14 +210,12 @@ class Query:
     @property
     def sql(self) -> Sql:
         from ss2sql.results.explain.outline import join_script_sql
-        from ss2sql.session.outlines import outline
 
         return join_script_sql(outline(self.statements()))
 
     def explain(self) -> Explanation:
         """Explains the script as `Result.explain` does, without what only a run can tell."""
         from ss2sql.results.explain.explanation import explain
-        from ss2sql.session.outlines import outline
 
         missing = [name for name in self.parameters if name not in self._host.names]
         return explain(outline(self.statements()), missing=missing)
@@ -247,3 +246,28 @@ class Query:
                 if name not in self.parameters and suggest(name, missing):  # others may be columns of a missing source
                     hints.append(f"'{name}' is no parameter of the script")
             raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
+
+
+def outline(statements: Iterable[CompiledStatement], run: Run | None = None) -> tuple[OutlinedStatement, ...]:
+    """The statements as they are compiled now, with the values that a run has bound."""
+    return tuple(
+        OutlinedStatement(statement.tree.span.text, tuple(_outlined(query, run) for query in statement.queries))
+        for statement in statements
+    )
+
+
+def _outlined(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
+    return OutlinedQuery(
+        query.host,
+        query.written,
+        query.query,
+        query.engine,
+        query.shown(run),
+        query.levels,
+        query.duck,
+        query.reason,
+        query.cures,
+        query.rewrites,
+        query.sql(run),
+        tuple(query.handed.values()),
+    )

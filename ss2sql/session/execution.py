@@ -19,9 +19,8 @@ from ss2sql.runtime.run.option_checks import check_bound
 from ss2sql.runtime.run.run_state import Run, Stats, measure_memory, translate_memory_error
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.sqlite.function_callbacks import CarriedStopError
-from ss2sql.session.compiled_script import CompiledStatement, Query
+from ss2sql.session.compiled_script import CompiledStatement, Query, outline
 from ss2sql.session.engines import Engine, check_engine
-from ss2sql.session.outlines import outline
 from ss2sql.session.progress import make_progress
 
 if TYPE_CHECKING:

@@ -11,9 +11,8 @@ from ss2sql.lowering.sql_string import Sql
 from ss2sql.results.explain.outline import join_script_sql
 from ss2sql.runtime.external.level_query import plan_levels
 from ss2sql.session.compiled_query import CompiledQuery
-from ss2sql.session.compiled_script import CompiledStatement
+from ss2sql.session.compiled_script import CompiledStatement, outline
 from ss2sql.session.engines import get_abilities
-from ss2sql.session.outlines import outline
 
 
 def translate_script(statements: Sequence[CompiledStatement], dialect: Dialect) -> Sql:

@@ -15,7 +15,7 @@ from ss2sql.language.plan_traversal import list_sources
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve.resolver import Resolver
 
-ORDERS = ("DEPTH FIRST", "BREADTH FIRST", "COST", "PROBABILITY")
+ORDERS = tuple(order.upper() for order in get_args(plan.Order) if order != "greedy")
 REPEATS = ("NO CYCLE", "UNIQUE", "MEMORIZE")
 RULES: tuple[tuple[str, plan.Repeats], ...] = (("NO CYCLE", "no cycle"), ("UNIQUE", "unique"), ("MEMORIZE", "memorize"))
 

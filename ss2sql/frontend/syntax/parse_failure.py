@@ -10,7 +10,7 @@ from ss2sql.errors import ParseError, Source, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import tokenizer
 from ss2sql.frontend.syntax.parse_table import END, Table
-from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
+from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
 
 PAIRS = {
     "START": "WITH", "STOP": "WITH", "CONNECT": "BY", "GROUP": "BY", "ORDER": "BY", "DEPTH": "FIRST",
@@ -18,7 +18,6 @@ PAIRS = {
 }  # fmt: skip
 ALONE = frozenset(("BY", "JOIN", "WHEN"))  # second words that also stand without the first
 CLAUSES = ("SELECT", "FROM", "WHERE", "START", "CONNECT", "STOP", "GROUP", "HAVING", "ORDER", "LIMIT", "AS")
-OPTIONS = ("DEPTH", "BREADTH", "COST", "HEURISTIC", "PROBABILITY", "NO", "UNIQUE", "MAXIMUM", "MEMORIZE")
 VALUES = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
 
 

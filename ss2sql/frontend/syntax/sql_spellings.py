@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 from ss2sql.errors import ParseError
 from ss2sql.frontend.syntax.expression_builder import COMMENT_HINT
-from ss2sql.frontend.syntax.parse_failure import OPTIONS, VALUES, ParseFailure, spell
+from ss2sql.frontend.syntax.parse_failure import VALUES, ParseFailure, spell
 from ss2sql.frontend.syntax.parse_table import END
-from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
+from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
 
 _JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b.id"
 _LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"

@@ -12,10 +12,10 @@ from difflib import get_close_matches
 from ss2sql.errors import ParseError, Span
 from ss2sql.frontend.syntax import python_spellings, sql_spellings, tokenizer
 from ss2sql.frontend.syntax.expression_builder import CHAIN_HINT, COMPARISONS
-from ss2sql.frontend.syntax.parse_failure import CLAUSES, OPTIONS, PAIRS, VALUES, ParseFailure, join_or, spell
+from ss2sql.frontend.syntax.parse_failure import CLAUSES, PAIRS, VALUES, ParseFailure, join_or, spell
 from ss2sql.frontend.syntax.parse_table import END
 from ss2sql.frontend.syntax.query_builder import ORDER
-from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
+from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
 
 # What a clause or a bracket expects, with an example.
 _WANTED = {

@@ -154,7 +154,7 @@ _FOLLOWED = {
     "LAST": _BEGINS | {"[", "-", "*"},
 }  # fmt: skip
 _FIRST = frozenset(("START", "CONNECT", "STOP", "GROUP", "ORDER"))
-_OPTIONS = frozenset(("DEPTH", "BREADTH", "NO", "UNIQUE", "COST", "HEURISTIC", "PROBABILITY", "MAXIMUM", "MEMORIZE"))
+OPTIONS = frozenset(("DEPTH", "BREADTH", "NO", "UNIQUE", "COST", "HEURISTIC", "PROBABILITY", "MAXIMUM", "MEMORIZE"))
 _SECOND = {"DEPTH": "FIRST", "BREADTH": "FIRST", "NO": "CYCLE"}
 _NUMBERED = frozenset(("MAXIMUM", "MEMORIZE"))
 _VALUED = frozenset(("COST", "HEURISTIC", "PROBABILITY"))
@@ -169,7 +169,7 @@ def _settle_words(found: list[Token]) -> None:
         if word in _FOLLOWED:
             named = not _FOLLOWED[word] & {after.kind, after.keyword}
             named = named or (word == "PRIOR" and _begins_clause(after, found[min(place + 2, len(found) - 1)]))
-        elif word in _OPTIONS:
+        elif word in OPTIONS:
             named = _is_name(word, token, after, found[min(place + 2, len(found) - 1)])
         else:
             continue

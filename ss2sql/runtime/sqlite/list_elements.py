@@ -13,9 +13,8 @@ from typing import Any, TypeAlias, cast
 import apsw
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.lowering.sql_names import choose_column_names
+from ss2sql.lowering.sql_names import choose_column_names, quote_names
 from ss2sql.lowering.sql_query import ListTable
-from ss2sql.vtables.hidden_names import quote_names
 
 SqlValue: TypeAlias = Any
 

@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import apsw
 
-from ss2sql.lowering.sql_names import choose_column_names
+from ss2sql.lowering.sql_names import ROW_NUMBER, choose_column_names, quote_names
 from ss2sql.runtime.sqlite.interning import Interning
 from ss2sql.runtime.sqlite.row_buffer import RowBuffer, make_row_buffer
 from ss2sql.runtime.sqlite.table_cursor import Cursor
 from ss2sql.vtables.attached_worlds import AttachedTable
-from ss2sql.vtables.hidden_names import ROW_NUMBER, quote_names
 from ss2sql.vtables.reading import Reading
 from ss2sql.vtables.schema import Schema, failure
 
