@@ -1,6 +1,6 @@
-"""Volatility: how far a Python function repeats itself, read from its source, and its registration.
+"""Volatility: how far a Python function repeats itself, read from its source.
 
-In order of control flow: user_functions registers a function, inference opens what a proof follows, statement_proof and
+In order of control flow: inference opens what a proof follows, statement_proof and
 expression_proof walk its body, name_bindings says what names stand for, function_source finds the body, known_functions
 lists Python's own.
 """
