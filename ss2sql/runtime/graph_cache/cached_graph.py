@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import gc
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from itertools import islice
 from operator import is_
 from typing import Any
@@ -21,18 +19,6 @@ MAX_HELD = 200_000  # of each kind of thing that stays in memory, to be read aga
 
 
 _NO_VERDICTS: dict[str, Any] = {}
-
-
-@contextmanager
-def without_collector() -> Iterator[None]:
-    """A time in which nothing that is made is garbage: looking for some takes a third of it."""
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
 
 
 class CachedEdge:
@@ -135,7 +121,7 @@ class CachedGraph:
 
         Raises ExecutionError X009 where the tables cannot be read.
         """
-        with without_collector(), self.store.reading():
+        with self.store.reading():
             if self.number is None:
                 self.number = self.store.graph(self.key)
             if self.number is None:

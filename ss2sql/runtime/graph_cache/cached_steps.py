@@ -6,6 +6,7 @@ one, is done: of each state all steps or none.
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Iterable, Sequence
 from time import perf_counter
 from typing import Any
@@ -15,7 +16,7 @@ import apsw
 from ss2sql.errors import ExecutionError, Stopped
 from ss2sql.language.frozen_values import FREEZERS, UNSET, State
 from ss2sql.language.rows import Row
-from ss2sql.runtime.graph_cache.cached_graph import MAX_HELD, CachedEdge, CachedGraph, CachedNode, without_collector
+from ss2sql.runtime.graph_cache.cached_graph import MAX_HELD, CachedEdge, CachedGraph, CachedNode
 from ss2sql.runtime.graph_cache.graph_store import build_damage_error
 from ss2sql.runtime.graph_cache.value_json import NotCacheable
 from ss2sql.runtime.run.run_state import Stats
@@ -117,6 +118,8 @@ class CachedSteps(Notes):
             self._write()
         self._let_go()
         self._nodes = []
+        collects = gc.isenabled()
+        gc.disable()  # nothing of what is made here is garbage: looking for some takes a third of the time
         try:
             self._nodes = self.graph.find_nodes(states)
             self._nodes = self.graph.load(self._nodes)
@@ -124,7 +127,10 @@ class CachedSteps(Notes):
             self._give_up(reason)
         except _TEMPORARY_ERRORS as error:
             self._write_failed = str(error)
-        with without_collector():  # as where they are loaded
+        finally:
+            if collects:
+                gc.enable()
+        if self.stores_elements:
             self.pairs[: len(self._nodes)] = map(self._pairs, self._nodes)
 
     def _let_go(self) -> None:
@@ -206,7 +212,7 @@ class CachedSteps(Notes):
     def _pairs(self, node: CachedNode) -> list[Pair] | None:
         """The pairs of a state whose elements are kept."""
         edges = node.edges
-        if edges is None or not self.stores_elements or (edges and edges[0].elements is None):
+        if edges is None or (edges and edges[0].elements is None):
             return None
         several = self.noted.sources > 1
         elements = [edge.elements if several else (edge.elements or ())[0] for edge in edges]
@@ -214,8 +220,9 @@ class CachedSteps(Notes):
 
     def _notes(self, edges: Sequence[CachedEdge]) -> list[Note]:
         """The notes of known steps."""
-        of_row = self._rows
-        notes = [(of_row.get(id(edge.row)) or self._note_row(edge.row))[0].copy() for edge in edges]
+        rows = [edge.row for edge in edges]
+        found = map(self._rows.get, map(id, rows))
+        notes = [(note or self._note_row(row))[0].copy() for note, row in zip(found, rows, strict=True)]
         if self._states or self._clauses:
             for note, edge in zip(notes, edges, strict=True):
                 if edge.target is not None:

@@ -86,6 +86,8 @@ def decode_values(texts: Iterable[str]) -> list[Any]:
         raise ValueError("a value is nested too deeply") from None
     if len(values) != len(texts) or not all(type(value) is list for value in values):
         raise ValueError("there is a text that is none of one list")
+    if not dumps(values, 2)[::5].strip(b"[i"):
+        return values  # nothing but lists and small integers, of which marshal writes five bytes each
     try:
         convert_value(list(chain.from_iterable(values)), "a value")
     except ExecutionError:
