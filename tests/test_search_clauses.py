@@ -200,6 +200,12 @@ def test_laws_between_options(engine: Any) -> None:
         assert sorted(costs[0]) == sorted(costs[1])
 
 
+def test_memorize_counts_paths_without_a_column_of_the_step() -> None:
+    script = "SELECT level(), count(*) FROM e START WITH t = 0 CONNECT BY MEMORIZE 2 BY t, a == t, t = b"
+    with ss2sql.connect() as ss:
+        assert ss.run(f"{script} GROUP BY level() AS rows", e=[{"a": 0, "b": 1}] * 2).value == [(1, 2)]
+
+
 @both
 def test_a_star_takes_the_smaller_estimate_first(engine: Any) -> None:
     moves = [{"dx": dx, "dy": dy} for dx, dy in ((1, 0), (0, 1), (-1, 0), (0, -1))]

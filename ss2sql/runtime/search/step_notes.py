@@ -98,10 +98,9 @@ def noted_of(
 
 def _taking(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
     """What takes the values at some places of a note."""
-    if len(places) > 1:
-        return itemgetter(*places)
-    (place,) = places
-    return lambda note: (note[place],)
+    if len(places) == 1:
+        return lambda note: (note[places[0]],)
+    return itemgetter(*places) if places else lambda note: ()
 
 
 class Notes:
