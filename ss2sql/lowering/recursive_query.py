@@ -8,7 +8,7 @@ A step is evaluated before it enters the queue (search.py): what leads nowhere n
 its children need.
 
 What SQL has no words for are functions of the run (runtime/sqlite/search_functions.py): they number the steps, keep
-the rows of those that go on, so that a path can be walked back from its last step at a cost that does not
+the rows of those that go on, so that a path follows from its last step by backpointers, at a cost that does not
 depend on its length, and know the rows that were met.
 """
 

@@ -32,8 +32,8 @@ def write_memoized_call(builder: QueryCompiler, node: plan.Call, body: PythonSco
     """The call; it gives the value and its frozen form, or None for that."""
     from ss2sql.runtime.python.python_expressions import write_expression
 
-    unit = builder.unit
-    build = unit.build_at(node.place)
+    codegen = builder.codegen
+    build = codegen.build_at(node.place)
     values = [write_expression(builder, argument, body) for argument in node.arguments]
     method = _choose_call_method(node, body)
     keys: list[ast.expr] = []
@@ -41,20 +41,20 @@ def write_memoized_call(builder: QueryCompiler, node: plan.Call, body: PythonSco
     if method == "of_keys":
         for index, argument in enumerate(node.arguments):
             key, values[index] = _write_key(builder, argument, values[index], body)
-            name = key.id if isinstance(key, ast.Name) else unit.local("key")
+            name = key.id if isinstance(key, ast.Name) else codegen.local("key")
             keys.append(key if isinstance(key, ast.Name) else build.bind(name, key))
             again.append(build.name(name))
-    unit.page.note_call(node.place, node.function.name)
-    constant = build.name(unit.constant(node.function, "function"))
+    codegen.page.note_call(node.place, node.function.name)
+    constant = build.name(codegen.constant(node.function, "function"))
 
     def bound(part: str) -> str:
-        function = build.call(unit.helper(get_call_method), build.name("run"), constant, build.constant(part))
-        return unit.bind((node.function.name, part), f"{node.function.name}_{part}", function, build)
+        function = build.call(codegen.helper(get_call_method), build.name("run"), constant, build.constant(part))
+        return codegen.bind((node.function.name, part), f"{node.function.name}_{part}", function, build)
 
     if method == "of_any":
         return build.call(bound(method), *values)
     # What is remembered is looked up here: 0.1 us in place of 0.5.
-    found, asked = unit.local("found"), unit.local("key")
+    found, asked = codegen.local("found"), codegen.local("key")
     if method == "of_plain":
         key = build.pack(*values)
         missed = build.call(bound("missed_plain"), build.name(found), build.name(asked))
@@ -93,7 +93,7 @@ def _is_key_known_early(argument: plan.Expr, body: PythonScope) -> bool:
     """Whether the key of an argument is known before the innermost loop."""
     if _comes_with_key(argument, body):
         return True
-    facts = body.unit.analysis.of(argument)
+    facts = body.codegen.analysis.of(argument)
     return (
         body.early_keys
         and facts.steady
@@ -105,7 +105,7 @@ def _is_key_known_early(argument: plan.Expr, body: PythonScope) -> bool:
 def _comes_with_key(argument: plan.Expr, body: PythonScope) -> TypeGuard[plan.Element]:
     if not isinstance(argument, plan.Element):
         return False
-    name = body.unit.keys.get(argument.source)
+    name = body.codegen.keys.get(argument.source)
     return name in body.locals or name in body.parameters
 
 
@@ -113,17 +113,17 @@ def _write_key(
     builder: QueryCompiler, argument: plan.Expr, value: ast.expr, body: PythonScope
 ) -> tuple[ast.expr, ast.expr]:
     """The key of an argument, and the argument; the key is computed first."""
-    unit = builder.unit
-    build = unit.build_at(argument.span)
+    codegen = builder.codegen
+    build = codegen.build_at(argument.span)
     name = value
     if not isinstance(value, (ast.Name, ast.Constant)):
-        name = build.name(value.target.id if isinstance(value, ast.NamedExpr) else unit.local("argument"))
+        name = build.name(value.target.id if isinstance(value, ast.NamedExpr) else codegen.local("argument"))
         assert isinstance(name, ast.Name)
         value = value if isinstance(value, ast.NamedExpr) else build.bind(name.id, value)
     if _comes_with_key(argument, body):
-        return build.name(unit.keys[argument.source]), name
-    key = build.call(unit.helper(make_exact_key), value)
-    facts = unit.analysis.of(argument)
+        return build.name(codegen.keys[argument.source]), name
+    key = build.call(codegen.helper(make_exact_key), value)
+    facts = codegen.analysis.of(argument)
     if not _is_key_known_early(argument, body):
         return key, name
     # A key of its own for the key: no expression of the plan has it.
@@ -135,11 +135,11 @@ def _write_key(
             return kept, name
         # Where the key is known already, it must not be left out to give the argument its name.
         return build.item(
-            build.pack(value, body.kept(facts, build.call(unit.helper(make_exact_key), name), build, "key")), 1
+            build.pack(value, body.kept(facts, build.call(codegen.helper(make_exact_key), name), build, "key")), 1
         ), name
     early = body.name_of(facts)
     if early is None:
-        early = unit.local("key")
+        early = codegen.local("key")
         home.blocks[level].insert(-1, build.assign(early, key))  # before the loop
         assert facts.key is not None
         home.known[level][facts.key] = early

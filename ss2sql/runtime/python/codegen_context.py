@@ -45,7 +45,7 @@ class MissingValueError(Exception):
 class PythonScope:
     """A generated function under construction."""
 
-    unit: CodegenContext
+    codegen: CodegenContext
     name: str
     parameters: list[str]
     parent: PythonScope | None
@@ -109,9 +109,9 @@ class PythonScope:
                 return self.named(facts, value, build, hint)
         name = home.slots.get(facts.key) if facts.key is not None else None
         if name is None:
-            name = self.unit.local(hint)
+            name = self.codegen.local(hint)
             home.blocks[level].insert(0, build.assign(name, build.name("UNSET")))
-            self.unit.namespace["UNSET"] = UNSET
+            self.codegen.namespace["UNSET"] = UNSET
             if facts.key is not None:
                 home.slots[facts.key] = name
         if home is not self:
@@ -144,7 +144,7 @@ class PythonScope:
         """The value, with a name where it is certain to be computed here and is written again further down."""
         if facts.key is None or self.counts[facts.key] < 2 or not self.sure or self.has_state_changed(facts):
             return value
-        name = self.known[-1][facts.key] = self.unit.local(hint)
+        name = self.known[-1][facts.key] = self.codegen.local(hint)
         return build.bind(name, value)
 
     def write_with_later_check(self, facts: ExpressionFacts, write: Callable[[], ast.stmt], build: AstBuilder) -> None:
@@ -175,7 +175,7 @@ class PythonScope:
         if isinstance(value, ast.NamedExpr):
             name, value = value.target.id, value.value
         else:
-            name = self.unit.local(hint)
+            name = self.codegen.local(hint)
         self.add(build.assign(name, value))
         return name
 
@@ -212,7 +212,7 @@ class PythonScope:
         stack = list(nodes)
         while stack:
             node = stack.pop()
-            facts = self.unit.analysis.of(node)
+            facts = self.codegen.analysis.of(node)
             if facts.key is not None:
                 self.counts[facts.key] += 1
             again = facts.key is not None and self.counts[facts.key] > 1 and not facts.calls
@@ -230,10 +230,10 @@ class PythonScope:
         assert self.parent is not None
         if self.before is not None:
             self.before.define()
-        if self.parent is self.unit.root:
-            self.unit.definitions.append(self.finished(self.unit.build))
+        if self.parent is self.codegen.root:
+            self.codegen.definitions.append(self.finished(self.codegen.build))
         else:
-            self.parent.add(self.finished(self.unit.build))
+            self.parent.add(self.finished(self.codegen.build))
 
 
 class CodegenContext:

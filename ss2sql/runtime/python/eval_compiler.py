@@ -79,29 +79,29 @@ def compile_statements(statements: tuple[plan.Expr, ...], name_scope: EvalScope)
 
     analysis = ExpressionAnalysis(statements, open_world=True)
     with deepen_stack(analysis.levels):
-        unit = CodegenContext(statements[0].span, analysis)
-        builder = QueryCompiler(unit, name_scope.dispatch)
-        body = PythonScope(unit, unit.local("text"), [], unit.root)
+        codegen = CodegenContext(statements[0].span, analysis)
+        builder = QueryCompiler(codegen, name_scope.dispatch)
+        body = PythonScope(codegen, codegen.local("text"), [], codegen.root)
         for source, columns, kind, table in name_scope.sources:
-            name = unit.names[source] = unit.local("element")
+            name = codegen.names[source] = codegen.local("element")
             body.parameters.append(name)
             body.levels[source] = 0
             if columns is not None:
-                unit.tuples[source] = columns
+                codegen.tuples[source] = columns
             if table is not None:
-                unit.worlds[source] = table
-            unit.elements[source] = kind or ANY
+                codegen.worlds[source] = table
+            codegen.elements[source] = kind or ANY
         for state in name_scope.states:
-            name = unit.states[state] = unit.local(state[1])
+            name = codegen.states[state] = codegen.local(state[1])
             body.parameters.append(name)
             body.states.add(state)
         for statement in statements[:-1]:
-            build = unit.build_at(statement.span)
+            build = codegen.build_at(statement.span)
             body.add(build.run(write_expression(builder, statement, body)))
-        build = unit.build_at(statements[-1].span)
+        build = codegen.build_at(statements[-1].span)
         body.add(build.back(write_expression(builder, statements[-1], body)))
         body.define()
-        return unit.compiled(unit.module(build.name(body.name)))
+        return codegen.compiled(codegen.module(build.name(body.name)))
 
 
 def make_eval_cache(run: Run, name_scope: EvalScope) -> EvalCache:

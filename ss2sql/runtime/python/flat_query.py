@@ -52,7 +52,7 @@ def compile_flat_query(
         groups.collect(inner)
         groups.end()
     else:
-        build = builder.unit.build_at(query.span)
+        build = builder.codegen.build_at(query.span)
         row, behind = write_row_and_keys(builder, query, outputs, keys, inner)
         inner.add(
             build.run(
@@ -77,7 +77,7 @@ def write_row_and_keys(
     shared = {number: column for number, column in named if column is not None and is_volatile(keys[number])}
     row = [write_expression(builder, expr, body) for expr in outputs]
     if shared:
-        build = builder.unit.build_at(query.span)
+        build = builder.codegen.build_at(query.span)
         row = [body.variable(value, build, "column") for value in row]
     return row, [
         row[shared[number]] if number in shared else write_expression(builder, key, body)
@@ -108,9 +108,9 @@ def place_conditions(
     last, reached, guarded = len(query.sources), 0, None
     certain = steady = True  # of all parts so far
     for part in split_and(query.where):
-        facts = builder.unit.analysis.of(part)
+        facts = builder.codegen.analysis.of(part)
         level = max((number[source] for source in facts.sources if source in number), default=0)
-        if certain and any(map(loops.plan_lookup, find_lookups(part, builder.unit.analysis))):
+        if certain and any(map(loops.plan_lookup, find_lookups(part, builder.codegen.analysis))):
             reached = max(reached, level)
             if facts.total:
                 continue

@@ -32,17 +32,17 @@ class GroupCollector:
         self, builder: QueryCompiler, query: plan.Query, aggregates: Sequence[plan.Aggregate], outer: PythonScope
     ) -> None:
         self.builder = builder
-        self.unit = builder.unit
+        self.codegen = builder.codegen
         self.query = query
         self.aggregates = aggregates
         self.outer = outer
-        self.build = builder.unit.build_at(query.span)
+        self.build = builder.codegen.build_at(query.span)
         self.single = all(isinstance(key, plan.Constant) for key in query.group)
         self.plain = self.single or all(
             key.type.only(SCALAR_KINDS) for key in query.group
         )  # so that values are their own keys
-        self.groups = self.unit.local("groups")  # the group where there is but one
-        self.first_rows = self.unit.local("firsts")  # the values of groups by their keys
+        self.groups = self.codegen.local("groups")  # the group where there is but one
+        self.first_rows = self.codegen.local("firsts")  # the values of groups by their keys
         self.lists: list[ast.expr] = []  # what is collected, a list for each
         self.of: list[int] = []  # by aggregate: its list
         self.place = len(outer.blocks[0])
@@ -57,7 +57,7 @@ class GroupCollector:
         for index, value in enumerate(self.lists):
             append = build.part(self._list(group, index), "append")
             if self.single:  # it is the same for all rows
-                name = self.unit.local("append")
+                name = self.codegen.local("append")
                 self.outer.locals.append(name)
                 self.outer.blocks[0].insert(self.place, build.assign(name, append))
                 append = build.name(name)
@@ -72,9 +72,9 @@ class GroupCollector:
     def _find_list(self, node: plan.Aggregate, inner: PythonScope) -> int:
         """The number of the list of what an aggregate is computed of; any will do where the rows are counted."""
         argument, build = node.argument, self.build
-        if argument is None or (is_row_count(node) and self.unit.analysis.of(argument).total):
+        if argument is None or (is_row_count(node) and self.codegen.analysis.of(argument).total):
             return 0
-        facts = self.unit.analysis.of(argument)
+        facts = self.codegen.analysis.of(argument)
         value = inner.variable(write_expression(self.builder, argument, inner), build, node.function)
         known = [getattr(one, "id", None) for one in self.lists]
         if isinstance(value, ast.Name) and facts.steady and value.id in known:
@@ -84,15 +84,15 @@ class GroupCollector:
 
     def _group(self, inner: PythonScope) -> str:
         """The group of the current row, made where it is the first one."""
-        build, unit = self.build, self.unit
+        build, codegen = self.build, self.codegen
         values, keys = [], []
         for expr in self.query.group:
             value = write_expression(self.builder, expr, inner)
             if not self.plain:  # it is read twice, and statements come before expressions
                 value = inner.variable(value, build, "value")
             values.append(value)
-            keys.append(value if expr.type.only(SCALAR_KINDS) else build.call(unit.helper(make_hashable), value))
-        key, group = unit.local("key"), unit.local("group")
+            keys.append(value if expr.type.only(SCALAR_KINDS) else build.call(codegen.helper(make_hashable), value))
+        key, group = codegen.local("key"), codegen.local("group")
         inner.add(build.assign(key, keys[0] if len(keys) == 1 else build.pack(*keys)))
         groups = build.name(self.groups)
         inner.add(build.assign(group, build.call(build.part(groups, "get"), build.name(key))))
@@ -112,7 +112,7 @@ class GroupCollector:
 
     def end(self) -> None:
         build, outer = self.build, self.outer
-        group, key = (self.groups if self.single else self.unit.local("group")), self.unit.local("key")
+        group, key = (self.groups if self.single else self.codegen.local("group")), self.codegen.local("key")
         first, *lists = [self._list(group, index) for index in (0, *self.of)]
         if self.single:
             values = [write_expression(self.builder, value, outer) for value in self.query.group]

@@ -45,13 +45,13 @@ class NativeQuery:
         analysis = ExpressionAnalysis((query,))
         self.levels = analysis.levels
         with deepen_stack(self.levels):
-            unit = CodegenContext(query.span, analysis)
-            unit.by_level = query if by_level else None
-            unit.watched = query if watched else None
-            unit.level_searched_query, unit.find = query, find
-            nested = QueryCompiler(unit).query(query, unit.root)
-            self._module = unit.module(unit.build.name(nested.task))
-            self._bound = unit.compiled(self._module)
+            codegen = CodegenContext(query.span, analysis)
+            codegen.by_level = query if by_level else None
+            codegen.watched = query if watched else None
+            codegen.level_searched_query, codegen.find = query, find
+            nested = QueryCompiler(codegen).query(query, codegen.root)
+            self._module = codegen.module(codegen.build.name(nested.task))
+            self._bound = codegen.compiled(self._module)
 
     @property
     def generated_code(self) -> str:
@@ -144,9 +144,9 @@ def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Call
         return lambda run: expr.value
     analysis = ExpressionAnalysis((expr,), open_world=True, inside=False)
     with deepen_stack(analysis.levels):
-        unit = CodegenContext(expr.span, analysis)
-        builder = QueryCompiler(unit, dispatch or (lambda query: NativeQuery(query).value))
-        bound = unit.compiled(unit.module(write_expression(builder, expr, unit.root)))
+        codegen = CodegenContext(expr.span, analysis)
+        builder = QueryCompiler(codegen, dispatch or (lambda query: NativeQuery(query).value))
+        bound = codegen.compiled(codegen.module(write_expression(builder, expr, codegen.root)))
 
     def statement(run: Run) -> Any:
         try:

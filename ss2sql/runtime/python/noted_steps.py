@@ -42,7 +42,9 @@ def can_be_noted(builder: QueryCompiler, query: plan.Query) -> bool:
         return False
     clauses = [*(output.expr for output in query.columns), *query.rows, *(expr for _, expr in search.connect)]
     clauses += [clause for clause in (search.stop, query.where, search.weight) if clause is not None]
-    facts = [builder.unit.analysis.of(expr) for expr in clauses] + [builder.get_source_facts(s) for s in query.sources]
+    facts = [builder.codegen.analysis.of(expr) for expr in clauses] + [
+        builder.get_source_facts(s) for s in query.sources
+    ]
     return all(fact.steady and OWN_GROUP not in fact.groups for fact in facts)
 
 
@@ -55,7 +57,7 @@ def noted_steps(
     columns: list[Shape],
 ) -> ast.expr:
     """What `Noted` is made of, in the order of its fields; None where steps are taken in one go."""
-    unit, pen = builder.unit, builder.unit.build_at(query.span)
+    codegen, build = builder.codegen, builder.codegen.build_at(query.span)
     search = query.search
     assert search is not None
     loops = copy(loops)
@@ -64,17 +66,17 @@ def noted_steps(
         search = replace(search, made=None, key=(), by="row", siblings=())
         query = replace(query, where=None, search=replace(search, stop=None, weight=None, heuristic=None))
     elif not can_be_noted(builder, query):
-        return pen.constant(None)
+        return build.constant(None)
     step = NotedStep(builder, query, loops, replace(form, noted=True), columns)
     function = step.write_function()
     reverse = find_regression(query) if query.search is not None and search.plain else "it has options"
-    backwards = [pen.constant(None)] * 2
+    backwards = [build.constant(None)] * 2
     if isinstance(reverse, Regression):
         writer = Backwards(builder, query, owner)
-        backwards = [pen.name(writer.goals(reverse)), pen.name(writer.before(reverse))]
-    plain = not any(source.id in unit.tuples or source.id in unit.worlds for source in query.sources)
+        backwards = [build.name(writer.goals(reverse)), build.name(writer.before(reverse))]
+    plain = not any(source.id in codegen.tuples or source.id in codegen.worlds for source in query.sources)
     made = (step.places(), search.order == "probability", len(query.sources), plain)
-    return pen.pack(pen.name(function), *backwards, *(pen.name(unit.constant(part)) for part in made))
+    return build.pack(build.name(function), *backwards, *(build.name(codegen.constant(part)) for part in made))
 
 
 class NotedStep(StepFunction):
@@ -88,29 +90,29 @@ class NotedStep(StepFunction):
         self.body.early_keys = False  # often all calls are known
         self.loops = copy(loops)
         self.loops.frozen = {}  # the elements come by themselves
-        self.note = self.unit.local("note")
+        self.note = self.codegen.local("note")
         target = self.loop.target
         pair = [ast.Name(self.note, ast.Store(), **self.build.at), target]
         self.loop.target = ast.Tuple(pair, ast.Store(), **self.build.at)
         self.at_once = find_direct_assignments(query)
-        self.unit.namespace["UNSET"] = UNSET
+        self.codegen.namespace["UNSET"] = UNSET
         self.slots: dict[object, str] = {}  # by the key of an expression, else by identity
         clauses = [*self.outputs, *(expr for _, expr in self.search.connect), *self.clauses]
         for expr in clauses:
-            self.slots.setdefault(self._slot_key(expr), self.unit.local("noted"))
+            self.slots.setdefault(self._slot_key(expr), self.codegen.local("noted"))
         self.plain = {self._slot_key(expr): expr for expr in self.outputs if _is_at_hand(expr)}
         for expr, shape in zip(self.outputs, columns, strict=True):
             if shape != "scalar" and self._slot_key(expr) not in self.plain:
-                self.slots.setdefault(("frozen", self._slot_key(expr), shape), self.unit.local("noted"))
+                self.slots.setdefault(("frozen", self._slot_key(expr), shape), self.codegen.local("noted"))
         for expr in clauses:  # calls find their slots themselves
-            key = self.unit.analysis.of(expr).key
+            key = self.codegen.analysis.of(expr).key
             if key is not None and self._slot_key(expr) == key:
                 self.body.slots[key] = self.slots[key]
 
     def _slot_key(self, expr: plan.Expr) -> object:
         """Equal expressions share a slot, unless CONNECT BY has changed what one of them reads."""
         sequential = any(expr is other and self.at_once.get(name) is not expr for name, other in self.search.connect)
-        key = self.unit.analysis.of(expr).key
+        key = self.codegen.analysis.of(expr).key
         return id(expr) if key is None or sequential else key
 
     def places(self) -> Places:
@@ -126,48 +128,50 @@ class NotedStep(StepFunction):
         return Places(rows, frozen, tuple(self.columns), states, clauses, len(at))
 
     def _value(self, expr: plan.Expr) -> ast.expr:
-        inner, pen, slot = self.inner, self.unit.build_at(expr.span), self.slots[self._slot_key(expr)]
+        inner, build, slot = self.inner, self.codegen.build_at(expr.span), self.slots[self._slot_key(expr)]
         if self._slot_key(expr) in self.plain:
             return super()._value(expr)
         with inner.write_skippable():
             value = super()._value(expr)
-        facts = self.unit.analysis.of(expr)
+        facts = self.codegen.analysis.of(expr)
         if isinstance(value, ast.Name) and value.id == slot:
             return value
         inner.forget(value)
         if facts.key is not None and not inner.has_state_changed(facts):
             inner.known[-1][facts.key] = slot
-        return pen.name(inner.assigned(self._unless_known(slot, pen.bind(slot, value)), pen, "value"))
+        return build.name(inner.assigned(self._unless_known(slot, build.bind(slot, value)), build, "value"))
 
     def _freeze(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
         made, slot = super()._freeze(expr, shape, value), self.slots.get(("frozen", self._slot_key(expr), shape))
         return made if slot is None else self._unless_known(slot, made)
 
     def _unless_known(self, slot: str, made: ast.expr) -> ast.expr:
-        pen = self.build
-        return pen.if_else(pen.compare(pen.name(slot), ast.IsNot(), pen.name("UNSET")), pen.name(slot), made)
+        build = self.build
+        return build.if_else(build.compare(build.name(slot), ast.IsNot(), build.name("UNSET")), build.name(slot), made)
 
     def write_clauses(self) -> None:
         super().write_clauses()
         self.inner.moved = {}
-        pen, names = self.build, list(self.slots.values())
+        build, names = self.build, list(self.slots.values())
         values = [
-            super(NotedStep, self)._value(self.plain[key]) if key in self.plain else pen.name(name)
+            super(NotedStep, self)._value(self.plain[key]) if key in self.plain else build.name(name)
             for key, name in self.slots.items()
         ]
-        note = ast.Subscript(pen.name(self.note), ast.Slice(None, None, None, **pen.at), ast.Store(), **pen.at)
-        kept = ast.Assign([note], pen.array(*values, pen.constant(True)), **pen.at)
+        note = ast.Subscript(build.name(self.note), ast.Slice(None, None, None, **build.at), ast.Store(), **build.at)
+        kept = ast.Assign([note], build.array(*values, build.constant(True)), **build.at)
         body = self.loop.body
-        taken = pen.unpack([*names, "_"], pen.name(self.note))
-        self.loop.body = [taken, ast.Try(body, [], [], [kept], **pen.at)]
+        taken = build.unpack([*names, "_"], build.name(self.note))
+        self.loop.body = [taken, ast.Try(body, [], [], [kept], **build.at)]
 
     def _choose_items(self, items: ast.expr) -> ast.expr:
         """The elements with their notes, which are known or begun."""
-        pen, known = self.build, self.unit.local("known")
-        choose = pen.name("choose")
-        is_new = pen.compare(pen.bind(known, pen.call(pen.part(choose, "known"))), ast.Is(), pen.constant(None))
-        begun = pen.call(pen.part(choose, "begin"), pen.call("list", items))
-        return pen.if_else(is_new, begun, pen.name(known))
+        build, known = self.build, self.codegen.local("known")
+        choose = build.name("choose")
+        is_new = build.compare(
+            build.bind(known, build.call(build.part(choose, "known"))), ast.Is(), build.constant(None)
+        )
+        begun = build.call(build.part(choose, "begin"), build.call("list", items))
+        return build.if_else(is_new, begun, build.name(known))
 
 
 def _is_at_hand(expr: plan.Expr) -> bool:
@@ -179,58 +183,58 @@ class Backwards:
 
     def __init__(self, builder: QueryCompiler, query: plan.Query, outer: PythonScope) -> None:
         assert query.search is not None
-        self.builder, self.unit, self.query, self.outer = builder, builder.unit, query, outer
-        self.build = self.unit.build_at(query.span)
-        self.states = [self.unit.states[query.id, name] for name, _ in query.search.start]
+        self.builder, self.codegen, self.query, self.outer = builder, builder.codegen, query, outer
+        self.build = self.codegen.build_at(query.span)
+        self.states = [self.codegen.states[query.id, name] for name, _ in query.search.start]
 
     def goals(self, reverse: Regression) -> str:
         """The states at the goal; what no step changes has its value from the start."""
-        self.unit.analysis.include(tuple(value for goal in reverse.goals for value in goal if value is not None))
-        body, pen = PythonScope(self.unit, self.unit.local("goals"), ["state"], self.outer), self.build
-        start = [pen.item(pen.name("state"), position) for position in range(len(self.states))]
+        self.codegen.analysis.include(tuple(value for goal in reverse.goals for value in goal if value is not None))
+        body, build = PythonScope(self.codegen, self.codegen.local("goals"), ["state"], self.outer), self.build
+        start = [build.item(build.name("state"), position) for position in range(len(self.states))]
         states = []
         for goal in reverse.goals:
             pairs = zip(start, goal, strict=True)
             values = (old if value is None else write_expression(self.builder, value, body) for old, value in pairs)
-            states.append(pen.pack(*values))
-        body.add(pen.back(pen.array(*states)))
+            states.append(build.pack(*values))
+        body.add(build.back(build.array(*states)))
         body.define()
         return body.name
 
     def before(self, reverse: Regression) -> str:
         """The state before a step, from its elements and the state after it; None where there is none."""
         exprs = [expr for expr in reverse.before if expr is not None]
-        self.unit.analysis.include(tuple(exprs))
-        body, pen = self._function(exprs), self.build
+        self.codegen.analysis.include(tuple(exprs))
+        body, build = self._function(exprs), self.build
         values = []
         for expr, after in zip(reverse.before, self.states, strict=True):
             if isinstance(expr, plan.Call) and expr.function.inverse_of:
                 values.append(self._undone(expr, body))
             else:
-                values.append(pen.name(after) if expr is None else write_expression(self.builder, expr, body))
-        body.add(pen.back(pen.pack(*values)))
+                values.append(build.name(after) if expr is None else write_expression(self.builder, expr, body))
+        body.add(build.back(build.pack(*values)))
         body.define()
         return body.name
 
     def _function(self, clauses: Sequence[plan.Expr]) -> PythonScope:
-        body = PythonScope(self.unit, self.unit.local("before"), ["last"], self.outer)
+        body = PythonScope(self.codegen, self.codegen.local("before"), ["last"], self.outer)
         body.levels.update((source.id, 0) for source in self.query.sources)
         assert self.query.search is not None
         body.states.update((self.query.id, name) for name, _ in self.query.search.start)
         body.count(clauses)
-        names = [*(self.unit.names[source.id] for source in self.query.sources), *self.states]
+        names = [*(self.codegen.names[source.id] for source in self.query.sources), *self.states]
         body.add(self.build.unpack(names, self.build.name("last")))
         body.locals.extend(names)
         return body
 
     def _undone(self, expr: plan.Call, body: PythonScope) -> ast.expr:
         """The value of an inverse; ends the function where it is None."""
-        unit, pen = self.unit, self.unit.build_at(expr.place)
-        arguments = pen.pack(*(write_expression(self.builder, argument, body) for argument in expr.arguments))
-        unit.page.note_call(expr.place, expr.function.name)
-        value = unit.local("before")
-        result = pen.call(unit.function(expr.function, pen), arguments)
-        body.add(pen.assign(value, pen.item(result, 0)))
-        nothing = pen.compare(pen.name(value), ast.Is(), pen.constant(None))
-        body.add(pen.when(nothing, pen.back(pen.constant(None))))
-        return pen.name(value)
+        codegen, build = self.codegen, self.codegen.build_at(expr.place)
+        arguments = build.pack(*(write_expression(self.builder, argument, body) for argument in expr.arguments))
+        codegen.page.note_call(expr.place, expr.function.name)
+        value = codegen.local("before")
+        result = build.call(codegen.function(expr.function, build), arguments)
+        body.add(build.assign(value, build.item(result, 0)))
+        nothing = build.compare(build.name(value), ast.Is(), build.constant(None))
+        body.add(build.when(nothing, build.back(build.constant(None))))
+        return build.name(value)

@@ -36,7 +36,7 @@ _MEMBERSHIP: dict[str, type[ast.cmpop]] = {"in": ast.In, "not_in": ast.NotIn}
 
 def write_expression(builder: QueryCompiler, node: plan.Expr, body: PythonScope) -> ast.expr:
     """The Python expression with the node's value, to be evaluated in the innermost open loop of `body`."""
-    facts, build = builder.unit.analysis.of(node), builder.unit.build_at(node.span)
+    facts, build = builder.codegen.analysis.of(node), builder.codegen.build_at(node.span)
     name = body.name_of(facts)
     if name is not None:
         return build.name(name)
@@ -64,7 +64,7 @@ def _choose_hint(node: plan.Column | plan.MakeList | plan.Aggregate | plan.Call)
 
 def _write_computed(builder: QueryCompiler, node: plan.Expr, body: PythonScope, build: AstBuilder) -> ast.expr:
     """The expression, whose value has no name yet."""
-    unit = builder.unit
+    codegen = builder.codegen
 
     def write_part(part: plan.Expr) -> ast.expr:
         return write_expression(builder, part, body)
@@ -77,13 +77,13 @@ def _write_computed(builder: QueryCompiler, node: plan.Expr, body: PythonScope, 
         case plan.Constant(value=value):
             return _write_constant(builder, value, build)
         case plan.Variable(name=name, frame=frame):
-            return unit.frame(name, build) if frame else unit.variable(name, build)
+            return codegen.frame(name, build) if frame else codegen.variable(name, build)
         case plan.Element(source=source):
             return write_element(body, source, build)
         case plan.Column():
             return _write_column(body, node, build)
         case plan.State(query=query, name=name):
-            return build.name(body.moved.get((query, name)) or unit.states[query, name])
+            return build.name(body.moved.get((query, name)) or codegen.states[query, name])
         case plan.Call():
             return _write_call(builder, node, body)
         case plan.And(parts=parts) | plan.Or(parts=parts):
@@ -99,12 +99,13 @@ def _write_computed(builder: QueryCompiler, node: plan.Expr, body: PythonScope, 
             return build.if_else(tested, *(_write_sequence(build_maybe(branch), build) for branch in (then, otherwise)))
         case plan.MakeList(items=items):
             made = build.array(*(write_part(item) for item in items))
-            return made if _is_small_list(items) else build.call(unit.sizes("checked", build), made)
+            return made if _is_small_list(items) else build.call(codegen.sizes("checked", build), made)
         case plan.GroupKey():
             return build.name(body.list_visible_groups[get_group_key(node)])
         case plan.Aggregate(function=function):  # not before it is asked for: HAVING may drop what it fails on
             return build.call(
-                unit.constant(make_aggregate(node), function), build.name(body.list_visible_groups[get_group_key(node)])
+                codegen.constant(make_aggregate(node), function),
+                build.name(body.list_visible_groups[get_group_key(node)]),
             )
         case plan.Subquery():
             return builder.subquery(node, body)
@@ -145,11 +146,11 @@ def get_group_key(node: plan.GroupKey | plan.Aggregate) -> tuple[int, int]:
 
 def write_element(body: PythonScope, source: int, build: AstBuilder) -> ast.expr:
     """The current element of a source; that of rows kept as tuples is made a dict."""
-    unit = body.unit
-    name = unit.names[source]
-    if source in unit.worlds:
-        return build.call(bind_element_reader(unit, source, build), build.name(name))
-    columns = unit.tuples.get(source)
+    codegen = body.codegen
+    name = codegen.names[source]
+    if source in codegen.worlds:
+        return build.call(bind_element_reader(codegen, source, build), build.name(name))
+    columns = codegen.tuples.get(source)
     if columns is None:
         return build.name(name)
     return build.record(columns, tuple(build.item(build.name(name), index) for index in range(len(columns))))
@@ -161,38 +162,38 @@ def _write_sequence(values: Sequence[ast.expr], build: AstBuilder) -> ast.expr:
 
 
 def _write_constant(builder: QueryCompiler, value: Any, build: AstBuilder) -> ast.expr:
-    return build.name(builder.unit.constant(value)) if isinstance(value, list) else build.constant(value)
+    return build.name(builder.codegen.constant(value)) if isinstance(value, list) else build.constant(value)
 
 
 def _write_column(body: PythonScope, node: plan.Column, build: AstBuilder) -> ast.expr:
-    unit = body.unit
-    current = build.name(unit.names[node.source])
-    if node.source in unit.worlds:
-        return build.call(bind_column_reader(unit, node.source, node.name, build), current)
-    if node.source in unit.single_column_queries:
+    codegen = body.codegen
+    current = build.name(codegen.names[node.source])
+    if node.source in codegen.worlds:
+        return build.call(bind_column_reader(codegen, node.source, node.name, build), current)
+    if node.source in codegen.single_column_queries:
         return current
-    columns = unit.tuples.get(node.source)
+    columns = codegen.tuples.get(node.source)
     if columns is not None:
         return build.item(current, columns.index(node.name))
-    unit.page.note_call(node.span, node.name)  # a field may be computed by code of the user's
+    codegen.page.note_call(node.span, node.name)  # a field may be computed by code of the user's
     if not node.declared:
-        return build.call(unit.helper(read_column), current, build.constant(node.name))
-    if unit.elements[node.source].only(Kind.DICT):
+        return build.call(codegen.helper(read_column), current, build.constant(node.name))
+    if codegen.elements[node.source].only(Kind.DICT):
         if not node.type.may(Kind.NONE):  # so it is there
             return build.item(current, build.constant(node.name))
         return build.call(build.part(current, "get"), build.constant(node.name))
-    return build.call(unit.helper(read_column), current, build.constant(node.name), build.constant(None))
+    return build.call(codegen.helper(read_column), current, build.constant(node.name), build.constant(None))
 
 
 # --- calls ---------------------------------------------------------------------------------------------
 
 
 def _write_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -> ast.expr:
-    unit, function = builder.unit, node.function
-    facts, build = unit.analysis.of(node), unit.build_at(node.place)
+    codegen, function = builder.codegen, node.function
+    facts, build = codegen.analysis.of(node), codegen.build_at(node.place)
     if is_memoized_call(node):
         value = build.item(write_memoized_call(builder, node, body), 0)
-        return body.kept(facts, value, unit.build_at(node.span), function.name) if facts.steady else value
+        return body.kept(facts, value, codegen.build_at(node.span), function.name) if facts.steady else value
     reduced = builder.reduction(node, body) if function.builtin else None
     if reduced is not None:
         return reduced
@@ -204,17 +205,17 @@ def _write_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -> a
         if _is_item_access(node) and (body.may_check_later or not function.raises):
             body.trusted = body.trusted or function.raises
             return build.item(arguments[0], arguments[1])
-        inline = inline_call(node, arguments, unit, build)
+        inline = inline_call(node, arguments, codegen, build)
         if inline is not None:
             if isinstance(inline, ast.IfExp):
                 body.forget(inline.body)
                 body.forget(inline.orelse)
             return inline
-    unit.page.note_call(node.place, function.name)
-    call = build.call(unit.function(function, build), *arguments)
+    codegen.page.note_call(node.place, function.name)
+    call = build.call(codegen.function(function, build), *arguments)
     if function.builtin or not facts.steady:
         return call
-    return body.kept(facts, call, unit.build_at(node.span), function.name)
+    return body.kept(facts, call, codegen.build_at(node.span), function.name)
 
 
 def _is_item_access(node: plan.Call) -> bool:
@@ -232,7 +233,7 @@ def _write_membership(
     if node.function.name not in _MEMBERSHIP or body.parent is None:
         return None
     item, container = node.arguments
-    facts = builder.unit.analysis.of(container)
+    facts = builder.codegen.analysis.of(container)
     moves = (
         any(map(body.is_source_visible, facts.sources)) or any(map(body.is_state_visible, facts.states)) or facts.groups
     )
@@ -242,14 +243,14 @@ def _write_membership(
     known = facts.key is not None or isinstance(container, plan.Subquery)
     if short or isinstance(container, plan.MakeList) or not known:
         return None
-    unit, build = builder.unit, builder.unit.build_at(container.span)
+    codegen, build = builder.codegen, builder.codegen.build_at(container.span)
     if can_be_tuple(item.type) and container.type.item is not None and can_be_tuple(container.type.item):
         function, sought = make_list_member_set, write_tuple(arguments[0], build)
     else:
         function, sought = make_member_set, arguments[0]
         if not item.type.only(SCALAR_KINDS):
-            sought = build.call(unit.helper(make_hashable), sought)
-    members = build.call(unit.helper(function), arguments[1])
+            sought = build.call(codegen.helper(make_hashable), sought)
+    members = build.call(codegen.helper(function), arguments[1])
     key = None if facts.key is None else -1 - facts.key
     kept = body.kept(replace(facts, key=key), members, build, "members")
     return build.compare(sought, _MEMBERSHIP[node.function.name](), kept)
@@ -288,19 +289,19 @@ def _write_variable_access(
     build: AstBuilder,
 ) -> ast.expr:
     """Access to variables beyond reading their value."""
-    unit = builder.unit
+    codegen = builder.codegen
     owner = (build.name("run"), build.constant(node.name))
     match node:
         case plan.Assign(value=value):
-            return build.call(unit.helper(assign_variable), *owner, write_part(value))
+            return build.call(codegen.helper(assign_variable), *owner, write_part(value))
         case plan.Temporal(when=when):
             return build.call(
-                unit.helper(read_temporal), *owner, build.constant(None) if when is None else write_part(when)
+                codegen.helper(read_temporal), *owner, build.constant(None) if when is None else write_part(when)
             )
         case plan.TemporalAssign(keep=keep, value=value):
-            return build.call(unit.helper(store_temporal), *owner, write_part(keep), write_part(value))
+            return build.call(codegen.helper(store_temporal), *owner, write_part(keep), write_part(value))
         case plan.AssignLate(literal=literal):
-            return build.call(unit.helper(bind_late_list), *owner, build.name(unit.constant(literal)))
+            return build.call(codegen.helper(bind_late_list), *owner, build.name(codegen.constant(literal)))
         case _:
             assert_never(node)
 

@@ -30,7 +30,9 @@ MAX_SAFE = 9e18  # a number of unknown kind that is smaller is a value, whatever
 _NUMBER = Kind.NONE | Kind.NUMBER
 
 
-def inline_call(node: plan.Call, arguments: list[ast.expr], unit: CodegenContext, build: AstBuilder) -> ast.expr | None:
+def inline_call(
+    node: plan.Call, arguments: list[ast.expr], codegen: CodegenContext, build: AstBuilder
+) -> ast.expr | None:
     """The call of a built-in function as an expression of Python's; None where that is the call itself."""
     for form in OPERATIONS[node.function.name].python:
         given = list_choices(node) if form.spread else node.arguments
@@ -41,7 +43,7 @@ def inline_call(node: plan.Call, arguments: list[ast.expr], unit: CodegenContext
         if chosen is None:
             return None
         if _evaluates_all_arguments(form, chosen):
-            return InlineCall(node, form, chosen, unit, build).written(test)
+            return InlineCall(node, form, chosen, codegen, build).written(test)
     return None
 
 
@@ -77,13 +79,13 @@ class InlineCall:
     """One call to be written by a form; `arguments` are its arguments as Python's."""
 
     def __init__(
-        self, node: plan.Call, form: Form, arguments: list[ast.expr], unit: CodegenContext, build: AstBuilder
+        self, node: plan.Call, form: Form, arguments: list[ast.expr], codegen: CodegenContext, build: AstBuilder
     ) -> None:
         self.node = node
         self.name = node.function.name
         self.form = form
         self.types = [argument.type for argument in node.arguments]
-        self.unit = unit
+        self.codegen = codegen
         self.build = build
         self.operands = [Operand(one, one) for one in arguments]
 
@@ -108,7 +110,7 @@ class InlineCall:
         """The text with the operands in it; of a function: its call."""
         text = self.form.text
         if not isinstance(text, str):
-            return self.build.call(self.unit.helper(text), *(operand.next() for operand in self.operands))
+            return self.build.call(self.codegen.helper(text), *(operand.next() for operand in self.operands))
         for index, operand in enumerate(self.operands):
             if text.count(f"{{{index}}}") > 1:
                 self._name_operand(operand)
@@ -162,11 +164,11 @@ class InlineCall:
         """A sum of texts, or of lists, that is measured where it is long."""
         build, known = self.build, self.types[0]
         if known.only(Kind.LIST) and not all(t.item is not None and t.item.only(_NUMBER) for t in self.types):
-            return build.call(self.unit.sizes("added", build), *(operand.next() for operand in self.operands))
+            return build.call(self.codegen.sizes("added", build), *(operand.next() for operand in self.operands))
         value = self.held(self._value())
-        most = self.unit.sizes("plain" if known.only(Kind.STR) else "cells", build)
+        most = self.codegen.sizes("plain" if known.only(Kind.STR) else "cells", build)
         small = build.compare(build.call("len", value.first), ast.LtE(), most)
-        return build.if_else(small, value.again, build.call(self.unit.sizes("checked", build), value.again))
+        return build.if_else(small, value.again, build.call(self.codegen.sizes("checked", build), value.again))
 
     def _write_size_checked(self) -> ast.expr:
         """A number, left to `check` where it may be beyond all values; its type says on which side that can be."""
@@ -184,7 +186,7 @@ class InlineCall:
             test.append(build.constant(near))
         inside = ast.Compare(test[0], [ast.LtE() for _ in test[1:]], test[1:], **build.at)
         cure = [build.constant(CURES[self.name])] if self.name in CURES else []
-        return build.if_else(inside, value.again, build.call(self.unit.helper(check_arithmetic), value.again, *cure))
+        return build.if_else(inside, value.again, build.call(self.codegen.helper(check_arithmetic), value.again, *cure))
 
     def _write_guarded_numbers(self) -> ast.expr:
         """Operands of kinds that are not known, as numbers if that is what they are."""
@@ -192,7 +194,7 @@ class InlineCall:
         for operand in self.operands:
             self._name_operand(operand)
         left, right = self.operands
-        kind = self.unit.local("kind")
+        kind = self.codegen.local("kind")
         known = [one.only(Kind.NUMBER) for one in self.types]
         odd, other = (left, right) if known[1] else (right, left)
         if any(known) and other.first is other.again:
@@ -228,13 +230,13 @@ class InlineCall:
             return Operand(value, value)
         if isinstance(value, ast.NamedExpr):
             return Operand(value, self.build.name(value.target.id))
-        name = self.unit.local("value")
+        name = self.codegen.local("value")
         return Operand(self.build.bind(name, value), self.build.name(name))
 
     def _called(self) -> ast.expr:
         """The call of the function itself, for what the guard does not let through."""
         given = [operand.first for operand in self.operands]
-        return self.build.call(self.unit.function(self.node.function, self.build), *given)
+        return self.build.call(self.codegen.function(self.node.function, self.build), *given)
 
 
 def _fill_template(node: Any, inline: InlineCall, value: Operand | None) -> Any:

@@ -52,20 +52,20 @@ class CompiledSubquery:
 class QueryCompiler:
     """Compiles into one CodegenContext. With `dispatch` the queries are somebody else's, see `compile_statement`."""
 
-    def __init__(self, unit: CodegenContext, dispatch: Dispatch | None = None) -> None:
-        self.unit = unit
+    def __init__(self, codegen: CodegenContext, dispatch: Dispatch | None = None) -> None:
+        self.codegen = codegen
         self.dispatch = dispatch
 
     # --- queries and texts inside of expressions -------------------------------------------------------
 
     def subquery(self, node: plan.Subquery, body: PythonScope) -> ast.expr:
         """The value of a query in an expression."""
-        unit, build = self.unit, self.unit.build_at(node.span)
+        codegen, build = self.codegen, self.codegen.build_at(node.span)
         if self.dispatch is not None:
-            return build.call(unit.constant(self.dispatch(node.query), "query"), build.name("run"))
+            return build.call(codegen.constant(self.dispatch(node.query), "query"), build.name("run"))
         nested = self.query(node.query, body)
         call = build.call(nested.value, *nested.arguments)
-        facts = unit.analysis.of(node)
+        facts = codegen.analysis.of(node)
         return body.kept(facts, call, build, "value") if facts.steady else call
 
     def reduction(self, node: plan.Call, body: PythonScope) -> ast.expr | None:
@@ -73,7 +73,7 @@ class QueryCompiler:
 
         None for any other call, and where what the query reads of them may be objects, which have no exact keys.
         """
-        unit, facts = self.unit, self.unit.analysis.of(node)
+        codegen, facts = self.codegen, self.codegen.analysis.of(node)
         match node.arguments:
             case (plan.Subquery(query=query) as inner,) if facts.steady and node.type.only(SCALAR):
                 read = [part for part in walk(inner) if _reads_outer_rows(part, body)]
@@ -83,39 +83,42 @@ class QueryCompiler:
             return None
         if any(part.type.may(Kind.OBJECT) for part in read):
             return None
-        build = unit.build_at(node.span)
-        unit.page.note_call(node.place, node.function.name)
+        build = codegen.build_at(node.span)
+        codegen.page.note_call(node.place, node.function.name)
         keys = [write_expression(self, part, body) for part in dict.fromkeys(read)]
         keys = [
-            key if part.type.only(SELF_KEYED_KINDS) else build.call(unit.helper(make_exact_key), key)
+            key if part.type.only(SELF_KEYED_KINDS) else build.call(codegen.helper(make_exact_key), key)
             for key, part in zip(keys, dict.fromkeys(read), strict=True)
         ]
-        memo = unit.bind(("reduction", id(node)), "reduced", build.record((), ()), build)
-        key, found = unit.local("key"), unit.local("found")
+        memo = codegen.bind(("reduction", id(node)), "reduced", build.record((), ()), build)
+        key, found = codegen.local("key"), codegen.local("found")
         with body.write_skippable():
-            value = build.call(unit.function(node.function, build), write_expression(self, inner, body))
+            value = build.call(codegen.function(node.function, build), write_expression(self, inner, body))
         asked = build.bind(key, keys[0] if len(keys) == 1 else build.pack(*keys))
-        unit.namespace["UNSET"] = UNSET
+        codegen.namespace["UNSET"] = UNSET
         known = build.bind(found, build.call(build.part(build.name(memo), "get"), asked, build.name("UNSET")))
-        missed = build.call(unit.helper(memoize_value), build.name(memo), build.name(key), value)
+        missed = build.call(codegen.helper(memoize_value), build.name(memo), build.name(key), value)
         return build.if_else(build.compare(known, ast.IsNot(), build.name("UNSET")), build.name(found), missed)
 
     def text(self, node: plan.Eval, body: PythonScope) -> ast.expr:
         """The value of a text that is compiled when it is met."""
-        unit, build = self.unit, self.unit.build_at(node.span)
-        unit.page.note_eval(node.span)
+        codegen, build = self.codegen, self.codegen.build_at(node.span)
+        codegen.page.note_eval(node.span)
         sources = tuple(source for source in node.sources if body.is_source_visible(source))
         states = tuple(state for state in node.states if body.is_state_visible(state))
-        kept = ((source, unit.tuples.get(source), unit.elements.get(source)) for source in sources)
+        kept = ((source, codegen.tuples.get(source), codegen.elements.get(source)) for source in sources)
         eval_scope = EvalScope(
             node.scope,
-            tuple((*known, unit.worlds.get(known[0])) for known in kept),
+            tuple((*known, codegen.worlds.get(known[0])) for known in kept),
             states,
             self.dispatch,
         )
-        constant = build.name(unit.constant(eval_scope, "eval_scope"))
-        texts = unit.bind(
-            ("texts", id(node)), "texts", build.call(unit.helper(make_eval_cache), build.name("run"), constant), build
+        constant = build.name(codegen.constant(eval_scope, "eval_scope"))
+        texts = codegen.bind(
+            ("texts", id(node)),
+            "texts",
+            build.call(codegen.helper(make_eval_cache), build.name("run"), constant),
+            build,
         )
         function = build.item(build.name(texts), write_expression(self, node.text, body))
         return build.call(function, *self._list_outer_values(sources, states, body, build))
@@ -124,13 +127,13 @@ class QueryCompiler:
         """What the reading of a source depends on."""
         match source:
             case plan.ValueSource(value=value):
-                return replace(self.unit.analysis.of(value), key=None)
+                return replace(self.codegen.analysis.of(value), key=None)
             case plan.QuerySource(query=query):
-                return replace(self.unit.analysis.of(query), key=None, total=False)
+                return replace(self.codegen.analysis.of(query), key=None, total=False)
             case plan.TableSource():
                 return ExpressionFacts(total=False)
             case plan.WorldSource(arguments=arguments):
-                facts = [self.unit.analysis.of(argument) for argument in arguments]
+                facts = [self.codegen.analysis.of(argument) for argument in arguments]
                 return ExpressionFacts(
                     frozenset().union(*(one.sources for one in facts)),
                     frozenset().union(*(one.states for one in facts)),
@@ -141,25 +144,25 @@ class QueryCompiler:
     def _list_outer_values(
         self, sources: Sequence[int], states: Sequence[tuple[int, str]], body: PythonScope, build: AstBuilder
     ) -> list[ast.expr]:
-        unit = self.unit
-        values = [build.name(unit.names[source]) for source in sources]
-        return values + [build.name(body.moved.get(state) or unit.states[state]) for state in states]
+        codegen = self.codegen
+        values = [build.name(codegen.names[source]) for source in sources]
+        return values + [build.name(body.moved.get(state) or codegen.states[state]) for state in states]
 
     # --- queries ---------------------------------------------------------------------------------------
 
     def query(self, query: plan.Query, caller: PythonScope) -> CompiledSubquery:
         """Compiles a query that is used in `caller`."""
-        unit = self.unit
-        facts = unit.analysis.of(query)
+        codegen = self.codegen
+        facts = codegen.analysis.of(query)
         sources = [source for source in sorted(facts.sources) if caller.is_source_visible(source)]
         states = [state for state in sorted(facts.states) if caller.is_state_visible(state)]
         groups = {key: name for key, name in caller.list_visible_groups.items() if key[0] in facts.groups}
-        build = unit.build_at(query.span)
+        build = codegen.build_at(query.span)
 
         def part(name: str) -> PythonScope:
             """A function of the query; it takes what the query reads of the queries around it."""
-            names = [*(unit.names[s] for s in sources), *(unit.states[s] for s in states), *groups.values()]
-            body = PythonScope(unit, unit.local(name), names, unit.root)
+            names = [*(codegen.names[s] for s in sources), *(codegen.states[s] for s in states), *groups.values()]
+            body = PythonScope(codegen, codegen.local(name), names, codegen.root)
             body.levels = dict.fromkeys(sources, 0)
             body.states, body.groups = set(states), dict(groups)
             return body
@@ -178,22 +181,22 @@ class QueryCompiler:
             "arguments": self._arguments(query, part),
             "flush": self._flush(build) if query.search else None,
         }
-        find = unit.find if query is unit.level_searched_query else None
-        form = build.name(unit.constant(QueryForm.of(query, tuple(own), searched, find), "form"))
+        find = codegen.find if query is codegen.level_searched_query else None
+        form = build.name(codegen.constant(QueryForm.of(query, tuple(own), searched, find), "form"))
         given = [build.constant(None) if name is None else build.name(name) for name in functions.values()]
-        task, value, tuples = unit.local("task"), unit.local("value_of"), unit.local("rows_of")
-        unit.definitions += [
-            build.assign(task, build.call(unit.helper(make_execution), build.name("run"), form, *given)),
-            build.assign(value, build.call(unit.helper(get_value_function), build.name(task))),
-            build.assign(tuples, build.call(unit.helper(get_tuples_function), build.name(task))),
+        task, value, tuples = codegen.local("task"), codegen.local("value_of"), codegen.local("rows_of")
+        codegen.definitions += [
+            build.assign(task, build.call(codegen.helper(make_execution), build.name("run"), form, *given)),
+            build.assign(value, build.call(codegen.helper(get_value_function), build.name(task))),
+            build.assign(tuples, build.call(codegen.helper(get_tuples_function), build.name(task))),
         ]
         outer = self._list_outer_values(sources, states, caller, build) + [build.name(name) for name in groups.values()]
         ends = query.search or query.grouped or query.order or functions["settings"]
         return CompiledSubquery(task, value, tuples, None if ends else functions["find"], outer)
 
     def _flush(self, build: AstBuilder) -> str:
-        name = self.unit.local("flush")
-        self.unit.definitions.append(build.function(name, [], [build.run(self.unit.write_step_check())]))
+        name = self.codegen.local("flush")
+        self.codegen.definitions.append(build.function(name, [], [build.run(self.codegen.write_step_check())]))
         return name
 
     def _settings(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
@@ -207,7 +210,7 @@ class QueryCompiler:
             return None
         body = part("settings")
         values = [self._count(expr, least, word, body) for expr, least, word in counts]
-        build = self.unit.build_at(query.span)
+        build = self.codegen.build_at(query.span)
         labels = [
             build.constant(output.name) if output.label is None else self._write_label(output.label, body)
             for output in query.columns
@@ -218,14 +221,14 @@ class QueryCompiler:
 
     def _count(self, expr: plan.Expr | None, least: int, word: str, body: PythonScope) -> ast.expr:
         if expr is None:
-            return self.unit.build.constant(None)
-        build = self.unit.build_at(expr.span)
+            return self.codegen.build.constant(None)
+        build = self.codegen.build_at(expr.span)
         value = write_expression(self, expr, body)
-        return build.call(self.unit.helper(check_count), value, build.constant(least), build.constant(word))
+        return build.call(self.codegen.helper(check_count), value, build.constant(least), build.constant(word))
 
     def _write_label(self, expr: plan.Expr, body: PythonScope) -> ast.expr:
-        build = self.unit.build_at(expr.span)
-        return build.call(self.unit.helper(make_label), write_expression(self, expr, body))
+        build = self.codegen.build_at(expr.span)
+        return build.call(self.codegen.helper(make_label), write_expression(self, expr, body))
 
     def _group(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
         """A function of a group's aggregates and keys.
@@ -235,10 +238,10 @@ class QueryCompiler:
         """
         if not query.aggregated and not (query.group and query.having):
             return None
-        unit, build = self.unit, self.unit.build_at(query.span)
+        codegen, build = self.codegen, self.codegen.build_at(query.span)
         body = part("group")
-        names = {get_group_key(node): unit.local(node.function) for node in find_aggregates(query)}
-        names.update({(query.id, index): unit.local("key") for index in range(len(query.group))})
+        names = {get_group_key(node): codegen.local(node.function) for node in find_aggregates(query)}
+        names.update({(query.id, index): codegen.local("key") for index in range(len(query.group))})
         body.groups.update(names)
         body.parameters = [*names.values(), *body.parameters]
         outputs = [output.expr for output in query.columns] if query.aggregated else []
@@ -246,7 +249,7 @@ class QueryCompiler:
         body.count([*([query.having] if query.having else []), *outputs, *keys])
         if query.having is not None:
             kept = write_expression(self, query.having, body)
-            body.add(unit.build_at(query.having.span).if_not(kept, ast.Return(build.constant(None), **build.at)))
+            body.add(codegen.build_at(query.having.span).if_not(kept, ast.Return(build.constant(None), **build.at)))
         row, behind = flat_query.write_row_and_keys(
             self, query if query.aggregated else replace(query, order=()), outputs, keys, body
         )
@@ -260,7 +263,7 @@ class QueryCompiler:
         if not representation.arguments and not representation.named:
             return None
         body = part("arguments")
-        build = self.unit.build_at(query.span)
+        build = self.codegen.build_at(query.span)
         positional = build.pack(*(write_expression(self, expr, body) for expr in representation.arguments))
         names = tuple(name for name, _ in representation.named)
         named = build.record(names, tuple(write_expression(self, expr, body) for _, expr in representation.named))

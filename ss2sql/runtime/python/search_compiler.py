@@ -49,18 +49,18 @@ def compile_search(
     builder: QueryCompiler, query: plan.Query, body: PythonScope, aggregates: Sequence[plan.Aggregate]
 ) -> tuple[str, SearchForm]:
     """Writes the function that finds the results of a search into `body`; gives its name and form."""
-    search, unit, build = query.search, builder.unit, builder.unit.build_at(query.span)
+    search, codegen, build = query.search, builder.codegen, builder.codegen.build_at(query.span)
     assert search is not None
     keys, memorizes = list_key_expressions(query, aggregates), search.repeats == "memorize"
-    shapes, start = choose_state_shapes(search), unit.local("start")
+    shapes, start = choose_state_shapes(search), codegen.local("start")
     _write_starts(builder, query, body, shapes, start)
     visits = search.by == "state" and search.repeats != "allowed"
     key_of = _write_key_function(builder, query, body, shapes) if visits else None
     loops = StepLoops(builder, query, body)
     loops.read_constant_sources()
-    leveled = unit.by_level is query
-    watched = unit.watched is query
-    led = unit.find is not None and query is unit.level_searched_query  # by others, who ask for its steps
+    leveled = codegen.by_level is query
+    watched = codegen.watched is query
+    led = codegen.find is not None and query is codegen.level_searched_query  # by others, who ask for its steps
     remembered = _revisits_states(builder, query) and not (leveled or watched or led)
     complete = remembered and search.repeats == "no cycle"
     form = StepForm(shapes, start, bool(keys) or (memorizes and not search.plain), complete, watched, key_of)
@@ -76,13 +76,15 @@ def compile_search(
     function = inlined or step.write_function()
     if inlined is None or memorizes:
         body.add(
-            build.add_to(unit.name_counter("expanded", body), -1)
+            build.add_to(codegen.name_counter("expanded", body), -1)
         )  # a search is no step, so its start does not count
     if first is not None:
-        both = unit.local("expand")
-        body.add(build.assign(both, build.call(unit.helper(join_first_steps), build.name(first), build.name(function))))
+        both = codegen.local("expand")
+        body.add(
+            build.assign(both, build.call(codegen.helper(join_first_steps), build.name(first), build.name(function)))
+        )
         function = both
-    find_keys = unit.local("keys") if keys else None
+    find_keys = codegen.local("keys") if keys else None
     if find_keys is not None:
         _write_last_step_keys(builder, query, body, find_keys, keys)
     noted = build.constant(None)
@@ -110,15 +112,15 @@ def _write_starts(
     builder: QueryCompiler, query: plan.Query, body: PythonScope, shapes: dict[str, Shape], start: str
 ) -> None:
     """START WITH: puts the frozen states in which the search starts into the list `starts`."""
-    search, unit, build = query.search, builder.unit, builder.unit.build_at(query.span)
+    search, codegen, build = query.search, builder.codegen, builder.codegen.build_at(query.span)
     assert search is not None
     each = {source.id: source for source in search.each}
     body.add(build.assign("starts", build.array()))
     for name, expr in search.start:
-        local = unit.states[query.id, name] = unit.local(name)
-        place = unit.build_at(expr.span)
+        local = codegen.states[query.id, name] = codegen.local(name)
+        place = codegen.build_at(expr.span)
         if isinstance(expr, plan.Element) and expr.source in each:
-            items = place.call(unit.helper(list_elements), write_expression(builder, each[expr.source].value, body))
+            items = place.call(codegen.helper(list_elements), write_expression(builder, each[expr.source].value, body))
             body.loop([local], items, place)
         else:
             body.add(place.assign(local, write_expression(builder, expr, body)))
@@ -127,8 +129,8 @@ def _write_starts(
             body.moved[query.id, name] = local
     values = []
     for name, shape in shapes.items():
-        value = build.name(unit.states[query.id, name])
-        values.append(value if shape == "scalar" else build.call(unit.helper(frozen_values.FREEZERS[shape]), value))
+        value = build.name(codegen.states[query.id, name])
+        values.append(value if shape == "scalar" else build.call(codegen.helper(frozen_values.FREEZERS[shape]), value))
     if search.first is not None:  # it is a start
         values.append(build.constant(True))
     body.add(build.assign(start, build.pack(*values)))
@@ -142,25 +144,27 @@ def _write_starts(
 
 def _write_key_function(builder: QueryCompiler, query: plan.Query, owner: PythonScope, shapes: dict[str, Shape]) -> str:
     """A function that gives the key of a frozen state, where BY names the state."""
-    search, unit, build = query.search, builder.unit, builder.unit.build_at(query.span)
+    search, codegen, build = query.search, builder.codegen, builder.codegen.build_at(query.span)
     assert search is not None
-    body = PythonScope(unit, unit.local("key_of"), ["state"], owner)
+    body = PythonScope(codegen, codegen.local("key_of"), ["state"], owner)
     body.states.update((query.id, name) for name in shapes)
     body.count(search.key)
-    names = name_frozen_variables(unit, query, shapes)
+    names = name_frozen_variables(codegen, query, shapes)
     body.add(build.unpack([*names.values(), *["_"] * (search.first is not None)], build.name("state")))
     computed = [key for key in search.key if not (isinstance(key, plan.State) and key.query == query.id)]
     for name, shape in shapes.items():
         if computed and shape != "scalar":
-            value = build.call(unit.helper(frozen_values.THAWERS[shape]), build.name(names[name]))
-            body.add(build.assign(unit.states[query.id, name], value))
+            value = build.call(codegen.helper(frozen_values.THAWERS[shape]), build.name(names[name]))
+            body.add(build.assign(codegen.states[query.id, name], value))
     keys = []
     for expr in search.key:
         if isinstance(expr, plan.State) and expr.query == query.id:
             keys.append(build.name(names[expr.name]))
         else:
             value = write_expression(builder, expr, body)
-            keys.append(value if expr.type.only(SCALAR) else build.call(unit.helper(frozen_values.freeze_any), value))
+            keys.append(
+                value if expr.type.only(SCALAR) else build.call(codegen.helper(frozen_values.freeze_any), value)
+            )
     body.add(build.back(keys[0] if len(keys) == 1 else build.pack(*keys)))
     body.define()
     return body.name
@@ -168,7 +172,7 @@ def _write_key_function(builder: QueryCompiler, query: plan.Query, owner: Python
 
 def _revisits_states(builder: QueryCompiler, query: plan.Query) -> bool:
     """Whether the steps of a state are worth keeping: states come again, there are calls, and nobody can notice."""
-    search, analysis = query.search, builder.unit.analysis
+    search, analysis = query.search, builder.codegen.analysis
     assert search is not None
     if not search.plain or search.repeats not in ("allowed", "no cycle"):
         return False
@@ -190,13 +194,13 @@ def _write_last_step_keys(
 ) -> None:
     """A function of the elements and the state of a last step: what GROUP BY and ORDER BY see of it."""
     assert query.search is not None
-    unit, build = builder.unit, builder.unit.build_at(query.span)
-    body = PythonScope(unit, name, ["last"], outer)
+    codegen, build = builder.codegen, builder.codegen.build_at(query.span)
+    body = PythonScope(codegen, name, ["last"], outer)
     body.levels.update((source.id, 0) for source in query.sources)
     body.states.update((query.id, state) for state, _ in query.search.start)
     body.count(keys)
-    names = [unit.names[source.id] for source in query.sources]
-    names += [unit.states[query.id, state] for state, _ in query.search.start]
+    names = [codegen.names[source.id] for source in query.sources]
+    names += [codegen.states[query.id, state] for state, _ in query.search.start]
     body.add(build.unpack(names, build.name("last")))
     body.add(build.back(build.pack(*(write_expression(builder, key, body) for key in keys))))
     body.define()

@@ -50,9 +50,9 @@ class SingleCall:
     def of(cls, step: StepClauses) -> SingleCall | None:
         """The call of a search of which there is one."""
         source = step.query.sources[0].id
-        if source not in step.loops.items or source in step.loops.lookups or source in step.unit.tuples:
+        if source not in step.loops.items or source in step.loops.lookups or source in step.codegen.tuples:
             return None
-        analysis = step.unit.analysis
+        analysis = step.codegen.analysis
         for call in _find_single_calls(step.query, analysis):
             key = analysis.of(call).key
             shown = [expr for expr in step.outputs if analysis.of(expr).key == key]
@@ -63,16 +63,16 @@ class SingleCall:
 
     def write(self, step: StepClauses) -> None:
         """Writes the call, into `value`."""
-        unit, inner, source = step.unit, step.inner, step.query.sources[0].id
-        build, at, function = unit.build_at(self.node.place), unit.build, self.node.function
+        codegen, inner, source = step.codegen, step.inner, step.query.sources[0].id
+        build, at, function = codegen.build_at(self.node.place), codegen.build, self.node.function
         arguments = [self._write_argument(step, argument) for argument in self.node.arguments]
-        once, remembered = unit.local(function.name), unit.local(f"{function.name}_remembered")
-        count, made, call = unit.local("count"), unit.local("made"), unit.local(function.name)
-        places = at.name(unit.constant(call_places(step.query)[function.name], "places"))
-        known = [at.name("run"), at.name(unit.constant(function, "function")), places]
+        once, remembered = codegen.local(function.name), codegen.local(f"{function.name}_remembered")
+        count, made, call = codegen.local("count"), codegen.local("made"), codegen.local(function.name)
+        places = at.name(codegen.constant(call_places(step.query)[function.name], "places"))
+        known = [at.name("run"), at.name(codegen.constant(function, "function")), places]
         known.append(at.name(step.loops.items[source]))
-        known.append(at.constant(source not in step.loops.frozen and source not in unit.keys))
-        step.owner.add(at.unpack([once, remembered, count], at.call(unit.helper(make_call_variants), *known)))
+        known.append(at.constant(source not in step.loops.frozen and source not in codegen.keys))
+        step.owner.add(at.unpack([once, remembered, count], at.call(codegen.helper(make_call_variants), *known)))
         step.owner.locals += [once, remembered, count]
         self.begin.append(at.assign(made, at.constant(0)))
         self.end.append(at.run(at.call(count, at.name(made))))
@@ -83,12 +83,12 @@ class SingleCall:
             state, start = at.name(only), at.item(start, 0)
         is_start = at.compare(state, ast.Eq(), start)
         self.state_statements.append(at.assign(call, at.if_else(is_start, at.name(remembered), at.name(once))))
-        unit.page.note_call(self.node.place, function.name)
+        codegen.page.note_call(self.node.place, function.name)
         run = at.name("run")  # a slow function must not keep a timeout waiting
         deadline = at.compare(at.part(at.part(run, "bounds"), "deadline"), ast.IsNot(), at.constant(None))
         ends = at.join_conditions(ast.Or(), [at.part(run, "interrupted"), deadline])
         inner.add(at.when(ends, at.run(at.call(at.part(run, "check")))))
-        self.value = unit.local(function.name)
+        self.value = codegen.local(function.name)
         inner.add(at.add_to(made), build.assign(self.value, build.call(call, *arguments)))
         self._write_early_stop(step)
         inner.known[-1][self.key] = self.value
@@ -99,20 +99,22 @@ class SingleCall:
             shape = step.shapes[argument.name]
             if shape != "scalar":
                 return self._write_state_copy(step, argument.name, shape)
-        build, value = step.unit.build_at(argument.span), write_expression(step.builder, argument, step.inner)
+        build, value = step.codegen.build_at(argument.span), write_expression(step.builder, argument, step.inner)
         if argument.type.only(SCALAR):
             return value
         flat = frozen_values.is_flat_list(argument.type)
-        return build.call(step.unit.constant(list.copy, "copy") if flat else step.unit.helper(copy_for_python), value)
+        return build.call(
+            step.codegen.constant(list.copy, "copy") if flat else step.codegen.helper(copy_for_python), value
+        )
 
     def _write_state_copy(self, step: StepClauses, name: str, shape: Shape) -> ast.expr:
         """A fresh value of a START WITH variable: of its frozen one without a call in Python where it has its shape."""
-        unit, build = step.unit, step.build
+        codegen, build = step.codegen, step.build
         value = build.name(step.frozen_states[name])
-        other = build.call(unit.helper(copy_for_python), build.call(unit.helper(frozen_values.thaw_value), value))
+        other = build.call(codegen.helper(copy_for_python), build.call(codegen.helper(frozen_values.thaw_value), value))
         if shape == "any":
             return other
-        plain = unit.local("plain")
+        plain = codegen.local("plain")
         is_tuple = build.compare(build.call("type", value), ast.Is(), build.name("tuple"))
         self.state_statements.append(build.assign(plain, is_tuple))
         copy = build.call("list", build.call("map", build.name("list"), value) if shape == "nested" else value)
@@ -122,13 +124,13 @@ class SingleCall:
         """`STOP WITH [] == move(this, state)` needs no row: what stops without being a goal leaves no trace."""
         stop, where, build, inner = step.search.stop, step.query.where, step.build, step.inner
         parts = stop.parts if isinstance(stop, plan.Or) else () if stop is None else (stop,)
-        if not parts or not any(_is_empty_list(other) for other in self._compared(parts[0], step.unit.analysis)):
+        if not parts or not any(_is_empty_list(other) for other in self._compared(parts[0], step.codegen.analysis)):
             return
         value = build.name(self.value)
         is_list = build.compare(build.call("type", value), ast.Is(), build.name("list"))
         leaves = [is_list, build.negate(value)]
         if where is not None:
-            others = self._compared(where, step.unit.analysis)
+            others = self._compared(where, step.codegen.analysis)
             if not any(isinstance(other, (plan.Constant, plan.Variable)) for other in others):
                 return
             inner.known.append({self.key: self.value})

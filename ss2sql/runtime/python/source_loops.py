@@ -81,8 +81,8 @@ class SourceLoops:
             for source, lateral in zip(self.sources, self.lateral, strict=True)
             if lateral
             and isinstance(source, plan.QuerySource)
-            and can_open_inside(source.query, builder.unit.analysis)
-            and not (source is ends and tests_before_loop(source.query, builder.unit.analysis))
+            and can_open_inside(source.query, builder.codegen.analysis)
+            and not (source is ends and tests_before_loop(source.query, builder.codegen.analysis))
         }
         own_function = query.search is None and not inside and not owner.parameters
         self.alone = own_function and len(self.sources) == 1 and not any(self.lateral)
@@ -114,30 +114,30 @@ class SourceLoops:
         for source, lateral in zip(self.sources, self.lateral, strict=True):
             if not lateral:
                 if self.inside and isinstance(source, plan.TableSource):
-                    self.builder.unit.tuples[source.id] = tuple(name for name, _ in source.columns)
+                    self.builder.codegen.tuples[source.id] = tuple(name for name, _ in source.columns)
                     continue
-                build, items = self.builder.unit.build_at(source.span), self._items(source, self.owner)
+                build, items = self.builder.codegen.build_at(source.span), self._items(source, self.owner)
                 if self.inside:
                     self.ready[source.id] = items
                     continue
-                name = self.items[source.id] = self.builder.unit.local("items")
+                name = self.items[source.id] = self.builder.codegen.local("items")
                 self.owner.add(build.assign(name, items))
                 self.owner.locals.append(name)
 
     def attach_keys(self, source: plan.Source, frozen: bool, keyed: bool) -> None:
         """Lets elements come with their frozen forms, or with their exact keys, where they are values read once."""
-        unit = self.builder.unit
-        if source.id not in self.items or source.id in self.lookups or source.id in unit.tuples:
+        codegen = self.builder.codegen
+        if source.id not in self.items or source.id in self.lookups or source.id in codegen.tuples:
             return
-        build, name = unit.build_at(source.span), self.items[source.id]
+        build, name = codegen.build_at(source.span), self.items[source.id]
         makers: list[ast.expr] = []
         if frozen:
-            self.frozen[source.id] = unit.local("key")
-            makers.append(build.name(unit.helper(freeze_any)))
+            self.frozen[source.id] = codegen.local("key")
+            makers.append(build.name(codegen.helper(freeze_any)))
         if keyed:
-            unit.keys[source.id] = unit.local("exact")
-            makers.append(build.name(unit.helper(make_exact_key)))
-        self.owner.add(build.assign(name, build.call(unit.helper(attach_computed), build.name(name), *makers)))
+            codegen.keys[source.id] = codegen.local("exact")
+            makers.append(build.name(codegen.helper(make_exact_key)))
+        self.owner.add(build.assign(name, build.call(codegen.helper(attach_computed), build.name(name), *makers)))
 
     @staticmethod
     def has_scalar_elements(source: plan.Source) -> bool:
@@ -153,7 +153,7 @@ class SourceLoops:
         number = {source.id: index for index, source in enumerate(self.sources)}
         if condition.source not in number or self._makes_noticeable_calls(condition.key):
             return False
-        source, other = condition.source, self.builder.unit.analysis.of(condition.other)
+        source, other = condition.source, self.builder.codegen.analysis.of(condition.other)
         index = number[source]
         facts = self.facts[index]
         if source in self.frozen or self.lateral[index] or not facts.steady:
@@ -168,12 +168,12 @@ class SourceLoops:
 
     def _makes_noticeable_calls(self, key: plan.Expr) -> bool:
         """Whether a key calls functions of the user for rows that LIMIT cuts off."""
-        return ends_early(self.query) and self.builder.unit.analysis.of(key).calls
+        return ends_early(self.query) and self.builder.codegen.analysis.of(key).calls
 
     def has_row_index(self, source: plan.Source) -> bool:
         """Whether the source's loop looks up rows by columns of numbers and text."""
         known = self.lookups.get(source.id)
-        if known is None or source.id not in self.builder.unit.tuples:
+        if known is None or source.id not in self.builder.codegen.tuples:
             return False
         return all(one.plain and isinstance(one.key, plan.Column) and one.key.type.only(SCALAR_KINDS) for one in known)
 
@@ -182,13 +182,13 @@ class SourceLoops:
 
         The condition is tested all the same, so it may be evaluated early only where nobody can notice.
         """
-        facts = self.builder.unit.analysis.of(condition)
+        facts = self.builder.codegen.analysis.of(condition)
         demand = find_world_condition(condition, self.sources) if facts.steady and facts.total else None
         if demand is None:
             return
         number = {source.id: index for index, source in enumerate(self.sources)}
         index = number[demand.source]
-        known = self.builder.unit.analysis.of(demand.value).sources
+        known = self.builder.codegen.analysis.of(demand.value).sources
         if index + 1 >= self.first_unnoticed and all(number.get(other, -1) < index for other in known):
             self.world_conditions.setdefault(demand.source, []).append(demand)
 
@@ -217,14 +217,14 @@ class SourceLoops:
     def _open_loop(self, body: PythonScope, source: plan.Source) -> PythonScope:
         from ss2sql.runtime.python.subquery_loops import open_inner_loops
 
-        unit = self.builder.unit
+        codegen = self.builder.codegen
         if source.id in self.opened:
             assert isinstance(source, plan.QuerySource)
             read = self._list_columns_read(source.id, tuple(output.name for output in source.query.columns))
             body = open_inner_loops(self.builder, source, read, body)
             body.levels[source.id] = body.level
             return body
-        build = unit.build_at(source.span)
+        build = codegen.build_at(source.span)
         if source.id in self.items:
             items = build.name(self.items[source.id])
         elif isinstance(source, plan.TableSource) and self.inside and source.id in self.lookups:
@@ -233,36 +233,36 @@ class SourceLoops:
             items = self.ready.get(source.id) or self._items(source, body)
         if source.id in self.lookups:
             items = self._look_up_source(source, items, body)
-        name = unit.names[source.id] = unit.local(source.name)
-        names = (name, self.frozen.get(source.id), unit.keys.get(source.id))
+        name = codegen.names[source.id] = codegen.local(source.name)
+        names = (name, self.frozen.get(source.id), codegen.keys.get(source.id))
         if self.alone and body.level == 0:
-            items = build.call(unit.helper(iterate_with_checks), build.name("run"), items)
+            items = build.call(codegen.helper(iterate_with_checks), build.name("run"), items)
         elif self.outermost and body.level == 0 and source is self.sources[0]:
-            items = build.call(unit.helper(iterate_with_progress), build.name("run"), items)
+            items = build.call(codegen.helper(iterate_with_progress), build.name("run"), items)
         body.loop([word for word in names if word is not None], items, build)
         body.levels[source.id] = body.level
         return body
 
     def _count(self, body: PythonScope, innermost: bool) -> None:
         """Counts the turns, and looks at the clock now and then. The innermost turns of a search are its steps."""
-        unit = self.builder.unit
-        build = unit.build
+        codegen = self.builder.codegen
+        build = codegen.build
         steps = innermost and self.query.search is not None
-        counter = unit.name_counter("generated" if steps else "ticks", body)
-        due = unit.name_counter("due_step" if steps else "due_tick", body)
-        look = build.assign(due, unit.write_step_check() if steps else unit.write_turn_check(counter))
+        counter = codegen.name_counter("generated" if steps else "ticks", body)
+        due = codegen.name_counter("due_step" if steps else "due_tick", body)
+        look = build.assign(due, codegen.write_step_check() if steps else codegen.write_turn_check(counter))
         body.add(
             build.add_to(counter), build.when(build.compare(build.name(counter), ast.GtE(), build.name(due)), look)
         )
 
     def _test(self, body: PythonScope, conditions: Sequence[plan.Expr]) -> None:
         for condition in conditions:
-            build = self.builder.unit.build_at(condition.span)
+            build = self.builder.codegen.build_at(condition.span)
             body.add(build.if_not(write_expression(self.builder, condition, body), self._write_skip(body, build)))
 
     def _guard(self, body: PythonScope, sources: Sequence[plan.Source]) -> None:
         for source in sources:
-            build = self.builder.unit.build_at(source.span)
+            build = self.builder.codegen.build_at(source.span)
             body.add(build.if_not(build.name(self.items[source.id]), self._write_skip(body, build)))
 
     @staticmethod
@@ -272,69 +272,73 @@ class SourceLoops:
 
     def _start_inner_function(self, body: PythonScope) -> PythonScope:
         """A new function for the loops further in: Python does not nest any number of them."""
-        unit = self.builder.unit
-        rest = PythonScope(unit, unit.local("rest"), [*body.parameters, *body.locals], body.parent)
+        codegen = self.builder.codegen
+        rest = PythonScope(codegen, codegen.local("rest"), [*body.parameters, *body.locals], body.parent)
         rest.levels = dict.fromkeys(body.levels, 0)
         rest.states, rest.groups, rest.counts = body.states, body.groups, body.counts
-        call = unit.build.call(rest.name, *map(unit.build.name, rest.parameters))
-        body.add(unit.build.run(ast.YieldFrom(call, **unit.build.at)))
+        call = codegen.build.call(rest.name, *map(codegen.build.name, rest.parameters))
+        body.add(codegen.build.run(ast.YieldFrom(call, **codegen.build.at)))
         rest.before = body
         return rest
 
     def _items(self, source: plan.Source, body: PythonScope) -> ast.expr:
-        """The elements of a source as a list of values, or of tuples where `unit.tuples` says so."""
-        builder, unit = self.builder, self.builder.unit
-        build = unit.build_at(source.span)
+        """The elements of a source as a list of values, or of tuples where `codegen.tuples` says so."""
+        builder, codegen = self.builder, self.builder.codegen
+        build = codegen.build_at(source.span)
         match source:
             case plan.TableSource(columns=columns):
-                unit.tuples[source.id] = tuple(name for name, _ in columns)
+                codegen.tuples[source.id] = tuple(name for name, _ in columns)
                 return body.kept(ExpressionFacts(), self._rows_of(source), build, source.name)
             case plan.ValueSource(value=plan.Variable(frame=True) as value, columns=columns) if columns:
-                words = unit.tuples[source.id] = self._list_columns_read(source.id, tuple(word for word, _ in columns))
+                words = codegen.tuples[source.id] = self._list_columns_read(
+                    source.id, tuple(word for word, _ in columns)
+                )
                 read = write_expression(builder, value, body)
-                rows = build.call(unit.helper(read_frame_rows), read, *map(build.constant, words))
+                rows = build.call(codegen.helper(read_frame_rows), read, *map(build.constant, words))
                 return self._kept(source, body, rows)
             case plan.ValueSource(value=value) if body is self.owner and (
                 words := self._list_dict_columns_read(source)
             ):
-                unit.tuples[source.id] = words
+                codegen.tuples[source.id] = words
                 rows = build.call(
-                    unit.helper(read_columns), write_expression(builder, value, body), *map(build.constant, words)
+                    codegen.helper(read_columns), write_expression(builder, value, body), *map(build.constant, words)
                 )
                 return self._kept(source, body, rows)
             case plan.ValueSource(value=value):
-                unit.elements[source.id] = source.element
+                codegen.elements[source.id] = source.element
                 if isinstance(value, plan.MakeList):
                     return self._kept(source, body, write_expression(builder, value, body))
                 if isinstance(value, plan.Constant):
-                    return build.name(unit.constant(list_elements(value.value), "items"))
-                build = unit.build_at(value.span)
+                    return build.name(codegen.constant(list_elements(value.value), "items"))
+                build = codegen.build_at(value.span)
                 return self._kept(
-                    source, body, build.call(unit.helper(list_elements), write_expression(builder, value, body))
+                    source, body, build.call(codegen.helper(list_elements), write_expression(builder, value, body))
                 )
             case plan.QuerySource(query=query):
                 nested = builder.query(query, body)
                 if yields_rows(query):
-                    unit.tuples[source.id] = tuple(output.name for output in query.columns)
+                    codegen.tuples[source.id] = tuple(output.name for output in query.columns)
                     rows = build.call(nested.found or nested.tuples, *nested.arguments)
                     return self._kept(source, body, build.call("list", rows) if nested.found else rows)
-                unit.elements[source.id] = source.element
+                codegen.elements[source.id] = source.element
                 value_of_query = build.call(nested.value, *nested.arguments)
                 made = list_elements_or_none if source.optional else list_elements
-                return self._kept(source, body, build.call(unit.helper(made), value_of_query))
+                return self._kept(source, body, build.call(codegen.helper(made), value_of_query))
             case plan.WorldSource():
                 return write_world_items(builder, source, self.world_conditions.get(source.id, ()), body)
             case _:
                 assert_never(source)
 
     def _rows_of(self, source: plan.TableSource) -> ast.expr:
-        unit = self.builder.unit
-        build = unit.build_at(source.span)
-        return build.call(unit.helper(read_table_rows), build.name("run"), build.name(unit.constant(source, "table")))
+        codegen = self.builder.codegen
+        build = codegen.build_at(source.span)
+        return build.call(
+            codegen.helper(read_table_rows), build.name("run"), build.name(codegen.constant(source, "table"))
+        )
 
     def _list_columns_read(self, source: int, columns: tuple[str, ...]) -> tuple[str, ...]:
         read: set[str] = set()
-        for node in chain.from_iterable(map(walk, self.builder.unit.analysis.roots)):
+        for node in chain.from_iterable(map(walk, self.builder.codegen.analysis.roots)):
             if isinstance(node, plan.Eval) or (isinstance(node, plan.Element) and node.source == source):
                 return columns
             if isinstance(node, plan.Column) and node.source == source:
@@ -346,7 +350,7 @@ class SourceLoops:
         if self.query.search is None or not source.element.only(Kind.DICT):
             return ()
         read: dict[str, None] = {}
-        for node in chain.from_iterable(map(walk, self.builder.unit.analysis.roots)):
+        for node in chain.from_iterable(map(walk, self.builder.codegen.analysis.roots)):
             if isinstance(node, plan.Eval) or (isinstance(node, plan.Element) and node.source == source.id):
                 return ()
             if isinstance(node, plan.Column) and node.source == source.id:
@@ -357,9 +361,9 @@ class SourceLoops:
 
     def _look_up_source(self, source: plan.Source, items: ast.expr, body: PythonScope) -> ast.expr:
         """The elements that the source's lookup finds; its index lives as long as the elements do."""
-        unit, conditions = self.builder.unit, self.lookups[source.id]
-        build = unit.build_at(conditions[0].key.span)
-        columns = unit.tuples.get(source.id)
+        codegen, conditions = self.builder.codegen, self.lookups[source.id]
+        build = codegen.build_at(conditions[0].key.span)
+        columns = codegen.tuples.get(source.id)
         names = [one.key.name for one in conditions if isinstance(one.key, plan.Column)]
         of_element = not names and len(conditions) == 1 and columns is None
         facts = self.builder.get_source_facts(source)
@@ -368,51 +372,51 @@ class SourceLoops:
                 source, body.kept(facts, self._write_key_index(source, items), build, "index"), body
             )
         if of_element:
-            index = build.call(unit.helper(index_elements), items)
+            index = build.call(codegen.helper(index_elements), items)
         elif columns is not None and self.has_row_index(source):
             index = self._write_row_index(source, items, names, columns, build)
         elif columns is None:
-            index = build.call(unit.helper(index_columns), items, *map(build.constant, names))
+            index = build.call(codegen.helper(index_columns), items, *map(build.constant, names))
         else:
             places = (build.constant(columns.index(name)) for name in names)
-            index = build.call(unit.helper(index_tuples), items, *places)
+            index = build.call(codegen.helper(index_tuples), items, *places)
         kept = body.kept(facts, index, build, "index")
-        build = unit.build_at(conditions[0].other.span)
+        build = codegen.build_at(conditions[0].other.span)
         values = [write_expression(self.builder, one.other, body) for one in conditions]
         if all(one.other.type.only(SCALAR_KINDS) for one in conditions):
             key = values[0] if len(values) == 1 else build.pack(*values)
             return build.call(build.part(kept, "get"), key, build.pack())
-        return build.call(unit.helper(look_up if len(conditions) == 1 else look_up_several), kept, *values)
+        return build.call(codegen.helper(look_up if len(conditions) == 1 else look_up_several), kept, *values)
 
     def _write_key_index(self, source: plan.Source, items: ast.expr) -> ast.expr:
         """The index by keys that a function of its own computes."""
-        unit, conditions = self.builder.unit, self.lookups[source.id]
-        build = unit.build_at(conditions[0].key.span)
-        name, before = unit.local(source.name), unit.names.get(source.id)
-        key_of = PythonScope(unit, unit.local("key_of"), [name], unit.root)
+        codegen, conditions = self.builder.codegen, self.lookups[source.id]
+        build = codegen.build_at(conditions[0].key.span)
+        name, before = codegen.local(source.name), codegen.names.get(source.id)
+        key_of = PythonScope(codegen, codegen.local("key_of"), [name], codegen.root)
         key_of.levels[source.id] = 0
         keys = [one.key for one in conditions]
         key_of.count(keys)
-        unit.names[source.id] = name
+        codegen.names[source.id] = name
         key_of.add(build.back(build.array(*(write_expression(self.builder, key, key_of) for key in keys))))
         key_of.define()
         if before is not None:
-            unit.names[source.id] = before
-        return build.call(unit.helper(index_computed_keys), items, build.name(key_of.name))
+            codegen.names[source.id] = before
+        return build.call(codegen.helper(index_computed_keys), items, build.name(key_of.name))
 
     def _write_key_lookup(self, source: plan.Source, index: ast.expr, body: PythonScope) -> ast.expr:
         """What the index finds, or all rows where what the keys must equal cannot be computed."""
-        unit, conditions = self.builder.unit, self.lookups[source.id]
-        build = unit.build_at(conditions[0].other.span)
+        codegen, conditions = self.builder.codegen, self.lookups[source.id]
+        build = codegen.build_at(conditions[0].other.span)
         sure = all(one.sure for one in conditions)
         with nullcontext() if sure else body.write_skippable():
             values = [write_expression(self.builder, one.other, body) for one in conditions]
         if sure:
             return build.call(build.part(index, "found"), *values)
         index = body.variable(index, build, "index")
-        found = unit.local("found")
+        found = codegen.local("found")
         body.locals.append(found)
-        unit.helper(Stopped)
+        codegen.helper(Stopped)
         attempt = build.assign(found, build.call(build.part(index, "found"), *values))
         body.add(build.try_unless_stopped(attempt, build.assign(found, build.part(index, "rows"))))
         return build.name(found)
@@ -422,19 +426,19 @@ class SourceLoops:
     ) -> ast.expr:
         places, wanted = [build.constant(columns.index(name)) for name in names], self.wanted.get(source.id)
         if wanted is None:
-            return build.call(self.builder.unit.helper(index_plain_rows), items, *places)
+            return build.call(self.builder.codegen.helper(index_plain_rows), items, *places)
         value = build.constant(columns.index(wanted))
         kinds = dict(source.columns or ())
         integers = all(kinds[name].only(Kind.INT) for name in (wanted, *names))
         if isinstance(source, plan.TableSource) and len(names) == 1 and integers:
-            unit = self.builder.unit
-            table = build.name(unit.constant(source, "table"))
-            return build.call(unit.helper(index_integers), build.name("run"), table, value, *places)
-        return build.call(self.builder.unit.helper(index_single_column), items, value, *places)
+            codegen = self.builder.codegen
+            table = build.name(codegen.constant(source, "table"))
+            return build.call(codegen.helper(index_integers), build.name("run"), table, value, *places)
+        return build.call(self.builder.codegen.helper(index_single_column), items, value, *places)
 
     def _kept(self, source: plan.Source, body: PythonScope, items: ast.expr) -> ast.expr:
         facts = self.builder.get_source_facts(source)
-        return body.kept(facts, items, self.builder.unit.build_at(source.span), "read") if facts.steady else items
+        return body.kept(facts, items, self.builder.codegen.build_at(source.span), "read") if facts.steady else items
 
 
 def yields_rows(query: plan.Query) -> bool:

@@ -105,12 +105,12 @@ class StepClauses:
         made: plan.Expr | None,
     ) -> None:
         assert query.search is not None
-        self.builder, self.unit = builder, builder.unit
+        self.builder, self.codegen = builder, builder.codegen
         self.query, self.search = query, query.search
         self.body = self.inner = body
         self.loops, self.owner = loops, loops.owner
         self.form, self.made, self.shapes = form, made, form.shapes
-        self.build = self.unit.build_at(query.span)
+        self.build = self.codegen.build_at(query.span)
         self.outputs = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
         clauses = [self.search.stop, query.where, self.search.weight, self.search.heuristic]
         self.clauses = [clause for clause in clauses if clause is not None]
@@ -123,8 +123,8 @@ class StepClauses:
         self.key_is_named = self.search.repeats != "allowed" and self.search.by != "row"  # by BY, after all else
         self.edges = self.search.repeats == "memorize"
         self.totals = self.search.repeats == "unique" and self.search.weight is not None
-        self.steady = all(self.unit.analysis.of(expr).steady for expr in self.keeps_everything)
-        self.frozen_states = name_frozen_variables(self.unit, query, self.shapes)
+        self.steady = all(self.codegen.analysis.of(expr).steady for expr in self.keeps_everything)
+        self.frozen_states = name_frozen_variables(self.codegen, query, self.shapes)
         body.states = {(query.id, name) for name in self.shapes}
         conditions = [] if made is None else [made]
         siblings = [key.expr for key in self.search.siblings]
@@ -228,7 +228,7 @@ class StepClauses:
             row = self.row or [self._frozen(expr, shape) for expr, shape in pairs]
             self.inner.add(build.run(build.call(leave, build.constant(word), build.pack(*row))))
 
-        facts = [self.unit.analysis.of(expr) for expr in self.outputs]
+        facts = [self.codegen.analysis.of(expr) for expr in self.outputs]
         if self.row or (not self.query.aggregated and all(one.steady and one.total for one in facts)):
             return self._collect_statements(write)
         return [build.run(build.call(leave, build.constant(word), build.constant(None)))]
@@ -251,8 +251,8 @@ class StepClauses:
 
     def _last(self) -> ast.expr:
         """The elements of the step and the state before it."""
-        names = [self.unit.names[source.id] for source in self.query.sources]
-        names += [self.unit.states[self.query.id, name] for name in self.shapes]
+        names = [self.codegen.names[source.id] for source in self.query.sources]
+        names += [self.codegen.states[self.query.id, name] for name in self.shapes]
         return self.build.pack(*map(self.build.name, names))
 
     def _value(self, expr: plan.Expr) -> ast.expr:
@@ -266,14 +266,14 @@ class StepClauses:
             return "scalar"
         if isinstance(expr, plan.State) and expr.query == self.query.id:
             return self.shapes[expr.name]
-        if self.single is not None and self.single.key == self.unit.analysis.of(expr).key:
+        if self.single is not None and self.single.key == self.codegen.analysis.of(expr).key:
             return self.single.shape
         return "flat" if frozen_values.is_flat_list(expr.type) else "any"
 
     def _frozen(self, expr: plan.Expr, shape: Shape) -> ast.expr:
         """The name of the frozen value of a column."""
-        unit, inner = self.unit, self.inner
-        build, facts = unit.build_at(expr.span), unit.analysis.of(expr)
+        codegen, inner = self.codegen, self.inner
+        build, facts = codegen.build_at(expr.span), codegen.analysis.of(expr)
         if isinstance(expr, plan.State) and expr.query == self.query.id and not inner.has_state_changed(facts):
             return build.name(self.frozen_states[expr.name])
         value = self._value(expr)
@@ -288,7 +288,7 @@ class StepClauses:
 
     def _freeze(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
         """The frozen value of a column."""
-        build, freezer = self.unit.build_at(expr.span), self.unit.helper(frozen_values.FREEZERS[shape])
+        build, freezer = self.codegen.build_at(expr.span), self.codegen.helper(frozen_values.FREEZERS[shape])
         return build.call("tuple" if frozen_values.is_flat_list(expr.type) else freezer, value)
 
     def _pack_row(self) -> None:
@@ -298,10 +298,10 @@ class StepClauses:
         """SELECT, before all else, and whether its row is closed."""
         build, single = self.build, None
         for expr, shape in zip(self.outputs, self.columns, strict=True):
-            if self.single is not None and single is None and self.single.key == self.unit.analysis.of(expr).key:
+            if self.single is not None and single is None and self.single.key == self.codegen.analysis.of(expr).key:
                 single = len(self.row)
                 self.single.write(self)
-                self.row.append(build.name(self.unit.local("frozen")))
+                self.row.append(build.name(self.codegen.local("frozen")))
             else:
                 self.row.append(self._frozen(expr, shape))
         alone = len(self.row) == 1
@@ -332,21 +332,23 @@ class StepClauses:
             return build.compare(self.key, ast.In(), build.name("closed"))
         known = build.bind("known", build.call(build.part(build.name("closed"), "get"), self.key))
         if self.search.heuristic is None:
-            self.unit.namespace["TAKEN"] = TAKEN
+            self.codegen.namespace["TAKEN"] = TAKEN
             return build.compare(known, ast.Is(), build.name("TAKEN"))
         worse = build.compare(build.name("known"), ast.LtE(), build.name("total"))
         return build.join_conditions(ast.And(), [build.compare(known, ast.IsNot(), build.constant(None)), worse])
 
     def _check(self, place: int) -> None:
         """Whether the row is closed whose value at this place has not been checked."""
-        unit, single, alone, key = self.unit, self.single, len(self.row) == 1, self.row[place]
+        codegen, single, alone, key = self.codegen, self.single, len(self.row) == 1, self.row[place]
         assert single is not None
-        build = unit.build_at(single.node.place)  # where a value is refused
+        build = codegen.build_at(single.node.place)  # where a value is refused
         assert isinstance(key, ast.Name)
         value = build.name(single.value)
         made = build.call("tuple", value)
         if single.shape == "nested":
-            copies = build.call("map", build.name(unit.constant(list.copy, "copy")), value)  # fails for what is no list
+            copies = build.call(
+                "map", build.name(codegen.constant(list.copy, "copy")), value
+            )  # fails for what is no list
             made = build.call("tuple", build.call("map", build.name("tuple"), copies))
         row = [build.bind(key.id, made) if at == place else part for at, part in enumerate(self.row)]
         self._add(
@@ -359,9 +361,9 @@ class StepClauses:
             IS_CLOSED=self._test_closed(),
             LEAVE=self._write_edge() if self.edges else self._prune(),
             GIVER=build.constant(single.node.function.name),
-            FREEZER=build.name(unit.helper(frozen_values.FREEZERS[single.shape])),
-            settled=build.name(unit.helper(frozen_values.settled)),
-            dumps=build.name(unit.helper(dumps)),
+            FREEZER=build.name(codegen.helper(frozen_values.FREEZERS[single.shape])),
+            settled=build.name(codegen.helper(frozen_values.settled)),
+            dumps=build.name(codegen.helper(dumps)),
         )
 
     def _write_edge(self) -> list[ast.stmt]:
@@ -394,21 +396,23 @@ class StepClauses:
         if self.form.watched and stop is not None:
             leave[:0] = self._told("stopped")
         if stop is not None and where is None:
-            build = self.unit.build_at(stop.span)
-            facts = self.unit.analysis.of(stop)
+            build = self.codegen.build_at(stop.span)
+            facts = self.codegen.analysis.of(stop)
             inner.write_with_later_check(facts, lambda: build.assign("stop", self._value(stop)), build)
             inner.add(build.when(build.name("stop"), *leave))
             return
         for name, clause in (("stop", stop), ("goal", where)):
             if clause is not None:
                 write = partial(self._assign_truth, name, clause)
-                inner.write_with_later_check(self.unit.analysis.of(clause), write, self.unit.build_at(clause.span))
+                inner.write_with_later_check(
+                    self.codegen.analysis.of(clause), write, self.codegen.build_at(clause.span)
+                )
         if stop is not None:
             traceless = build.join_conditions(ast.And(), [build.name("stop"), build.negate(build.name("goal"))])
             inner.add(build.when(traceless, *leave))
 
     def _assign_truth(self, name: str, clause: plan.Expr) -> ast.stmt:
-        build = self.unit.build_at(clause.span)
+        build = self.codegen.build_at(clause.span)
         value = self._value(clause)
         return build.assign(name, value if clause.type.only(Kind.BOOL) else build.truth(value))
 
@@ -430,16 +434,16 @@ class StepClauses:
             inner.add(build.if_not(build.name("weight"), *self._told("stopped"), build.continue_loop()))
 
     def _number(self, expr: plan.Expr, check: Callable[[Any], Any]) -> ast.expr:
-        build = self.unit.build_at(expr.span)
+        build = self.codegen.build_at(expr.span)
         value = self._value(expr)
-        return value if option_values.is_proven(expr.type, check) else build.call(self.unit.helper(check), value)
+        return value if option_values.is_proven(expr.type, check) else build.call(self.codegen.helper(check), value)
 
     def _weighs_early(self) -> bool:
         """Whether the weight is evaluated before STOP WITH and WHERE: STOP WITH guards a COST that may fail."""
         weight = self.search.weight
         assert weight is not None
         check = option_values.check_probability if self.search.order == "probability" else option_values.check_cost
-        return self.steady and self.unit.analysis.of(weight).total and option_values.is_proven(weight.type, check)
+        return self.steady and self.codegen.analysis.of(weight).total and option_values.is_proven(weight.type, check)
 
     def _write_total(self) -> None:
         build = self.build
@@ -460,16 +464,16 @@ class StepClauses:
 
     def _go_on(self) -> None:
         """CONNECT BY in its order."""
-        inner, unit, number = self.inner, self.unit, self.query.id
+        inner, codegen, number = self.inner, self.codegen, self.query.id
         for name, expr in self.search.connect:
-            build = unit.build_at(expr.span)
-            if not inner.has_state_changed(unit.analysis.of(expr)):
+            build = codegen.build_at(expr.span)
+            if not inner.has_state_changed(codegen.analysis.of(expr)):
                 self.reads_state_before.add(name)
             inner.moved[number, name] = inner.assigned(self._value(expr), build, f"next_{name}")
 
     def _build_next_state(self) -> ast.expr:
         """The frozen state to go on from; what is a column is frozen already."""
-        build, analysis = self.build, self.unit.analysis
+        build, analysis = self.build, self.codegen.analysis
         columns = {
             (analysis.of(expr).key, shape): value
             for expr, shape, value in zip(self.outputs, self.columns, self.row, strict=True)
@@ -485,7 +489,7 @@ class StepClauses:
             elif shape == "scalar":
                 values.append(build.name(moved))
             else:
-                made = build.call(self.unit.helper(frozen_values.FREEZERS[shape]), build.name(moved))
+                made = build.call(self.codegen.helper(frozen_values.FREEZERS[shape]), build.name(moved))
                 values.append(made if column is None else column)
         if self.search.first is not None:  # it is no start
             values.append(build.constant(False))
@@ -500,10 +504,10 @@ def choose_state_shapes(search: plan.Search) -> dict[str, Shape]:
     return {name: _choose_state_shape(types.get(name, expr.type), expr) for name, expr in search.start}
 
 
-def name_frozen_variables(unit: CodegenContext, query: plan.Query, shapes: Mapping[str, Shape]) -> dict[str, str]:
+def name_frozen_variables(codegen: CodegenContext, query: plan.Query, shapes: Mapping[str, Shape]) -> dict[str, str]:
     """The names of the frozen variables; numbers and strings are their own frozen values."""
     return {
-        name: unit.states[query.id, name] if shape == "scalar" else unit.local(f"{name}_frozen")
+        name: codegen.states[query.id, name] if shape == "scalar" else codegen.local(f"{name}_frozen")
         for name, shape in shapes.items()
     }
 

@@ -161,7 +161,7 @@ class StepFunction(StepClauses):
         more = ["choose"] if query.search.repeats == "memorize" or form.noted else ["drop"] if form.complete else []
         if query.search.repeats == "unique" and query.search.weight is not None:
             more = ["best", "total"]
-        body = PythonScope(builder.unit, builder.unit.local("expand"), ["state", "closed", *more], loops.owner)
+        body = PythonScope(builder.codegen, builder.codegen.local("expand"), ["state", "closed", *more], loops.owner)
         super().__init__(builder, query, body, loops, form, made)
         self.resumed = self.search.order == "depth first" and not self.edges  # the loop is left, and entered again
         placed: dict[int, list[plan.Expr]] = {}
@@ -189,11 +189,11 @@ class StepFunction(StepClauses):
     def write_function(self) -> str:
         """Writes the function and gives its name."""
         for name in ("generated", "expanded", "pruned"):
-            self.unit.name_counter(name, self.body)
-        meter = self.build.call(self.unit.helper(make_step_meter), self.build.name("run"))
+            self.codegen.name_counter(name, self.body)
+        meter = self.build.call(self.codegen.helper(make_step_meter), self.build.name("run"))
         words = {
-            "meter": self.build.name(self.unit.bind("meter", "meter", meter, self.build)),
-            "due": self.build.name(self.unit.name_counter("due_step", self.body)),
+            "meter": self.build.name(self.codegen.bind("meter", "meter", meter, self.build)),
+            "due": self.build.name(self.codegen.name_counter("due_step", self.body)),
         }
         code = self._write(LOOK, words, self.has_list_elements)
         begin = [] if self.single is None else self.single.begin
@@ -207,9 +207,9 @@ class StepFunction(StepClauses):
         """Writes the loop of a search with the step function inlined; gives its name, None if it cannot be inlined."""
         if not has_source_code(loop) or self.search.first is not None or (self.resumed and not self.has_list_elements):
             return None
-        build, unit, run = self.build, self.unit, self.build.name("run")
-        meter = unit.bind("meter of steps", "meter", build.call(unit.helper(make_countdown_meter), run), build)
-        hand_on = unit.bind("hand_on of steps", "hand_on", build.call(unit.helper(make_count_report), run), build)
+        build, codegen, run = self.build, self.codegen, self.build.name("run")
+        meter = codegen.bind("meter of steps", "meter", build.call(codegen.helper(make_countdown_meter), run), build)
+        hand_on = codegen.bind("hand_on of steps", "hand_on", build.call(codegen.helper(make_count_report), run), build)
         self.body.blocks[0][:] = self._write(
             LOOK_INLINED, {"meter": build.name(meter)}, self.has_list_elements and not self.resumed
         )
@@ -231,11 +231,11 @@ class StepFunction(StepClauses):
         begin += [] if self.single is None else self.single.begin
         counted = (build.name(word) for word in ("generated", "expanded", "pruned"))
         end = build.run(build.call(hand_on, *counted))
-        name = unit.local("search")
+        name = codegen.local("search")
         self.owner.add(inline_steps(loop, function, list(self.frozen_states.values()), known, name, begin, end, build))
         for helper in HELPERS:
-            unit.helper(helper)
-        unit.namespace |= {"START": START, "TAKEN": TAKEN}
+            codegen.helper(helper)
+        codegen.namespace |= {"START": START, "TAKEN": TAKEN}
         return name
 
     def _write(self, look: str, words: dict[str, ast.expr], together: bool) -> list[ast.stmt]:
@@ -243,7 +243,7 @@ class StepFunction(StepClauses):
 
         `together`: the elements of a state are counted together when it is expanded.
         """
-        build, unit, body = self.build, self.unit, self.body
+        build, codegen, body = self.build, self.codegen, self.body
         watch = write_template(look, build, words)
         if not together:
             self.inner.add(*write_template(COUNT, build, {"LOOK": watch}))
@@ -254,15 +254,15 @@ class StepFunction(StepClauses):
         self.loop.iter = build.name("turns")
         if together and (self.edges or self.form.noted):
             items = self._choose_items(items)
-        unit.helper(Parts)
+        codegen.helper(Parts)
         single = self.single
         for_state = [] if single is None else single.state_statements
         used = list_names_read([*before, *for_state, items, self.loop])
         thawed = []
         for name, shape in self.shapes.items():
-            value = unit.states[self.query.id, name]
+            value = codegen.states[self.query.id, name]
             if shape != "scalar" and value in used:
-                made = build.call(unit.helper(frozen_values.THAWERS[shape]), build.name(self.frozen_states[name]))
+                made = build.call(codegen.helper(frozen_values.THAWERS[shape]), build.name(self.frozen_states[name]))
                 thawed.append(build.assign(value, made))
         end: list[ast.stmt] = [ast.Pass(**build.at)] if single is None else single.end
         around: dict[str, ast.expr | list[ast.stmt]] = {
@@ -307,14 +307,14 @@ class StepFunction(StepClauses):
 
     def _write_element_generator(self, placed: Mapping[int, Sequence[plan.Expr]], guarded: int | None) -> None:
         """Loops over all sources in a generator of its own, for ORDER SIBLINGS BY."""
-        unit, build, outer, siblings = self.unit, self.build, self.owner, self.search.siblings
+        codegen, build, outer, siblings = self.codegen, self.build, self.owner, self.search.siblings
         states = sorted(self.body.states)
-        generator = PythonScope(unit, unit.local("elements"), [unit.states[state] for state in states], outer)
+        generator = PythonScope(codegen, codegen.local("elements"), [codegen.states[state] for state in states], outer)
         generator.states = self.body.states
         generator.count([*list_source_expressions(self.query), *(key.expr for key in siblings)])
         innermost = self.loops.open(generator, placed, guarded)
-        names = [unit.names[source.id] for source in self.query.sources]
-        for known in () if self.form.noted else (self.loops.frozen, unit.keys):
+        names = [codegen.names[source.id] for source in self.query.sources]
+        for known in () if self.form.noted else (self.loops.frozen, codegen.keys):
             names += [known[source.id] for source in self.query.sources if source.id in known]
         given = build.pack(*map(build.name, names)) if len(names) > 1 else build.name(*names)
         if siblings:
@@ -325,8 +325,8 @@ class StepFunction(StepClauses):
         innermost.define()
         items = build.call(generator.name, *map(build.name, generator.parameters))
         if siblings:
-            descending = build.name(unit.constant(tuple(key.descending for key in siblings), "descending"))
-            items = build.call(unit.helper(sort_siblings), items, descending)
+            descending = build.name(codegen.constant(tuple(key.descending for key in siblings), "descending"))
+            items = build.call(codegen.helper(sort_siblings), items, descending)
         self.body.loop(names, items, build)
         self.body.levels.update((source.id, 1) for source in self.query.sources)
 
@@ -338,21 +338,21 @@ class StepFunction(StepClauses):
         """
         stop = self.search.stop.parts if isinstance(self.search.stop, plan.Or) else (self.search.stop,)
         where = self.query.where.parts if isinstance(self.query.where, plan.And) else (self.query.where,)
-        rows = [self.unit.analysis.of(expr) for expr in self.outputs] if self.compares else []
+        rows = [self.codegen.analysis.of(expr) for expr in self.outputs] if self.compares else []
         told = self.edges or self.form.noted or self.form.complete or self.form.watched
         if told or not all(facts.steady and facts.total for facts in rows):
             return
         for part, other in zip(stop, where if self.query.where else stop, strict=False):
-            dropped = [] if part is None else find_lookups(part, self.unit.analysis, "ne")
+            dropped = [] if part is None else find_lookups(part, self.codegen.analysis, "ne")
             if self.query.where and other is not None:
-                kept = find_lookups(other, self.unit.analysis)
+                kept = find_lookups(other, self.codegen.analysis)
                 dropped = [one for one in dropped if any(self._reads_same(one, same) for same in kept)]
             if not any(map(self.loops.plan_lookup, dropped)):
                 return
 
     def _reads_same(self, one: Lookup, other: Lookup) -> bool:
         pairs = ((one.key, other.key), (one.other, other.other))
-        keys = [(self.unit.analysis.of(a).key, self.unit.analysis.of(b).key) for a, b in pairs]
+        keys = [(self.codegen.analysis.of(a).key, self.codegen.analysis.of(b).key) for a, b in pairs]
         return all(a is not None and a == b for a, b in keys)
 
     def _attach_frozen(self) -> None:
@@ -360,7 +360,7 @@ class StepFunction(StepClauses):
         single = None if self.single is None else self.single.key
         shown = {expr.source for expr in self.outputs if isinstance(expr, plan.Element)}
         calls = (node for expr in self.keeps_everything for node in walk(expr) if is_memoized_call(node))
-        others = any(self.unit.analysis.of(call).key != single for call in calls)
+        others = any(self.codegen.analysis.of(call).key != single for call in calls)
         keyed = find_keyed_sources(self.keeps_everything) if others else set()
         for source in self.query.sources:
             freezes = source.id in shown and not self.loops.has_scalar_elements(source)

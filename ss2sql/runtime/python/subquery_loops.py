@@ -46,7 +46,7 @@ def open_inner_loops(
     builder: QueryCompiler, source: plan.QuerySource, read: tuple[str, ...], body: PythonScope
 ) -> PythonScope:
     """Opens the loops of a query in FROM; its element is a tuple of the columns that are `read`."""
-    unit, query = builder.unit, source.query
+    codegen, query = builder.codegen, source.query
     loops = SourceLoops(builder, query, body, inside=True)
     outputs = {output.name: output.expr for output in query.columns if output.name in read}
     where = () if query.where is None else (query.where,)
@@ -57,19 +57,19 @@ def open_inner_loops(
     wanted = _find_only_column(inner, [*chain.from_iterable(conditions.values()), *outputs.values()])
     if wanted is not None and loops.has_row_index(inner):
         loops.wanted[inner.id] = wanted
-        unit.single_column_queries.add(inner.id)
+        codegen.single_column_queries.add(inner.id)
     body = loops.open(body, conditions, guarded)
-    if inner.id in unit.single_column_queries and all(isinstance(expr, plan.Column) for expr in outputs.values()):
-        unit.single_column_queries.add(source.id)
-        unit.names[source.id], unit.tuples[source.id] = unit.names[inner.id], tuple(outputs)
+    if inner.id in codegen.single_column_queries and all(isinstance(expr, plan.Column) for expr in outputs.values()):
+        codegen.single_column_queries.add(source.id)
+        codegen.names[source.id], codegen.tuples[source.id] = codegen.names[inner.id], tuple(outputs)
         return body
-    row = None if inner.id in unit.single_column_queries else _find_row_tuple(builder, outputs)
+    row = None if inner.id in codegen.single_column_queries else _find_row_tuple(builder, outputs)
     if row is not None:
-        unit.names[source.id], unit.tuples[source.id] = row
+        codegen.names[source.id], codegen.tuples[source.id] = row
         return body
-    build = unit.build_at(source.span)
-    unit.tuples[source.id] = tuple(outputs)
-    name = unit.names[source.id] = unit.local(source.name)
+    build = codegen.build_at(source.span)
+    codegen.tuples[source.id] = tuple(outputs)
+    name = codegen.names[source.id] = codegen.local(source.name)
     body.add(build.assign(name, build.pack(*(write_expression(builder, expr, body) for expr in outputs.values()))))
     body.locals.append(name)
     return body
@@ -86,14 +86,14 @@ def _find_only_column(source: plan.Source, read: Sequence[plan.Expr]) -> str | N
 
 def _find_row_tuple(builder: QueryCompiler, outputs: dict[str, plan.Expr]) -> tuple[str, tuple[str, ...]] | None:
     """The name of a tuple that holds all outputs, and what its columns are called then ("": none of the outputs)."""
-    unit, sources, names = builder.unit, set[int](), dict[str, str]()
+    codegen, sources, names = builder.codegen, set[int](), dict[str, str]()
     for name, output in outputs.items():
         if not isinstance(output, plan.Column) or output.name in names:
             return None
         sources.add(output.source)
         names[output.name] = name
     source = sources.pop() if len(sources) == 1 else None
-    columns = unit.tuples.get(source) if source is not None else None
+    columns = codegen.tuples.get(source) if source is not None else None
     if source is None or columns is None:
         return None
-    return unit.names[source], tuple(names.get(column, "") for column in columns)
+    return codegen.names[source], tuple(names.get(column, "") for column in columns)

@@ -64,44 +64,44 @@ def write_world_items(
     """The keys that a source walks, or its rows."""
     from ss2sql.runtime.python.python_expressions import write_expression
 
-    unit, build = builder.unit, builder.unit.build_at(source.span)
+    codegen, build = builder.codegen, builder.codegen.build_at(source.span)
     table: AttachedTable = source.table
     if table.schema.keyed is None:
-        unit.tuples[source.id] = tuple(name for name, _ in source.columns)
+        codegen.tuples[source.id] = tuple(name for name, _ in source.columns)
     else:
-        unit.worlds[source.id] = table
-    reading = build.name(_bind_reading(unit, table, build))
+        codegen.worlds[source.id] = table
+    reading = build.name(_bind_reading(codegen, table, build))
     if table.schema.parameters:
         arguments = [write_expression(builder, argument, body) for argument in source.arguments]
-        return build.call(unit.helper(list_rows), reading, *arguments)
+        return build.call(codegen.helper(list_rows), reading, *arguments)
     asked = tuple((demand.column, demand.operator) for demand in demands)
     values = [write_expression(builder, demand.value, body) for demand in demands]
-    return build.call(unit.helper(list_keys), reading, build.name(unit.constant(asked, "demands")), *values)
+    return build.call(codegen.helper(list_keys), reading, build.name(codegen.constant(asked, "demands")), *values)
 
 
-def bind_column_reader(unit: CodegenContext, source: int, name: str, build: AstBuilder) -> str:
+def bind_column_reader(codegen: CodegenContext, source: int, name: str, build: AstBuilder) -> str:
     """A name for the function from a key to a column."""
-    table = unit.worlds[source]
+    table = codegen.worlds[source]
     value = build.call(
-        unit.helper(get_column_reader), build.name(_bind_reading(unit, table, build)), build.constant(name)
+        codegen.helper(get_column_reader), build.name(_bind_reading(codegen, table, build)), build.constant(name)
     )
-    return unit.bind(("column", id(table), name), f"read_{name}", value, build)
+    return codegen.bind(("column", id(table), name), f"read_{name}", value, build)
 
 
-def bind_element_reader(unit: CodegenContext, source: int, build: AstBuilder) -> str:
+def bind_element_reader(codegen: CodegenContext, source: int, build: AstBuilder) -> str:
     """A name for the function from a key to the element."""
-    table = unit.worlds[source]
-    value = build.call(unit.helper(get_element_reader), build.name(_bind_reading(unit, table, build)))
-    return unit.bind(("element", id(table)), "element", value, build)
+    table = codegen.worlds[source]
+    value = build.call(codegen.helper(get_element_reader), build.name(_bind_reading(codegen, table, build)))
+    return codegen.bind(("element", id(table)), "element", value, build)
 
 
-def _bind_reading(unit: CodegenContext, table: AttachedTable, build: AstBuilder) -> str:
-    snapshot = build.name(unit.constant(plan_snapshot(unit.analysis.roots), "snapshot"))
-    value = build.call(unit.helper(get_readings), build.name("run"), snapshot)
-    readings = unit.bind("readings", "readings", value, build)
-    known = (table.table, find_first_place(table, unit.analysis.roots))
-    value = build.call(unit.helper(get_reading), build.name(readings), build.name(unit.constant(known, "table")))
-    return unit.bind(("reading", id(table)), "reading", value, build)
+def _bind_reading(codegen: CodegenContext, table: AttachedTable, build: AstBuilder) -> str:
+    snapshot = build.name(codegen.constant(plan_snapshot(codegen.analysis.roots), "snapshot"))
+    value = build.call(codegen.helper(get_readings), build.name("run"), snapshot)
+    readings = codegen.bind("readings", "readings", value, build)
+    known = (table.table, find_first_place(table, codegen.analysis.roots))
+    value = build.call(codegen.helper(get_reading), build.name(readings), build.name(codegen.constant(known, "table")))
+    return codegen.bind(("reading", id(table)), "reading", value, build)
 
 
 # --- what the code calls -------------------------------------------------------------------------------
