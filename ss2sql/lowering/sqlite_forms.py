@@ -1,4 +1,4 @@
-"""The forms of operations as SQL: texts of language/operations, parsed once, with the operands in their places.
+"""The forms of operations in SQLite, and what they are checked by.
 
     Form("{0} + {1}", check=SIZE)          CASE WHEN a + b BETWEEN -4611686018427387904 AND 4611686018427387904
                                            THEN a + b ELSE "add"(a, b, '1:8') END
@@ -13,12 +13,11 @@ once is written more than once, so it has to be short; see `may_repeat`.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from sqlglot import exp
-from sqlglot.dialects.sqlite import SQLite
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
@@ -26,6 +25,7 @@ from ss2sql.language.operations import GROUPS, OPERATIONS, Check, Form
 from ss2sql.language.operations.operation import sql_class
 from ss2sql.language.plan_traversal import is_volatile, list_choices
 from ss2sql.lowering import sql_builder
+from ss2sql.lowering.operation_forms import fill_operands
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS
 from ss2sql.lowering.storage_class import can_repeat
@@ -36,94 +36,6 @@ if TYPE_CHECKING:
 MAX_SAFE_INTEGER = 2**62  # an operation on integers that leaves 64 bits gives a float beyond
 MAX_SAFE_FLOAT = 1e308
 MAX_CHECKED_NODES = 60  # of an expression that is written twice: the distance of two points takes 45
-_ALL, _REVERSED, _VALUE = "all_arguments", "all_reversed", "the_value"
-
-
-def _build_parser(*known: str) -> Any:
-    """A parser to which a call stays what is written, but for these functions."""
-    base: Any = SQLite.Parser
-    syntax = {name: base.FUNCTION_PARSERS[name] for name in ("CAST", "CHAR")}
-    functions = {name: base.FUNCTIONS[name] for name in known}
-    return type(base)("Parser", (base,), {"FUNCTIONS": functions, "FUNCTION_PARSERS": syntax})
-
-
-_PARSER = _build_parser()
-_OF_GROUPS = _build_parser("COUNT", "MIN", "MAX")  # sqlglot has to know that they are aggregates
-
-
-@cache
-def parse_sql(text: str, parser: Any = _PARSER) -> Node:
-    """The tree of a text, with columns `argument_0` in the places of the arguments. Read it, and copy what you take."""
-    named = re.sub(r"\{(\d)\}", r"argument_\1", text)
-    for place, name in (("{*}", _ALL), ("{reversed}", _REVERSED), ("{value}", _VALUE)):
-        named = named.replace(place, name)
-    node: Node = parser(dialect="sqlite").parse(SQLite().tokenize(named), named)[0]
-    return node
-
-
-def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None) -> Node:
-    """A text with the operands in their places, and with the parentheses that these need."""
-    known: dict[str, Node] = {f"argument_{index}": operand for index, operand in enumerate(operands)}
-    if value is not None:
-        known[_VALUE] = value
-    return _fill_node(parse_sql(text), known, operands)
-
-
-def _fill_node(node: Node, known: Mapping[str, Node], operands: Sequence[Node]) -> Node:
-    def inner(part: Node) -> Node:
-        return _fill_node(part, known, operands)
-
-    match node:
-        case exp.Column():
-            return known[node.name].copy()
-        case exp.Paren():
-            return inner(node.this)
-        case exp.And():
-            joined = sql_builder.conjunction([inner(part) for part in node.flatten()])
-            assert joined is not None
-            return joined
-        case exp.Binary():
-            made = sql_builder.binary(type(node), inner(node.this), inner(node.expression))
-            made.set("typed", True if isinstance(node, exp.Div) else None)  # sqlglot adds no cast of its own
-            return made
-        case exp.Not() | exp.Neg():
-            return type(node)(this=sql_builder.wrap_operand(inner(node.this)))
-        case exp.Between():
-            low, high = inner(node.args["low"]), inner(node.args["high"])
-            return exp.Between(this=sql_builder.wrap_operand(inner(node.this)), low=low, high=high)
-        case exp.Cast():
-            return _cast_node(inner(node.this), node.to)
-        case exp.Anonymous():
-            return _fill_call(node, known, operands)
-        case exp.AggFunc():
-            return type(node)(this=inner(node.this))
-        case exp.Distinct():
-            return exp.Distinct(expressions=[inner(part) for part in node.expressions])
-        case exp.Chr():
-            return sql_builder.call("char", *map(inner, node.expressions))
-        case exp.Literal() | exp.Null():
-            return node.copy()
-        case _:
-            raise AssertionError(f"forms do not have {type(node).__name__}")
-
-
-def _cast_node(node: Node, kind: exp.DataType) -> Node:
-    if kind.sql("sqlite") == "REAL" and isinstance(node, exp.Literal) and node.this.isdigit():
-        return exp.Literal.number(f"{node.this}.0")
-    return exp.Cast(this=node, to=kind.copy())
-
-
-def _fill_call(node: exp.Anonymous, known: Mapping[str, Node], operands: Sequence[Node]) -> Node:
-    arguments: list[Node] = []
-    for part in node.expressions:
-        several = part.name if isinstance(part, exp.Column) else ""
-        if several in (_ALL, _REVERSED):
-            arguments += [one.copy() for one in (operands if several == _ALL else reversed(operands))]
-            if len(operands) == 1:  # SQLite takes a max of one argument for the aggregate
-                return arguments[0]
-        else:
-            arguments.append(_fill_node(part, known, operands))
-    return sql_builder.call(node.name, *arguments)
 
 
 # --- calls ---------------------------------------------------------------------------------------------
@@ -250,9 +162,7 @@ def lower_aggregate(aggregate: plan.Aggregate, argument: Node) -> Node | None:
     assert aggregate.argument is not None
     types = [aggregate.argument.type]
     form = next((form for form in GROUPS[aggregate.function].sqlite if form.when(types)), None)
-    if form is None:
-        return None
-    return _fill_node(parse_sql(str(form.text), _OF_GROUPS), {"argument_0": argument}, [argument])
+    return None if form is None else fill_operands(str(form.text), [argument], dialect="sqlite groups")
 
 
 def list_form_functions() -> frozenset[str]:

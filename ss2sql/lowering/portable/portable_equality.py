@@ -1,5 +1,4 @@
-"""Equality and membership, for which portable_forms.py has no texts, each under the types for which its meaning is the
-same.
+"""Equality and membership, which have no forms, each under the types for which its meaning is the same.
 
 Every entry gives the SQL of a call that cannot fail, or None where the types do not promise enough. Numbers are BIGINT
 and DOUBLE: integers beside floats only as far as floats hold them. Texts are compared by code point.
@@ -25,14 +24,6 @@ Node: TypeAlias = exp.Expr
 WriteFunction: TypeAlias = "Callable[[PortableExpressions, plan.Call, PortableScope], Node | None]"
 
 
-def _write_operands(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> list[Node]:
-    return [of.value(argument, scope) for argument in call.arguments]
-
-
-def _get_types(call: plan.Call) -> list[Type]:
-    return [argument.type for argument in call.arguments]
-
-
 def _are_comparable(left: Type, right: Type) -> bool:
     """Whether both have one type in SQL, or are numbers that compare exactly."""
     one, other = (Type(kind.kinds & ~Kind.NONE, kind.low, kind.high, kind.item) for kind in (left, right))
@@ -41,73 +32,62 @@ def _are_comparable(left: Type, right: Type) -> bool:
     )
 
 
-def make_equality_writer(equal: bool) -> WriteFunction:
-    def write(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
-        nodes = _write_operands(of, call, scope)
-        for known, other in (nodes, reversed(nodes)):
-            if isinstance(known, exp.Null):
-                test: Node = exp.Is(this=sql_builder.wrap_operand(other), expression=exp.Null())
-                return test if equal else exp.Not(this=test)
-        types = _get_types(call)
-        if not _are_comparable(*types):
+def _write_equality(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
+    equal = call.function.name == "eq"
+    nodes = [of.value(argument, scope) for argument in call.arguments]
+    for known, other in (nodes, reversed(nodes)):
+        if isinstance(known, exp.Null):
+            test: Node = exp.Is(this=sql_builder.wrap_operand(other), expression=exp.Null())
+            return test if equal else exp.Not(this=test)
+    left, right = (argument.type for argument in call.arguments)
+    if not _are_comparable(left, right):
+        return None
+    if is_nullable(left) or is_nullable(right):
+        return sql_builder.binary(exp.NullSafeEQ if equal else exp.NullSafeNEQ, *nodes)
+    return sql_builder.binary(exp.EQ if equal else exp.NEQ, *nodes)
+
+
+def _write_membership(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
+    item, container = call.arguments
+    test: Node
+    if item.type.kinds == Kind.STR == container.type.kinds:
+        text, part = of.value(container, scope), of.value(item, scope)
+        test = exp.Contains(this=text, expression=part)
+    else:
+        inner = container.type.item or NOTHING
+        if not _are_comparable(item.type, inner) or is_nullable(item.type):
             return None
-        if any(map(is_nullable, types)):
-            return sql_builder.binary(exp.NullSafeEQ if equal else exp.NullSafeNEQ, *nodes)
-        return sql_builder.binary(exp.EQ if equal else exp.NEQ, *nodes)
-
-    return write
-
-
-def make_membership_writer(found: bool) -> WriteFunction:
-    def write(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
-        item, container = call.arguments
-        test: Node
-        if item.type.kinds == Kind.STR == container.type.kinds:
-            text, part = of.value(container, scope), of.value(item, scope)
-            test = exp.Contains(this=text, expression=part)
+        if get_column_type(item.type) != get_column_type(inner) and not isinstance(container, plan.Constant):
+            return None
+        if isinstance(container, plan.Subquery):
+            if is_nullable(inner):
+                return None
+            rows = exp.Subquery(this=of.rows_of(container.query))
+            test = exp.In(this=sql_builder.wrap_operand(of.value(item, scope)), query=rows)
+        elif isinstance(values := of.value(container, scope), exp.Array):
+            test = exp.In(this=sql_builder.wrap_operand(of.value(item, scope)), expressions=values.expressions)
         else:
-            inner = container.type.item or NOTHING
-            if not _are_comparable(item.type, inner) or is_nullable(item.type):
-                return None
-            if get_column_type(item.type) != get_column_type(inner) and not isinstance(container, plan.Constant):
-                return None
-            if isinstance(container, plan.Subquery):
-                if is_nullable(inner):
-                    return None
-                rows = exp.Subquery(this=of.rows_of(container.query))
-                test = exp.In(this=sql_builder.wrap_operand(of.value(item, scope)), query=rows)
-                return test if found else exp.Not(this=test)
-            values = of.value(container, scope)
-            if isinstance(values, exp.Array):
-                test = exp.In(this=sql_builder.wrap_operand(of.value(item, scope)), expressions=values.expressions)
-            else:
-                test = exp.ArrayContains(this=values, expression=of.value(item, scope))
-        return test if found else exp.Not(this=sql_builder.wrap_operand(test))
-
-    return write
+            test = exp.ArrayContains(this=values, expression=of.value(item, scope))
+    return test if call.function.name == "in" else exp.Not(this=sql_builder.wrap_operand(test))
 
 
-def make_like_writer(found: bool) -> WriteFunction:
+def _write_like(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
     """LIKE; what a backslash means in its pattern is not the same everywhere."""
-
-    def write(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
-        pattern = call.arguments[1]
-        if not isinstance(pattern, plan.Constant) or "\\" in pattern.value:
-            return None
-        text, known = (of.value(argument, scope) for argument in call.arguments)
-        test = exp.Like(this=sql_builder.wrap_operand(text), expression=known)
-        return test if found else exp.Not(this=sql_builder.wrap_operand(test))
-
-    return write
+    pattern = call.arguments[1]
+    if not isinstance(pattern, plan.Constant) or "\\" in pattern.value:
+        return None
+    text, known = (of.value(argument, scope) for argument in call.arguments)
+    test = exp.Like(this=sql_builder.wrap_operand(text), expression=known)
+    return test if call.function.name == "like" else exp.Not(this=sql_builder.wrap_operand(test))
 
 
 SPECIAL_OPERATIONS: dict[str, WriteFunction] = {
-    "eq": make_equality_writer(True),
-    "ne": make_equality_writer(False),
-    "in": make_membership_writer(True),
-    "not_in": make_membership_writer(False),
-    "like": make_like_writer(True),
-    "not_like": make_like_writer(False),
+    "eq": _write_equality,
+    "ne": _write_equality,
+    "in": _write_membership,
+    "not_in": _write_membership,
+    "like": _write_like,
+    "not_like": _write_like,
 }
 
 assert SPECIAL_OPERATIONS.keys() == {name for name, row in OPERATIONS.items() if "portable" in row.by_hand}

@@ -17,9 +17,9 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import can_fail
+from ss2sql.language.plan_traversal import can_fail, list_choices
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.portable import portable_forms
+from ss2sql.lowering.operation_forms import fill_operands
 from ss2sql.lowering.portable.portable_equality import SPECIAL_OPERATIONS
 from ss2sql.lowering.portable.sql_types import build_refusal, cast_literal, cast_node, get_column_type, is_nullable
 
@@ -92,7 +92,7 @@ class PortableExpressions:
 
     def called(self, expr: plan.Call, scope: PortableScope) -> Node:
         name, fails = expr.function.name, can_fail(replace(expr, arguments=()))
-        written = SPECIAL_OPERATIONS.get(name, portable_forms.write_call if OPERATIONS[name].portable else None)
+        written = SPECIAL_OPERATIONS.get(name, _write_form if OPERATIONS[name].portable else None)
         node = None if fails or written is None else written(self, expr, scope)
         if node is None and not fails:
             node = self.write_python_call(expr, scope)
@@ -180,3 +180,17 @@ def write_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
             return made if value else cast_literal(made, get_column_type(kind))
         case _:
             raise build_refusal("other databases cannot be given this value", expr.span)
+
+
+def _write_form(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
+    """A call that cannot fail, by the first form that fits."""
+    for form in OPERATIONS[call.function.name].portable:
+        given = list_choices(call) if form.spread else call.arguments
+        if not given or form.only is not None or not form.when([one.type for one in given]):
+            continue
+        operands = [of.value(one, scope) for one in given]
+        if call.type.kinds == Kind.INT and not any(one.find(exp.Column) for one in operands[1:]):
+            # literals alone would have the smallest type
+            operands[0] = cast_literal(operands[0], get_column_type(given[0].type))
+        return fill_operands(str(form.text), operands, dialect="duckdb")
+    return None

@@ -15,9 +15,10 @@ from sqlglot import exp
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
+from ss2sql.language.operations import GROUPS
 from ss2sql.language.plan_traversal import walk
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.portable import portable_forms
+from ss2sql.lowering.operation_forms import fill_operands
 from ss2sql.lowering.portable.portable_expressions import Node, PortableExpressions, PortableScope
 from ss2sql.lowering.portable.portable_from import (
     NUMBER_COLUMN,
@@ -51,9 +52,10 @@ class GroupedExpressions(PortableExpressions):
     def _aggregate(self, expr: plan.Aggregate, scope: PortableScope) -> Node:
         if expr.argument is None:
             return exp.Count(this=exp.Star())
-        node = portable_forms.write_aggregate(expr, self.value(expr.argument, scope))
-        if node is not None:
-            return node
+        argument = self.value(expr.argument, scope)
+        for form in GROUPS[expr.function].portable:
+            if form.when([expr.argument.type]):
+                return fill_operands(str(form.text), [argument], dialect="duckdb")
         raise build_refusal(f"{expr.function} of such values is not the same everywhere", expr.span)
 
 
