@@ -37,19 +37,19 @@ def time_statement(session: Session, query: Query, settings: BenchRules, cell: B
     The first run has cold caches and does not count, unless it took more than half of the time limit. No further run
     begins after the limit. Every run starts with the variables of the first one.
     """
-    keeper = _Variables(session, query)
+    variables = _Variables(session, query)
     first, seconds = _run_once(query, settings)
     spent = seconds
     if seconds > settings.timeout / 2:
         cell.seconds.append(seconds)
     else:
         while len(cell.seconds) < settings.repeat and (spent < settings.timeout or not cell.seconds):
-            keeper.restore()
+            variables.restore()
             _, seconds = _run_once(query, settings)
             cell.seconds.append(seconds)
             spent += seconds
     if settings.memory:
-        keeper.restore()
+        variables.restore()
         cell.memory = _measure_memory(query, settings)
     stats = first.stats
     cell.steps, cell.calls = stats.generated, dict(stats.calls)

@@ -21,14 +21,14 @@ def get_abilities(name: str) -> EngineAbilities | None:
     """The abilities of a database that searches by levels; None for other engines. Loads only this engine."""
     from ss2sql.lowering.dialects import DUCKDB, SPARK
     from ss2sql.runtime.external.level_query import EngineAbilities
-    from ss2sql.runtime.external.level_statements import DuckLevel, SparkLevel
+    from ss2sql.runtime.external.level_statements import DuckLevelStatements, SparkLevelStatements
     from ss2sql.runtime.external.task_pickle import RULES
 
     match name:
         case "duckdb":
-            return EngineAbilities("duckdb", DUCKDB, DuckLevel)
+            return EngineAbilities("duckdb", DUCKDB, DuckLevelStatements)
         case "spark":
-            return EngineAbilities("spark", SPARK, SparkLevel, True, RULES)
+            return EngineAbilities("spark", SPARK, SparkLevelStatements, True, RULES)
         case _:
             return None
 

@@ -25,7 +25,7 @@ from ss2sql.session.progress import make_progress
 
 if TYPE_CHECKING:
     from ss2sql.results.watching.search_trace import SearchTrace
-    from ss2sql.runtime.parallel.block_calls import Foreteller
+    from ss2sql.runtime.parallel.block_calls import CallPrefetcher
     from ss2sql.session.host import SessionHost
 
 T = TypeVar("T")
@@ -217,16 +217,16 @@ def _build_result(host: SessionHost, run: Run, statements: Sequence[CompiledStat
     )
 
 
-def _foreteller(host: SessionHost, run: Run, workers: int) -> Foreteller | None:
+def _foreteller(host: SessionHost, run: Run, workers: int) -> CallPrefetcher | None:
     """Starts other processes for calls of functions if `workers` is more than one and this is not one of them."""
     if workers == 1 or IN_WORKER in os.environ:
         return None
-    from ss2sql.runtime.parallel.block_calls import Foreteller
-    from ss2sql.runtime.parallel.process_pool import Processes
+    from ss2sql.runtime.parallel.block_calls import CallPrefetcher
+    from ss2sql.runtime.parallel.process_pool import ProcessPool
 
     if host.held.processes is None:
-        host.held.processes = Processes()
-    return Foreteller(run, workers, host.held.processes, host.planned, host.memo_limit > 0)
+        host.held.processes = ProcessPool()
+    return CallPrefetcher(run, workers, host.held.processes, host.planned, host.memo_limit > 0)
 
 
 def _find_memory_ceiling(host: SessionHost) -> int | None:

@@ -53,7 +53,7 @@ from ss2sql.vtables.schema import failure
 if TYPE_CHECKING:
     from ss2sql.runtime.graph_cache.cache_policy import CachePolicy
     from ss2sql.runtime.graph_cache.graph_store import GraphStore
-    from ss2sql.runtime.parallel.process_pool import Processes
+    from ss2sql.runtime.parallel.process_pool import ProcessPool
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +198,7 @@ class SessionHost:
         self.triggers.all.clear()
 
     @property
-    def processes(self) -> Processes | None:
+    def processes(self) -> ProcessPool | None:
         """The processes of `workers`, if there are any."""
         return self.held.processes
 

@@ -15,7 +15,7 @@ from ss2sql.vtables.frames import Reader
 
 if TYPE_CHECKING:
     from ss2sql.runtime.external.level_query import TableEngine
-    from ss2sql.runtime.parallel.process_pool import Processes
+    from ss2sql.runtime.parallel.process_pool import ProcessPool
 
 
 @dataclass(slots=True)
@@ -27,7 +27,7 @@ class SessionResources:
 
     session: Any = None
     active_runs: Sequence[Run] = ()
-    processes: Processes | None = None
+    processes: ProcessPool | None = None
     engines: dict[str, TableEngine | None] = field(default_factory=dict)
     owner: int = field(default_factory=os.getpid)
 

@@ -94,7 +94,7 @@ def test_other_settings_of_spark(spark: Any, ss: ss2sql.Session) -> None:
 
 @pytest.fixture
 def no_python(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spark_steps, "packed", None)
+    monkeypatch.setattr(spark_steps, "pickle_search", None)
 
 
 @pytest.mark.drawn

@@ -15,7 +15,7 @@ from ss2sql.language.rows import Rows
 from ss2sql.lowering.dialects import Dialect
 from ss2sql.lowering.portable.search_steps import StepSelect, write_steps
 from ss2sql.lowering.unsupported import Rule
-from ss2sql.runtime.external.level_statements import TRIED, Level
+from ss2sql.runtime.external.level_statements import TRIED, LevelStatements
 from ss2sql.runtime.external.statement_cancellation import OpenedDatabase, interrupt_when_due
 from ss2sql.runtime.external.table_statements import translate_sql
 from ss2sql.runtime.python.codegen_context import CodegenContext
@@ -40,7 +40,7 @@ class EngineAbilities:
 
     name: str
     dialect: Dialect
-    write: Callable[[plan.Search, StepSelect], Level]
+    write: Callable[[plan.Search, StepSelect], LevelStatements]
     apart: bool = False
     rules: tuple[Rule, ...] = ()
 
@@ -67,7 +67,7 @@ class TableEngine:
 class LevelPlan:
     """How a search goes by levels: its statements, and what hinders its steps from being SQL, if anything."""
 
-    written: Level
+    written: LevelStatements
     sql_hindrance: str | None
     dialect: Dialect
 

@@ -17,8 +17,8 @@ from typing import Any
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS
 from ss2sql.runtime.external.duckdb_store import DuckTables
 from ss2sql.runtime.external.first_levels import FirstLevels
-from ss2sql.runtime.external.level_statements import DuckLevel
-from ss2sql.runtime.external.level_steps import Steps, TypedSteps, steps_of
+from ss2sql.runtime.external.level_statements import DuckLevelStatements
+from ss2sql.runtime.external.level_steps import PythonSteps, SqlSteps, make_steps
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
@@ -29,13 +29,13 @@ BLOCK = 5_000  # steps that are added to their table at once
 class DuckSearch:
     """One search in the tables of a run."""
 
-    def __init__(self, search_run: SearchRun, tables: DuckTables, written: DuckLevel) -> None:
+    def __init__(self, search_run: SearchRun, tables: DuckTables, written: DuckLevelStatements) -> None:
         self.search_run, self.tables, self.written = search_run, tables, written
-        self.steps: Steps = steps_of(search_run, written)
+        self.steps: PythonSteps = make_steps(search_run, written)
 
     def results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
-        tries = TRIES // max(len(self.steps.elements), 1) if isinstance(self.steps, TypedSteps) else math.inf
+        tries = TRIES // max(len(self.steps.elements), 1) if isinstance(self.steps, SqlSteps) else math.inf
         beginning = FirstLevels(self.search_run, tries)
         yield from map(beginning.found, beginning.goals())
         depth, going = len(beginning.levels), len(beginning.frontier)
@@ -57,7 +57,7 @@ class DuckSearch:
                 rows.append((step, parent, nth, depth, *steps.kept(begun), *trail))
             first, before = first + len(level), first
         self.tables.create("steps", self.written.columns, rows)
-        if isinstance(steps, TypedSteps):
+        if isinstance(steps, SqlSteps):
             self.tables.create("elements", self.written.elements, steps.elements)
         return first
 
@@ -67,7 +67,7 @@ class DuckSearch:
         while going:
             depth += 1
             generated = search_run.stats.generated
-            if isinstance(self.steps, TypedSteps):
+            if isinstance(self.steps, SqlSteps):
                 self.steps.count(going)
             else:
                 self._try_all(depth)

@@ -25,7 +25,7 @@ WORDS: dict[plan.Repeats, str] = {
 }
 
 
-class Level:
+class LevelStatements:
     """What the statements of a level consist of. `frontier` has the states that are expanded."""
 
     frontier = "frontier"
@@ -77,7 +77,7 @@ class Level:
 FLAGS = (TypedColumn("goal", "BOOLEAN"), TypedColumn("goes_on", "BOOLEAN"))
 
 
-class DuckLevel(Level):
+class DuckLevelStatements(LevelStatements):
     """A level in DuckDB. Steps are numbered from 1 through all levels; step 0 is the start, which is no row."""
 
     frontier = "steps"
@@ -142,7 +142,7 @@ class DuckLevel(Level):
         yield from (self.kept, self.counts, self.ways, self.paths)
 
 
-class SparkLevel(Level):
+class SparkLevelStatements(LevelStatements):
     """A level in Spark as one query, so that it is one job.
 
     `kept` are the steps that are kept, `steps` has the rows of all levels before. Steps are numbered within their

@@ -10,24 +10,24 @@ from typing import Any
 from ss2sql.language.rows import Row
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn, build_element_limit_error
 from ss2sql.runtime.external.first_levels import FirstStep
-from ss2sql.runtime.external.level_statements import TRIED, Level
-from ss2sql.runtime.external.step_evaluation import Trial, encoded
+from ss2sql.runtime.external.level_statements import TRIED, LevelStatements
+from ss2sql.runtime.external.step_evaluation import StepEvaluation, encode_values
 from ss2sql.runtime.external.table_statements import Value
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.search.search_run import SearchRun
-from ss2sql.runtime.search.step_notes import Last, elements_of
+from ss2sql.runtime.search.step_notes import Last, list_elements
 
 
-def steps_of(hunt: SearchRun, written: Level) -> Steps:
-    return Steps(hunt, written) if written.steps is TRIED else TypedSteps(hunt, written)
+def make_steps(search_run: SearchRun, written: LevelStatements) -> PythonSteps:
+    return PythonSteps(search_run, written) if written.steps is TRIED else SqlSteps(search_run, written)
 
 
-class Steps:
+class PythonSteps:
     """The steps of a search, tried in Python."""
 
-    def __init__(self, search_run: SearchRun, written: Level) -> None:
+    def __init__(self, search_run: SearchRun, written: LevelStatements) -> None:
         self.search_run, self.written, self.steps = search_run, written, written.steps
-        self.trial = Trial(search_run.problem.expand, search_run.shapes, search_run.flush, search_run.keyed)
+        self.trial = StepEvaluation(search_run.problem.expand, search_run.shapes, search_run.flush, search_run.keyed)
         self.values: dict[str, Value] = {}  # what statements name
 
     def known(self, begun: FirstStep) -> tuple[Any, ...]:
@@ -48,7 +48,7 @@ class Steps:
 
     def start(self) -> tuple[Any, ...]:
         """The same of the start, which has no row."""
-        return self._with_flags((None, None, None, encoded(self.search_run.start)), False, True)
+        return self._with_flags((None, None, None, encode_values(self.search_run.start)), False, True)
 
     def expanded(self, begun: FirstStep) -> dict[TypedColumn, Any]:
         """The columns that have the state after a step."""
@@ -60,7 +60,7 @@ class Steps:
         return [key if len(key) > 1 else key[0] for key in keys]
 
     def shown_of(self, begun: FirstStep) -> tuple[Any, ...]:
-        """What is shown of a step, see `Level.shown`."""
+        """What is shown of a step, see `LevelStatements.shown`."""
         return self.known(begun)[1:3]
 
     def row(self, shown: Sequence[Any]) -> Row:
@@ -73,13 +73,13 @@ class Steps:
         return None if shown[1] is None else loads(shown[1])
 
 
-class TypedSteps(Steps):
+class SqlSteps(PythonSteps):
     """The steps of a search as SQL: nothing but results passes through Python.
 
     `elements` has what is read of the sources, `nth` counts them.
     """
 
-    def __init__(self, search_run: SearchRun, written: Level) -> None:
+    def __init__(self, search_run: SearchRun, written: LevelStatements) -> None:
         super().__init__(search_run, written)
         self.values = {label: search_run.run.source(name) for label, name in self.steps.parameters.items()}
         assert self.steps.elements is not None
@@ -125,4 +125,4 @@ class TypedSteps(Steps):
         """The elements of the sources in their order, which are the same for all states."""
         noted = self.search_run.noted
         assert noted is not None
-        return list(map(noted.elements, elements_of(noted, self.search_run.problem.starts[0])))
+        return list(map(noted.elements, list_elements(noted, self.search_run.problem.starts[0])))

@@ -14,7 +14,7 @@ from ss2sql.errors import RepresentationError
 from ss2sql.language.column_shapes import fill_from_plan, holds_any
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.runtime.external.first_levels import FirstLevels, FirstStep
-from ss2sql.runtime.external.level_steps import TypedSteps
+from ss2sql.runtime.external.level_steps import SqlSteps
 from ss2sql.runtime.external.spark_row_columns import (
     NO_SHAPE,
     ColumnShape,
@@ -51,7 +51,7 @@ class DataFrameSearch(SparkSearch):
 
     @property
     def _typed(self) -> bool:
-        return isinstance(self.steps.made, TypedSteps)
+        return isinstance(self.steps.made, SqlSteps)
 
     def _load_graph(self, first: str, rows: list[Any]) -> DataFrame:
         numbers = TypedColumn(first, "BIGINT"), TypedColumn("place" if first == "step" else "step", "BIGINT")

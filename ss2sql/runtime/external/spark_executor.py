@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.lowering.portable.search_steps import TypedColumn
 from ss2sql.runtime.external.arrow_columns import batch_of_rows
 from ss2sql.runtime.external.step_evaluation import Try
-from ss2sql.runtime.external.task_pickle import Unpacked
+from ss2sql.runtime.external.task_pickle import UnpickledSearch
 
 if TYPE_CHECKING:
     import pyarrow as pa  # type: ignore[import-untyped]
@@ -21,11 +21,13 @@ if TYPE_CHECKING:
 
 ROWS_PER_BLOCK = 5_000  # of a batch
 BYTES_PER_BLOCK = 1 << 22  # of its rows and states, at about which a batch ends
-_unpacked_tasks: dict[str, Unpacked] = {}  # by the names of runs; a process serves one after the other, seldom two
+_unpacked_tasks: dict[
+    str, UnpickledSearch
+] = {}  # by the names of runs; a process serves one after the other, seldom two
 
 
 def try_batches(
-    batches: Iterable[pa.RecordBatch], name: str, parcel: Broadcast[bytes], typed: list[tuple[str, str]]
+    batches: Iterable[pa.RecordBatch], name: str, task: Broadcast[bytes], typed: list[tuple[str, str]]
 ) -> Iterator[pa.RecordBatch]:
     """The steps from the states of a task, as rows of `tries`, and what was counted."""
     from pyspark import TaskContext
@@ -34,7 +36,7 @@ def try_batches(
     number = here.partitionId() if here else 0
     told: dict[str, Any] = {"refused": None, "trouble": ""}
     try:
-        unpacked = _get_unpacked_task(name, parcel)
+        unpacked = _get_unpacked_task(name, task)
     except Exception as error:
         told["trouble"] = f"{type(error).__name__}: {error}"
     else:
@@ -49,16 +51,18 @@ def try_batches(
     yield batch_of_rows(columns, [[values.get(column.name) for column in columns]])
 
 
-def _get_unpacked_task(name: str, parcel: Broadcast[bytes]) -> Unpacked:
+def _get_unpacked_task(name: str, task: Broadcast[bytes]) -> UnpickledSearch:
     if name not in _unpacked_tasks:
-        made = Unpacked(parcel.value)
+        made = UnpickledSearch(task.value)
         while len(_unpacked_tasks) > 1:
             del _unpacked_tasks[next(iter(_unpacked_tasks))]
         _unpacked_tasks[name] = made
     return _unpacked_tasks[name]
 
 
-def _iterate_tries(batches: Iterable[pa.RecordBatch], unpacked: Unpacked, told: dict[str, Any]) -> Iterator[list[Try]]:
+def _iterate_tries(
+    batches: Iterable[pa.RecordBatch], unpacked: UnpickledSearch, told: dict[str, Any]
+) -> Iterator[list[Try]]:
     """The rows of `tries`, in blocks. Ends at the first state with a step that fails: it is taken again where the
     search runs, and raises what it raises there.
     """

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.runtime.external.first_levels import FirstLevels
-from ss2sql.runtime.external.level_statements import SparkLevel
+from ss2sql.runtime.external.level_statements import SparkLevelStatements
 from ss2sql.runtime.external.spark_steps import LevelCounts, SparkSteps
 from ss2sql.runtime.external.spark_store import SparkStore
 from ss2sql.runtime.external.table_statements import join_columns, names_of
@@ -58,7 +58,7 @@ class ComputedLevel:
 class SparkSearch:
     """One search in a store of Spark."""
 
-    def __init__(self, search_run: SearchRun, store: SparkStore, written: SparkLevel) -> None:
+    def __init__(self, search_run: SearchRun, store: SparkStore, written: SparkLevelStatements) -> None:
         self.search_run, self.store, self.written = search_run, store, written
         self.steps = SparkSteps(search_run, store, written)
         self.planner = ThreadPoolExecutor(1)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row
-from ss2sql.runtime.external.level_statements import SparkLevel
-from ss2sql.runtime.external.level_steps import TypedSteps, steps_of
+from ss2sql.runtime.external.level_statements import SparkLevelStatements
+from ss2sql.runtime.external.level_steps import SqlSteps, make_steps
 from ss2sql.runtime.external.spark_executor import read_account, try_batches
 from ss2sql.runtime.external.spark_store import SparkStore, write_spark_schema
 from ss2sql.runtime.external.spark_tasks import make_task
-from ss2sql.runtime.external.task_pickle import add_counts, packed
+from ss2sql.runtime.external.task_pickle import add_counts, pickle_search
 from ss2sql.runtime.search.search_run import SearchRun
 
 if TYPE_CHECKING:
@@ -35,19 +35,19 @@ class LevelCounts:
 class SparkSteps:
     """The steps of a search in a store."""
 
-    def __init__(self, search_run: SearchRun, store: SparkStore, written: SparkLevel) -> None:
+    def __init__(self, search_run: SearchRun, store: SparkStore, written: SparkLevelStatements) -> None:
         self.search_run, self.store, self.written = search_run, store, written
-        self.made = steps_of(search_run, written)
+        self.made = make_steps(search_run, written)
         self.parcel: Broadcast[bytes] | None = None
 
     def prepare(self) -> None:
         """Raises UnsupportedError where the executors cannot have what they need."""
-        if not isinstance(self.made, TypedSteps):
-            self.packed = packed(self.search_run)
+        if not isinstance(self.made, SqlSteps):
+            self.packed = pickle_search(self.search_run)
 
     def load(self) -> None:
         """Has the executors get what they need for all levels: the search itself, or the values of elements."""
-        if isinstance(self.made, TypedSteps):
+        if isinstance(self.made, SqlSteps):
             elements = self.store.loaded(self.written.elements, self.made.elements)
             elements.coalesce(1).createOrReplaceTempView("elements")
         else:
@@ -73,7 +73,7 @@ class SparkSteps:
         """What the row of `counts` tells. Raises what has kept a task from its work, or has failed there."""
         kept, goals, going, accounts = counts
         stats, before = self.search_run.stats, self.search_run.stats.generated
-        if isinstance(self.made, TypedSteps):
+        if isinstance(self.made, SqlSteps):
             self.made.count(expanded)
         told: list[dict[str, Any]] = [read_account(bytes(state)) for state in accounts]
         for one in told:

@@ -20,7 +20,7 @@ Try: TypeAlias = tuple[Any, ...]  # a row of `tries`
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class StepEvaluation:
     """The step function of a search, see runtime/search/step_contract.py, and how its values are frozen.
 
     `keyed`: GROUP BY or ORDER BY ask for the last part of a result. `flush` brings the counts of the run up to date.
@@ -46,27 +46,27 @@ class Trial:
     def noted(self, row: FrozenRow, last: Any, state: State | None) -> tuple[bytes, bytes, bytes | None, bytes | None]:
         """The key, the row, the last part and the state after a step as bytes."""
         shown = self.shapes.thaw(row)
-        following = None if state is None else encoded(self.shapes.thaw(state))
-        return _key_of(shown), encoded(shown), encoded(last) if self.keyed else None, following
+        following = None if state is None else encode_values(self.shapes.thaw(state))
+        return _encode_key(shown), encode_values(shown), encode_values(last) if self.keyed else None, following
 
 
-def encoded(values: State) -> bytes:
+def encode_values(values: State) -> bytes:
     """Values as bytes. Raises UnsupportedError where there are objects among them."""
     try:
         return dumps(values, 2)
     except ValueError:
-        raise _no_objects() from None
+        raise _build_object_error() from None
 
 
-def _key_of(row: tuple[Any, ...]) -> bytes:
+def _encode_key(row: tuple[Any, ...]) -> bytes:
     """Bytes that are the same for equal rows. Raises UnsupportedError where there are objects among their values."""
     key = make_hashable(list(row))
     if not isinstance(key, bytes):
-        raise _no_objects()
+        raise _build_object_error()
     # What is compared with all other rows should be short. Two rows with the same digest of 256 bits nobody has seen.
     return key if len(key) <= DIGEST else blake2b(key, digest_size=DIGEST).digest()
 
 
-def _no_objects() -> UnsupportedError:
+def _build_object_error() -> UnsupportedError:
     hints = ("show and keep numbers, texts and lists, or leave the engine to ss2sql",)
     return UnsupportedError("U001", "a row or state has an object, which no other database can keep", hints=hints)

@@ -26,7 +26,7 @@ from ss2sql.language.plan_traversal import list_functions, walk
 from ss2sql.language.recursion_limit import MAX_LEVELS, deepen_stack
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.unsupported import Rule
-from ss2sql.runtime.external.step_evaluation import Trial, encoded
+from ss2sql.runtime.external.step_evaluation import StepEvaluation, encode_values
 from ss2sql.runtime.python.call_memo import make_callable, make_unmemoized_call, report_calls
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.representations.shape import Representations, expand_stars
@@ -46,7 +46,7 @@ _TOP = "write it so that it needs nothing but its arguments"
 
 
 @dataclass(frozen=True, slots=True)
-class Parcel:
+class SearchTask:
     """What the steps of a search ask for. `frames` are the data frames among the variables, as columns of values."""
 
     query: plan.Query
@@ -60,62 +60,68 @@ class Parcel:
     keyed: bool
 
 
-def _world(query: plan.Query, nested: bool) -> Span | None:
+def _find_world(query: plan.Query, nested: bool) -> Span | None:
     return next((node.span for node in walk(query) if isinstance(node, plan.WorldSource)), None)
 
 
 RULES = (
-    Rule("a world is in this process only", "copy its table into a variable, or leave the engine to ss2sql", _world),
+    Rule(
+        "a world is in this process only", "copy its table into a variable, or leave the engine to ss2sql", _find_world
+    ),
 )
 
 
 # --- packing -------------------------------------------------------------------------------------------
 
 
-def packed(hunt: SearchRun) -> bytes:
+def pickle_search(search_run: SearchRun) -> bytes:
     """The search as bytes. Raises UnsupportedError where something of it belongs to this process."""
-    host: Any = hunt.run.host  # that of a session, which has more than a run sees
-    query = _of_steps(hunt.query)
+    host: Any = search_run.run.host  # that of a session, which has more than a run sees
+    query = _select_step_query(search_run.query)
     sent: dict[str, UserFunction] = {}
     with deepen_stack(MAX_LEVELS):  # a plan is as deep as its script
         for name in sorted({known.inverse_of or known.name for known in list_functions(query) if not known.builtin}):
-            sent[name] = _function(host.planned[name], hunt.query.span)
-        variables, frames = _values(query, hunt.run)
+            sent[name] = _check_function(host.planned[name], search_run.query.span)
+        variables, frames = _collect_values(query, search_run.run)
         tables = {node.id: host.read_table_rows(node) for node in walk(query) if isinstance(node, plan.TableSource)}
         forms = {node.representation.name for node in walk(query) if isinstance(node, plan.Query) and node is not query}
         shapes = {name: host.shapes.functions[name] for name in forms & host.shapes.functions.keys()}
-        rest = host.limits.max_size, host.memo_limit, hunt.keyed
-        parcel = Parcel(query, sent, variables, frames, tables, shapes, *rest)
-        return _pickled(parcel, sent.values())
+        rest = host.limits.max_size, host.memo_limit, search_run.keyed
+        task = SearchTask(query, sent, variables, frames, tables, shapes, *rest)
+        return _pickle_task(task, sent.values())
 
 
-def _of_steps(query: plan.Query) -> plan.Query:
+def _select_step_query(query: plan.Query) -> plan.Query:
     """The query without what is evaluated once, in this process: LIMIT, MAXIMUM, and START WITH, which states have."""
     assert query.search is not None
     start = tuple((name, plan.Constant(None, ANY, span=expr.span)) for name, expr in query.search.start)
     return replace(query, limit=None, search=replace(query.search, start=start, maximum=None))
 
 
-def _function(entry: UserFunction, span: Span) -> UserFunction:
+def _check_function(entry: UserFunction, span: Span) -> UserFunction:
     """A function without what is known of its text. Raises UnsupportedError where it cannot be had elsewhere."""
     sent = replace(entry, body="")
     if entry.of_world:
-        raise _kept(f"'{entry.name}' belongs to a world, which is in this process only", "take values from it", span)
+        raise _build_refusal(
+            f"'{entry.name}' belongs to a world, which is in this process only", "take values from it", span
+        )
     if entry.volatility != "immutable":
         reason = f"'{entry.name}' is {entry.volatility}: it may depend on what only this process knows"
-        raise _kept(reason, "register it with volatility='immutable' if it depends on nothing but its arguments", span)
+        raise _build_refusal(
+            reason, "register it with volatility='immutable' if it depends on nothing but its arguments", span
+        )
     try:
-        _pickled(sent, [entry])
+        _pickle_task(sent, [entry])
     except Exception as error:
-        raise _kept(f"'{entry.name}' cannot be pickled: {error}", _TOP, span) from error
+        raise _build_refusal(f"'{entry.name}' cannot be pickled: {error}", _TOP, span) from error
     return sent
 
 
-def _kept(reason: str, cure: str, span: Span) -> UnsupportedError:
+def _build_refusal(reason: str, cure: str, span: Span) -> UnsupportedError:
     return UnsupportedError("U001", f"{reason}, so Spark cannot have it", span, (cure,))
 
 
-def _values(query: plan.Query, run: Run) -> tuple[dict[str, Any], dict[str, FrameParts]]:
+def _collect_values(query: plan.Query, run: Run) -> tuple[dict[str, Any], dict[str, FrameParts]]:
     """The variables that the query reads; one without a value is missed where it is read."""
     variables: dict[str, Any] = {}
     frames: dict[str, FrameParts] = {}
@@ -133,20 +139,20 @@ def _values(query: plan.Query, run: Run) -> tuple[dict[str, Any], dict[str, Fram
             frames[node.name] = columns, value.length
         else:
             try:
-                encoded((value,))
+                encode_values((value,))
             except UnsupportedError:
                 cure = "give numbers, texts and lists"
-                raise _kept(f"the variable '{node.name}' holds objects", cure, node.span) from None
+                raise _build_refusal(f"the variable '{node.name}' holds objects", cure, node.span) from None
             variables[node.name] = value
     return variables, frames
 
 
-def _pickled(value: Any, entries: Iterable[UserFunction]) -> bytes:
+def _pickle_task(value: Any, entries: Iterable[UserFunction]) -> bytes:
     """A value as bytes. The modules of the user that functions are from go along; those of packages are imported."""
     from pyspark import cloudpickle
 
     pickler: Any = cloudpickle
-    modules = {module for entry in entries if (module := _own_module(entry.function)) is not None}
+    modules = {module for entry in entries if (module := _find_own_module(entry.function)) is not None}
     added = [module for module in modules if module.__name__ not in pickler.list_registry_pickle_by_value()]
     for module in added:
         pickler.register_pickle_by_value(module)
@@ -158,7 +164,7 @@ def _pickled(value: Any, entries: Iterable[UserFunction]) -> bytes:
     return made
 
 
-def _own_module(function: Callable[..., Any]) -> ModuleType | None:
+def _find_own_module(function: Callable[..., Any]) -> ModuleType | None:
     """The module that a function is from, if that is a file of the user's."""
     module = sys.modules.get(getattr(function, "__module__", None) or "")
     file = getattr(module, "__file__", None)
@@ -173,15 +179,15 @@ def _own_module(function: Callable[..., Any]) -> ModuleType | None:
 # --- unpacking -----------------------------------------------------------------------------------------
 
 
-class Unpacked:
+class UnpickledSearch:
     """A search in the process that tries its steps."""
 
-    def __init__(self, parcel: bytes) -> None:
+    def __init__(self, task: bytes) -> None:
         with deepen_stack(MAX_LEVELS):
-            content: Parcel = pickle.loads(parcel)
-        self.run = Run(_Host(content), sizes=ValueSizes(content.max_size))
+            content: SearchTask = pickle.loads(task)
+        self.run = Run(_ExecutorHost(content), sizes=ValueSizes(content.max_size))
         native = NativeQuery(content.query, find=lambda search_run: iter(()))
-        self.trial = Trial(*native.steps(self.run), content.keyed)
+        self.trial = StepEvaluation(*native.steps(self.run), content.keyed)
         self.room = partial(deepen_stack, native.levels)  # on the stack, for the time of trying steps
 
     def counted(self) -> dict[str, Any]:
@@ -209,18 +215,18 @@ def add_counts(stats: Stats, told: dict[str, Any]) -> None:
     stats.remembered.update(told["remembered"])
 
 
-class _Host:
+class _ExecutorHost:
     """What the session is to a run, where there is no session."""
 
-    def __init__(self, parcel: Parcel) -> None:
+    def __init__(self, task: SearchTask) -> None:
         self.memories = QueryCaches()
         self.graphs: CachePolicy | None = None
-        self.memo_limit = parcel.memo_limit
-        self.parcel = parcel
-        self.shapes = Representations(parcel.max_size)
-        self.shapes.functions.update(parcel.shapes)
-        self.values = dict(parcel.variables)
-        self.values.update((name, _frame(*parts)) for name, parts in parcel.frames.items())
+        self.memo_limit = task.memo_limit
+        self.parcel = task
+        self.shapes = Representations(task.max_size)
+        self.shapes.functions.update(task.shapes)
+        self.values = dict(task.variables)
+        self.values.update((name, _restore_frame(*parts)) for name, parts in task.frames.items())
 
     def variable(self, name: str, run: Run) -> Any:
         if name not in self.values:
@@ -262,5 +268,5 @@ class _Host:
     assign = resolve_text = bind_late = temporal = store_temporal = _never
 
 
-def _frame(columns: dict[str, tuple[Type, list[Any]]], length: int) -> Frame:
+def _restore_frame(columns: dict[str, tuple[Type, list[Any]]], length: int) -> Frame:
     return Frame({name: Column(kind, partial(list, values)) for name, (kind, values) in columns.items()}, length)

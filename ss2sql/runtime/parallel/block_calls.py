@@ -23,8 +23,13 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language.frozen_values import State
 from ss2sql.language.plan_traversal import list_functions
-from ss2sql.runtime.parallel.process_pool import Answer, Processes, Task
-from ss2sql.runtime.parallel.transferable_functions import Kept, Sent, sent, tell
+from ss2sql.runtime.parallel.process_pool import Answer, ProcessPool, Task
+from ss2sql.runtime.parallel.transferable_functions import (
+    LocalFunction,
+    TransferableFunction,
+    describe_function,
+    warn_once,
+)
 from ss2sql.runtime.parallel.worker_process import NO_VALUE
 from ss2sql.runtime.python.call_memo import Result, make_checked_call, report_calls
 from ss2sql.runtime.run.run_state import Run
@@ -48,14 +53,14 @@ class PendingError(BaseException):
 
 
 @dataclass(slots=True)
-class Timed:
+class TimedCalls:
     """A function of the user in one run: what its calls have cost here and elsewhere, and which of them wait.
 
     `sent` is what other processes get, or why they cannot have it.
     """
 
     name: str
-    sent: Sent | Kept
+    sent: TransferableFunction | LocalFunction
     calls: int = 0
     seconds: float = 0.0
     waiting: dict[bytes, None] = field(default_factory=dict)
@@ -68,7 +73,7 @@ class Timed:
     @property
     def may_be_shared(self) -> bool:
         """Whether other processes get calls of it, or it is too early to say."""
-        return isinstance(self.sent, Sent) and (self.cost >= CHEAP or not self.is_known)
+        return isinstance(self.sent, TransferableFunction) and (self.cost >= CHEAP or not self.is_known)
 
     @property
     def is_known(self) -> bool:
@@ -86,7 +91,7 @@ class Timed:
         return [calls[number::parts] for number in range(parts)]
 
 
-class Ahead:
+class BlockCalls:
     """The steps from one state, taken as far as the results of calls are known. They do not count."""
 
     counted = 0
@@ -139,11 +144,11 @@ class _Either:
         return key in self.one or key in self.other
 
 
-class Foreteller:
+class CallPrefetcher:
     """Makes calls of one run in other processes; says what hinders it."""
 
     def __init__(
-        self, run: Run, workers: int, processes: Processes, planned: Mapping[str, UserFunction], remembers: bool
+        self, run: Run, workers: int, processes: ProcessPool, planned: Mapping[str, UserFunction], remembers: bool
     ) -> None:
         self.run = run
         self.workers = workers
@@ -151,8 +156,8 @@ class Foreteller:
         self.planned = planned
         self.remembers = remembers
         self.searches: list[int] = []  # those with MEMORIZE
-        self.asked: dict[str, Timed] = {}  # the functions that these call
-        self.functions: dict[str, Timed] = {}
+        self.asked: dict[str, TimedCalls] = {}  # the functions that these call
+        self.functions: dict[str, TimedCalls] = {}
         self.noting = False
         self.results: dict[tuple[str, bytes], bytes | None] = {}
         self.answers: SimpleQueue[Answer] = SimpleQueue()
@@ -170,7 +175,7 @@ class Foreteller:
         def call(arguments: Any) -> Result:
             given = tuple(arguments)
             if self.noting or results:
-                key = _key(name, given)
+                key = _make_call_key(name, given)
                 found = results.get(key)
                 if found:
                     calls[name] -= 1  # it was counted when it came
@@ -193,13 +198,13 @@ class Foreteller:
 
         return call
 
-    def _timed(self, entry: UserFunction) -> Timed:
-        return self.functions.setdefault(entry.name, Timed(entry.name, sent(entry)))
+    def _timed(self, entry: UserFunction) -> TimedCalls:
+        return self.functions.setdefault(entry.name, TimedCalls(entry.name, describe_function(entry)))
 
-    def _keep(self, timed: Timed, kept: Kept) -> None:
+    def _keep(self, timed: TimedCalls, kept: LocalFunction) -> None:
         """Other processes cannot have a function."""
         timed.sent = kept
-        tell(self.run.stats, f"'{timed.name}' is called in this process only: it {kept.reason}", kept.cure)
+        warn_once(self.run.stats, f"'{timed.name}' is called in this process only: it {kept.reason}", kept.cure)
 
     # --- blocks of states ------------------------------------------------------------------------------
 
@@ -211,27 +216,27 @@ class Foreteller:
         for place in range(0, len(level), BLOCK):
             block = level[place : place + BLOCK]
             if self.remembers and any(timed.may_be_shared for timed in self.functions.values()):
-                ahead = [Ahead(notes, at, state) for at, state in enumerate(block, place)]
+                ahead = [BlockCalls(notes, at, state) for at, state in enumerate(block, place)]
                 self._foretell(ahead, seen)
             yield from block
             self.results.clear()
 
-    def begin(self, hunt: SearchRun) -> None:
+    def begin(self, search_run: SearchRun) -> None:
         """Takes note of a search, and says what stays in this process."""
-        if hunt.query.id in self.searches:
+        if search_run.query.id in self.searches:
             return
-        self.searches.append(hunt.query.id)
-        if hunt.noted is None:
+        self.searches.append(search_run.query.id)
+        if search_run.noted is None:
             cure = "declare functions immutable that are, and assign nothing inside of the search"
-            tell(self.run.stats, "the search calls a function that is volatile, or assigns a variable", cure)
+            warn_once(self.run.stats, "the search calls a function that is volatile, or assigns a variable", cure)
             return
-        for function in list_functions(hunt.query):
+        for function in list_functions(search_run.query):
             if not function.builtin and function.name not in self.asked:
                 timed = self.asked[function.name] = self._timed(self.planned[function.name])
-                if isinstance(timed.sent, Kept):
+                if isinstance(timed.sent, LocalFunction):
                     self._keep(timed, timed.sent)
 
-    def _foretell(self, ahead: list[Ahead], seen: Container[Hashable]) -> None:
+    def _foretell(self, ahead: list[BlockCalls], seen: Container[Hashable]) -> None:
         """Makes the calls of some states."""
         claimed: set[Hashable] = set()
         self.noting = True
@@ -254,13 +259,13 @@ class Foreteller:
         stats = self.run.stats
         report_calls(self.run)
         if not self.searches:
-            tell(stats, "no effect: only searches with MEMORIZE have levels")
+            warn_once(stats, "no effect: only searches with MEMORIZE have levels")
         elif not self.remembers:
-            tell(stats, "no effect: calls are not remembered", "leave 'memo' out of connect(disable=...)")
+            warn_once(stats, "no effect: calls are not remembered", "leave 'memo' out of connect(disable=...)")
         elif not self.asked and not any(note.startswith("workers: ") for note in stats.notes):
-            tell(stats, "no effect: the search calls no Python function")
+            warn_once(stats, "no effect: the search calls no Python function")
         for timed in self.asked.values():
-            if isinstance(timed.sent, Sent) and timed.calls and not timed.is_shared:
+            if isinstance(timed.sent, TransferableFunction) and timed.calls and not timed.is_shared:
                 stats.notes.append(f"workers: a call of '{timed.name}' is too short to be made by another process")
 
     # --- messages --------------------------------------------------------------------------------------
@@ -291,14 +296,14 @@ class Foreteller:
             self.processes.start(self.workers)
         except OSError as error:
             for timed in self.asked.values():
-                timed.sent = Kept("")
-            tell(self.run.stats, f"no other process can be started: {error}")
+                timed.sent = LocalFunction("")
+            warn_once(self.run.stats, f"no other process can be started: {error}")
             return False
         return self.processes.are_ready(PATIENCE)
 
-    def _number(self, timed: Timed) -> int:
+    def _number(self, timed: TimedCalls) -> int:
         """The number of a function in tasks."""
-        assert isinstance(timed.sent, Sent)
+        assert isinstance(timed.sent, TransferableFunction)
         number = self.processes.number(timed.sent)
         self.names[number] = timed.name
         return number
@@ -324,9 +329,11 @@ class Foreteller:
             )
             raise ExecutionError("X013", f"a worker {answer.died} while it called '{timed.name}'", hints=hints)
         if answer.refused:
-            self._keep(timed, Kept(answer.refused, "what a module is made of must not change while it is used"))
+            self._keep(
+                timed, LocalFunction(answer.refused, "what a module is made of must not change while it is used")
+            )
         if NO_VALUE in answer.results:
-            self._keep(timed, Kept("returns objects, which would be others in another process"))
+            self._keep(timed, LocalFunction("returns objects, which would be others in another process"))
         timed.calls += len(answer.results)
         timed.seconds += answer.seconds
         self.run.stats.calls[timed.name] += sum(map(bool, answer.results))
@@ -334,7 +341,7 @@ class Foreteller:
             self.results[timed.name, arguments] = result
 
 
-def _key(name: str, arguments: tuple[Any, ...]) -> Any:
+def _make_call_key(name: str, arguments: tuple[Any, ...]) -> Any:
     """What tells a call from others; None where there are objects among the arguments."""
     try:
         return name, dumps(arguments, 2)

@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.package_data import find_file
 from ss2sql.runtime.parallel import IN_WORKER
-from ss2sql.runtime.parallel.transferable_functions import Sent
+from ss2sql.runtime.parallel.transferable_functions import TransferableFunction
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,13 +51,13 @@ class Answer:
 Tasks: TypeAlias = SimpleQueue[Task | None]
 
 
-class Processes:
+class ProcessPool:
     """The worker processes of one session."""
 
     def __init__(self) -> None:
-        self._functions: list[Sent] = []
+        self._functions: list[TransferableFunction] = []
         self._crew: _Crew | None = None
-        self._at_the_end: weakref.finalize[[], Processes] | None = None
+        self._at_the_end: weakref.finalize[[], ProcessPool] | None = None
 
     @property
     def started(self) -> bool:
@@ -67,7 +67,7 @@ class Processes:
         """Whether one of them waits for work already, or does after so many seconds."""
         return self._crew is not None and self._crew.ready.wait(patience)
 
-    def number(self, function: Sent) -> int:
+    def number(self, function: TransferableFunction) -> int:
         """The number of a function in tasks."""
         if function not in self._functions:
             self._functions.append(function)
@@ -95,12 +95,12 @@ class Processes:
 class _Crew:
     """Processes that share a queue of tasks, and the threads that serve them."""
 
-    def __init__(self, functions: list[Sent], size: int) -> None:
+    def __init__(self, functions: list[TransferableFunction], size: int) -> None:
         self.size = size
         self.parent = os.getpid()
         self.tasks: Tasks = SimpleQueue()
         self.ready, self.over = threading.Event(), threading.Event()
-        self.processes = [_started() for _ in range(size)]
+        self.processes = [_start_process() for _ in range(size)]
         for process in self.processes:
             arguments = (process, functions, self.tasks, self.ready, self.over)
             threading.Thread(target=_serve, args=arguments, name="ss2sql worker", daemon=True).start()
@@ -121,7 +121,7 @@ class _Crew:
             process.wait()
 
 
-def _started() -> subprocess.Popen[bytes]:
+def _start_process() -> subprocess.Popen[bytes]:
     flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # -O, -W, -X: as here
     process = subprocess.Popen(
         [sys.executable, *flags, str(find_file("ss2sql.runtime.parallel", "worker_process.py"))],
@@ -143,7 +143,7 @@ def _send(process: subprocess.Popen[bytes], message: Any) -> None:
 
 def _serve(
     process: subprocess.Popen[bytes],
-    functions: list[Sent],
+    functions: list[TransferableFunction],
     tasks: Tasks,
     ready: threading.Event,
     over: threading.Event,
@@ -167,20 +167,20 @@ def _serve(
             _send(process, ("call", task.number, task.calls))
             task.answers.put(Answer(task, *pickle.load(process.stdout)))
         except (EOFError, OSError, ValueError, pickle.UnpicklingError):
-            task.answers.put(Answer(task, died=_end_of(process), ended=over.is_set()))
+            task.answers.put(Answer(task, died=_describe_end(process), ended=over.is_set()))
             break
     for pipe in (process.stdin, process.stdout):
         with suppress(OSError):  # there was something left to write
             pipe.close()
 
 
-def _learn(process: subprocess.Popen[bytes], functions: list[Sent], number: int) -> str:
+def _learn(process: subprocess.Popen[bytes], functions: list[TransferableFunction], number: int) -> str:
     """Why the process cannot have a function; empty where it has it now."""
     assert process.stdout is not None
     _send(process, ("learn", number, functions[number].place, functions[number].fingerprint))
     return pickle.load(process.stdout) or ""
 
 
-def _end_of(process: subprocess.Popen[bytes]) -> str:
+def _describe_end(process: subprocess.Popen[bytes]) -> str:
     code = process.wait()
     return f"was killed by signal {-code}" if code < 0 else f"has ended with exit code {code}"

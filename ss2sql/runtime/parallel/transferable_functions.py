@@ -28,7 +28,7 @@ _TOP = "write it at the top of a module"
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
+class TransferableFunction:
     """A function as other processes get it: where it is, and what it must consist of there."""
 
     place: tuple[Any, ...]
@@ -36,68 +36,72 @@ class Sent:
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class LocalFunction:
     """Why other processes cannot have a function, and what could be done."""
 
     reason: str
     cure: str = ""
 
 
-def sent(entry: UserFunction) -> Sent | Kept:
+def describe_function(entry: UserFunction) -> TransferableFunction | LocalFunction:
     """A function for other processes, or why they cannot have it."""
     if entry.of_world:
-        return Kept("belongs to a world, which is in this process only")
+        return LocalFunction("belongs to a world, which is in this process only")
     if entry.vectorized:
-        return Kept("takes arrays, so it is called for many rows at once already")
+        return LocalFunction("takes arrays, so it is called for many rows at once already")
     if entry.volatility != "immutable":
         cure = "declare it immutable if it depends on nothing but its arguments"
-        return Kept(f"is {entry.volatility}: it may depend on what only this process knows", cure)
-    place = _place(entry.function)
-    if isinstance(place, Kept):
+        return LocalFunction(f"is {entry.volatility}: it may depend on what only this process knows", cure)
+    place = _find_place(entry.function)
+    if isinstance(place, LocalFunction):
         return place
-    return Sent(place, pickle.dumps(fingerprint(entry.function), 5))
+    return TransferableFunction(place, pickle.dumps(fingerprint(entry.function), 5))
 
 
-def _place(function: Callable[..., Any]) -> tuple[Any, ...] | Kept:
+def _find_place(function: Callable[..., Any]) -> tuple[Any, ...] | LocalFunction:
     if type(function) is FunctionType:
         name = function.__qualname__
         if "<lambda>" in name:
-            return Kept("is a lambda", f"{_TOP} with def")
+            return LocalFunction("is a lambda", f"{_TOP} with def")
         if "<locals>" in name:
-            return Kept("is defined inside of another function", _TOP)
+            return LocalFunction("is defined inside of another function", _TOP)
         if function.__module__ in ("__main__", "<run_path>"):
-            return _in_file(function, name)
+            return _find_in_file(function, name)
     try:
         pickled = pickle.dumps(function, 5)
     except Exception as error:
-        return Kept(f"cannot be pickled: {error}", _TOP)
+        return LocalFunction(f"cannot be pickled: {error}", _TOP)
     if b"__main__" in pickled:
-        return Kept("consists of what is defined where Python was started", "write that in a module and import it")
+        return LocalFunction(
+            "consists of what is defined where Python was started", "write that in a module and import it"
+        )
     if type(function) is FunctionType:
         return "module", function.__module__, function.__qualname__
     return "pickled", pickled
 
 
-def _in_file(function: FunctionType, name: str) -> tuple[str, ...] | Kept:
+def _find_in_file(function: FunctionType, name: str) -> tuple[str, ...] | LocalFunction:
     """A function of the script that runs, or of a file of functions that was given on the command line."""
     found = function.__globals__.get(name.partition(".")[0])
     for part in name.split(".")[1:]:
         found = getattr(found, part, None)
     if found is not function:
-        return Kept(f"is no longer what is called '{name}' there", _TOP)
+        return LocalFunction(f"is no longer what is called '{name}' there", _TOP)
     main = sys.modules.get("__main__")
     if function.__module__ == "__main__" and getattr(main, "__spec__", None) is not None:
         return "module", main.__spec__.name, name  # type: ignore[union-attr]
     path = function.__globals__.get("__file__")
     if path is None or not Path(path).is_file():
-        return Kept("is defined in a notebook or a shell, which no other process can import", "write it in a module")
-    if function.__module__ == "__main__" and not _says_what_is_run(Path(path)):
+        return LocalFunction(
+            "is defined in a notebook or a shell, which no other process can import", "write it in a module"
+        )
+    if function.__module__ == "__main__" and not _guards_main(Path(path)):
         cure = 'write `if __name__ == "__main__":` before what is run, or the function in a module of its own'
-        return Kept(f"is defined in {Path(path).name}, which does its work whenever it is imported", cure)
+        return LocalFunction(f"is defined in {Path(path).name}, which does its work whenever it is imported", cure)
     return "file", str(Path(path).resolve()), name
 
 
-def _says_what_is_run(path: Path) -> bool:
+def _guards_main(path: Path) -> bool:
     """Whether a script asks for `__name__` at its top."""
     try:
         tree = ast.parse(path.read_bytes())
@@ -110,15 +114,15 @@ def _says_what_is_run(path: Path) -> bool:
 # --- why not -------------------------------------------------------------------------------------------
 
 
-def tell(stats: Stats, reason: str, cure: str = "") -> None:
+def warn_once(stats: Stats, reason: str, cure: str = "") -> None:
     """Warns with a `WorkersWarning` at the place in the user's code that started the run, and notes the same."""
     text = f"workers: {reason}; {cure}" if cure else f"workers: {reason}"
     if text not in stats.notes:
         stats.notes.append(text)
-        warnings.warn(text, WorkersWarning, stacklevel=_frames_of_the_package())
+        warnings.warn(text, WorkersWarning, stacklevel=_count_package_frames())
 
 
-def _frames_of_the_package() -> int:
+def _count_package_frames() -> int:
     """The number of frames up to the first one that is not of ss2sql, nor of code that it has made."""
     frame, number = sys._getframe(1), 1
     while frame.f_back is not None and frame.f_code.co_filename.startswith((_PACKAGE, "<")):

@@ -48,7 +48,7 @@ def can_be_noted(builder: QueryCompiler, query: plan.Query) -> bool:
     return all(fact.steady and OWN_GROUP not in fact.groups for fact in facts)
 
 
-def noted_steps(
+def write_noted_steps(
     builder: QueryCompiler,
     query: plan.Query,
     owner: PythonScope,
@@ -56,7 +56,7 @@ def noted_steps(
     form: StepForm,
     columns: list[Shape],
 ) -> ast.expr:
-    """What `Noted` is made of, in the order of its fields; None where steps are taken in one go."""
+    """What `NotedSearch` is made of, in the order of its fields; None where steps are taken in one go."""
     codegen, build = builder.codegen, builder.codegen.build_at(query.span)
     search = query.search
     assert search is not None
@@ -72,7 +72,7 @@ def noted_steps(
     reverse = find_regression(query) if query.search is not None and search.plain else "it has options"
     backwards = [build.constant(None)] * 2
     if isinstance(reverse, Regression):
-        writer = Backwards(builder, query, owner)
+        writer = BackwardSteps(builder, query, owner)
         backwards = [build.name(writer.goals(reverse)), build.name(writer.before(reverse))]
     plain = not any(source.id in codegen.tuples or source.id in codegen.worlds for source in query.sources)
     made = (step.places(), search.order == "probability", len(query.sources), plain)
@@ -100,7 +100,7 @@ class NotedStep(StepFunction):
         clauses = [*self.outputs, *(expr for _, expr in self.search.connect), *self.clauses]
         for expr in clauses:
             self.slots.setdefault(self._slot_key(expr), self.codegen.local("noted"))
-        self.plain = {self._slot_key(expr): expr for expr in self.outputs if _is_at_hand(expr)}
+        self.plain = {self._slot_key(expr): expr for expr in self.outputs if _is_known_before(expr)}
         for expr, shape in zip(self.outputs, columns, strict=True):
             if shape != "scalar" and self._slot_key(expr) not in self.plain:
                 self.slots.setdefault(("frozen", self._slot_key(expr), shape), self.codegen.local("noted"))
@@ -174,11 +174,11 @@ class NotedStep(StepFunction):
         return build.if_else(is_new, begun, build.name(known))
 
 
-def _is_at_hand(expr: plan.Expr) -> bool:
+def _is_known_before(expr: plan.Expr) -> bool:
     return isinstance(expr, (plan.Element, plan.State, plan.Constant))
 
 
-class Backwards:
+class BackwardSteps:
     """Writes the functions that give the states at the goal, and the state before a step."""
 
     def __init__(self, builder: QueryCompiler, query: plan.Query, outer: PythonScope) -> None:

@@ -18,7 +18,7 @@ from ss2sql.language.kinds import SCALAR
 from ss2sql.language.plan_traversal import walk
 from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.python.flat_query import list_key_expressions
-from ss2sql.runtime.python.noted_steps import noted_steps
+from ss2sql.runtime.python.noted_steps import write_noted_steps
 from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.python.step_clauses import StepForm, choose_state_shapes, name_frozen_variables
 from ss2sql.runtime.python.step_function import StepFunction, StepLoops
@@ -89,7 +89,7 @@ def compile_search(
         _write_last_step_keys(builder, query, body, find_keys, keys)
     noted = build.constant(None)
     if memorizes or led:
-        noted = noted_steps(builder, query, body, loops, form, step.columns)
+        noted = write_noted_steps(builder, query, body, loops, form, step.columns)
     names = [function, find_keys, key_of]
     made = [build.constant(None) if name is None else build.name(name) for name in names]
     body.add(build.back(build.pack(build.name("starts"), *made, noted)))

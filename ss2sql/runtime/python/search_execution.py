@@ -22,7 +22,7 @@ from ss2sql.runtime.search.memorize import run_memorize
 from ss2sql.runtime.search.memorize_by_key import KeyedMemorize
 from ss2sql.runtime.search.search_run import Found, SearchRun
 from ss2sql.runtime.search.step_contract import Expand, Problem
-from ss2sql.runtime.search.step_notes import Noted, noted_of
+from ss2sql.runtime.search.step_notes import NotedSearch, make_noted_search
 from ss2sql.runtime.search.trace import TracedSearch
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def find_results(
     """The results as they are found; `bound` is MEMORIZE's."""
     run, query = task.run, task.form.query
     starts, function, keys, key_of, noted = task.find(*outer)
-    noted = noted and noted_of(*noted)
+    noted = noted and make_noted_search(*noted)
     problem = Problem(
         starts if key_of is None or search.repeats == "no cycle" else _drop_equal_starts(starts, key_of),
         function,
@@ -79,7 +79,7 @@ def _build_search_run(
     form: SearchForm,
     problem: Problem,
     bound: int | None,
-    noted: Noted | None,
+    noted: NotedSearch | None,
 ) -> SearchRun:
     """The search for who makes the graph of MEMORIZE, or goes by levels in another database."""
     return SearchRun(

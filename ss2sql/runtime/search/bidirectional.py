@@ -18,7 +18,7 @@ from ss2sql.errors import Stopped
 from ss2sql.language.frozen_values import State
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import SearchRun
-from ss2sql.runtime.search.step_notes import Noted, elements_of
+from ss2sql.runtime.search.step_notes import NotedSearch, list_elements
 
 MAX_ELEMENTS = 100_000  # of a state; they are kept as a list
 CHECK_EVERY = 255
@@ -31,7 +31,7 @@ class BackwardSearch:
     the position of its element and the number of steps to the goal, this one included.
     """
 
-    def __init__(self, search_run: SearchRun, noted: Noted, items: list[Any]) -> None:
+    def __init__(self, search_run: SearchRun, noted: NotedSearch, items: list[Any]) -> None:
         assert noted.goals is not None
         assert noted.before is not None
         self.search_run, self.items, self.before = search_run, items, noted.before
@@ -95,7 +95,7 @@ def start_backward_search(search_run: SearchRun) -> BackwardSearch | None:
     if noted is None or noted.goals is None:
         return None
     try:
-        items = elements_of(noted, search_run.problem.starts[0])
+        items = list_elements(noted, search_run.problem.starts[0])
         if len(items) <= MAX_ELEMENTS:
             return BackwardSearch(search_run, noted, items)
         _note_failure(search_run, f"a state has more than {MAX_ELEMENTS:,} elements")

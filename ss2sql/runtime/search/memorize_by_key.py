@@ -18,7 +18,7 @@ from ss2sql.language.rows import Row
 from ss2sql.runtime.search.memorize import build_graph_limit_error
 from ss2sql.runtime.search.search_run import Found
 from ss2sql.runtime.search.step_contract import Problem
-from ss2sql.runtime.search.step_notes import Noted, Notes
+from ss2sql.runtime.search.step_notes import NotedSearch, Notes
 
 ByNode = dict[Hashable, list["KeyedEdge"]]
 
@@ -44,7 +44,7 @@ class KeyedMemorize:
     check: Callable[[], None]
     most: int | None
     shapes: FrozenShapes
-    shown: Noted | None
+    shown: NotedSearch | None
 
     def paths(self) -> Iterator[Found]:
         """The paths without a repeated key: shortest, cheapest or likeliest first, ties in source order.

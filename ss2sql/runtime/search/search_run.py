@@ -11,7 +11,7 @@ from ss2sql.language.frozen_values import FrozenShapes, State
 from ss2sql.language.rows import Row
 from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.search.step_contract import Problem
-from ss2sql.runtime.search.step_notes import Noted, Notes
+from ss2sql.runtime.search.step_notes import NotedSearch, Notes
 
 if TYPE_CHECKING:
     from ss2sql.runtime.search.graph import RowGraph
@@ -47,7 +47,7 @@ class SearchRun:
     check: Callable[[], None]  # ends the run if it has to end
     query: plan.Query
     run: Run
-    noted: Noted | None = None  # the search with notes of its steps, where it can have some
+    noted: NotedSearch | None = None  # the search with notes of its steps, where it can have some
     chooses: bool = False  # `grow` takes a choice of elements
     flush: Callable[[], None] = lambda: None  # brings `stats` up to date
     keyed: bool = True  # GROUP BY or ORDER BY need the last part of a result

@@ -38,7 +38,7 @@ class Places(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Noted:
+class NotedSearch:
     """A search whose steps are noted.
 
     `expand(state, closed, notes)` is the step function, see runtime/search/step_contract.py; it asks `notes.known()`
@@ -69,7 +69,7 @@ class Noted:
         return item if self.sources > 1 else (item,)
 
 
-def noted_of(
+def make_noted_search(
     expand: Callable[..., Iterator[Step]],
     goals: Any,
     before: Any,
@@ -77,10 +77,10 @@ def noted_of(
     probable: bool,
     sources: int,
     plain: bool,
-) -> Noted:
+) -> NotedSearch:
     """A search whose steps are noted, from what is generated."""
     states = places.states
-    take, whole = _taking(places.rows), None if None in states else _taking(states)
+    take, whole = _make_getter(places.rows), None if None in states else _make_getter(states)
 
     def after(note: Note, before: State) -> State | None:
         if whole is not None:
@@ -93,10 +93,10 @@ def noted_of(
         return found
 
     nothing = [*[UNSET] * places.size, False]
-    return Noted(expand, goals, before, places, probable, sources, plain, take, after, nothing)
+    return NotedSearch(expand, goals, before, places, probable, sources, plain, take, after, nothing)
 
 
-def _taking(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
+def _make_getter(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
     """What takes the values at some places of a note."""
     if len(places) == 1:
         return lambda note: (note[places[0]],)
@@ -108,7 +108,7 @@ class Notes:
 
     counted = 1
 
-    def __init__(self, noted: Noted) -> None:
+    def __init__(self, noted: NotedSearch) -> None:
         self.noted = noted
         self.pairs: list[list[Pair] | None] = []
         self.at = -1
@@ -133,7 +133,7 @@ class Notes:
         return [(self.noted.blank(), item) for item in items]
 
 
-def elements_of(noted: Noted, start: State) -> list[Any]:
+def list_elements(noted: NotedSearch, start: State) -> list[Any]:
     """The elements of a frozen state, each as it stands in a pair; nothing else is evaluated."""
     notes = Elements(noted)
     for _ in noted.expand(start, (), notes):
