@@ -95,3 +95,16 @@ def test_what_a_search_kept_is_given_back_with_its_result(option: str, engine: A
     session.close()
     del session
     assert pools() == before
+
+
+def test_the_collector_pauses_while_a_value_is_made_but_for_what_the_user_makes(ss: ss2sql.Session) -> None:
+    collections: list[str] = []
+    mine: list[bool] = []
+    ss.representation("mine")(lambda rows: mine.append(gc.isenabled()))
+    result = ss.run("SELECT this FROM range(9000) START WITH n = 0 CONNECT BY n = 1 STOP WITH n == 1 AS list;")
+    gc.callbacks.append(lambda phase, info: collections.append(phase))
+    assert len(result.value) == 9000
+    gc.callbacks.pop()
+    assert collections.count("start") <= 1  # when all is made
+    assert ss.run("SELECT 1 FROM [0] AS mine;").value is None
+    assert (mine, gc.isenabled()) == ([True], True)

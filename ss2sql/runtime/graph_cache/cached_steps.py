@@ -6,7 +6,6 @@ one, is done: of each state all steps or none.
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable, Iterable, Sequence
 from time import perf_counter
 from typing import Any
@@ -19,6 +18,7 @@ from ss2sql.language.rows import Row
 from ss2sql.runtime.graph_cache.cached_graph import MAX_HELD, CachedEdge, CachedGraph, CachedNode
 from ss2sql.runtime.graph_cache.graph_store import build_damage_error
 from ss2sql.runtime.graph_cache.value_json import NotCacheable
+from ss2sql.runtime.run.garbage_collector import pause_collector
 from ss2sql.runtime.run.run_state import Stats
 from ss2sql.runtime.search.search_run import SearchRun
 from ss2sql.runtime.search.step_notes import Note, Notes, Pair
@@ -118,18 +118,14 @@ class CachedSteps(Notes):
             self._write()
         self._let_go()
         self._nodes = []
-        collects = gc.isenabled()
-        gc.disable()  # nothing of what is made here is garbage: looking for some takes a third of the time
         try:
-            self._nodes = self.graph.find_nodes(states)
-            self._nodes = self.graph.load(self._nodes)
+            with pause_collector():
+                self._nodes = self.graph.find_nodes(states)
+                self._nodes = self.graph.load(self._nodes)
         except NotCacheable as reason:
             self._give_up(reason)
         except _TEMPORARY_ERRORS as error:
             self._write_failed = str(error)
-        finally:
-            if collects:
-                gc.enable()
         if self.stores_elements:
             self.pairs[: len(self._nodes)] = map(self._pairs, self._nodes)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from inspect import signature
 from itertools import chain
 from typing import Any
@@ -15,6 +16,7 @@ from ss2sql.language.rows import Row, Rows, iterate_checked_paths
 from ss2sql.language.value_messages import format_value
 from ss2sql.language.values import Opaque, convert_value, copy_for_python, copy_rows_for_python
 from ss2sql.runtime import representations
+from ss2sql.runtime.run.garbage_collector import pause_collector
 from ss2sql.runtime.run.search_paths import SearchPaths, measure_lengths
 from ss2sql.runtime.run.value_sizes import CELL_SIZE, MAX_SIZE, ValueSizes
 
@@ -103,9 +105,10 @@ class Representations:
                 for path in iterate_checked_paths(chosen, check)
             ]
 
-        if rows.groups is None:
-            return whole(None)
-        return {_make_group_key(key, form): whole(positions) for key, positions in rows.groups}
+        with pause_collector() if form.name in BUILT_IN_FORMS and self.is_built_in(form) else nullcontext():
+            if rows.groups is None:
+                return whole(None)
+            return {_make_group_key(key, form): whole(positions) for key, positions in rows.groups}
 
     def represent_subquery(
         self, query: plan.Query, rows: Rows, arguments: Sequence[Any], named: Mapping[str, Any], sizes: ValueSizes
