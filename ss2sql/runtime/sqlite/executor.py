@@ -128,7 +128,6 @@ class Database:
             guard.aggregate(name, self._wrap_factory(factory))
         for name, arguments in FUNCTIONS.items():
             guard.scalar(name, getattr(self.search, name), arguments)
-        guard.scalar("reached", self.search.reached_value, 1)
         guard.scalar("next_number", self.search.numbers.next, 0)
         guard.scalar("expand", self.search.expansions.next, 0)
         guard.scalar("expand", self.search.expand, 1)

@@ -43,26 +43,6 @@ class FunctionCallback:
         self.giver = f"the function '{function.name}'"
         self.call = self._call()
 
-    def make(self, execution: StatementExecution, arguments: tuple[Any, ...]) -> Any:
-        """A real call; what it costs beside the function itself is 0.7 us."""
-        interning, run = execution.interning, execution.run
-        if self.function.changes:
-            values = [interning.fresh(value) if type(value) is bytes else value for value in arguments]
-        else:
-            values = [interning.decode_read_only(value) if type(value) is bytes else value for value in arguments]
-        if run.interrupted or run.bounds.deadline is not None:
-            run.check()  # a slow function must not keep a timeout waiting
-        self.memo.calls += 1
-        result = _MISSING
-        try:
-            result = self.function.function(*values)
-            encoded = interning.encode_object(result, self.giver)
-            if (encoded is None or type(encoded) is str) and self.function.name in execution.truths:
-                raise OtherFormError  # SQLite would take it for false
-            return encoded
-        except Exception as error:
-            self._refuse(execution, arguments, error, result)
-
     def _refuse(
         self, execution: StatementExecution, arguments: tuple[Any, ...], error: Exception, result: Any
     ) -> NoReturn:
@@ -94,18 +74,18 @@ class FunctionCallback:
         return all(type(value) is not bytes or value in interning.marshalled for value in arguments)
 
     def _call(self) -> Callable[..., Any]:
-        """What SQLite calls: a real call where no memory has its value."""
-        memo, stack, make = self.memo, self.stack, self.make
+        """What SQLite calls: a real call where no memory has its value, at 0.6 us beside the function itself."""
+        memo, stack, giver, remembers = self.memo, self.stack, self.giver, self.remembers
+        body, changes, name = self.function.function, self.function.changes, self.function.name
 
         def call(*arguments: Any) -> Any:
-            return make(stack[-1], arguments)
-
-        def call_of_memo(*arguments: Any) -> Any:
+            result: Any
             if memo.plain:
                 result = memo.plain.get(arguments)
                 if result is not None:
                     memo.hits += 1
                     return result
+            execution = stack[-1]
             if memo.exact or memo.failures:
                 key = dumps(arguments, 2)
                 result = memo.exact.get(key, _MISSING)
@@ -114,15 +94,28 @@ class FunctionCallback:
                     return result
                 error = memo.failures.get(key)
                 if error is not None:
-                    stack[-1].failed = True
+                    execution.failed = True
                     raise error
-            execution = stack[-1]
-            encoded = make(execution, arguments)
-            if self.can_remember(execution.interning, arguments):
+            run, values = execution.run, arguments
+            if bytes in map(type, arguments):
+                convert = execution.interning.fresh if changes else execution.interning.decode_read_only
+                values = tuple([convert(value) if type(value) is bytes else value for value in arguments])
+            if run.interrupted or run.bounds.deadline is not None:
+                run.check()  # a slow function must not keep a timeout waiting
+            memo.calls += 1
+            result = _MISSING
+            try:
+                result = body(*values)
+                encoded = execution.interning.encode_object(result, giver)
+                if (encoded is None or type(encoded) is str) and name in execution.truths:
+                    raise OtherFormError  # SQLite would take it for false
+            except Exception as reason:
+                self._refuse(execution, arguments, reason, result)
+            if remembers and self.can_remember(execution.interning, arguments):
                 memo.keep(arguments, encoded)
             return encoded
 
-        return call_of_memo if self.remembers else call
+        return call
 
     def call_in_blocks(self, execution: StatementExecution) -> CallBlock:
         """What makes several calls and gives their values, which whoever asks remembers; 0.5 us each.

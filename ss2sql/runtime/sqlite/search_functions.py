@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from math import prod
+from math import inf, prod
 from typing import Any, TypeAlias
 
 from ss2sql.language.ordering import is_overestimate
@@ -196,21 +196,15 @@ class SearchState:
         if not self.plain or self.always_plain:
             return
         self.plain = False
-        self.met = {self._unify_key(key): value for key, value in self.met.items()}
-        self.taken = {self._unify_key(key): value for key, value in self.taken.items()}
-        self.given = set(map(self._unify_key, self.given))
-        self.tested_key = self._unify_key(self.tested_key)
+        self.met = {self._key_of(row): value for row, value in self.met.items()}
+        self.taken = {self._key_of(row): value for row, value in self.taken.items()}
+        self.given = set(map(self._key_of, self.given))
+        self.tested_key = self._key_of(self.tested_key)
         if self.keyed is not None:
-            self.keyed[:] = [(parent, self._unify_key(key)) for parent, key in self.keyed]
-        self.current_path.keys = set(map(self._unify_key, self.current_path.keys))
-
-    def _unify_key(self, key: Any) -> Hashable:
-        """The key of a row that has stood for itself so far."""
-        return self._key_of(key if type(key) is tuple else (key,))
+            self.keyed[:] = [(parent, self._key_of(row)) for parent, row in self.keyed]
+        self.current_path.keys = set(map(self._key_of, self.current_path.keys))
 
     def _key_of(self, row: tuple[Any, ...]) -> Hashable:
-        if len(row) == 1:
-            return row[0] if self.plain else self.key(row[0])
         return row if self.plain else tuple(map(self.key, row))
 
     def get_kept_steps(self) -> list[Kept]:
@@ -233,20 +227,23 @@ class SearchState:
 
     def enter(self, parent: int, *row: Any) -> int:
         """Notes a step that enters the queue and gives its number."""
-        self.rows.append((parent, row))
-        return len(self.rows) - 1
+        rows = self.rows
+        rows.append((parent, row))
+        return len(rows) - 1
 
     def enter_first(self, parent: int) -> int:
         """The same for the first step to the row that `reached` was called with last."""
-        number = self.met[self.tested_key] = len(self.rows)
-        self.rows.append((parent, self.tested_row))
+        rows = self.rows
+        number = self.met[self.tested_key] = len(rows)
+        rows.append((parent, self.tested_row))
         return number
 
     def enter_best(self, parent: int, rank: Any) -> int:
         """The same for the best step so far to the row that `improves` was called with last."""
+        rows = self.rows
         self.met[self.tested_key] = rank
-        self.rows.append((parent, self.tested_row))
-        return len(self.rows) - 1
+        rows.append((parent, self.tested_row))
+        return len(rows) - 1
 
     def enter_keyed(self, parent: int, *row: Any) -> int:
         """`enter` for a step whose key was tested last."""
@@ -280,20 +277,11 @@ class SearchState:
 
     def reached(self, *row: Any) -> int:
         """Whether a step has reached the row."""
-        key = row if self.plain and len(row) > 1 else self._key_of(row)
+        key = row if self.plain else self._key_of(row)
         if key in self.met:
             self.pruned += 1
             return 1
         self.tested_row, self.tested_key = row, key
-        return 0
-
-    def reached_value(self, value: Any) -> int:
-        """`reached` of a row of one column; SQLite picks it by the number of arguments."""
-        key = value if self.plain else self.key(value)
-        if key in self.met:
-            self.pruned += 1
-            return 1
-        self.tested_row, self.tested_key = (value,), key
         return 0
 
     def arrive(self, step: int) -> int:
@@ -316,9 +304,8 @@ class SearchState:
 
     def improves(self, rank: Any, *row: Any) -> int:
         """Whether the step is better than the best to the row so far."""
-        key = row if self.plain and len(row) > 1 else self._key_of(row)
-        best = self.met.get(key)
-        if best is None or rank < best:
+        key = row if self.plain else self._key_of(row)
+        if rank < self.met.get(key, inf):
             self.tested_row, self.tested_key = row, key
             return 1
         self.pruned += 1
@@ -328,7 +315,7 @@ class SearchState:
         """Whether a step that is taken is still the best to its row; the start is. `guess` is that of `expand`."""
         if not step:
             return 1
-        key = self._compared(step)
+        key = self.rows[step][1] if self.plain and self.keyed is None else self._compared(step)
         if self.met[key] < rank:
             return 0
         self.taken[key] = rank
@@ -359,7 +346,7 @@ class SearchState:
         current_path = self.current_path
         if parent != current_path.end:
             current_path.follow_to(parent)
-        key = row if self.plain and len(row) > 1 else self._key_of(row)
+        key = row if self.plain else self._key_of(row)
         if key in current_path.keys:
             self.pruned += 1
             return 1
