@@ -79,46 +79,30 @@ class EvaluationOrder:
         return find_expression_key(self.query, self.query.sources[level - 1], part, before)
 
     def find_hoisted_values(self, conditions: Sequence[Condition], outputs: Sequence[plan.Expr]) -> list[HoistedValue]:
-        """The values to compute early: those of costly expressions in WHERE, then in `outputs`, innermost first."""
+        """The values to compute early: those of costly expressions in WHERE, then in `outputs`, innermost first.
+
+        None is computed before the conditions that guard it.
+        """
         if not self.may_hoist or len(self.query.sources) < 2:
             return []
-        walk_over = _HoistingPass(self)
+        found: dict[plan.Expr, HoistedValue] = {}
+        guarded = 1
         for condition in conditions:
-            walk_over.visit(condition.expr, condition.level)
-            walk_over.floor = max(walk_over.floor, condition.level)
+            self._hoist(condition.expr, condition.level, guarded, found)
+            guarded = max(guarded, condition.level)
         for output in outputs:
-            walk_over.visit(output, len(self.query.sources))
-        return walk_over.found[:MAX_HOISTED]
+            self._hoist(output, len(self.query.sources), guarded, found)
+        return list(found.values())[:MAX_HOISTED]
 
-
-class _HoistingPass:
-    """Goes over what is evaluated of a row, in written order.
-
-    `floor` is the lowest level at which something may be evaluated that comes after all that was met so far.
-    """
-
-    def __init__(self, levels: EvaluationOrder) -> None:
-        self.levels = levels
-        self.floor = 1
-        self.found: list[HoistedValue] = []
-
-    def visit(self, expr: plan.Expr, level: int) -> None:
-        """An expression that is certainly evaluated, at this level."""
-        if not can_fail(expr) or any(known.expr == expr for known in self.found):
+    def _hoist(self, expr: plan.Expr, level: int, guarded: int, found: dict[plan.Expr, HoistedValue]) -> None:
+        """Finds what of an expression that is certainly evaluated at this level can be from an earlier one on."""
+        if expr in found or not _is_costly(expr):
             return
-        own = max(self.levels.of(expr), self.floor)
-        if own < level and _is_costly(expr):
-            self.parts(expr, own)
-            self.found.append(HoistedValue(expr, own))
-            self.floor = own
-        else:
-            self.parts(expr, level)
-            if _can_fail_alone(expr):
-                self.floor = max(self.floor, level)
-
-    def parts(self, expr: plan.Expr, level: int) -> None:
+        own = min(level, max(self.of(expr), guarded))
         for part in _iterate_certain_parts(expr):
-            self.visit(part, level)
+            self._hoist(part, own, guarded, found)
+        if own < level:
+            found[expr] = HoistedValue(expr, own)
 
 
 def _iterate_conjuncts(expr: plan.Expr) -> Iterator[plan.Expr]:
@@ -146,21 +130,6 @@ def _iterate_certain_parts(expr: plan.Expr) -> Iterator[plan.Expr]:
         case plan.Xor(left=left, right=right):
             yield left
             yield right
-
-
-def _can_fail_alone(expr: plan.Expr) -> bool:
-    """Whether something can fail that the expression evaluates besides its certain parts."""
-    match expr:
-        case plan.Call(function=function):
-            return function.raises or not function.builtin
-        case plan.MakeList() | plan.Not() | plan.Xor():
-            return False
-        case plan.And(parts=parts) | plan.Or(parts=parts):
-            return any(map(can_fail, parts[1:]))
-        case plan.If(then=then, otherwise=otherwise):
-            return any(map(can_fail, (*then, *otherwise)))
-        case _:
-            return True
 
 
 def _is_costly(expr: plan.Expr) -> bool:

@@ -37,8 +37,8 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
     where = _join_conditions(joins, where) if search is None else where
     scope.enter("GROUP BY")
     group = _resolve_group(resolver, tree, scope)
-    whole = not group and is_count_of_rows(tree.columns)
-    scope.grouped = bool(group) or whole
+    counted = is_count_of_rows(tree.columns)
+    scope.grouped = bool(group) or counted
     scope.enter("SELECT")
     columns = _resolve_columns(resolver, tree, scope)
     scope.columns = _name_columns(resolver, tree, scope, columns)
@@ -49,7 +49,7 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
         _check_once(resolver, having, tree.having, scope, "HAVING")
     if tree.distinct:
         _check_distinct(resolver, tree)
-        if not tree.group and not whole and (search is None or tree.last):
+        if not tree.group and not counted and (search is None or tree.last):
             group = tuple(output.expr for output in columns)
     query = plan.Query(
         scope.query,
@@ -59,12 +59,12 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
         search,
         group,
         having,
-        whole,
+        counted,
         order,
         None if tree.limit is None else resolve_outside(resolver, tree.limit, outer, "LIMIT"),
         None if tree.offset is None else resolve_outside(resolver, tree.offset, outer, "OFFSET"),
         _resolve_form(resolver, tree.representation, outer),
-        distinct=tree.distinct and not whole,
+        distinct=tree.distinct and not counted,
         last=tree.last,
         span=tree.span,
     )
@@ -384,7 +384,6 @@ def _infer_value_type(query: plan.Query) -> Type:
     kinds = [cut_depth(output.expr.type) for output in query.columns]
     if query.representation.labels or any(output.label for output in query.columns):
         return ANY
-    rows = Type(Kind.LIST)
     match query.representation.name:
         case "dict":
             columns = tuple((output.name, kind) for output, kind in zip(query.columns, kinds, strict=True))
