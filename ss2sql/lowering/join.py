@@ -177,7 +177,6 @@ class JoinBuilder:
         for key in natural:
             table.carry(key)  # one column has to be there
         self.tables.append(table)
-        self.scope = replace(self.scope, known=tuple((expr, table.carry(node)) for expr, node in self.scope.known))
         late = [condition.expr for condition in conditions if not condition.free]
         self.terms = [self.selects.expressions.all_of(tuple(late), self.scope)] if late else []
         self.rows_sorted = True
@@ -314,15 +313,9 @@ class JoinBuilder:
         return [*later, *self.query.group, *(key.expr for key in self.query.order)]
 
     def _settled(self) -> list[Node]:
-        """The terms of WHERE, so written that SQLite does not put a constant in the place of a column.
-
-        It does so where the column is to be equal to it (`=`, not `IS`), and then evaluates what mentions the column
-        without waiting for its source. That matters where something must not be evaluated too early.
-        """
+        """The terms of WHERE, so written that SQLite keeps the order of rows."""
         terms = [part for term in self.terms for part in (term.flatten() if isinstance(term, exp.And) else (term,))]
         terms += number_indexed_rows(self.items, terms, self.selects.needs.materialized_ctes.values())
-        if not all(isinstance(term, (exp.Binary, exp.Not, exp.In, exp.Paren)) for term in terms):
-            terms = [_use_is_operator(term) if isinstance(term, exp.EQ) else term for term in terms]
         if self.optional:
             # Else SQLite sees where None cannot meet a term, makes a plain join of it, and changes the order of rows.
             terms = [
@@ -412,13 +405,6 @@ def _may_be_none(source: plan.Source) -> bool:
         case _:
             assert isinstance(source, plan.TableSource)
             return False
-
-
-def _use_is_operator(term: exp.EQ) -> Node:
-    """`column = constant` as `column IS constant`."""
-    sides = (term.this, term.expression)
-    constant = any(side.find(exp.Column, exp.Anonymous, exp.Query) is None for side in sides)
-    return exp.NullSafeEQ(this=sides[0], expression=sides[1]) if constant else term
 
 
 def _wrap_disjunction(term: Node) -> Node:
