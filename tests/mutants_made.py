@@ -250,7 +250,7 @@ def other(value: object) -> bool | int | float | str | None:
         case int() | float():
             return value + 1
         case str():
-            return f"XX{value}XX"
+            return f"{value[: len(value) // 2]}XX{value[len(value) // 2 :]}"  # a test of a part sees it
         case _:
             return None
 

@@ -40,7 +40,7 @@ CHANGES = [
     *("f: return g(a, b, c=3) -> return None", "f: g(a, b, c=3) -> g(a, b)", "f: g(a, b, c=3) -> g(b, a, c=3)"),
     *("f: 3 -> 4", "C.m: case 1 if self: -> case 1:", "C.m: case 1 if self: -> nothing", "C.m: case _: -> nothing"),
     *("C.m: 1 -> 2", "C.m: self.n = [y for y in x if y] -> nothing", "C.m: [y for y in x if y] -> [y for y in x]"),
-    *("C.m: return 's' if x else None -> return None", "C.m: 's' if x else None -> 's'", "C.m: 's' -> 'XXsXX'"),
+    *("C.m: return 's' if x else None -> return None", "C.m: 's' if x else None -> 's'", "C.m: 's' -> 'XXs'"),
     "C.m: 's' if x else None -> None",
 ]
 

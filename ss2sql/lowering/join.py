@@ -390,7 +390,7 @@ def _is_statement_constant(value: plan.Expr) -> bool:
 
 def _iterates_constant_list(item: Node) -> TypeGuard[exp.Table]:
     """Whether `elements` walks a list that is the same for all rows."""
-    return isinstance(item, exp.Table) and isinstance(item.this, exp.Anonymous) and item.find(exp.Column) is None
+    return isinstance(item.this, exp.Anonymous) and item.find(exp.Column) is None
 
 
 def _may_be_none(source: plan.Source) -> bool:

@@ -174,12 +174,11 @@ class RecursiveQuery(ABC):
             replace(source, value=self._substitute_start_values(source.value, values)) for source in self.search.each
         )
         opened, scope = open_sources(self.selects, each, SqlScope())
-        moved = {source.id for source in each}
         states: dict[tuple[int, str], Node] = {}
         for name, value in values.items():
             flag = self.flags[name]
             plain = isinstance(value, plan.Constant) and not isinstance(value.value, (list, bool))
-            if list_sources(value) & moved:
+            if list_sources(value):
                 states[(self.query.id, name)] = (self.expressions.lower if flag else self.expressions.value)(
                     value, scope
                 )

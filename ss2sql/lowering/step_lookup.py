@@ -71,7 +71,5 @@ def _get_denied_equality(part: plan.Expr) -> plan.Expr | None:
     match part:
         case plan.Call(function=plan.Function(name="ne", builtin=True) as function):
             return replace(part, function=replace(function, name="eq"))
-        case plan.Not(operand=plan.Call(function=plan.Function(name="eq", builtin=True)) as equality):
-            return equality
         case _:
             return None

@@ -190,7 +190,7 @@ class _StepWriter:
         if stop is None:
             return goal, exp.true(), []
         goes_on = negate_condition(self.portable.condition(stop, self.name_scope))
-        if where is None or goal == exp.false():
+        if where is None:
             return goal, exp.true(), [goes_on]  # what stops leaves no trace
         return goal, goes_on, [sql_builder.disjunction([goes_on.copy(), goal.copy()])]
 

@@ -88,21 +88,14 @@ def _build_box(part: plan.Expr, number: Mapping[int, int], sources: Sources) -> 
 def _find_points(away: plan.Call, sources: Sources) -> tuple[Point, Point] | None:
     """Between which two places a call measures the straight way, if it is certain to do so."""
     function = away.function
-    world, _, _ = function.name.rpartition(".")
-    if len(away.arguments) != 2 or (function.of_world or function.name) != "distance":
+    if len(away.arguments) != 2 or (function.of_world or (function.builtin and function.name)) != "distance":
         return None
     one, other = (_find_point(argument, sources) for argument in away.arguments)
     if one is None or other is None:
         return None
-    elements = [place.source for place in (one, other) if place.is_element and place.source is not None]
-    if elements:
-        owned = not world or elements[0].table.world_name == world
-        return (one, other) if function.of_world and owned else None
-    if not (function.of_world or function.builtin) or world:
-        return None
-    if OPERATIONS["distance"].can_fail(tuple(argument.type for argument in away.arguments)):
-        return None
-    return one, other
+    types = tuple(argument.type for argument in away.arguments)
+    measured = one.is_element or other.is_element or not OPERATIONS["distance"].can_fail(types)
+    return (one, other) if measured else None
 
 
 def _find_point(expr: plan.Expr, sources: Sources) -> Point | None:

@@ -60,7 +60,7 @@ def _is_list_query(query: plan.Query) -> bool:
     """Whether a query is nothing but sources, conditions and one column of a list, none of which can fail."""
     if query.representation.name != "list" or len(query.columns) > 1 or query.columns[0].label or query.columns[0].star:
         return False
-    if query.search or query.grouped or query.order or query.limit or query.having:
+    if query.search or query.grouped or query.order or query.limit:
         return False
     if not all(isinstance(source, (plan.TableSource, plan.ValueSource)) for source in query.sources):
         return False

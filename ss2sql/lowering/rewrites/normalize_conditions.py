@@ -72,8 +72,6 @@ def _strip_bool_call(expr: plan.Expr) -> plan.Expr:
 def _push_negation(node: plan.Not, operand: plan.Expr) -> plan.Expr:
     turned: plan.Expr
     match operand:
-        case plan.Not(operand=inner):
-            return inner if inner.type.only(Kind.BOOL) else node
         case plan.And() | plan.Or():
             turned = _flatten_connective(negate_expression(operand))
             return turned

@@ -44,7 +44,6 @@ class RewriteContext:
         """
         self.fixed = False
         self.lists = {name: None for name, known in self.lists.items() if known is None}
-        self.types.clear()
 
     def holds(self, variable: Callable[[str], Any]) -> bool:
         """Whether all that the query relies on is so, with the values that `variable` gives."""

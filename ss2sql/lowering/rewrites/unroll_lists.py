@@ -81,9 +81,7 @@ def _is_plain_query(query: plan.Query) -> bool:
 
 
 def _is_correlated(query: plan.Query) -> bool:
-    """Whether the query reads anything of the queries around it, or texts that may."""
-    if any(isinstance(node, plan.Eval) for node in walk(query)):
-        return True
+    """Whether the query reads anything of the queries around it."""
     return bool(list_sources(query) - {query.sources[0].id} or list_states(query))
 
 
