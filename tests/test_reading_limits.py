@@ -11,7 +11,7 @@ import pytest
 from sessions import both
 
 import ss2sql
-from ss2sql.runtime.run.search_paths import SearchPaths
+from ss2sql.runtime.run.search_paths import KeptSteps, SearchPaths
 
 # A chain of n steps, each of which is a result, has n * n / 2 rows: no computer has room for those of 100,000 steps.
 CHAIN = "SELECT {select} FROM {source} START WITH i = 1 CONNECT BY i = i + 1 STOP WITH i == {steps} {end}"
@@ -92,8 +92,8 @@ def test_what_a_run_has_left_is_for_each_reading() -> None:
         assert sum(1 for _ in caught.value.partial) == 499 * 500 // 2  # one after the other they can be had
 
 
-class Counted(list[tuple[int, tuple[Any, ...]]]):
-    """What is kept of a search, and how often somebody has looked at it."""
+class Counted(list[int]):
+    """The parents of steps, and how often somebody has looked one up."""
 
     looks = 0
 
@@ -106,20 +106,21 @@ class Counted(list[tuple[int, tuple[Any, ...]]]):
 @pytest.mark.parametrize("order", [1, -1])
 def test_paths_read_one_by_one_cost_their_differences(all_results: bool, order: int) -> None:
     steps = 2000
-    kept = Counted([(0, ()), *((number - 1, (number,)) for number in range(1, steps + 1))])
+    parents = Counted([0, *range(steps)])
     ends = [(number, number - 1, number) for number in range(1, steps + 1)]
-    paths = SearchPaths(None if all_results else kept, tuple, ends)
-    looked = paths._step
+    kept = None if all_results else KeptSteps(parents, [(number,) for number in range(steps + 1)])
+    paths = SearchPaths(kept, tuple, ends)
+    looked = paths._end
 
     def count(step: int) -> Any:
-        kept.looks += 1
+        parents.looks += 1
         return looked(step)
 
-    paths._step = count  # type: ignore[method-assign]
+    paths._end = count  # type: ignore[method-assign]
     for position in range(steps)[::order]:
         assert paths[position][-1] == (position + 1,)
         assert len(paths[position]) == position + 1
-    assert kept.looks <= 5 * steps
+    assert parents.looks <= 5 * steps
     assert [paths[position] for position in (3, 1999, 3, 0)] == [list(paths)[p] for p in (3, 1999, 3, 0)]
 
 

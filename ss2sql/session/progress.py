@@ -22,7 +22,7 @@ from ss2sql.runtime.run.search_paths import SearchPaths
 
 if TYPE_CHECKING:
     from ss2sql.runtime.run.run_state import Run
-    from ss2sql.runtime.sqlite.search_functions import Kept, SearchState
+    from ss2sql.runtime.sqlite.search_functions import SearchState
 
 FIRST_SECONDS = 1.0  # seconds before the line appears
 REPEAT_SECONDS = 0.1  # seconds until it is written anew
@@ -149,19 +149,18 @@ class Progress:
         """The steps from the start to where the search is, 0 where there is none; and whether these are all."""
         if self.search is not None:
             if self.search.entered:
-                return measure_depth(self.search.get_kept_steps())
+                return measure_depth(self.search.parents)
             paths = None if self._run.sink is None else self._run.sink.rows.paths
             return paths.depth(MAX_DEPTH_LOOKS) if isinstance(paths, SearchPaths) else (0, True)
         depth, whole = backpointers.measure_depth(self.reached, MAX_DEPTH_LOOKS)
         return (0 if self.reached is None else depth + 1), whole
 
 
-def measure_depth(kept: list[Kept] | dict[int, Kept]) -> tuple[int, bool]:
+def measure_depth(parents: list[int]) -> tuple[int, bool]:
     """How far from the start the step is that was kept last, by the numbers of parents; and whether that is all."""
-    number: int = next(reversed(kept), 0) if isinstance(kept, dict) else len(kept) - 1
-    depth = 0
+    number, depth = len(parents) - 1, 0
     while number and depth < MAX_DEPTH_LOOKS:
-        number, depth = kept[number][0], depth + 1
+        number, depth = parents[number], depth + 1
     return depth, not number
 
 

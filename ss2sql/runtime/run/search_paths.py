@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain, islice
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
 from operator import itemgetter
-from typing import Any, TypeAlias, overload
+from typing import Any, NamedTuple, TypeAlias, overload
 
 from ss2sql.language.rows import Row
 
 # A result as the statement gives it: the number of the step, that of its parent (0: none), and its row.
 End: TypeAlias = tuple[Any, ...]
 
-# The numbers of the parents, and the rows, of steps by their numbers, which a list counts from 1.
-KeptSteps: TypeAlias = Sequence[tuple[int, Row]] | Mapping[int, tuple[int, Row]]
+
+class KeptSteps(NamedTuple):
+    """Steps by their numbers, from 1: the numbers of their parents, and their rows in SQL values."""
+
+    parents: list[int]
+    rows: list[Row]
 
 
 def measure_lengths(paths: Sequence[Sequence[Row]]) -> Iterator[int]:
@@ -26,10 +30,9 @@ def measure_lengths(paths: Sequence[Sequence[Row]]) -> Iterator[int]:
 class SearchPaths(Sequence[list[Row]]):
     """A list of paths, each a list of rows.
 
-    `kept` has each step that others come from, its parent's number and its row in SQL values, which `decode` makes a
-    row; it is None where every such step is a result itself. A path is walked back from its end until it
-    meets the one that was read before: so neighbours, which share their beginnings, cost their differences, whether all
-    are read in a row or one by one.
+    `kept` has each step that others come from, of whose SQL values `decode` makes a row; it is None where every such
+    step is a result itself. A path is walked back from its end until it meets the one that was read before: so
+    neighbours, which share their beginnings, cost their differences, whether all are read in a row or one by one.
     """
 
     def __init__(
@@ -39,8 +42,7 @@ class SearchPaths(Sequence[list[Row]]):
         ends: Sequence[End] = (),
         all_ends: Sequence[End] | None = None,
     ) -> None:
-        self._get_all_kept = kept
-        self._kept = None if kept is None else kept.__getitem__
+        self._kept = kept
         self._decode = decode  # `tuple` for rows that are values already
         self._ends: list[End] = list(ends)
         self._list_all_ends = self._ends if all_ends is None else all_ends
@@ -59,7 +61,7 @@ class SearchPaths(Sequence[list[Row]]):
         if isinstance(positions, range) and positions == range(len(self)):
             return self
         ends = [self._ends[position] for position in positions]
-        return SearchPaths(self._get_all_kept, self._decode, ends, self._list_all_ends)
+        return SearchPaths(self._kept, self._decode, ends, self._list_all_ends)
 
     def cells(self) -> Iterator[list[Any]]:
         """The paths, each as one flat list of values, row after row; nobody may change one before the last is made."""
@@ -83,13 +85,13 @@ class SearchPaths(Sequence[list[Row]]):
 
     def lengths(self) -> Iterator[int]:
         """The number of rows of each path, without putting it together: every step is looked at once."""
-        known = {0: 0}
+        known, parent_of = {0: 0}, self._parent_of
         for number, parent, *_ in self._ends:
             new: list[int] = []
             step = parent
             while step not in known:
                 new.append(step)
-                step = self._get_parent(step)
+                step = parent_of(step)
             length = known[step]
             for step in reversed(new):
                 length += 1
@@ -100,12 +102,8 @@ class SearchPaths(Sequence[list[Row]]):
 
     def count_kept_by_level(self) -> Counter[int]:
         """How many steps were kept at each distance from the start; a step has a greater number than its parent."""
-        kept = self._get_all_kept or {}
-        entered = kept.items() if isinstance(kept, Mapping) else islice(enumerate(kept), 1, None)
-        steps: Iterable[tuple[int, int]] = ((number, parent) for number, (parent, _) in entered)
-        if isinstance(kept, Mapping):
-            steps = sorted({*steps, *((end[0], end[1]) for end in self._list_all_ends)})
-        levels = {0: 0}
+        kept, levels = self._kept, {0: 0}
+        steps = sorted(end[:2] for end in self._list_all_ends) if kept is None else enumerate(kept.parents[1:], 1)
         for number, parent in steps:
             levels[number] = levels[parent] + 1
         counts = Counter(levels.values())
@@ -169,17 +167,14 @@ class SearchPaths(Sequence[list[Row]]):
     def _walk(self, width: int) -> _PathWalk:
         """A walk from path to path that gives cells, `width` of a row, or rows where that is 0."""
         if self._kept is None:
-            return _PathWalk(self._step, None, width)
-        return _PathWalk(self._kept, None if self._decode is tuple else self._decode, width)
+            return _PathWalk(self._parent_of, lambda step: self._end(step)[2:], None, width)
+        decode = None if self._decode is tuple else self._decode
+        return _PathWalk(self._parent_of, self._kept.rows.__getitem__, decode, width)
 
-    def _step(self, step: int) -> tuple[int, Row]:
-        """The parent's number and the row of a step that is a result."""
-        end = self._end(step)
-        return end[1], end[2:]
-
-    def _get_parent(self, step: int) -> int:
-        """The number of a step's parent, 0 where it is the first."""
-        return self._end(step)[1] if self._kept is None else self._kept(step)[0]
+    @property
+    def _parent_of(self) -> Callable[[int], int]:
+        """What gives the number of a step's parent, 0 where it is the first."""
+        return (lambda step: self._end(step)[1]) if self._kept is None else self._kept.parents.__getitem__
 
     def _end(self, step: int) -> End:
         """The result that a step is."""
@@ -191,13 +186,20 @@ class SearchPaths(Sequence[list[Row]]):
 class _PathWalk:
     """From path to path: the rows before the end of the one that was read last, or their cells, `width` of a row.
 
-    `step` gives the parent's number and the row of a step, which `decode` makes values.
+    `parent_of` gives the number of a step's parent, `row_of` its row, which `decode` makes values.
     """
 
-    __slots__ = ("_decode", "_places", "_shared", "_step", "_steps", "_width")
+    __slots__ = ("_decode", "_parent_of", "_places", "_row_of", "_shared", "_steps", "_width")
 
-    def __init__(self, step: Callable[[int], tuple[int, Row]], decode: Callable[[Row], Row] | None, width: int) -> None:
-        self._step = step
+    def __init__(
+        self,
+        parent_of: Callable[[int], int],
+        row_of: Callable[[int], Row],
+        decode: Callable[[Row], Row] | None,
+        width: int,
+    ) -> None:
+        self._parent_of = parent_of
+        self._row_of = row_of
         self._decode = decode
         self._width = width
         self._shared: list[Any] = []
@@ -206,24 +208,22 @@ class _PathWalk:
 
     def collect_rows_before(self, end: End) -> list[Any]:
         """The rows, or the cells, on the path to the parent of a result; the list changes with the next call."""
-        step, steps, step_of = end[1], self._steps, self._step
+        step, steps, parent_of = end[1], self._steps, self._parent_of
         if steps and step == steps[-1]:
             return self._shared
         places = self._places
         places.update(zip(steps[len(places) :], range(len(places), len(steps)), strict=True))
         new: list[int] = []
-        rows: list[Row] = []
         while step and step not in places:
             new.append(step)
-            step, row = step_of(step)
-            rows.append(row)
+            step = parent_of(step)
         left = places[step] + 1 if step else 0
         for gone in steps[left:]:
             del places[gone]
         del steps[left:], self._shared[left * (self._width or 1) :]
         new.reverse()
-        rows.reverse()
         steps += new
+        rows = map(self._row_of, new)
         decoded = rows if self._decode is None else map(self._decode, rows)
         self._shared.extend(chain.from_iterable(decoded) if self._width else decoded)
         return self._shared

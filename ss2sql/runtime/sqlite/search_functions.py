@@ -7,15 +7,14 @@ searches writes down. Ranks are totals for which less is better.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable
 from math import inf, prod
-from typing import Any, TypeAlias
+from typing import Any
 
 from ss2sql.language.ordering import is_overestimate
 from ss2sql.lowering.sql_query import Bookkeeping
 from ss2sql.runtime.run.run_state import Stats
-
-Kept: TypeAlias = tuple[int, tuple[Any, ...]]
+from ss2sql.runtime.run.search_paths import KeptSteps
 
 # The SQL functions with the number of their arguments, -1 for any.
 FUNCTIONS = {
@@ -35,24 +34,23 @@ class StepPathKeys:
     the greater of two ends is never on the path to the other.
     """
 
-    def __init__(
-        self, kept: Sequence[Kept] | Mapping[int, Kept], key_of: Callable[[tuple[Any, ...]], Hashable]
-    ) -> None:
-        self.kept = kept
+    def __init__(self, parents: list[int], compared: list[Any], key_of: Callable[[Any], Hashable]) -> None:
+        self.parents = parents
+        self.compared = compared
         self.key_of = key_of
         self.end = 0
         self.keys: set[Any] = set()
 
     def follow_to(self, step: int) -> None:
-        kept, old, new = self.kept, self.end, step
+        parents, compared, old, new = self.parents, self.compared, self.end, step
         gained: list[Hashable] = []
         while old != new:
             if old > new:
-                old, row = kept[old]
-                self.keys.discard(self.key_of(row))
+                self.keys.discard(self.key_of(compared[old]))
+                old = parents[old]
             else:
-                new, row = kept[new]
-                gained.append(self.key_of(row))
+                gained.append(self.key_of(compared[new]))
+                new = parents[new]
         self.end = step
         self.keys.update(gained)
 
@@ -93,9 +91,9 @@ class SearchState:
 
     # What stands in a slot is found faster than in a dict: a search over edges runs a quarter fewer instructions.
     __slots__ = (
-        *("always_plain", "current_path", "expanded", "expansions", "generated", "given", "highest", "key", "keyed"),
-        *("last_dropped", "late_pruned", "members", "met", "numbers", "overestimated", "plain", "pruned", "rows"),
-        *("shared", "taken", "tested_key", "tested_row", "walks"),
+        *("always_plain", "compared", "current_path", "expanded", "expansions", "generated", "given", "highest", "key"),
+        *("keyed", "last_dropped", "late_pruned", "members", "met", "numbers", "overestimated", "parents", "plain"),
+        *("pruned", "rows", "shared", "taken", "tested_key", "tested_row", "walks"),
     )
 
     def __init__(self) -> None:
@@ -135,14 +133,14 @@ class SearchState:
         self.late_pruned = 0  # of these, the steps that had entered
         self.highest = float("-inf")  # the greatest total that A* expected of a path through a step that was taken
         self.overestimated = False  # whether a path was found that costs less
-        self.rows: list[Kept] = [(0, ())]  # of the steps that entered, by number
+        self.parents = [0]  # of the steps that entered, by number
+        self.rows: list[tuple[Any, ...]] = [()]
         self.met: dict[Any, Any] = {}  # row -> the step that reached it, or its best rank
         self.taken: dict[Any, Any] = {}  # row -> the rank at which it was taken
         self.given: set[Any] = set()
-        self.keyed: list[tuple[int, Any]] | None = [(0, ())] if keyed else None  # the same with what is compared
-        self.current_path = (
-            StepPathKeys(self.rows, self._key_of) if self.keyed is None else StepPathKeys(self.keyed, _return_key)
-        )
+        self.keyed = keyed
+        self.compared: list[Any] = [()] if keyed else self.rows
+        self.current_path = StepPathKeys(self.parents, self.compared, _return_key if keyed else self._key_of)
         self.last_dropped = 0
         self.walks: list[tuple[Any, int]] = []  # the lists that were walked, and their lengths
         self.members: frozenset[Any] = frozenset()  # those right of IN
@@ -200,15 +198,15 @@ class SearchState:
         self.taken = {self._key_of(row): value for row, value in self.taken.items()}
         self.given = set(map(self._key_of, self.given))
         self.tested_key = self._key_of(self.tested_key)
-        if self.keyed is not None:
-            self.keyed[:] = [(parent, self._key_of(row)) for parent, row in self.keyed]
+        if self.keyed:
+            self.compared[:] = map(self._key_of, self.compared)
         self.current_path.keys = set(map(self._key_of, self.current_path.keys))
 
     def _key_of(self, row: tuple[Any, ...]) -> Hashable:
         return row if self.plain else tuple(map(self.key, row))
 
-    def get_kept_steps(self) -> list[Kept]:
-        return self.rows
+    def get_kept_steps(self) -> KeptSteps:
+        return KeptSteps(self.parents, self.rows)
 
     # --- steps that are evaluated on entering ----------------------------------------------------------
 
@@ -227,34 +225,34 @@ class SearchState:
 
     def enter(self, parent: int, *row: Any) -> int:
         """Notes a step that enters the queue and gives its number."""
-        rows = self.rows
-        rows.append((parent, row))
-        return len(rows) - 1
+        number = len(self.parents)
+        self.parents.append(parent)
+        self.rows.append(row)
+        return number
 
     def enter_first(self, parent: int) -> int:
         """The same for the first step to the row that `reached` was called with last."""
-        rows = self.rows
-        number = self.met[self.tested_key] = len(rows)
-        rows.append((parent, self.tested_row))
+        number = self.met[self.tested_key] = len(self.parents)
+        self.parents.append(parent)
+        self.rows.append(self.tested_row)
         return number
 
     def enter_best(self, parent: int, rank: Any) -> int:
         """The same for the best step so far to the row that `improves` was called with last."""
-        rows = self.rows
         self.met[self.tested_key] = rank
-        rows.append((parent, self.tested_row))
-        return len(rows) - 1
+        number = len(self.parents)
+        self.parents.append(parent)
+        self.rows.append(self.tested_row)
+        return number
 
     def enter_keyed(self, parent: int, *row: Any) -> int:
         """`enter` for a step whose key was tested last."""
-        assert self.keyed is not None
-        self.keyed.append((parent, self.tested_key))
-        self.rows.append((parent, row))
-        return len(self.rows) - 1
+        self.compared.append(self.tested_key)
+        return self.enter(parent, *row)
 
     def enter_first_keyed(self, parent: int, *row: Any) -> int:
         """`enter_first` for the first step to a key."""
-        self.met[self.tested_key] = len(self.rows)
+        self.met[self.tested_key] = len(self.parents)
         return self.enter_keyed(parent, *row)
 
     def enter_best_keyed(self, parent: int, rank: Any, *row: Any) -> int:
@@ -273,7 +271,7 @@ class SearchState:
 
     def _compared(self, step: int) -> Any:
         """What is compared of a step that has entered."""
-        return self._key_of(self.rows[step][1]) if self.keyed is None else self.keyed[step][1]
+        return self.compared[step] if self.keyed else self._key_of(self.compared[step])
 
     def reached(self, *row: Any) -> int:
         """Whether a step has reached the row."""
@@ -315,7 +313,7 @@ class SearchState:
         """Whether a step that is taken is still the best to its row; the start is. `guess` is that of `expand`."""
         if not step:
             return 1
-        key = self.rows[step][1] if self.plain and self.keyed is None else self._compared(step)
+        key = self.compared[step] if self.plain else self._compared(step)
         if self.met[key] < rank:
             return 0
         self.taken[key] = rank
