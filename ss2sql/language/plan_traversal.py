@@ -208,3 +208,15 @@ def list_choices(call: plan.Call) -> tuple[plan.Expr, ...]:
             return ()
         case several:
             return several
+
+
+def list_call_places(*roots: Node) -> dict[str, frozenset[tuple[int, int]]]:
+    """Where each function of the user is called; empty where that is not known before the script runs."""
+    found: dict[str, set[tuple[int, int]]] = {}
+    for root in roots:
+        for node in walk(root):
+            if isinstance(node, (plan.Eval, plan.AssignLate)):
+                return {}
+            if isinstance(node, plan.Call) and not node.function.builtin:
+                found.setdefault(node.function.name, set()).add((node.place.start, node.place.end))
+    return {name: frozenset(places) for name, places in found.items()}

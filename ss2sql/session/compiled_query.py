@@ -23,11 +23,10 @@ from ss2sql.results.result import QueryAnswer, Status
 from ss2sql.results.result_notes import explain_empty_result, explain_overestimates, find_notes
 from ss2sql.runtime.python import NativeQuery, compile_statement
 from ss2sql.runtime.representations.shape import PATH_FORMS, expand_stars
+from ss2sql.runtime.run.array_calls import count_array_calls
 from ss2sql.runtime.run.option_values import check_count, find_least
 from ss2sql.runtime.run.run_state import ResultSink, Run
 from ss2sql.runtime.run.sql_post_processing import finish_rows
-from ss2sql.runtime.sqlite.argument_queries import Scouts
-from ss2sql.runtime.sqlite.call_sites import takes_arrays
 from ss2sql.session.engines import Engine
 from ss2sql.vtables.snapshots import may_move
 
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
 LIMIT_CODES = ("X010", "X014")  # of rows and of the size of values: no reason to begin again
 
 READS_VALUES = "all its sources are Python values, which SQLite would read one by one"
+TAKES_ARRAYS = "it calls a function that takes arrays, which SQLite would call for one row at a time"
 CUT_DEEP_DOWN = "SQLite would call functions for steps that a depth-first search never takes"
 
 COUNTS_RESULTS = "maximum= counts the results, of which SQL shows the groups alone"
@@ -101,6 +101,8 @@ class CompiledQuery:
                 self.reason = f"engine='{self.wanted}' was asked for"
             elif self.wanted == "auto" and self._reads_only_values(query):
                 self.reason = READS_VALUES
+            elif self.wanted == "auto" and count_array_calls(query):
+                self.reason = TAKES_ARRAYS
             elif self.wanted == "auto" and _stops_early_in_depth(query):
                 self.reason = CUT_DEEP_DOWN
             elif self.wanted != "native":
@@ -114,7 +116,6 @@ class CompiledQuery:
             self.native = NativeQuery(query)
         self.bounded: SqlQuery | None = None
         self.by_value: SqlQuery | None = None
-        self.scouts = Scouts(query, self._scout) if self.lowered and takes_arrays(query) else None
         self.plain = all(output.expr.type.only(SCALAR_KINDS) for output in query.columns)
         self.bindings: dict[int, tuple[plan.Expr, Callable[[Run], Any]]] = {}  # by the identities of the expressions
         self.maximum = self._constant(query.search.maximum if query.search else None)
@@ -268,7 +269,7 @@ class CompiledQuery:
         lowered = run.lowered[self] = self.by_value or self.lower_for_run(run)
         before = run.stats.steps
         try:
-            extras = host.database.execute(lowered, run, evaluate, by_value, sink, most, self.scouts)
+            extras = host.database.execute(lowered, run, evaluate, by_value, sink, most)
         except Stopped:
             raise
         except Exception as error:
@@ -314,15 +315,11 @@ class CompiledQuery:
             self.bounded = self._lower(query, cut=True)
         return self.bounded
 
-    def _scout(self, query: plan.Query) -> SqlQuery:
-        # A scout wants the values themselves.
-        return self._lower(query, "late")
-
-    def _lower(self, query: plan.Query, *off: str, cut: bool = False, by_value: bool = False) -> SqlQuery:
-        """The statement of a query, without the rewrites that are `off`; some are needed while a script runs."""
+    def _lower(self, query: plan.Query, cut: bool = False, by_value: bool = False) -> SqlQuery:
+        """The statement of a query; some are needed while a script runs."""
         from ss2sql.lowering.lower import lower  # which takes 60 ms to load; a native query does without
 
-        names, disabled = self.host.sql_names, {*self.host.disabled, *off}
+        names, disabled = self.host.sql_names, self.host.disabled
         return retry_with_stack(lambda: lower(query, names, cut=cut, by_value=by_value, disabled=disabled))
 
     def _evaluate_limit(self, run: Run) -> int | None:

@@ -11,14 +11,13 @@ from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, sugges
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, NOTHING, Type, covers, type_of
-from ss2sql.language.plan_traversal import walk
+from ss2sql.language.plan_traversal import list_call_places, walk
 from ss2sql.language.recursion_limit import retry_with_stack
 from ss2sql.lowering.sql_string import Sql
 from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement
 from ss2sql.results.result import Result
 from ss2sql.runtime.python import compile_statement
 from ss2sql.runtime.run.run_state import Places, Run, Stats
-from ss2sql.runtime.sqlite.call_sites import call_places
 from ss2sql.session.compiled_query import CompiledQuery
 from ss2sql.session.dataframe_answer import build_dataframe_answer
 from ss2sql.session.engines import Engine
@@ -201,7 +200,7 @@ class Query:
     @cached_property
     def call_places(self) -> dict[str, Places]:
         """Where the script calls functions of the user; empty if that is not known."""
-        return call_places(*(statement.expr for statement in self._program.statements))
+        return list_call_places(*(statement.expr for statement in self._program.statements))
 
     @property
     def plan(self) -> plan.Program:

@@ -29,6 +29,7 @@ from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.runtime import representations
 from ss2sql.runtime.python.call_memo import make_callable, make_unmemoized_call
 from ss2sql.runtime.representations.shape import Representations, expand_stars
+from ss2sql.runtime.run.array_calls import ArrayFunction
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT
 from ss2sql.runtime.run.option_checks import Limits
 from ss2sql.runtime.run.run_state import Run
@@ -38,7 +39,6 @@ from ss2sql.runtime.sqlite.database_tables import Tables
 from ss2sql.runtime.sqlite.executor import Database
 from ss2sql.runtime.sqlite.file_locks import close_file, use_files
 from ss2sql.runtime.sqlite.function_names import BUILT_IN, choose_function_names
-from ss2sql.runtime.sqlite.vectorized_functions import NativeVectorizedFunction
 from ss2sql.session.resources import SessionResources
 from ss2sql.session.session_functions import SessionFunctions
 from ss2sql.session.session_lock import SessionLock
@@ -343,7 +343,7 @@ class SessionHost:
             if function.inverse_of:
                 known = make_unmemoized_call(entry.inverted(), run)
             else:
-                known = (NativeVectorizedFunction if entry.vectorized else make_callable)(entry, run, self.memo_limit)
+                known = (ArrayFunction if entry.vectorized else make_callable)(entry, run, self.memo_limit)
             run.callables[function.name] = known
         return known
 

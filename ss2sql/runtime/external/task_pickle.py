@@ -30,10 +30,10 @@ from ss2sql.runtime.external.step_evaluation import StepEvaluation, encode_value
 from ss2sql.runtime.python.call_memo import make_callable, make_unmemoized_call, report_calls
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.representations.shape import Representations, expand_stars
+from ss2sql.runtime.run.array_calls import ArrayFunction
 from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.search.search_run import SearchRun
-from ss2sql.runtime.sqlite.vectorized_functions import NativeVectorizedFunction
 from ss2sql.vtables.frames.frame import Column, Frame
 from ss2sql.vtables.query_cache import QueryCaches
 
@@ -245,9 +245,7 @@ class _ExecutorHost:
             if function.inverse_of:
                 known = make_unmemoized_call(entry.inverted(), run)
             else:
-                known = (NativeVectorizedFunction if entry.vectorized else make_callable)(
-                    entry, run, self.parcel.memo_limit
-                )
+                known = (ArrayFunction if entry.vectorized else make_callable)(entry, run, self.parcel.memo_limit)
             run.callables[function.name] = known
         return known
 

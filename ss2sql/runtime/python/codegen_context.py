@@ -65,6 +65,7 @@ class PythonScope:
     may_check_later: bool = False  # writes indexes as Python's own, see write_with_later_check
     trusted: bool = False  # whether there were any such indexes
     early_keys: bool = True  # computes the keys of arguments before the loop
+    find_arguments: Callable[[plan.Call], str | None] = lambda call: None  # names what gives those of calls to come
 
     def is_source_visible(self, source: int) -> bool:
         """Whether a source is bound here or in a function around this one."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable
 from typing import Any
 
 from ss2sql.fast_dataclasses import dataclass
@@ -80,6 +80,9 @@ class ExpressionAnalysis:
     def of(self, node: Any) -> ExpressionFacts:
         """The facts of a node below the roots; any other node is a constant of the compiler's."""
         return self._facts.get(id(node)) or ExpressionFacts()
+
+    def are_steady(self, nodes: Iterable[Any]) -> bool:
+        return all(self.of(node).steady for node in nodes)
 
     def is_fixed(self, variable: str) -> bool:
         """Whether a script variable keeps its value while the nodes run."""

@@ -21,6 +21,7 @@ from ss2sql.runtime.python.equality_index import find_lookups
 from ss2sql.runtime.python.group_loops import GroupCollector
 from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.python.source_loops import SourceLoops, list_source_expressions
+from ss2sql.runtime.run.array_calls import count_array_calls, join_stages
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.query_compiler import QueryCompiler
@@ -46,9 +47,13 @@ def compile_flat_query(
     for source in query.sources[1:]:  # the first is walked once
         if source.id in keyed:
             loops.attach_keys(source, frozen=False, keyed=True)
-    groups = GroupCollector(builder, query, aggregates, body) if query.aggregated else None
-    inner = loops.open(body, conditions, guarded)
-    if groups is not None:
+    evaluated = [*where, *outputs, *keys]
+    loops.staged = count_array_calls(*query.sources, *evaluated) > 0 and builder.codegen.analysis.are_steady(evaluated)
+    collects = query.aggregated and not loops.staged
+    groups = GroupCollector(builder, query, aggregates, body) if collects else None
+    inner = loops.open(body, conditions, guarded, [*outputs, *keys])
+    if query.aggregated:
+        groups = groups or GroupCollector(builder, query, aggregates, inner)
         groups.collect(inner)
         groups.end()
     else:
@@ -62,7 +67,14 @@ def compile_flat_query(
             )
         )
     inner.define()
-    return body.name
+    if not loops.stages:
+        return body.name
+    codegen, build = builder.codegen, builder.codegen.build
+    name, early = codegen.local("find"), build.constant(query.limit is not None)
+    stages = [build.pack(build.name(stage.name), how) for stage, how in loops.stages]
+    joined = build.call(codegen.helper(join_stages), build.name("run"), early, build.name(body.name), *stages)
+    codegen.definitions.append(build.assign(name, joined))
+    return name
 
 
 def write_row_and_keys(

@@ -45,7 +45,7 @@ class GroupCollector:
         self.first_rows = self.codegen.local("firsts")  # the values of groups by their keys
         self.lists: list[ast.expr] = []  # what is collected, a list for each
         self.of: list[int] = []  # by aggregate: its list
-        self.place = len(outer.blocks[0])
+        self.place = len(outer.blocks[0]) if outer.level == 0 else 0
         outer.locals += [self.groups] if self.plain else [self.groups, self.first_rows]
 
     def collect(self, inner: PythonScope) -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Iterator
-from functools import cached_property
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error
 from ss2sql.language import plan
 from ss2sql.language.recursion_limit import deepen_stack
-from ss2sql.language.rows import Row, Rows
+from ss2sql.language.rows import Rows
 from ss2sql.runtime.python.call_memo import report_calls
 from ss2sql.runtime.python.codegen_context import CodegenContext
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
@@ -18,13 +17,11 @@ from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.python.query_compiler import Dispatch, QueryCompiler
 from ss2sql.runtime.run.error_locations import locate_error
 from ss2sql.runtime.run.run_state import Run
-from ss2sql.runtime.sqlite.call_sites import takes_arrays
 
 if TYPE_CHECKING:
     from ss2sql.language.frozen_values import FrozenShapes
     from ss2sql.runtime.search.search_run import FindPaths
     from ss2sql.runtime.search.step_contract import Expand
-    from ss2sql.runtime.sqlite.argument_queries import Scouts
 
 
 class NativeQuery:
@@ -41,7 +38,6 @@ class NativeQuery:
         self, query: plan.Query, by_level: bool = False, find: FindPaths | None = None, watched: bool = False
     ) -> None:
         self.query = query
-        self._takes_arrays = takes_arrays(query)
         analysis = ExpressionAnalysis((query,))
         self.levels = analysis.levels
         with deepen_stack(self.levels):
@@ -69,8 +65,9 @@ class NativeQuery:
         Raises:
             Error: with the place in the script. Exceptions of the user's functions pass with a note.
         """
-        work = self._looking_ahead(run, lambda: self._bound(run).rows(sink=sink, outermost=True))
-        return self._run_with_location(run, work)  # type: ignore[no-any-return]
+        return self._run_with_location(  # type: ignore[no-any-return]
+            run, lambda: self._bound(run).rows(sink=sink, outermost=True)
+        )
 
     def value(self, run: Run) -> Any:
         """The value that the query's representation makes of its answer; raises what `rows` raises."""
@@ -79,11 +76,7 @@ class NativeQuery:
             task = self._bound(run)
             return task.shaped(task.rows(outermost=True))
 
-        return self._run_with_location(run, self._looking_ahead(run, value))
-
-    def stream(self, run: Run) -> Iterator[Row]:
-        """The rows of a query, one by one where that is possible; errors have no place."""
-        return self._bound(run).stream()  # type: ignore[no-any-return]
+        return self._run_with_location(run, value)
 
     def steps(self, run: Run) -> tuple[Expand, FrozenShapes, Callable[[], None]]:
         """The step function of a search with `find`, how its values are frozen, and what brings `run.stats` up to
@@ -93,26 +86,6 @@ class NativeQuery:
             task = self._bound(run)
             _, expand, *_ = task.find()
         return expand, task.form.search.shapes, task.flush
-
-    def _looking_ahead(self, run: Run, work: Callable[[], Any]) -> Callable[[], Any]:
-        """The work, for the time of which functions that take arrays know what is coming."""
-        if not self._takes_arrays:
-            return work
-
-        def with_scouts() -> Any:
-            run.ahead.append(self.scouts.of_run(run))
-            try:
-                return work()
-            finally:
-                run.ahead.pop().close()
-
-        return with_scouts
-
-    @cached_property
-    def scouts(self) -> Scouts:
-        from ss2sql.runtime.sqlite.argument_queries import Scouts  # which run natively themselves
-
-        return Scouts(self.query)
 
     def _run_with_location(self, run: Run, work: Callable[[], Any]) -> Any:
         try:

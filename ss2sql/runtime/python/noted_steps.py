@@ -23,7 +23,7 @@ from ss2sql.language import plan
 from ss2sql.language.frozen_values import UNSET, Shape
 from ss2sql.language.plan_traversal import find_direct_assignments
 from ss2sql.runtime.python.codegen_context import PythonScope
-from ss2sql.runtime.python.expression_facts import OWN_GROUP
+from ss2sql.runtime.python.expression_facts import OWN_GROUP, ExpressionFacts
 from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.python.step_clauses import StepForm
 from ss2sql.runtime.python.step_function import StepFunction, StepLoops
@@ -40,12 +40,14 @@ def can_be_noted(builder: QueryCompiler, query: plan.Query) -> bool:
     search = query.search
     if search is None or not search.plain:
         return False
+    return all(fact.steady and OWN_GROUP not in fact.groups for fact in list_step_facts(builder, query, search))
+
+
+def list_step_facts(builder: QueryCompiler, query: plan.Query, search: plan.Search) -> list[ExpressionFacts]:
+    """The facts of the clauses of a step, and of the sources."""
     clauses = [*(output.expr for output in query.columns), *query.rows, *(expr for _, expr in search.connect)]
-    clauses += [clause for clause in (search.stop, query.where, search.weight) if clause is not None]
-    facts = [builder.codegen.analysis.of(expr) for expr in clauses] + [
-        builder.get_source_facts(s) for s in query.sources
-    ]
-    return all(fact.steady and OWN_GROUP not in fact.groups for fact in facts)
+    clauses += [c for c in (search.stop, query.where, search.weight, search.heuristic) if c is not None]
+    return [*map(builder.codegen.analysis.of, clauses), *map(builder.get_source_facts, query.sources)]
 
 
 def write_noted_steps(

@@ -212,7 +212,11 @@ def _write_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -> a
                 body.forget(inline.orelse)
             return inline
     codegen.page.note_call(node.place, function.name)
-    call = build.call(codegen.function(function, build), *arguments)
+    called = build.name(codegen.function(function, build))
+    given = body.find_arguments(node) if function.vectorized else None
+    if given is not None:
+        called, arguments = build.part(called, "call_ahead"), [build.name(given), *arguments]
+    call = build.call(called, *arguments)
     if function.builtin or not facts.steady:
         return call
     return body.kept(facts, call, codegen.build_at(node.span), function.name)

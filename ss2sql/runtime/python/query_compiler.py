@@ -15,7 +15,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.frozen_values import UNSET
 from ss2sql.language.kinds import SCALAR, Kind
-from ss2sql.language.plan_traversal import has_constant_source, walk
+from ss2sql.language.plan_traversal import has_constant_source, split_and, walk
 from ss2sql.language.representation_table import make_label
 from ss2sql.runtime.python import flat_query
 from ss2sql.runtime.python.ast_builder import AstBuilder
@@ -25,6 +25,7 @@ from ss2sql.runtime.python.eval_compiler import EvalScope, make_eval_cache
 from ss2sql.runtime.python.expression_facts import ExpressionFacts
 from ss2sql.runtime.python.python_expressions import get_group_key, write_expression
 from ss2sql.runtime.python.query_execution import get_tuples_function, get_value_function, make_execution
+from ss2sql.runtime.run.array_calls import count_array_calls
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, forget_older_half
 from ss2sql.runtime.run.option_values import check_count
 from ss2sql.runtime.run.post_processing import QueryForm, find_aggregates
@@ -182,7 +183,11 @@ class QueryCompiler:
             "flush": self._flush(build) if query.search else None,
         }
         find = codegen.find if query is codegen.level_searched_query else None
-        form = build.name(codegen.constant(QueryForm.of(query, tuple(own), searched, find), "form"))
+        shown = [output.expr for output in query.columns] + [key.expr for key in query.order]
+        shown += split_and(query.having)
+        grouped = query.aggregated and query.search is None and codegen.analysis.are_steady(shown)
+        array_calls = count_array_calls(*shown) if grouped else 0
+        form = build.name(codegen.constant(QueryForm.of(query, tuple(own), searched, find, array_calls), "form"))
         given = [build.constant(None) if name is None else build.name(name) for name in functions.values()]
         task, value, tuples = codegen.local("task"), codegen.local("value_of"), codegen.local("rows_of")
         codegen.definitions += [

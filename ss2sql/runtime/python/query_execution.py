@@ -10,6 +10,7 @@ from typing import Any
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row, Rows, build_row_limit_error, make_unique_names
 from ss2sql.language.values import make_hashable
+from ss2sql.runtime.run.array_calls import BLOCK, iterate_blocks
 from ss2sql.runtime.run.option_values import find_least
 from ss2sql.runtime.run.post_processing import PostProcessing, QueryForm
 from ss2sql.runtime.run.run_state import Run
@@ -57,10 +58,6 @@ class QueryExecution:
         assert rows is not None
         return rows
 
-    def stream(self) -> Iterator[Row]:
-        """The rows of a query whose results are rows, one by one where nothing follows after they were found."""
-        return iter(self.tuples()) if self._needs_keys else self._found(None, ())
-
     def rows(
         self, outer: tuple[Any, ...] = (), sink: Rows | None = None, outermost: bool = False, counted: bool = False
     ) -> Rows:
@@ -86,6 +83,8 @@ class QueryExecution:
         try:
             if self._needs_keys:
                 group = None if self.group is None else partial(_bind_outer_values, self.group, outer)
+                if group is not None and form.array_calls:
+                    found = iterate_blocks(self.run, found, lambda seen: group(*seen), form.array_calls, BLOCK)
                 PostProcessing(form, group, settings.limit, settings.offset or 0, most).finish(found, results, answer)
             else:
                 self._stream(found, results, settings.limit, settings.offset or 0, most)

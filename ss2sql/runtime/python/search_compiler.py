@@ -18,7 +18,7 @@ from ss2sql.language.kinds import SCALAR
 from ss2sql.language.plan_traversal import walk
 from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.python.flat_query import list_key_expressions
-from ss2sql.runtime.python.noted_steps import write_noted_steps
+from ss2sql.runtime.python.noted_steps import list_step_facts, write_noted_steps
 from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.python.step_clauses import StepForm, choose_state_shapes, name_frozen_variables
 from ss2sql.runtime.python.step_function import StepFunction, StepLoops
@@ -178,15 +178,12 @@ def _revisits_states(builder: QueryCompiler, query: plan.Query) -> bool:
         return False
     if analysis.roots[0] is not query or analysis.open_world:
         return False
-    clauses = [*(output.expr for output in query.columns), *query.rows, *(expr for _, expr in search.connect)]
-    clauses += [c for c in (search.stop, query.where, search.weight, search.heuristic) if c is not None]
-    facts = [analysis.of(expr) for expr in clauses] + [builder.get_source_facts(source) for source in query.sources]
     called = any(
         isinstance(node, plan.Subquery) or (isinstance(node, plan.Call) and not node.function.builtin)
         for node in walk(query)
         if node is not query
     )
-    return called and all(one.steady for one in facts)
+    return called and all(fact.steady for fact in list_step_facts(builder, query, search))
 
 
 def _write_last_step_keys(

@@ -18,14 +18,13 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import frozen_values, plan
 from ss2sql.language.frozen_values import Shape
 from ss2sql.language.kinds import SCALAR
-from ss2sql.language.plan_traversal import find_direct_assignments, walk
+from ss2sql.language.plan_traversal import find_direct_assignments, list_call_places, walk
 from ss2sql.language.values import copy_for_python
 from ss2sql.runtime.python.call_code import is_memoized_call
 from ss2sql.runtime.python.call_memo import NO_KEY, MemoizedCalls, make_exact_key
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
 from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.run.run_state import Places, Run
-from ss2sql.runtime.sqlite.call_sites import call_places
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.step_clauses import StepClauses
@@ -68,7 +67,7 @@ class SingleCall:
         arguments = [self._write_argument(step, argument) for argument in self.node.arguments]
         once, remembered = codegen.local(function.name), codegen.local(f"{function.name}_remembered")
         count, made, call = codegen.local("count"), codegen.local("made"), codegen.local(function.name)
-        places = at.name(codegen.constant(call_places(step.query)[function.name], "places"))
+        places = at.name(codegen.constant(list_call_places(step.query)[function.name], "places"))
         known = [at.name("run"), at.name(codegen.constant(function, "function")), places]
         known.append(at.name(step.loops.items[source]))
         known.append(at.constant(source not in step.loops.frozen and source not in codegen.keys))

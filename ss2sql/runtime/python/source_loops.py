@@ -11,7 +11,7 @@ import ast
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from itertools import chain
-from typing import TYPE_CHECKING, assert_never
+from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql.errors import Stopped
 from ss2sql.language import plan
@@ -44,6 +44,13 @@ from ss2sql.runtime.python.loop_items import (
 )
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, write_expression
 from ss2sql.runtime.python.world_loops import WorldCondition, find_world_condition, write_world_items
+from ss2sql.runtime.run.array_calls import (
+    BLOCK,
+    count_array_calls,
+    is_array_call,
+    iterate_blocks,
+    list_certain_calls,
+)
 from ss2sql.runtime.run.elements import list_elements, list_elements_or_none
 
 if TYPE_CHECKING:
@@ -65,6 +72,7 @@ class SourceLoops:
         self.sources = query.sources
         self.facts = [builder.get_source_facts(source) for source in query.sources]
         own = {source.id for source in query.sources}
+        self._spent = set[str]()  # names that nothing further in reads
         self.lateral = [
             # What is asked of a world depends on the conditions that it gets.
             isinstance(source, plan.WorldSource)
@@ -93,6 +101,9 @@ class SourceLoops:
         self.world_conditions: dict[int, list[WorldCondition]] = {}  # by source: what a world is told of conditions
         self.wanted: dict[int, str] = {}  # by source: the only column that is read of what its loop looks up
         self.frozen: dict[int, str] = {}  # sources whose elements come with their frozen form
+        self.staged = False  # whether calls of functions that take arrays are made for a block of rows
+        self.stages: list[tuple[PythonScope, ast.expr]] = []  # the functions that go on there, and what comes before
+        self.called: dict[int, str] = {}  # such calls: the names of their values
 
     @property
     def first_read_once(self) -> int:
@@ -193,9 +204,13 @@ class SourceLoops:
             self.world_conditions.setdefault(demand.source, []).append(demand)
 
     def open(
-        self, body: PythonScope, conditions: Mapping[int, Sequence[plan.Expr]], guarded: int | None = None
+        self,
+        body: PythonScope,
+        conditions: Mapping[int, Sequence[plan.Expr]],
+        guarded: int | None = None,
+        rest: Sequence[plan.Expr] = (),
     ) -> PythonScope:
-        """Opens all loops and gives the function where the innermost one is.
+        """Opens all loops and gives the function where the innermost one is, which goes on to evaluate the `rest`.
 
         `conditions` gives for each number of bound sources what is tested then. With `guarded` the loops from
         this number on are entered only if all their sources, which are read once, have elements.
@@ -203,7 +218,9 @@ class SourceLoops:
         for index, source in enumerate(self.sources):
             if index == guarded:
                 self._guard(body, self.sources[index:])
-            self._test(body, conditions.get(index, ()))
+            read: list[Any] = [] if source.id in self.items else [source]
+            read += [one.other for one in self.lookups.get(source.id, ())]
+            body = self._stage_calls(self._test(body, conditions.get(index, ())), read)
             if body.level == MAX_LOOPS:
                 body = self._start_inner_function(body)
             body = self._open_loop(body, source)
@@ -211,7 +228,10 @@ class SourceLoops:
             # The loop around these counts what comes to their end.
             if not self.alone and not (self.inside and innermost and not conditions.get(index + 1)):
                 self._count(body, innermost)
-        self._test(body, conditions.get(len(self.sources), ()))
+        body = self._stage_calls(self._test(body, conditions.get(len(self.sources), ())), rest)
+        if self.staged and self.query.aggregated:  # groups are collected in the last function
+            build = self.builder.codegen.build
+            body = self._begin_stage(body, build, build.constant(0))
         return body
 
     def _open_loop(self, body: PythonScope, source: plan.Source) -> PythonScope:
@@ -241,6 +261,8 @@ class SourceLoops:
             items = build.call(codegen.helper(iterate_with_progress), build.name("run"), items)
         body.loop([word for word in names if word is not None], items, build)
         body.levels[source.id] = body.level
+        if source.id in self.items:
+            self._spent.add(self.items[source.id])
         return body
 
     def _count(self, body: PythonScope, innermost: bool) -> None:
@@ -255,10 +277,12 @@ class SourceLoops:
             build.add_to(counter), build.when(build.compare(build.name(counter), ast.GtE(), build.name(due)), look)
         )
 
-    def _test(self, body: PythonScope, conditions: Sequence[plan.Expr]) -> None:
+    def _test(self, body: PythonScope, conditions: Sequence[plan.Expr]) -> PythonScope:
         for condition in conditions:
+            body = self._stage_calls(body, [condition])
             build = self.builder.codegen.build_at(condition.span)
             body.add(build.if_not(write_expression(self.builder, condition, body), self._write_skip(body, build)))
+        return body
 
     def _guard(self, body: PythonScope, sources: Sequence[plan.Source]) -> None:
         for source in sources:
@@ -269,6 +293,50 @@ class SourceLoops:
     def _write_skip(body: PythonScope, build: AstBuilder) -> ast.stmt:
         """Goes on with the next element of the innermost open loop, or ends where none is open."""
         return build.continue_loop() if body.level else ast.Return(None, **build.at)
+
+    def _stage_calls(self, body: PythonScope, parts: Sequence[Any]) -> PythonScope:
+        """The function that goes on where calls of functions that take arrays are made for what is evaluated next.
+
+        Each call that is certain has its value then; others are found by trials, see array_calls.py.
+        """
+        if not (self.staged and body.level):
+            return body
+        codegen, certain = self.builder.codegen, set[int]()
+        for call in chain.from_iterable(map(list_certain_calls, parts)):
+            facts, build = codegen.analysis.of(call), codegen.build_at(call.place)
+            if facts.key is not None and body.name_of(facts) is None:
+                arguments = build.pack(*(write_expression(self.builder, argument, body) for argument in call.arguments))
+                codegen.page.note_call(call.place, call.function.name)
+                body = self._begin_stage(body, build, build.name(codegen.function(call.function, build)), arguments)
+                name = self.called[facts.key] = codegen.local(call.function.name)
+                loop = body.blocks[0][-1]
+                assert isinstance(loop, ast.For)
+                loop.target = ast.Tuple([loop.target, ast.Name(name, ast.Store(), **build.at)], ast.Store(), **build.at)
+                body.locals.append(name)
+                body.known[-1][facts.key] = name
+            certain.add(id(call))
+        calls = (node for part in parts for node in walk(part) if is_array_call(node))
+        number = sum(id(node) not in certain for node in calls)
+        return self._begin_stage(body, codegen.build, codegen.build.constant(number)) if number else body
+
+    def _begin_stage(
+        self, body: PythonScope, build: AstBuilder, how: ast.expr, arguments: ast.expr | None = None
+    ) -> PythonScope:
+        """A new function for the rows so far; `how` is what comes between them, see `join_stages`."""
+        codegen, outer = self.builder.codegen, self.owner.parameters
+        rows = codegen.local("rows")
+        names = [name for name in (*body.parameters, *body.locals) if name not in outer and name not in self._spent]
+        row = build.pack(*map(build.name, names)) if len(names) > 1 else build.name(*names)
+        body.add(build.run(build.give(row if arguments is None else build.pack(row, arguments))))
+        stage = PythonScope(codegen, codegen.local("rows"), [*outer, rows], body.parent)
+        stage.levels = {source: min(level, 1) for source, level in body.levels.items()}
+        stage.states, stage.groups, stage.counts = body.states, body.groups, body.counts
+        stage.loop(names, build.name(rows), build)
+        stage.known[-1].update(self.called)
+        stage.before = body
+        self._spent.add(rows)
+        self.stages.append((stage, how))
+        return stage
 
     def _start_inner_function(self, body: PythonScope) -> PythonScope:
         """A new function for the loops further in: Python does not nest any number of them."""
@@ -402,6 +470,10 @@ class SourceLoops:
         key_of.define()
         if before is not None:
             codegen.names[source.id] = before
+        number = count_array_calls(*keys)
+        if number:
+            given = [build.name("run"), items, build.name(key_of.name), build.constant(number), build.constant(BLOCK)]
+            items = build.call("list", build.call(codegen.helper(iterate_blocks), *given))
         return build.call(codegen.helper(index_computed_keys), items, build.name(key_of.name))
 
     def _write_key_lookup(self, source: plan.Source, index: ast.expr, body: PythonScope) -> ast.expr:

@@ -62,6 +62,7 @@ from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.python.source_loops import SourceLoops, list_source_expressions
 from ss2sql.runtime.python.step_clauses import StepClauses, StepForm
 from ss2sql.runtime.python.step_inlining import has_source_code, inline_steps
+from ss2sql.runtime.run.array_calls import count_array_calls
 from ss2sql.runtime.run.backpointers import (
     START,
     Parents,
@@ -174,7 +175,9 @@ class StepFunction(StepClauses):
             guarded = None if guarded is None else max(guarded, 1)
         if not form.noted:
             self._attach_frozen()
-        several = bool(self.search.siblings) or len(query.sources) > MAX_NESTED_LOOPS or form.noted
+        self.takes_arrays = count_array_calls(*self.keeps_everything, *(() if made is None else (made,))) > 0
+        listed = form.noted or self.takes_arrays
+        several = bool(self.search.siblings) or len(query.sources) > MAX_NESTED_LOOPS or listed
         if several:
             self._write_element_generator(placed, guarded)
         else:
@@ -184,7 +187,8 @@ class StepFunction(StepClauses):
         self.loop = loop
         alone = len(query.sources) == 1 and not isinstance(query.sources[0], plan.WorldSource)
         # the elements of a state are one list
-        self.has_list_elements = form.noted or (alone and not several and len(loop.body) == len(placed.get(1, ())))
+        self.has_list_elements = listed or (alone and not several and len(loop.body) == len(placed.get(1, ())))
+        body.find_arguments = self._find_arguments
 
     def write_function(self) -> str:
         """Writes the function and gives its name."""
@@ -205,7 +209,8 @@ class StepFunction(StepClauses):
 
     def write_search(self, loop: Callable[..., Any]) -> str | None:
         """Writes the loop of a search with the step function inlined; gives its name, None if it cannot be inlined."""
-        if not has_source_code(loop) or self.search.first is not None or (self.resumed and not self.has_list_elements):
+        one_by_one = self.resumed and not self.has_list_elements
+        if not has_source_code(loop) or self.search.first is not None or self.takes_arrays or one_by_one:
             return None
         build, codegen, run = self.build, self.codegen, self.build.name("run")
         meter = codegen.bind("meter of steps", "meter", build.call(codegen.helper(make_countdown_meter), run), build)
@@ -254,6 +259,8 @@ class StepFunction(StepClauses):
         self.loop.iter = build.name("turns")
         if together and (self.edges or self.form.noted):
             items = self._choose_items(items)
+        if self.takes_arrays:
+            items = build.call("list", items)
         codegen.helper(Parts)
         single = self.single
         for_state = [] if single is None else single.state_statements
@@ -276,6 +283,27 @@ class StepFunction(StepClauses):
         return [*thawed, *before, *for_state, *write_template(text, build, around)]
 
     # --- elements --------------------------------------------------------------------------------------
+
+    def _find_arguments(self, call: plan.Call) -> str | None:
+        """The name of a function that gives the arguments of a call for all elements of the state."""
+        facts = [self.codegen.analysis.of(argument) for argument in call.arguments]
+        own = {source.id for source in self.query.sources}
+        if own.isdisjoint(frozenset().union(*(one.sources for one in facts))):
+            return None
+        if not all(one.steady for one in facts) or any(map(self.inner.has_state_changed, facts)):
+            return None
+        build = self.codegen.build_at(call.place)
+        given = PythonScope(self.codegen, self.codegen.local("given"), [], self.body)
+        given.levels, given.find_arguments = dict.fromkeys(own, 1), self._find_arguments
+        given.count(call.arguments)
+        given.loop(["element"], build.name("block"), build)
+        loop = given.blocks[0][-1]
+        assert isinstance(loop, ast.For)
+        loop.target = self.loop.target
+        arguments = (write_expression(self.builder, argument, given) for argument in call.arguments)
+        given.add(build.run(build.give(build.pack(*arguments))))
+        self.body.blocks[0].insert(-1, given.finished(build))
+        return given.name
 
     def _choose_items(self, items: ast.expr) -> ast.expr:
         """The elements that lead to the goal in time, see runtime/search/bidirectional.py."""

@@ -23,7 +23,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class QueryForm:
-    """What is known of a query when it is compiled; `find` finds the results of a search that goes by levels."""
+    """What is known of a query when it is compiled; `find` finds the results of a search that goes by levels.
+
+    `array_calls` is how many calls of functions that take arrays may be made beforehand for several groups.
+    """
 
     query: plan.Query
     columns: tuple[str, ...]
@@ -32,6 +35,7 @@ class QueryForm:
     descending: tuple[bool, ...]
     search: SearchForm | None = None
     find: FindPaths | None = None
+    array_calls: int = 0
 
     @staticmethod
     def of(
@@ -39,9 +43,10 @@ class QueryForm:
         aggregates: tuple[plan.Aggregate, ...],
         search: SearchForm | None = None,
         find: FindPaths | None = None,
+        array_calls: int = 0,
     ) -> QueryForm:
         columns, descending = tuple(output.name for output in query.columns), tuple(k.descending for k in query.order)
-        return QueryForm(query, columns, aggregates, len(query.group), descending, search, find)
+        return QueryForm(query, columns, aggregates, len(query.group), descending, search, find, array_calls)
 
 
 class PostProcessing:

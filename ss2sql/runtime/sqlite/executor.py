@@ -28,13 +28,12 @@ from ss2sql.lowering.blob_encoding import BlobValue
 from ss2sql.lowering.sql_names import get_builtin_name
 from ss2sql.lowering.sql_query import Bookkeeping, ListTable, Parameter, SqlQuery
 from ss2sql.lowering.sql_string import Sql
+from ss2sql.runtime.run.array_calls import make_row_function
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, CallMemo, forget_older_half
 from ss2sql.runtime.run.option_values import check_cost, check_heuristic, check_probability
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.search_paths import SearchPaths
-from ss2sql.runtime.sqlite.argument_queries import Scouts, looking_ahead
 from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, Authorizer, find_run_error
-from ss2sql.runtime.sqlite.coming_arguments import ROOM, Ahead
 from ss2sql.runtime.sqlite.element_calls import ElementCalls
 from ss2sql.runtime.sqlite.function_callbacks import (
     CompletedCalls,
@@ -48,7 +47,6 @@ from ss2sql.runtime.sqlite.interning import FALSE, TRUE, Interning, OtherFormErr
 from ss2sql.runtime.sqlite.list_elements import CallRequest, ColumnsFor, ElementColumns, ListModules
 from ss2sql.runtime.sqlite.search_functions import FUNCTIONS, SearchState, StepNumbers
 from ss2sql.runtime.sqlite.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, read_element_columns
-from ss2sql.runtime.sqlite.vectorized_functions import SqlVectorizedFunction
 from ss2sql.runtime.sqlite.virtual_table import WorldModules
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
@@ -80,7 +78,6 @@ class StatementExecution:
         self.results: Callable[[], int] = int  # how many paths were found
         self.failed = False  # whether a function has raised
         self.truths: frozenset[str] = frozenset()  # functions whose values SQLite itself takes for true or false
-        self.ahead: Ahead | None = None  # for functions that take arrays
         self.elements: dict[Any, ElementColumns] = {}
         self.memoized_values: dict[bytes, Any] = {}  # what was made of inner queries
         self.outermost: Any = None  # the cursor of the first list that was walked
@@ -200,10 +197,8 @@ class Database:
     def register_user(self, function: UserFunction, sql_name: str) -> None:
         """A function of the user; see function_callbacks.py."""
         memo = self.memos.setdefault(function.name, CallMemo(self.memo_limit))
-        memo.limit = max(self.memo_limit, ROOM) if function.vectorized else self.memo_limit
         if function.vectorized:
-            self.guard.scalar(sql_name, SqlVectorizedFunction(function, memo, self.stack))
-            return
+            function = make_row_function(function)
         caller = self.sql_callbacks[function.name] = FunctionCallback(function, memo, self.stack)
         self.guard.scalar(sql_name, caller.call)
 
@@ -269,17 +264,16 @@ class Database:
         by_value: Callable[[], SqlQuery],
         sink: Rows,
         most: int | None = None,
-        scouts: Scouts | None = None,
     ) -> list[tuple[Row, Row]]:
         """Runs the statement and fills `sink` with its rows, or with its paths.
 
         `evaluate` gives the value of a parameter; `by_value` the statement to run where a value equals one of these in
-        another form; `most` bounds the results of a search; `scouts` say what is coming. Gives for each result its
-        group values and the sort keys that SQL left over. Raises what a user's function raised, ExecutionError X009
+        another form; `most` bounds the results of a search. Gives for each result its group values and the sort keys
+        that SQL left over. Raises what a user's function raised, ExecutionError X009
         for an error of SQLite, X010 for more results than run.max_rows; run.calls_made are then the calls so far.
         """
         execution = StatementExecution(run, lowered.query, lowered.calls, lowered.snapshot)
-        with self._running(execution), looking_ahead(scouts, self, execution):
+        with self._running(execution):
             try:
                 return self._attempt(lowered, execution, evaluate, sink, most)
             except OtherFormError:
