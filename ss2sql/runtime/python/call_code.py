@@ -94,12 +94,7 @@ def _is_key_known_early(argument: plan.Expr, body: PythonScope) -> bool:
     if _comes_with_key(argument, body):
         return True
     facts = body.codegen.analysis.of(argument)
-    return (
-        body.early_keys
-        and facts.steady
-        and not body.has_state_changed(facts)
-        and body.home(facts) != (body, body.level)
-    )
+    return facts.steady and not body.has_state_changed(facts) and body.home(facts) != (body, body.level)
 
 
 def _comes_with_key(argument: plan.Expr, body: PythonScope) -> TypeGuard[plan.Element]:
@@ -129,7 +124,8 @@ def _write_key(
     # A key of its own for the key: no expression of the plan has it.
     facts = replace(facts, key=None if facts.key is None else -1 - facts.key)
     home, level = body.home(facts)
-    if home is not body or not isinstance(argument, (plan.State, plan.Element)) or not isinstance(value, ast.Name):
+    named = isinstance(argument, (plan.State, plan.Element)) and isinstance(value, ast.Name)
+    if home is not body or not named or not body.early_keys:
         kept = body.kept(facts, key, build, "key")
         if not isinstance(kept, ast.IfExp) or not isinstance(value, ast.NamedExpr):
             return kept, name
