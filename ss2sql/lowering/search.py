@@ -56,7 +56,7 @@ class EagerSearch(RecursiveQuery):
         # A goal that comes out before its turn to be expanded waits as a result first.
         self.ahead = (search.order == "breadth first" and cut) or search.heuristic is not None
         self.shared = find_element_calls(query) if "calls" not in selects.needs.disabled else ()
-        self.stops = split_stop_conditions(query, self.shared)
+        self.stops = split_stop_conditions(query)
         self.counted = self.counts == "steps" and not self.shared  # the table of a list with calls counts by itself
         self.depth = self._named("depth") if search.order == "depth first" else None
         self.states = {name: self._named(shorten_column_name(name)) for name in self.variables}

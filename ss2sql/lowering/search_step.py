@@ -6,7 +6,7 @@ CONNECT BY. Where nobody sees the order, what SQLite does by itself is evaluated
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -284,8 +284,8 @@ class StopConditions:
     pruning_condition: plan.Expr | None = None
 
 
-def split_stop_conditions(query: plan.Query, steady: Sequence[plan.Expr]) -> StopConditions:
-    """Splits STOP WITH; `steady` are calls that cannot fail, because they are columns.
+def split_stop_conditions(query: plan.Query) -> StopConditions:
+    """Splits STOP WITH.
 
     A part on its own reads the last source; SQLite would evaluate one of the state alone before it makes the steps.
     """
@@ -294,9 +294,7 @@ def split_stop_conditions(query: plan.Query, steady: Sequence[plan.Expr]) -> Sto
     if stop is None:
         return StopConditions()
     parts = stop.parts if isinstance(stop, plan.Or) else (stop,)
-    apart = [
-        part for part in parts if query.sources[-1].id in list_sources(part) and _can_evaluate_anytime(part, steady)
-    ]
+    apart = [part for part in parts if query.sources[-1].id in list_sources(part)]
     if goal is None:
         return StopConditions((stop,))
     assert not is_volatile(goal), "a search that calls volatile functions is not lowered"
@@ -306,11 +304,6 @@ def split_stop_conditions(query: plan.Query, steady: Sequence[plan.Expr]) -> Sto
     return StopConditions(
         others, *(join_conditions(plan.Or, some, stop.span) if some else None for some in (left, drops))
     )
-
-
-def _can_evaluate_anytime(part: plan.Expr, steady: Sequence[plan.Expr]) -> bool:
-    """Whether a part may be evaluated alone, at any time."""
-    return all(any(node == known for known in steady) for node in find_fallible_parts(part))
 
 
 def are_exclusive(one: plan.Expr, other: plan.Expr) -> bool:
