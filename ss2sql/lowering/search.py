@@ -281,7 +281,7 @@ class EagerSearch(RecursiveQuery):
 
     def carry(self, node: plan.Element | plan.Column) -> str:
         """The column of what is read of an element, possibly that of a variable to which CONNECT BY assigns it."""
-        for name, expr in self.at_once.items() if self.arms is not None else ():
+        for name, expr in self.at_once.items():
             if expr == node and self.assigns_when_stopped(name) and is_flag(expr.type) == self.flags[name]:
                 return self.states[name]
         return super().carry(node)
