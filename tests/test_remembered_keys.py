@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import math
 from collections.abc import Callable, Iterator
@@ -16,8 +17,7 @@ from remembering import calls, session
 from sessions import write
 
 import ss2sql
-from ss2sql.runtime.graph_cache.function_fingerprint import fingerprint_function
-from ss2sql.runtime.graph_cache.value_json import NotCacheable
+from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable, fingerprint_function
 from ss2sql.vtables.contract import Column, Table, World, function
 
 SCRIPT = "SELECT f(n) FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 3 n = f(n) AS list"
@@ -193,6 +193,15 @@ def test_what_cannot_be_compared(file: Path, function: Any, reason: str) -> None
         (note,) = ss.run("SELECT n FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 1 n = f(n)").stats.notes
         assert note.startswith(f"graph: not remembered: 'f' {reason}")
         assert len(ss.graphs()) == 0
+
+
+def test_a_class_is_the_same_after_an_object_of_it_was_copied() -> None:
+    class Plain:
+        """Python notes its slots in it when an object is first copied or pickled."""
+
+    before = fingerprint_function(of_closure(Plain))
+    copy.copy(Plain())
+    assert fingerprint_function(of_closure(Plain)) == before
 
 
 # --- data ----------------------------------------------------------------------------------------------

@@ -13,8 +13,9 @@ from ss2sql.language.value_messages import format_value
 from ss2sql.runtime.graph_cache.cached_graph import CachedClause, CachedGraph, GraphDescription
 from ss2sql.runtime.graph_cache.cached_steps import CachedSteps, add_note
 from ss2sql.runtime.graph_cache.fingerprint import GraphFingerprint, calls_functions, depends_on_state
+from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
 from ss2sql.runtime.graph_cache.graph_store import GraphStore
-from ss2sql.runtime.graph_cache.value_json import NotCacheable, encode_values
+from ss2sql.runtime.graph_cache.value_json import encode_values
 from ss2sql.runtime.search.search_run import SearchRun
 
 if TYPE_CHECKING:

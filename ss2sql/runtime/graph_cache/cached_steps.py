@@ -16,8 +16,8 @@ from ss2sql.errors import ExecutionError, Stopped
 from ss2sql.language.frozen_values import FREEZERS, UNSET, State
 from ss2sql.language.rows import Row
 from ss2sql.runtime.graph_cache.cached_graph import MAX_HELD, CachedEdge, CachedGraph, CachedNode
+from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
 from ss2sql.runtime.graph_cache.graph_store import build_damage_error
-from ss2sql.runtime.graph_cache.value_json import NotCacheable
 from ss2sql.runtime.run.garbage_collector import pause_collector
 from ss2sql.runtime.run.run_state import Stats
 from ss2sql.runtime.search.search_run import SearchRun

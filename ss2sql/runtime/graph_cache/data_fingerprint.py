@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import Error
 from ss2sql.language import plan
 from ss2sql.language.kinds import Opaque
-from ss2sql.runtime.graph_cache.function_fingerprint import fingerprint_function
-from ss2sql.runtime.graph_cache.value_json import NotCacheable
+from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable, fingerprint_function
 from ss2sql.vtables.contract import Element, World
 from ss2sql.vtables.frames.frame import Frame
 

@@ -16,8 +16,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Type
 from ss2sql.language.plan_traversal import list_functions, list_parts, varies_with
 from ss2sql.runtime.graph_cache.data_fingerprint import digest_table, digest_value, digest_world, find_worlds
-from ss2sql.runtime.graph_cache.function_fingerprint import fingerprint_function
-from ss2sql.runtime.graph_cache.value_json import NotCacheable
+from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable, fingerprint_function
 from ss2sql.vtables.contract import World
 
 if TYPE_CHECKING:

@@ -3,6 +3,8 @@
 A fingerprint takes in the code of the function, its defaults, the values of its enclosing functions and the global
 names that it reads, and so on for all functions and classes of the user that it reaches. What belongs to Python or to
 an installed package goes by its name, and other values by what `pickle` writes of them.
+
+Worker processes load this file by itself, so it imports nothing of ss2sql; see runtime/parallel/worker_process.py.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import dis
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from inspect import CO_NESTED
 from pathlib import Path
@@ -28,20 +30,25 @@ from types import (
 )
 from typing import Any
 
-from ss2sql.runtime.graph_cache.value_json import NotCacheable
-
 _PLAIN = frozenset({type(None), bool, int, float, str, bytes, list, tuple, dict})
 _GLOBAL_LOADS = frozenset({"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS"})
 # What tells where a class was written, and what Python makes of the rest.
 _LEFT_OUT = frozenset(
     {"__dict__", "__weakref__", "__module__", "__doc__", "__qualname__", "__firstlineno__", "__static_attributes__"}
-    | {"__annotations__", "__dataclass_fields__", "__dataclass_params__", "_abc_impl"}
+    | {"__annotations__", "__dataclass_fields__", "__dataclass_params__", "__slotnames__", "_abc_impl"}
 )
 
 
-def fingerprint_function(function: Callable[..., Any]) -> str:
-    """The fingerprint of a function or class. Raises NotCacheable, with a clause whose subject it is."""
-    made = Fingerprint()
+class NotCacheable(Exception):  # noqa: N818 - it is a finding, not an error
+    """Something cannot be remembered; the text says why."""
+
+
+def fingerprint_function(function: Callable[..., Any], strict: bool = True) -> str:
+    """The fingerprint of a function or class. Raises NotCacheable, with a clause whose subject it is.
+
+    Where it is not `strict`, what cannot be compared is left out, and so is the state of objects.
+    """
+    made = Fingerprint(strict)
     made.add(function, "its own state")
     return made.hash.hexdigest()
 
@@ -49,7 +56,8 @@ def fingerprint_function(function: Callable[..., Any]) -> str:
 class Fingerprint:
     """One fingerprint in the making. A function or class that is met a second time goes by the number of its first."""
 
-    def __init__(self) -> None:
+    def __init__(self, strict: bool = True) -> None:
+        self.strict = strict
         self.hash = sha256(f"{sys.implementation.name} {sys.version_info[:2]}".encode())
         self.met: dict[Any, tuple[int, Any]] = {}
 
@@ -57,9 +65,11 @@ class Fingerprint:
         """Takes in a value, which is called `name` where it is refused."""
         try:
             _Writer(self).dump(value)
-        except NotCacheable:
-            raise
         except Exception as error:  # whatever an object raises that is to tell its state
+            if isinstance(error, NotCacheable) and self.strict:
+                raise
+            if not self.strict:
+                return
             raise NotCacheable(f"reads {name}, which cannot be compared: {error}") from error
 
     def add_named(self, names: set[str], mentioned: set[str], values: dict[str, Any], where: str) -> None:
@@ -95,7 +105,9 @@ class _Writer(Pickler):
             return kind.__name__, parts
         if isinstance(value, ModuleType) or (callable(value) and isinstance(getattr(value, "__qualname__", 0), str)):
             return self._describe_named(value, kind)
-        return None
+        if self.made.strict or kind.__module__ == "numpy":
+            return None
+        return "object", kind, value.func if kind is partial else None
 
     def _describe_named(self, value: Any, kind: type) -> Any:
         """What has a name and a place: a function, a class, a module."""

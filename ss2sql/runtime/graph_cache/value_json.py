@@ -13,11 +13,7 @@ from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import convert_value
 from ss2sql.language.frozen_values import Frozen, thaw_value
 from ss2sql.language.kinds import Opaque
-
-
-class NotCacheable(Exception):  # noqa: N818 - it is a finding, not an error
-    """Something cannot be remembered; the text says why."""
-
+from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
 
 _OTHER_KEYS = "JSON has no form for a dict with keys that are no text"
 

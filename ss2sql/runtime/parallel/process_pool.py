@@ -130,7 +130,8 @@ def _start_process() -> subprocess.Popen[bytes]:
         env={**os.environ, IN_WORKER: "1"},
         start_new_session=True,  # Ctrl-C in a terminal is not for it, not even before it can say so
     )
-    _send(process, ("begin", list(sys.path), os.getcwd(), sys.getrecursionlimit()))
+    fingerprint = str(find_file("ss2sql.runtime.graph_cache", "function_fingerprint.py"))
+    _send(process, ("begin", list(sys.path), os.getcwd(), sys.getrecursionlimit(), fingerprint))
     return process
 
 

@@ -20,7 +20,7 @@ from typing import Any
 from ss2sql.errors import WorkersWarning
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.user_functions import UserFunction
-from ss2sql.runtime.parallel.worker_process import fingerprint
+from ss2sql.runtime.graph_cache.function_fingerprint import fingerprint_function
 from ss2sql.runtime.run.run_state import Stats
 
 _PACKAGE = str(Path(__file__).parents[2])
@@ -32,7 +32,7 @@ class TransferableFunction:
     """A function as other processes get it: where it is, and what it must consist of there."""
 
     place: tuple[Any, ...]
-    fingerprint: bytes
+    fingerprint: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ def describe_function(entry: UserFunction) -> TransferableFunction | LocalFuncti
     place = _find_place(entry.function)
     if isinstance(place, LocalFunction):
         return place
-    return TransferableFunction(place, pickle.dumps(fingerprint(entry.function), 5))
+    return TransferableFunction(place, fingerprint_function(entry.function, strict=False))
 
 
 def _find_place(function: Callable[..., Any]) -> tuple[Any, ...] | LocalFunction:

@@ -18,9 +18,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from contextlib import redirect_stdout
-from types import CodeType, FunctionType, MethodType
 from typing import Any, BinaryIO
 
 NO_VALUE = b""  # in place of a result that consists of objects, which would be others in another process
@@ -39,9 +37,10 @@ def main() -> None:
     while True:
         kind, *rest = messages.get()
         if kind == "begin":
-            sys.path[:], folder, limit = rest
+            sys.path[:], folder, limit, path = rest
             _go_to(folder)
             sys.setrecursionlimit(limit)
+            fingerprint = runpy.run_path(path)["fingerprint_function"]
             answer: Any = "ready"
         elif kind == "learn":
             number, place, expected = rest
@@ -49,7 +48,7 @@ def main() -> None:
             try:
                 with redirect_stdout(io.StringIO()):
                     functions[number] = found = function_at(place)
-                answer = None if fingerprint(found) == pickle.loads(expected) else "is another one in a fresh process"
+                answer = None if fingerprint(found, False) == expected else "is another one in a fresh process"
             except BaseException as error:  # whatever the user's module does: it is no reason to die
                 answer = f"cannot be found by a fresh process: {type(error).__name__}: {error}"
         else:
@@ -112,9 +111,6 @@ def is_plain(value: Any) -> bool:
     return kind not in (list, tuple, set, frozenset) or all(map(is_plain, value))
 
 
-# --- functions, in both processes ----------------------------------------------------------------------
-
-
 @functools.cache
 def _names_in(path: str) -> dict[str, Any]:
     return runpy.run_path(path, run_name="<worker>")
@@ -133,62 +129,6 @@ def function_at(place: tuple[str, ...]) -> Any:
     for part in filter(None, name.split(".")):
         found = getattr(found, part)
     return found
-
-
-def fingerprint(function: Any) -> list[Any]:
-    """What a function consists of: its code, and the values and functions beside it that it mentions.
-
-    So a module that was changed after it was imported, on the disk or by other code, is noticed.
-    """
-    found: list[Any] = []
-    seen: set[int] = set()
-    waiting = [function]
-    while waiting:
-        body = _python_function(waiting.pop())
-        if body is None or id(body) in seen:
-            continue
-        seen.add(id(body))
-        names = sorted(set(_names(body.__code__)))
-        values = [(name, body.__globals__[name]) for name in names if name in body.__globals__]
-        plain = [(name, _recorded(value)) for name, value in values if is_plain(value)]
-        found.append((body.__qualname__, _code(body.__code__), _recorded(body.__defaults__), plain))
-        waiting += [
-            value
-            for _, value in values
-            if type(value) is FunctionType and value.__module__ not in sys.stdlib_module_names
-        ]
-    return found
-
-
-def _recorded(value: Any) -> Any:
-    """A plain value in a form that `==` compares; nothing for others."""
-    kind = type(value)
-    if not is_plain(value):
-        return None
-    return kind.__name__, pickle.dumps(value) if kind is float or kind.__module__ == "numpy" else value
-
-
-def _python_function(value: Any) -> FunctionType | None:
-    if isinstance(value, functools.partial):
-        return _python_function(value.func)
-    if isinstance(value, MethodType):
-        return _python_function(value.__func__)
-    if type(value) is FunctionType:
-        return value
-    body = getattr(type(value), "__call__", None)  # noqa: B004 - its code is wanted
-    return body if type(body) is FunctionType else None
-
-
-def _code(code: CodeType) -> tuple[Any, ...]:
-    constants = [_code(part) if isinstance(part, CodeType) else (type(part).__name__, part) for part in code.co_consts]
-    return code.co_code, code.co_names, code.co_varnames, tuple(constants)
-
-
-def _names(code: CodeType) -> Iterator[str]:
-    yield from code.co_names
-    for part in code.co_consts:
-        if isinstance(part, CodeType):
-            yield from _names(part)
 
 
 if __name__ == "__main__":
