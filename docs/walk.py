@@ -37,21 +37,22 @@ FUNCTIONS = {
         frontend/resolve/resolver.py resolve · frontend/resolve/query_clauses.py resolve_query ·
         frontend/resolve/from_clause.py resolve_sources · frontend/resolve/search_options.py resolve_search_options ·
         lowering/rewrites/__init__.py optimise · session/execution.py execute_script · session/compiled_query.py
-        CompiledQuery.answer · runtime/representations/shape.py Representations.represent ·
+        CompiledQuery.run_query · runtime/representations/shape.py Representations.represent_rows ·
         runtime/representations/rows_as_values.py as_dict
     """,
     "database": """
-        lowering/lower.py lower · lowering/unsupported.py check_supported · lowering/search.py EagerSearch.statement ·
-        lowering/recursive_query.py RecursiveQuery.start · lowering/search.py EagerSearch.steps ·
-        lowering/search.py EagerSearch.results · lowering/dialects.py Dialect.print ·
-        runtime/sqlite/executor.py Database.execute · runtime/run/search_paths.py SearchPaths.chosen
+        lowering/lower.py lower · lowering/unsupported.py check_supported · lowering/search.py
+        EagerSearch.build_statement · lowering/recursive_query.py RecursiveQuery.lower_start · lowering/search.py
+        EagerSearch.write_steps · lowering/search.py EagerSearch.select_results · lowering/dialects.py
+        Dialect.print_tree · runtime/sqlite/executor.py Database.execute · runtime/run/search_paths.py
+        SearchPaths.choose_paths
     """,
     "native": """
-        runtime/python/query_compiler.py QueryCompiler.query ·
+        runtime/python/query_compiler.py QueryCompiler.compile_query ·
         runtime/python/search_compiler.py compile_search · runtime/search/__init__.py choose_search ·
         runtime/python/step_function.py StepFunction.write_function · runtime/python/codegen_context.py
-        CodegenContext.compiled · runtime/python/native_query.py NativeQuery.rows · runtime/search/depth_first.py
-        depth_first
+        CodegenContext.compile_module · runtime/python/native_query.py NativeQuery.compute_rows ·
+        runtime/search/depth_first.py depth_first
     """,
 }
 

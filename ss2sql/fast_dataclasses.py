@@ -34,8 +34,8 @@ def _build_class(cls: type, frozen: bool = False, eq: bool = True, repr: bool = 
     if repr and "__repr__" not in own:
         methods["__repr__"] = _make_repr([one.name for one in known if one.repr])
     if frozen:
-        methods["__setattr__"] = methods["__delattr__"] = _refuse
-        methods["__getstate__"], methods["__setstate__"] = _getstate, _setstate  # for pickle would set attributes
+        methods["__setattr__"] = methods["__delattr__"] = _refuse_assignment
+        methods["__getstate__"], methods["__setstate__"] = _get_state, _set_state  # for pickle would set attributes
     for name, method in methods.items():
         setattr(made, name, method)
     return made
@@ -43,17 +43,17 @@ def _build_class(cls: type, frozen: bool = False, eq: bool = True, repr: bool = 
 
 def _write_init(cls: type, known: tuple[Field[Any], ...], frozen: bool) -> Any:
     """The method `__init__`."""
-    given: dict[str, Any] = {"FACTORY": _FACTORY, "put": object.__setattr__}
+    namespace: dict[str, Any] = {"FACTORY": _FACTORY, "put": object.__setattr__}
     parameters, lines = ["self"], []
     for one in sorted(known, key=lambda one: bool(one.kw_only)):
         value = one.name
         if one.kw_only and one.init and "*" not in parameters:
             parameters.append("*")
         if one.default is not MISSING:
-            given[f"default_{one.name}"] = one.default
+            namespace[f"default_{one.name}"] = one.default
             parameter, made = f"{one.name}=default_{one.name}", f"default_{one.name}"
         elif one.default_factory is not MISSING:
-            given[f"make_{one.name}"] = one.default_factory
+            namespace[f"make_{one.name}"] = one.default_factory
             parameter, made = f"{one.name}=FACTORY", f"make_{one.name}()"
             value = f"{made} if {one.name} is FACTORY else {one.name}"
         else:
@@ -65,8 +65,8 @@ def _write_init(cls: type, known: tuple[Field[Any], ...], frozen: bool) -> Any:
             lines.append(f"put(self, {one.name!r}, {value})" if frozen else f"self.{one.name} = {value}")
     if hasattr(cls, "__post_init__"):
         lines.append("self.__post_init__()")
-    exec(f"def __init__({', '.join(parameters)}):\n " + ("\n ".join(lines) or "pass"), given)
-    init = given["__init__"]
+    exec(f"def __init__({', '.join(parameters)}):\n " + ("\n ".join(lines) or "pass"), namespace)
+    init = namespace["__init__"]
     init.__qualname__, init.__module__ = f"{cls.__qualname__}.__init__", cls.__module__
     init.__annotations__ = {one.name: one.type for one in known} | {"return": None}
     return init
@@ -90,27 +90,27 @@ def _write_values(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
 
 
 def _make_equality(values: Callable[[Any], tuple[Any, ...]]) -> Callable[[Any, Any], bool]:
-    def equal(self: Any, other: Any) -> bool:
+    def are_equal(self: Any, other: Any) -> bool:
         return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
 
-    return equal
+    return are_equal
 
 
 def _make_repr(names: list[str]) -> Callable[[Any], str]:
-    def text(self: Any) -> str:
+    def format_repr(self: Any) -> str:
         return f"{type(self).__qualname__}({', '.join(f'{name}={getattr(self, name)!r}' for name in names)})"
 
-    return text
+    return format_repr
 
 
-def _refuse(self: Any, name: str, *value: Any) -> None:
+def _refuse_assignment(self: Any, name: str, *value: Any) -> None:
     raise FrozenInstanceError(f"cannot {'assign to' if value else 'delete'} field {name!r}")
 
 
-def _getstate(self: Any) -> list[Any]:
+def _get_state(self: Any) -> list[Any]:
     return [getattr(self, one.name) for one in fields(self)]
 
 
-def _setstate(self: Any, state: list[Any]) -> None:
+def _set_state(self: Any, state: list[Any]) -> None:
     for one, value in zip(fields(self), state, strict=True):
         object.__setattr__(self, one.name, value)

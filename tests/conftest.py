@@ -81,9 +81,9 @@ def staff(file: Path) -> Path:
 @pytest.fixture(scope="module")
 def simulation() -> Iterator[Any]:
     """PyBullet, once for a file of tests: each takes 29 MB that never come back."""
-    from ss2sql.vtables.pybullet.pybullet_loader import connect
+    from ss2sql.vtables.pybullet.pybullet_loader import start_simulation
 
-    made = connect()
+    made = start_simulation()
     yield made
     made.disconnect()
 

@@ -103,7 +103,7 @@ class Player:
         for part in re.findall(r"^ss> .*\n(?:\.\.> .*\n)*", text, flags=re.MULTILINE):
             printed = io.TextIOWrapper(io.BytesIO(), "utf-8", write_through=True)
             with redirect_stdout(printed), redirect_stderr(printed), patch.dict(os.environ, COLUMNS="100"):
-                self.shell.run("\n".join(line[4:] for line in part.splitlines()))
+                self.shell.run_text("\n".join(line[4:] for line in part.splitlines()))
             lines += [*part.splitlines(), *printed.buffer.getvalue().decode("utf-8").splitlines()]
         return "\n".join(lines)
 

@@ -125,8 +125,8 @@ class PyBullet:
 
         def change(dice: Random) -> None:
             scene.step(dice.randint(1, 40))
-            scene.explode(dice.choice(list(scene.forces)))
-            scene.bear()
+            scene.explode_body(dice.choice(list(scene.forces)))
+            scene.add_particle()
             scene.step(dice.randint(0, 3))
 
         return Stage(scene, lambda: self.look(scene.names), change)
@@ -254,9 +254,9 @@ class Ode:
         def change(dice: Random) -> None:
             scene.step(dice.randint(1, 40))
             if len(scene.particles) > 2 * count:
-                scene.remove(dice.choice(scene.particles))
+                scene.remove_geom(dice.choice(scene.particles))
             else:
-                scene.explode(dice.choice(scene.particles))
+                scene.explode_geom(dice.choice(scene.particles))
 
         return Stage(scene, lambda: self.look([*scene.walls, *scene.particles], numbers), change)
 

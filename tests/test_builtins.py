@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from random_values import NUMBERS, same
 
 from ss2sql.errors import ExecutionError
-from ss2sql.language.kinds import ANY, INT, INT_MIN, Kind, Type, make_list_type, union
+from ss2sql.language.kinds import ANY, INT, INT_MIN, Kind, Type, make_list_type, unite
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.values import check_arithmetic
 
@@ -159,8 +159,8 @@ def test_what_cannot_fail_and_what_can() -> None:
         ("round", (INT, bounded(-1, 1))), ("int", (floats,)), ("distance", (floats, floats)),
         ("pow", (bounded(0, 10), bounded(0, 19))), ("pow", (bounded(0, 10), bounded(-1, 2))),
         ("pow", (floats, bounded(0, 2))), ("item", (POINT, bounded(0, 2))), ("item", (POINT, bounded(-3, 0))),
-        ("item", (union([POINT, text]), bounded(0, 1))), ("max", (make_list_type([one, text]),)),
-        ("max", (union([POINT, Type(Kind.NONE)]),)), ("sum", (make_list_type([INT, INT]),)),
+        ("item", (unite([POINT, text]), bounded(0, 1))), ("max", (make_list_type([one, text]),)),
+        ("max", (unite([POINT, Type(Kind.NONE)]),)), ("sum", (make_list_type([INT, INT]),)),
         ("distance", (POINT, make_list_type([INT]))), ("norm", (make_list_type([floats]),)),
     ]  # fmt: skip
     for raises, calls in ((False, safe), (True, unsafe)):

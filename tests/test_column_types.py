@@ -16,7 +16,7 @@ import ss2sql
 from ss2sql.errors import Source
 from ss2sql.frontend.syntax.ast import collect_column_names
 from ss2sql.frontend.syntax.parser import parse
-from ss2sql.language.kinds import Kind, Type, covers, type_of
+from ss2sql.language.kinds import Kind, Type, is_covering, type_of
 from ss2sql.runtime.sqlite.column_types import STORED
 
 ENDLESS = "WITH RECURSIVE r(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM r) SELECT n FROM r"
@@ -92,7 +92,7 @@ def test_a_view_that_begins_to_take_long(ss: ss2sql.Session, file: Path) -> None
 
 
 def _kinds(ss: ss2sql.Session, table: str) -> Kind:
-    source = ss.host.tables.find(None, table)
+    source = ss.host.tables.find_table(None, table)
     assert source is not None
     return source.columns[0][1].kinds
 
@@ -118,7 +118,7 @@ def test_after_a_commit_only_what_is_needed_is_looked_at(ss: ss2sql.Session, fil
     write(file, "CREATE TABLE t(id INTEGER PRIMARY KEY, r REAL, s TEXT, n INTEGER); CREATE INDEX by_r ON t(r);"
                 "CREATE INDEX by_s ON t(s); CREATE TABLE other(a)")  # fmt: skip
     write(file, f"INSERT INTO t SELECT n, n * 0.5, 'x' || n, n FROM ({BIG})")
-    find = ss.host.tables.find
+    find = ss.host.tables.find_table
     for read, least, most in ((["id", "r", "s"], 0, 10), (["n"], ROWS // 100, ROWS // 9), ([], 0, 10)):
         first = steps_of(ss, lambda read=read: find(None, "t", read))
         assert first > ROWS // 100 or not read
@@ -169,14 +169,18 @@ def test_known_types_cover_all_values(
 
 
 def check_types(ss: ss2sql.Session, source: str) -> None:
-    found = ss.host.tables.find(None, source)
+    found = ss.host.tables.find_table(None, source)
     assert found is not None
     for name, known in found.columns:
         for (value,) in ss.host.connection.execute(f"SELECT {name} FROM {source}"):
             infinite = isinstance(value, float) and abs(value) == float("inf")
-            if infinite and (source == "v" or known.may(Kind.STR)):
+            if infinite and (source == "v" or known.may_be(Kind.STR)):
                 continue  # only in columns of numbers alone they are looked for
-            assert covers(known, Type(Kind.FLOAT | Kind.OBJECT) if infinite else type_of(value)), (name, known, value)
+            assert is_covering(known, Type(Kind.FLOAT | Kind.OBJECT) if infinite else type_of(value)), (
+                name,
+                known,
+                value,
+            )
 
 
 def test_a_row_that_breaks_what_is_known_is_found(ss: ss2sql.Session) -> None:

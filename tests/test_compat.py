@@ -106,7 +106,7 @@ def test_sql_is_the_same_whichever_sqlglot_prints_it(monkeypatch: pytest.MonkeyP
     tree = one.from_("t")
     tree.set("with_", exp.With(expressions=[exp.CTE(this=exp.select("1"), alias=alias)]))
     try:
-        assert " ".join(SQLITE.print(tree).split()) == "WITH t(a) AS ( SELECT 1 ) SELECT a IS NULL IS NOT b FROM t"
+        assert " ".join(SQLITE.print_tree(tree).split()) == "WITH t(a) AS ( SELECT 1 ) SELECT a IS NULL IS NOT b FROM t"
     finally:
         _build_generator_class.cache_clear()
 

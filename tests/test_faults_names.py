@@ -109,7 +109,7 @@ def test_the_shell_and_the_command_line_print_nothing_that_terminals_obey(
         with monkeypatch.context() as patch:
             patch.setattr(sys, "stdout", out)
             patch.setattr(sys, "stderr", out)
-            Shell(ss).run(text)
+            Shell(ss).run_text(text)
         assert is_harmless(out.getvalue()), text
     functions.write_text(f"def fail(x):\n    raise ValueError({ESCAPE!r})\n")
     done = CliRunner().invoke(main, ["run", "-e", "fail(1);", "--functions", str(functions)])

@@ -84,13 +84,13 @@ def test_columns_of_tables_cost_no_call_as_a_rule(expression: str) -> None:
 )  # fmt: skip
 def test_a_chain_of_what_may_fail_is_lowered_once(inner: str, around: str, monkeypatch: pytest.MonkeyPatch) -> None:
     lowered = Counter[int]()
-    lower = ExpressionLowering._lower
+    lower = ExpressionLowering._lower_node
 
     def counted(self: ExpressionLowering, expr: plan.Expr, env: SqlScope) -> Node:
         lowered[depth] += 1
         return lower(self, expr, env)
 
-    monkeypatch.setattr(ExpressionLowering, "_lower", counted)
+    monkeypatch.setattr(ExpressionLowering, "_lower_node", counted)
     for depth in (4, 8, 16):
         expression = inner
         for _ in range(depth):

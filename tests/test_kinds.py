@@ -23,11 +23,11 @@ from ss2sql.language.kinds import (
     UNENCODABLE,
     Kind,
     Type,
-    covers,
+    can_be_equal,
+    is_covering,
     make_list_type,
-    may_be_equal,
     type_of,
-    union,
+    unite,
 )
 from ss2sql.language.kinds import drop_bounds as unbounded
 from ss2sql.language.values import convert_value
@@ -59,7 +59,7 @@ def long_list(item: Type, length: int | None) -> Type:
 
 
 def short_list(*positions: Type) -> Type:
-    return Type(Kind.LIST, item=union(positions), columns=(), positions=positions)
+    return Type(Kind.LIST, item=unite(positions), columns=(), positions=positions)
 
 
 TYPES = [
@@ -107,27 +107,27 @@ def test_very_deep_lists_have_a_type() -> None:
     for _ in range(500):
         value = [value, {"a": value}] if _ < 3 else [value]
     assert type_of(value).kinds is Kind.LIST
-    assert covers(unbounded(type_of(value)), type_of([]))
+    assert is_covering(unbounded(type_of(value)), type_of([]))
 
 
 @given(VALUES)
 def test_a_type_covers_itself_and_anything_covers_it(value: Any) -> None:
     kind = type_of(value)
-    assert covers(kind, kind)
-    assert covers(ANY, kind)
-    assert covers(kind, NOTHING)
-    assert union([kind, kind]) == kind
-    assert union([NOTHING, kind]) == union([kind, NOTHING]) == kind
+    assert is_covering(kind, kind)
+    assert is_covering(ANY, kind)
+    assert is_covering(kind, NOTHING)
+    assert unite([kind, kind]) == kind
+    assert unite([NOTHING, kind]) == unite([kind, NOTHING]) == kind
 
 
 @given(VALUES, VALUES, VALUES)
 def test_a_union_covers_its_members(a: Any, b: Any, c: Any) -> None:
     first, second, third = map(type_of, (a, b, c))
-    both = union([first, second])
-    assert covers(both, first)
-    assert covers(both, second)
-    assert covers(union([both, third]), both)
-    assert covers(union([third, union([second, first])]), both)
+    both = unite([first, second])
+    assert is_covering(both, first)
+    assert is_covering(both, second)
+    assert is_covering(unite([both, third]), both)
+    assert is_covering(unite([third, unite([second, first])]), both)
 
 
 @given(st.lists(ALIKE, max_size=4))
@@ -136,18 +136,18 @@ def test_the_type_of_a_list_covers_its_elements(values: list[Any]) -> None:
     assert kind.item is not None
     longer = Type(kind.kinds, item=kind.item, columns=kind.columns)  # of a list of any length
     for value in values:
-        assert covers(kind.item, type_of(value))
-        assert covers(longer, type_of([value])) or kind.columns != type_of([value]).columns
-    assert covers(longer, EMPTY)
-    assert covers(longer, kind)
+        assert is_covering(kind.item, type_of(value))
+        assert is_covering(longer, type_of([value])) or kind.columns != type_of([value]).columns
+    assert is_covering(longer, EMPTY)
+    assert is_covering(longer, kind)
     if kind.size is not None:
         assert kind.size == len(values)
-        assert not covers(kind, longer)
+        assert not is_covering(kind, longer)
     if kind.positions is not None:
-        assert not covers(kind, longer)
-        assert not covers(kind, EMPTY)
-        assert all(covers(*pair) for pair in zip(kind.positions, map(type_of, values), strict=True))
-        assert union(kind.positions) == kind.item
+        assert not is_covering(kind, longer)
+        assert not is_covering(kind, EMPTY)
+        assert all(is_covering(*pair) for pair in zip(kind.positions, map(type_of, values), strict=True))
+        assert unite(kind.positions) == kind.item
         assert kind == make_list_type(kind.positions)
 
 
@@ -161,29 +161,29 @@ def test_types_that_do_not_cover() -> None:
         (type_of([{"a": 1}]), type_of([1])),
     ]  # fmt: skip
     for wide, narrow in pairs:
-        assert not covers(wide, narrow), (wide, narrow)
+        assert not is_covering(wide, narrow), (wide, narrow)
 
 
 def test_unions_forget_what_one_side_does_not_know() -> None:
-    both = union([type_of([{"a": 1}]), type_of([{"b": "x"}])])  # a missing column may be None
+    both = unite([type_of([{"a": 1}]), type_of([{"b": "x"}])])  # a missing column may be None
     assert both.columns == (("a", number(1, 1, Kind.INT | Kind.NONE)), ("b", Type(Kind.STR | Kind.NONE)))
-    assert union([type_of([{"a": 1}]), EMPTY]) == type_of([{"a": 1}])
-    assert covers(type_of([{"a": 1}]), EMPTY)
-    assert union([number(1, 2), INT]) == INT
-    assert union([number(1, 2), STR]) == Type(Kind.INT | Kind.STR, 1, 2)
-    assert union([number(1, 2), Type(Kind.FLOAT, None, 5)]) == Type(Kind.INT | Kind.FLOAT, None, 5)
-    assert union([plain_list(INT), LIST]) == LIST
-    assert union([plain_list(INT), NONE]) == Type(Kind.LIST | Kind.NONE, item=INT, columns=())
-    assert union([]) == NOTHING
+    assert unite([type_of([{"a": 1}]), EMPTY]) == type_of([{"a": 1}])
+    assert is_covering(type_of([{"a": 1}]), EMPTY)
+    assert unite([number(1, 2), INT]) == INT
+    assert unite([number(1, 2), STR]) == Type(Kind.INT | Kind.STR, 1, 2)
+    assert unite([number(1, 2), Type(Kind.FLOAT, None, 5)]) == Type(Kind.INT | Kind.FLOAT, None, 5)
+    assert unite([plain_list(INT), LIST]) == LIST
+    assert unite([plain_list(INT), NONE]) == Type(Kind.LIST | Kind.NONE, item=INT, columns=())
+    assert unite([]) == NOTHING
 
 
 def test_short_lists_are_described_one_by_one_as_long_as_all_have_one_length() -> None:
     pair, other = short_list(number(1, 1), STR), short_list(number(5, 5), NONE)
-    assert union([pair, other]) == short_list(number(1, 5), Type(Kind.STR | Kind.NONE))
-    assert union([pair, NONE]).positions == pair.positions
-    assert union([pair, short_list(STR)]).positions is None
-    assert union([pair, EMPTY]).positions is None
-    assert union([pair, LIST]) == LIST
+    assert unite([pair, other]) == short_list(number(1, 5), Type(Kind.STR | Kind.NONE))
+    assert unite([pair, NONE]).positions == pair.positions
+    assert unite([pair, short_list(STR)]).positions is None
+    assert unite([pair, EMPTY]).positions is None
+    assert unite([pair, LIST]) == LIST
     assert make_list_type([INT, ANY]).positions is None  # an element may be a list itself
     assert make_list_type([]).positions is None
 
@@ -197,12 +197,12 @@ def test_what_may_be_equal() -> None:
     equal += [(value, value) for value in DIFFERENT]
     for a, b in equal:
         assert a == b
-        assert may_be_equal(type_of(a), type_of(b))
+        assert can_be_equal(type_of(a), type_of(b))
     for a, b in itertools.permutations(DIFFERENT, 2):
-        assert not may_be_equal(type_of(a), type_of(b))
-        assert may_be_equal(union([type_of(a), type_of(b)]), type_of(b))
+        assert not can_be_equal(type_of(a), type_of(b))
+        assert can_be_equal(unite([type_of(a), type_of(b)]), type_of(b))
     for value in DIFFERENT:
-        assert may_be_equal(type_of(value), type_of(Place("here")))  # it may equal whatever it says
-        assert may_be_equal(type_of(value), ANY)
-    assert may_be_equal(INT, number(1, 1))
-    assert may_be_equal(LIST, type_of([]))
+        assert can_be_equal(type_of(value), type_of(Place("here")))  # it may equal whatever it says
+        assert can_be_equal(type_of(value), ANY)
+    assert can_be_equal(INT, number(1, 1))
+    assert can_be_equal(LIST, type_of([]))

@@ -166,14 +166,14 @@ def test_a_connection_of_the_user_is_left_as_it_was() -> None:
 def test_what_does_not_fit_into_memory_goes_to_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """40,000 states of 2,000 characters are 80 MB, twice that with their rows, of which DuckDB may hold 64."""
     seen: list[int] = []
-    load = duckdb_store.DuckTables.load
+    load = duckdb_store.DuckTables.load_rows
 
     def look(self: duckdb_store.DuckTables, *given: Any) -> None:
         load(self, *given)
-        ((size,),) = self.rows("SELECT COALESCE(SUM(size), 0) FROM duckdb_temporary_files()")
+        ((size,),) = self.read_rows("SELECT COALESCE(SUM(size), 0) FROM duckdb_temporary_files()")
         seen.append(size)
 
-    monkeypatch.setattr(duckdb_store.DuckTables, "load", look)
+    monkeypatch.setattr(duckdb_store.DuckTables, "load_rows", look)
     own = duckdb.connect(config={"memory_limit": "64MB", "temp_directory": str(tmp_path), "threads": 1})
     with ss2sql.connect(engine="duckdb", session=own) as ss:
         ss.function("wide", lambda n, more: f"{2 * n + more:02000}", volatility="immutable")

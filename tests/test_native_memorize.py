@@ -176,7 +176,7 @@ def test_steps_are_bounded(name: str, order: str) -> None:
     if order != "length":
         weigh(graph, order)
     work = WORK[order](graph)
-    found = [tuple(path) for path in islice(work.paths(), 200)]
+    found = [tuple(path) for path in islice(work.find_paths(), 200)]
     assert work.steps <= most_steps(graph, len(found))
     assert len(found) == len(set(found)) > 0
     check_order(graph, order, found)
@@ -192,7 +192,7 @@ def test_ways_that_are_cheap_but_too_long() -> None:
     graph.weights = [5 if node % 2 == 0 and target == node + 2 else 0 for node in range(2 * places)
                      for target in edges[node]]  # fmt: skip
     search = PathsByWeight(graph, False)
-    found = [tuple(path) for path in islice(search.paths(), 100)]
+    found = [tuple(path) for path in islice(search.find_paths(), 100)]
     # Four of the places are passed at no cost.
     assert {sum(graph.weights[edge] for edge in path) for path in found} == {36 * 5}
     assert len(found) == 100
@@ -207,7 +207,7 @@ def test_steps_to_the_first_paths_do_not_depend_on_how_many_there_are() -> None:
     side = 40
     edges = [[1], *([target + 1 for target, _ in outward] for outward in grid(side, {1: 1, side: 1}))]
     walk = PathsByLength(graph_of(edges, {side * side}))
-    steps = [walk.steps for _ in islice(walk.paths(), 50)]
+    steps = [walk.steps for _ in islice(walk.find_paths(), 50)]
     # The first path is walked straight; each of the others leaves the one before it somewhere.
     assert steps[0] == 0
     assert all(after - before <= 4 * side for before, after in pairwise(steps))

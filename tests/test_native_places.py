@@ -100,8 +100,8 @@ def test_errors_inside_of_eval_have_all_places(script: str, expected: str, relat
 def test_without_columns_in_tracebacks_the_line_is_still_known(monkeypatch: pytest.MonkeyPatch) -> None:
     from ss2sql.runtime.run import error_locations
 
-    whole = error_locations.CodePage.span
-    monkeypatch.setattr(error_locations.CodePage, "span", lambda page, at: whole(page, (at[0], at[1], None, None)))
+    whole = error_locations.CodePage.find_span
+    monkeypatch.setattr(error_locations.CodePage, "find_span", lambda page, at: whole(page, (at[0], at[1], None, None)))
     error = FakeHost().error("1 +\n2;\n3 / 0")
     assert error.span is not None
     assert error.span.line == 3

@@ -165,7 +165,7 @@ def test_notes_as_json() -> None:
 
 def test_notes_in_the_shell(session, capsys) -> None:
     shell = Shell(session)
-    assert shell.run(f"{count()}; y = {count()};")
+    assert shell.run_text(f"{count()}; y = {count()};")
     assert capsys.readouterr().err.count("note: nothing was found before STOP WITH n == 3") == 2
 
 

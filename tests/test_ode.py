@@ -137,12 +137,12 @@ def test_distances_agree_with_mujoco_for_random_solids(room: Room) -> None:
     made, data = MuJoCo().made("".join(model))
     made.opt.ccd_tolerance, made.opt.ccd_iterations = 1e-12, 500
     world = OdeWorld(space)
-    world.found()
+    world.find_geoms()
     touching = 0
     for one in range(24):
         for other in range(one):
             known = mujoco.mj_geomDistance(made, data, one, other, 100, None)
-            gap = world.gap(one + 1, other + 1)
+            gap = world.measure_gap(one + 1, other + 1)
             touching += gap == 0
             assert gap == pytest.approx(max(known, 0.0), abs=1e-6)
     assert touching > 2

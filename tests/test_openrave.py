@@ -12,7 +12,7 @@ import pytest
 from simulators import ARGUMENTS, OpenRave, answer
 
 import ss2sql
-from ss2sql.vtables.openrave import OpenRaveWorld, pose
+from ss2sql.vtables.openrave import OpenRaveWorld, split_transform
 
 
 @pytest.fixture(autouse=True)
@@ -67,8 +67,8 @@ def test_poses_as_matrices_and_as_quaternions() -> None:
     for turn in [*random.normal(size=(50, 4)), (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)]:
         known = np.asarray(turn) / np.linalg.norm(turn)
         seven = (*known, 1, 2, 3)
-        assert np.allclose(pose(seven)[0], known)
-        found, place = pose(fake.matrix(seven))
+        assert np.allclose(split_transform(seven)[0], known)
+        found, place = split_transform(fake.matrix(seven))
         assert place == (1, 2, 3)
         assert np.allclose(found, known) or np.allclose(found, -known)
 

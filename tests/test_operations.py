@@ -23,7 +23,7 @@ from random_values import Thing
 
 import ss2sql
 from ss2sql.errors import ExecutionError
-from ss2sql.language.kinds import ANY, Kind, Type, covers, type_of, union
+from ss2sql.language.kinds import ANY, Kind, Type, is_covering, type_of, unite
 from ss2sql.language.operations import GROUPS
 from ss2sql.language.operations import WRITTEN as OPERATIONS
 
@@ -126,7 +126,7 @@ def judge(name: str, arguments: Any, types: list[Type]) -> None:
         assert row.can_fail(types), (name, arguments, types, found)
         return
     value = row.value(*arguments)
-    assert covers(row.result(types), type_of(value)), (name, arguments, value, row.result(types))
+    assert is_covering(row.result(types), type_of(value)), (name, arguments, value, row.result(types))
     assert row.grows or size(value) <= sum(map(size, arguments)) + 8, (name, arguments, value)
 
 
@@ -139,7 +139,7 @@ SOME = st.sampled_from([value for values in COLUMNS.values() for value in values
 def test_types_of_several_values_cover_the_value(name: str, data: st.DataObject) -> None:
     count = data.draw(st.sampled_from(list(arities(name))))
     drawn = [data.draw(st.lists(SOME, min_size=1, max_size=3)) for _ in range(count)]
-    types = [union(map(type_of, values)) for values in drawn]
+    types = [unite(map(type_of, values)) for values in drawn]
     if data.draw(st.booleans()):
         types = [Type(kind.kinds, item=kind.item, columns=kind.columns) for kind in types]
     for arguments in product(*drawn):
@@ -151,7 +151,10 @@ def test_of_anything_the_type_covers_every_other(name: str) -> None:
     for count in arities(name):
         widest = OPERATIONS[name].result([ANY] * count)
         for values in COLUMNS.values():
-            assert covers(widest, OPERATIONS[name].result([union(map(type_of, values))] * count)), (name, values)
+            assert is_covering(widest, OPERATIONS[name].result([unite(map(type_of, values))] * count)), (
+                name,
+                values,
+            )
 
 
 # --- what engines give ---------------------------------------------------------------------------------
@@ -270,7 +273,7 @@ def test_duckdb_gives_the_value(name: str, part: int) -> None:
 
 def of_group(name: str, values: list[Any], *beside: Any) -> Any:
     if name in GROUPS:
-        return outcome(GROUPS[name].of_group, values)
+        return outcome(GROUPS[name].aggregate_group, values)
     return outcome(OPERATIONS[name].value, [value for value in values if value is not None], *beside)
 
 
@@ -288,15 +291,15 @@ def test_engines_aggregate_alike(name: str, column: str) -> None:
     with ss2sql.connect() as session:
         for chosen in (values, values[::-1], values[:3], values[-2:], *([value] for value in values)):
             groups = {0: chosen, 1: chosen[::-1], 2: chosen[:1]}
-            kind = union(map(type_of, chosen))
+            kind = unite(map(type_of, chosen))
             expected = {key: of_group(name, group, *others) for key, group in groups.items()}
             failed = [one for one in expected.values() if isinstance(one, str)]
             if failed:
                 assert name not in GROUPS or row.can_fail(kind), (name, chosen, kind)
             else:
                 for group in groups.values():
-                    one = type_of(row.of_group(group))
-                    assert covers(row.type_of_group(kind), one), (name, group, kind)
+                    one = type_of(row.aggregate_group(group))
+                    assert is_covering(row.type_of_group(kind), one), (name, group, kind)
             session.attach("r", [[key, value] for key, group in groups.items() for value in group])
             for engine in ENGINES:
                 found = given_by(session, f"SELECT {call} FROM r GROUP BY this[0] AS list;", engine)
@@ -346,4 +349,4 @@ def test_duckdb_aggregates_alike(name: str, column: str) -> None:
 def test_what_is_shown_of_a_row_is_there() -> None:
     assert all(row.about and row.call.startswith((name, "a", "neg")) for name, row in OPERATIONS.items())
     assert all(row.example or row.volatility != "immutable" for row in OPERATIONS.values())
-    assert all(covers(row.type_of_group(Type(Kind.NONE)), type_of(row.nothing)) for row in GROUPS.values())
+    assert all(is_covering(row.type_of_group(Type(Kind.NONE)), type_of(row.nothing)) for row in GROUPS.values())

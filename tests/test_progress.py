@@ -58,30 +58,30 @@ def test_it_appears_is_written_ten_times_a_second_and_goes_away() -> None:
     written = []
     for tenth in range(40):  # a look every 1/20 s, until 2 s have gone
         clock.now = 5.0 + tenth / 20
-        line.show()
+        line.show_line()
         written.append(terminal.getvalue().count("\r"))
     assert written[:20] == [0] * 20
     assert written[20] == 1
     assert written[-1] in (10, 11)  # by the rounding of floats
     run = run_of(generated=123456789)
     line, clock, terminal = line_of(run, 30)
-    line.end()
+    line.remove_line()
     assert terminal.getvalue() == ""  # nothing was shown
     clock.now += 10
-    line.show()
+    line.show_line()
     assert terminal.line == "10 s | 123,456,789 steps, 12,345,678/s"[:29]
     run.stats.generated = 1
     clock.now += 90
-    line.show()
+    line.show_line()
     assert terminal.line == "100 s | 1 step, 0/s"
-    line.end()
+    line.remove_line()
     assert terminal.line == ""
     assert terminal.getvalue().endswith("\r")
     assert "\x1b" not in terminal.getvalue()  # no colours
 
 
 def said(run: Run, seconds: float) -> str:
-    return line_of(run)[0].text(seconds)
+    return line_of(run)[0].describe_progress(seconds)
 
 
 def query_of(script: str) -> plan.Query:
@@ -106,14 +106,14 @@ def test_what_it_says_also_of_a_native_search() -> None:
     run = run_of(generated=10)
     line, _, _ = line_of(run)
     line.reached = [(1,), (2,)]  # depth first: the rows on the path, behind which a step is looked at
-    assert line.text(1.0) == "1 s | 10 steps, 10/s | depth 3"
+    assert line.describe_progress(1.0) == "1 s | 10 steps, 10/s | depth 3"
     line.reached = (((None, (1,)), (2,)), (3,))  # the way back
-    assert line.text(1.0) == "1 s | 10 steps, 10/s | depth 4"
+    assert line.describe_progress(1.0) == "1 s | 10 steps, 10/s | depth 4"
     way = None
     for number in range(MAX_DEPTH_LOOKS + 5):
         way = (way, (number,))
     line.reached = way
-    assert "depth 100,001+" in line.text(1.0)
+    assert "depth 100,001+" in line.describe_progress(1.0)
 
 
 def test_a_bar_where_the_total_is_known_and_for_the_first_list() -> None:
@@ -136,15 +136,15 @@ def test_a_bar_where_the_total_is_known_and_for_the_first_list() -> None:
     assert "[" not in said(run, 1.0)
     line, _, _ = line_of(run_of())
     outer, inner = [1] * 200, [1] * 3
-    line.walk(outer, 30, 200)
-    line.walk(inner, 2, 3)  # a list that is walked again and again says nothing
-    assert line.text(1.0) == "1 s | [#.........] 15%"
-    line.walk(outer, 200, 200)
-    assert line.text(1.0) == "1 s"
-    line.walk(inner, 1, 4)  # what is walked after it does
-    assert line.text(1.0) == "1 s | [##........] 25%"
-    line.begin()
-    assert line.text(1.0) == "1 s"
+    line.note_walk(outer, 30, 200)
+    line.note_walk(inner, 2, 3)  # a list that is walked again and again says nothing
+    assert line.describe_progress(1.0) == "1 s | [#.........] 15%"
+    line.note_walk(outer, 200, 200)
+    assert line.describe_progress(1.0) == "1 s"
+    line.note_walk(inner, 1, 4)  # what is walked after it does
+    assert line.describe_progress(1.0) == "1 s | [##........] 25%"
+    line.begin_statement()
+    assert line.describe_progress(1.0) == "1 s"
 
 
 KEPT = [(1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3)]  # steps, each with the one before it
@@ -158,7 +158,7 @@ KEPT = [(1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3)]  # steps, each with the 
 def test_how_deep_a_search_of_the_database_is(steps: list[tuple[int, int]], depth: int) -> None:
     """By the last result, or by the steps that are kept."""
     paths = SearchPaths(None, tuple, [(number, parent, "row") for number, parent in steps])
-    assert (paths.depth(100), paths.depth(0)) == ((depth, True), (0, not steps))
+    assert (paths.measure_depth(100), paths.measure_depth(0)) == ((depth, True), (0, not steps))
     assert measure_depth([0, *range(MAX_DEPTH_LOOKS + 4)]) == (MAX_DEPTH_LOOKS, False)
 
 

@@ -210,7 +210,7 @@ def logged_length(value: list[object]) -> int:
 def test_what_was_replaced_before_it_was_looked_at_is_not_known() -> None:
     module = ModuleType("other")
     vars(module)["length"] = logged_length
-    known_functions._add(module, "length")
+    known_functions._declare(module, "length")
     assert known_functions.find_known(logged_length) is None
 
 

@@ -202,7 +202,7 @@ def test_rows_of_groups() -> None:
 def raced(ss: ss2sql.Session, script: str, rules: BenchRules = QUICK) -> list[StatementRuns]:
     found = []
     for heat in make_runs(ss, Source(script), rules):
-        for _ in heat.run():
+        for _ in heat.run_strategies():
             pass
         found.append(heat)
     return found
@@ -221,7 +221,7 @@ def test_two_engines_have_to_agree_to_the_last_bit(given: dict[str, Any], answer
     with ss2sql.connect() as ss:
         ss.function("roll", lambda x: answers[now[-1]], volatility="immutable")
         (heat,) = make_runs(ss, Source("SELECT roll(this) FROM [1];"), QUICK)
-        for cell in heat.run():  # each is told of when it begins
+        for cell in heat.run_strategies():  # each is told of when it begins
             now.append(cell.engine)
     assert [(cell.answer, cell.forbidden) for cell in heat.cells[1:]] == [(answer, forbidden)]
 

@@ -80,10 +80,10 @@ def test_what_a_run_has_left_is_for_each_reading() -> None:
     with session() as ss:
         result = ss.run(chain("AS list", steps=50), timeout=5)
         assert result.answer is not None
-        result.answer.begin = ss2sql.runtime.run.run_state.RemainingBounds(0.0).begin
+        result.answer.begin = ss2sql.runtime.run.run_state.RemainingBounds(0.0).begin_reading
         long = ss.run(chain("AS list", steps=500), timeout=5)
         assert long.answer is not None
-        long.answer.begin = ss2sql.runtime.run.run_state.RemainingBounds(0.0).begin
+        long.answer.begin = ss2sql.runtime.run.run_state.RemainingBounds(0.0).begin_reading
         assert len(result.value) == 49  # so little is looked at never
         for _ in range(2):
             with pytest.raises(ss2sql.Timeout, match="the run with the reading of its result") as caught:
@@ -110,13 +110,13 @@ def test_paths_read_one_by_one_cost_their_differences(all_results: bool, order: 
     ends = [(number, number - 1, number) for number in range(1, steps + 1)]
     kept = None if all_results else KeptSteps(parents, [(number,) for number in range(steps + 1)])
     paths = SearchPaths(kept, tuple, ends)
-    looked = paths._end
+    looked = paths._get_end
 
     def count(step: int) -> Any:
         parents.looks += 1
         return looked(step)
 
-    paths._end = count  # type: ignore[method-assign]
+    paths._get_end = count  # type: ignore[method-assign]
     for position in range(steps)[::order]:
         assert paths[position][-1] == (position + 1,)
         assert len(paths[position]) == position + 1

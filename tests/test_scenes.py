@@ -80,7 +80,7 @@ def test_an_explosion_keeps_the_mass_and_the_splinters_vanish(client):
     scene = scenes.chaos(seed=1, bodies=20, client=client)
     victim = moving(scene)[0]
     name, before = scene.names[victim], mass_of(scene.client, victim)
-    scene.explode(victim)
+    scene.explode_body(victim)
     splinters = list(scene.ends)
     assert name not in scene.names.values()
     assert 6 <= len(splinters) <= 10
@@ -273,7 +273,7 @@ def test_wrong_use_has_clear_errors(client):
 def test_scenes_are_imported_when_they_are_asked_for(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     bullet.import_pybullet.cache_clear()
-    bullet._client_type.cache_clear()
+    bullet._make_client_type.cache_clear()
     with pytest.raises(ss2sql.SessionError, match=r"S003[\s\S]*pip install pybullet"):
         scenes.hall()
     code = (

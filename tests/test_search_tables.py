@@ -304,8 +304,10 @@ def test_numbers_come_as_arrays_in_the_order_of_the_table(table: str, monkeypatc
     if table in SORTED:
         rows.sort(key=lambda row: [row[at] for at in SORTED[table]])
     read: list[Any] = []
-    arrays = session.host.tables.integers
-    monkeypatch.setattr(session.host.tables, "integers", lambda *given: read.append(given) or arrays(*given))
+    arrays = session.host.tables.read_integer_columns
+    monkeypatch.setattr(
+        session.host.tables, "read_integer_columns", lambda *given: read.append(given) or arrays(*given)
+    )
     script = "SELECT dst FROM (SELECT * FROM edge WHERE src == node) START WITH node = 0 CONNECT BY UNIQUE node = dst;"
     reached, queue = set[int](), list[tuple[int, list[int]]]([(0, [])])
     for node, path in queue:

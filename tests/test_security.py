@@ -34,7 +34,7 @@ def guarded(tmp_path: Path) -> ss2sql.Session:
 @pytest.mark.parametrize("text", REFUSED)
 def test_sqlite_refuses_what_a_statement_of_a_script_never_does(guarded: ss2sql.Session, text: str) -> None:
     with pytest.raises(apsw.Error):
-        guarded.host.database.guard.execute(text, {}).fetchall()
+        guarded.host.database.guard.execute_reading(text, {}).fetchall()
     assert guarded.eval("SELECT a FROM t AS list") == [7]
 
 

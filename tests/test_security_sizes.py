@@ -380,8 +380,8 @@ def test_a_run_is_free_at_its_end(monkeypatch: pytest.MonkeyPatch, engine: Any) 
 def test_lists_that_were_measured_are_not_walked_again() -> None:
     """A list of a million parts in a thousand others: to walk it each time would take a thousand times as long."""
     sizes = ValueSizes()
-    big = sizes.checked([[0] * 1000] * 1000)
+    big = sizes.check_value([[0] * 1000] * 1000)
     unknown, size, depth = sizes._find_unknown([big, [1]])
     assert unknown == [[1]]
     assert (size, depth) == (CELL_SIZE * (1000 + 1000 * 1000), 2)
-    assert sizes._measure([[big, big]]) == (2 * size + 2 * CELL_SIZE, 3)
+    assert sizes._measure_value([[big, big]]) == (2 * size + 2 * CELL_SIZE, 3)

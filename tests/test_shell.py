@@ -56,7 +56,7 @@ def shell():
 
 def said(shell: Shell, text: str, capsys: pytest.CaptureFixture[str]) -> tuple[str, str]:
     """What a text has the shell print, on stdout and on stderr."""
-    shell.run(text)
+    shell.run_text(text)
     return capsys.readouterr()
 
 

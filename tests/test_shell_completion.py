@@ -10,7 +10,7 @@ from sessions import write
 
 import ss2sql
 from ss2sql.editor.keywords import keywords
-from ss2sql.shell.completion import Suggestion, complete, find_signature
+from ss2sql.shell.completion import Suggestion, find_signature, suggest_completions
 from ss2sql.shell.dot_commands import COMMANDS
 from ss2sql.shell.symbols import SymbolTable
 
@@ -39,7 +39,7 @@ def known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 def found(marked: str, known: SymbolTable) -> list[Suggestion]:
     cursor = marked.index("|")
-    return complete(marked.replace("|", "", 1), cursor, known)
+    return suggest_completions(marked.replace("|", "", 1), cursor, known)
 
 
 def texts(marked: str, known: SymbolTable, kind: str = "") -> list[str]:
@@ -179,8 +179,8 @@ def test_any_cut_of_a_script_can_be_completed(known: SymbolTable) -> None:
         "/* a */ SELECT x.y, 'b', [1, {2] FROM (SELECT * FROM people), p = f(1) WHERE 1. START WITH a = 3; .sql (\n.a"
     )
     for cursor in range(len(script) + 1):
-        complete(script, cursor, known)
-        complete(script[:cursor], cursor, known)
+        suggest_completions(script, cursor, known)
+        suggest_completions(script[:cursor], cursor, known)
         find_signature(script[:cursor], cursor, known)
 
 

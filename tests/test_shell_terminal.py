@@ -70,7 +70,7 @@ def run(terminal: Terminal, keys: PipeInput, *steps: str | Callable[[], object])
 
     typing = threading.Thread(target=type_all)
     typing.start()
-    terminal.run()
+    terminal.run_until_exit()
     typing.join()
 
 
@@ -154,13 +154,13 @@ def test_suggestions_while_typing_need_the_beginning_of_a_word(terminal: Termina
      ("1 +\n", "a statement ends with ;"), ("f(1 +\n", "( is open; Ctrl-C"), ("f(1;\n", "( is open; Enter runs")],
 )  # fmt: skip
 def test_the_line_at_the_bottom(typed: str, shown: str, terminal: Terminal) -> None:
-    assert shown in fragment_list_to_text(terminal.toolbar(Document(typed)))
+    assert shown in fragment_list_to_text(terminal.describe_toolbar(Document(typed)))
 
 
 def test_the_line_at_the_bottom_and_suggestions_know_what_was_set(terminal: Terminal, keys: PipeInput) -> None:
     run(terminal, keys, f".engine native\r.timeout 5{ENTER}", f"harvest = 1;{ENTER}", "harv", lambda: menu(terminal))
     assert "harvest" in terminal.known.variables
-    assert "engine native   timeout 5" in fragment_list_to_text(terminal.toolbar(Document("")))
+    assert "engine native   timeout 5" in fragment_list_to_text(terminal.describe_toolbar(Document("")))
 
 
 def test_colors_of_commands_and_statements() -> None:

@@ -158,7 +158,7 @@ def bounds(values: list[Any], more: str = "", source: str = "t") -> tuple[float 
     with ss2sql.connect() as ss:
         ss.host.connection.execute(f"CREATE TABLE t(a, b); {more}")
         ss.host.connection.executemany("INSERT INTO t VALUES (?, 1)", [(value,) for value in values])
-        table = ss.host.tables.find(None, source)
+        table = ss.host.tables.find_table(None, source)
     assert table is not None
     kind = dict(table.columns)["a"]
     return kind.low, kind.high

@@ -186,4 +186,4 @@ def test_what_sqlglot_cannot_read_while_it_prints(cause: Exception | None, monke
     monkeypatch.setattr(Generator, "generate", failing)
     wanted = RecursionError if isinstance(cause, RecursionError) else TokenError
     with pytest.raises(wanted):
-        DUCKDB.print(exp.select("1"))
+        DUCKDB.print_tree(exp.select("1"))

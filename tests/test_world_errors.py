@@ -15,7 +15,7 @@ pytest.importorskip("pybullet")
 from bullet_rooms import ENGINES, ball
 
 from ss2sql import scenes
-from ss2sql.vtables.pybullet.pybullet_loader import connect
+from ss2sql.vtables.pybullet.pybullet_loader import start_simulation
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def ss(ss: ss2sql.Session, client: Any) -> ss2sql.Session:
 @pytest.fixture(scope="module")
 def cut_off() -> Iterator[ss2sql.Session]:
     """A session whose `space` is disconnected, with a body of it in `kept`."""
-    gone = connect()
+    gone = start_simulation()
     ball(gone)
     with ss2sql.connect() as session:
         session.attach("space", gone)

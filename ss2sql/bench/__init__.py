@@ -7,7 +7,7 @@ results holds what came out, report and bar_chart show it.
 from __future__ import annotations
 
 from ss2sql.bench.bar_chart import draw_chart as draw_chart
-from ss2sql.bench.report import collect as collect
+from ss2sql.bench.report import collect_measurements as collect_measurements
 from ss2sql.bench.report import print_runs as print_runs
 from ss2sql.bench.results import BenchResult as BenchResult
 from ss2sql.bench.results import BenchRules as BenchRules

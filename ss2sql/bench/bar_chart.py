@@ -43,7 +43,8 @@ def _draw_field(runs: StatementRuns, field: Any) -> None:
         field.xaxis.set_major_formatter("{x:g}")
     for result, place in zip(runs.cells, places, strict=True):
         if result.best is None:
-            field.annotate(shorten(_reason(result), MOST_TEXT), (left, place), (4, 0), textcoords="offset points",
+            field.annotate(shorten(_explain_missing(result), MOST_TEXT), (left, place), (4, 0),
+                textcoords="offset points",
                            va="center", fontsize=8, color=RED if result.forbidden else "#777777",
                            style="italic")  # fmt: skip
             continue
@@ -80,7 +81,7 @@ def _format_label(result: BenchResult) -> str:
     return f"{format_milliseconds(result.best)} ms{shorten(told, MOST_TEXT)}"
 
 
-def _reason(result: BenchResult) -> str:
+def _explain_missing(result: BenchResult) -> str:
     return f"{result.engine}: {result.missing}"
 
 

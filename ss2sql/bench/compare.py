@@ -73,11 +73,11 @@ class Comparer:
     _by_strategy: dict[str, FinishedRun] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, query: plan.Query | None, own: str) -> Comparer:
+    def for_query(cls, query: plan.Query | None, own: str) -> Comparer:
         searched = query is not None and query.search is not None
         return cls(own, find_variation(query) if query else None, describe_unnamed(query) if query and searched else ())
 
-    def judge(self, finished: FinishedRun) -> None:
+    def record_verdict(self, finished: FinishedRun) -> None:
         """Records the comparison of its answer in the result."""
         cell = finished.cell
         twin = self._by_strategy.setdefault(cell.strategy, finished)

@@ -24,7 +24,7 @@ def format_title(runs: StatementRuns) -> str:
     return f"{runs.tree.span.place}  {text}"
 
 
-def ratios(results: Sequence[BenchResult]) -> list[float | None]:
+def compute_ratios(results: Sequence[BenchResult]) -> list[float | None]:
     """The ratio of each best run to the fastest one."""
     fastest = min((result.best for result in results if result.best is not None), default=None)
     return [result.best / fastest if result.best is not None and fastest else None for result in results]
@@ -45,19 +45,21 @@ def print_runs(runs: StatementRuns, settings: BenchRules, console: Console) -> N
         table.add_column(head, justify="left" if number < 2 else "right", no_wrap=number > 0)
     table.add_column("answer", min_width=12)
     before = None
-    for number, (result, ratio) in enumerate(zip(runs.cells, ratios(runs.cells), strict=True)):
+    for number, (result, ratio) in enumerate(zip(runs.cells, compute_ratios(runs.cells), strict=True)):
         name = "" if result.strategy == before else result.strategy
         style = "bold red" if result.forbidden else "dim" if result.missing else ""
         answer = _format_answer(result, None if name else runs.cells[number - 1])
-        table.add_row(*map(Text, (name, result.engine, *_figures(result, ratio, settings.memory), answer)), style=style)
+        table.add_row(
+            *map(Text, (name, result.engine, *_format_figures(result, ratio, settings.memory), answer)), style=style
+        )
         before = result.strategy
     console.print(format_title(runs), markup=False, highlight=False, no_wrap=True, overflow="ellipsis")
     console.print(table)
-    for line in (*_summarize(runs), *_list_reasons(runs.cells), *runs.notes):
+    for line in (*_describe_fastest(runs), *_list_reasons(runs.cells), *runs.notes):
         console.print(line, markup=False, highlight=False)
 
 
-def _summarize(runs: StatementRuns) -> list[str]:
+def _describe_fastest(runs: StatementRuns) -> list[str]:
     """The fastest with the same answer, and its speedup over the script as written."""
     same = [result for result in runs.cells if result.same and result.best]
     if len(same) < 2:
@@ -83,7 +85,7 @@ def _list_reasons(results: Sequence[BenchResult]) -> list[str]:
     return [f"Not run: {', '.join(found)}: {reason}." for reason, found in places.items()]
 
 
-def _figures(result: BenchResult, ratio: float | None, memory: bool) -> list[str]:
+def _format_figures(result: BenchResult, ratio: float | None, memory: bool) -> list[str]:
     if result.best is None or result.middle is None or ratio is None:
         return [""] * (7 if memory else 6)
     rows = result.rows if result.paths is None else result.paths
@@ -110,7 +112,7 @@ def format_milliseconds(seconds: float) -> str:
     return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}" if value >= 0.01 else f"{value:.4f}"
 
 
-def collect(all_runs: Sequence[StatementRuns], settings: BenchRules) -> dict[str, Any]:
+def collect_measurements(all_runs: Sequence[StatementRuns], settings: BenchRules) -> dict[str, Any]:
     """All measurements, for JSON."""
     from ss2sql import __version__
 
@@ -126,7 +128,7 @@ def collect(all_runs: Sequence[StatementRuns], settings: BenchRules) -> dict[str
             "notes": runs.notes,
             "cells": [
                 result.as_dict() | {"ratio": ratio}
-                for result, ratio in zip(runs.cells, ratios(runs.cells), strict=True)
+                for result, ratio in zip(runs.cells, compute_ratios(runs.cells), strict=True)
             ],
         }
         for runs in all_runs

@@ -50,18 +50,20 @@ class StatementRuns:
         tree = self.tree.value if isinstance(self.tree, ast.Assign) else self.tree
         return tree if isinstance(tree, ast.Query) and tree.searches else None
 
-    def run(self) -> Iterator[BenchResult]:
+    def run_strategies(self) -> Iterator[BenchResult]:
         """Runs strategies on engines; yields each result twice, at its start and at its end."""
         search = self.search
         own = Strategy(search.options if search else ())
         name = own.name if search else NO_SEARCH
-        comparer = Comparer.of(_find_query(compile_run(self.session, self.tree, "auto").plan.statements[0].expr), name)
-        yield from self._strategy(own, name, comparer)
+        comparer = Comparer.for_query(
+            _find_query(compile_run(self.session, self.tree, "auto").plan.statements[0].expr), name
+        )
+        yield from self._run_strategy(own, name, comparer)
         if search is None:
             return
         for strategy in self._list_other_strategies(search, own, comparer):
-            yield from self._strategy(strategy, strategy.name, comparer)
-        self._explain(own, comparer)
+            yield from self._run_strategy(strategy, strategy.name, comparer)
+        self._add_notes(own, comparer)
 
     def _list_other_strategies(self, search: ast.Query, own: Strategy, comparer: Comparer) -> list[Strategy]:
         """The strategies beside the script's own, whose longest path bounds MEMORIZE."""
@@ -75,7 +77,7 @@ class StatementRuns:
         found.pop(own.name, None)
         return list(found.values())
 
-    def _explain(self, own: Strategy, comparer: Comparer) -> None:
+    def _add_notes(self, own: Strategy, comparer: Comparer) -> None:
         self.reference = None if comparer.reference is None else comparer.reference.cell.strategy
         if self.reference not in (None, own.name):
             self.notes.append(
@@ -87,14 +89,14 @@ class StatementRuns:
                 "all that STOP WITH, WHERE and CONNECT BY read."
             )
 
-    def _strategy(self, strategy: Strategy, name: str, comparer: Comparer) -> Iterator[BenchResult]:
+    def _run_strategy(self, strategy: Strategy, name: str, comparer: Comparer) -> Iterator[BenchResult]:
         for engine in self.rules.engines:
             cell = BenchResult(name, engine)
             yield cell
             self.cells.append(cell)
             finished = self._run_on_engine(strategy, cell, comparer)
             if finished is not None:
-                comparer.judge(finished)
+                comparer.record_verdict(finished)
             yield cell
 
     def _run_on_engine(self, strategy: Strategy, cell: BenchResult, comparer: Comparer) -> FinishedRun | None:
@@ -113,7 +115,7 @@ class StatementRuns:
         except Stopped as stopped:
             cell.seconds.clear()
             paths = get_paths(stopped.partial) if stopped.partial is not None else None
-            cell.missing = self._bound(stopped) + (f", {len(paths):,} paths by then" if paths else "")
+            cell.missing = self._name_limit(stopped) + (f", {len(paths):,} paths by then" if paths else "")
         except Exception as error:
             if comparer.reference is None and cell.strategy == self.cells[0].strategy:
                 raise
@@ -126,7 +128,7 @@ class StatementRuns:
             return FinishedRun(strategy, cell, _find_query(query.plan.statements[0].expr), result)
         return None
 
-    def _bound(self, stopped: Stopped) -> str:
+    def _name_limit(self, stopped: Stopped) -> str:
         """The limit that ended a run."""
         if isinstance(stopped, Timeout):
             return f"over {self.rules.timeout:g} s"
@@ -156,12 +158,12 @@ def make_runs(session: Session, source: Source, rules: BenchRules) -> Iterator[S
     Raises SessionError S002 where there is no query, and what compiling and running the script raises.
     """
     tree = parse(source)
-    program = retry_with_stack(lambda: resolve(tree, session.host.catalog()))
+    program = retry_with_stack(lambda: resolve(tree, session.host.make_catalog()))
     raced = _select_searches([statement.expr for statement in program.statements])
     for number, statement in enumerate(tree.statements[: raced[-1] + 1]):
         if number in raced:
             runs = StatementRuns(session, rules, statement)
-            if runs.search is None and _contains(program.statements[number].expr, plan.Search):
+            if runs.search is None and _contains_kind(program.statements[number].expr, plan.Search):
                 runs.notes.append("the search stands inside of another expression, so only the engines are raced.")
             yield runs
         if number < raced[-1]:
@@ -170,11 +172,11 @@ def make_runs(session: Session, source: Source, rules: BenchRules) -> Iterator[S
 
 def _select_searches(statements: Sequence[plan.Expr]) -> list[int]:
     for kind in (plan.Search, plan.Query):
-        found = [number for number, expr in enumerate(statements) if _contains(expr, kind)]
+        found = [number for number, expr in enumerate(statements) if _contains_kind(expr, kind)]
         if found:
             return found if kind is plan.Search else found[-1:]
     raise SessionError("S002", "the script has no query", hints=("bench races queries, searches above all",))
 
 
-def _contains(expr: plan.Expr, kind: type) -> bool:
+def _contains_kind(expr: plan.Expr, kind: type) -> bool:
     return any(isinstance(node, kind) for node in walk(expr))

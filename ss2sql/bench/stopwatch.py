@@ -25,7 +25,7 @@ from ss2sql.session.session import Session
 def compile_run(session: Session, statement: ast.Expr, engine: Engine) -> Query:
     """One statement, compiled for an engine. Raises the errors of compilation, such as UnsupportedError."""
     tree = ast.Script((statement,), span=statement.span)
-    program = retry_with_stack(lambda: resolve(tree, session.host.catalog()))
+    program = retry_with_stack(lambda: resolve(tree, session.host.make_catalog()))
     query = Query(session.host, session.execute, tree, program, engine)
     query.statements()
     return query
@@ -44,12 +44,12 @@ def time_statement(session: Session, query: Query, settings: BenchRules, cell: B
         cell.seconds.append(seconds)
     else:
         while len(cell.seconds) < settings.repeat and (spent < settings.timeout or not cell.seconds):
-            variables.restore()
+            variables.restore_values()
             _, seconds = _run_once(query, settings)
             cell.seconds.append(seconds)
             spent += seconds
     if settings.memory:
-        variables.restore()
+        variables.restore_values()
         cell.memory = _measure_memory(query, settings)
     stats = first.stats
     cell.steps, cell.calls = stats.generated, dict(stats.calls)
@@ -89,9 +89,9 @@ class _Variables:
         assigned = [node.name for node in nodes if isinstance(node, plan.Assign)]
         self._before: dict[str, Any] = {name: self._names.values.get(name, _NOTHING) for name in assigned}
 
-    def restore(self) -> None:
+    def restore_values(self) -> None:
         for name, value in self._before.items():
             if value is _NOTHING:
-                self._names.forget(name)
+                self._names.forget_name(name)
             else:
-                self._names.assign(name, value)
+                self._names.assign_value(name, value)

@@ -20,7 +20,7 @@ class Strategy:
 
     options: tuple[ast.Option, ...]
 
-    def option(self, keyword: str) -> ast.Option | None:
+    def find_option(self, keyword: str) -> ast.Option | None:
         return next((option for option in self.options if option.keyword == keyword), None)
 
     @property
@@ -40,7 +40,7 @@ class Strategy:
         """The options as a script writes them, without a default order."""
         usual = "BREADTH FIRST" if self.repeats == "UNIQUE" else "DEPTH FIRST"
         words = [] if self.order in WEIGHTS or (self.repeats and self.order == usual) else [self.order]
-        chosen = map(self.option, (*WEIGHTS, "HEURISTIC", self.repeats, "MAXIMUM"))
+        chosen = map(self.find_option, (*WEIGHTS, "HEURISTIC", self.repeats, "MAXIMUM"))
         return " ".join([*words, *(_format_option(option) for option in chosen if option)])
 
 
@@ -75,13 +75,13 @@ def list_strategies(query: ast.Query, longest: int | None) -> list[Strategy]:
 
 
 def _list_orders(query: ast.Query, own: Strategy) -> Iterator[tuple[ast.Option, ...]]:
-    weight = own.option("COST") or own.option("PROBABILITY")
-    heuristic = own.option("HEURISTIC")
+    weight = own.find_option("COST") or own.find_option("PROBABILITY")
+    heuristic = own.find_option("HEURISTIC")
     if weight is not None:
         if heuristic is not None:
             yield weight, heuristic
         yield (weight,)
-        if own.option("MAXIMUM") is not None or query.limit is not None:
+        if own.find_option("MAXIMUM") is not None or query.limit is not None:
             return
     yield ()
     yield (ast.Option("DEPTH FIRST", None, span=query.span),)
@@ -92,7 +92,7 @@ def _list_rules(own: Strategy, grouped: bool) -> tuple[str, ...]:
     if grouped:
         return (own.repeats,)
     if own.repeats == "MEMORIZE":
-        option = own.option("MEMORIZE")
+        option = own.find_option("MEMORIZE")
         return ("MEMORIZE", "UNIQUE") if option and option.argument else ("MEMORIZE", "NO CYCLE", "UNIQUE")
     return {"": ("", "NO CYCLE", "UNIQUE", "MEMORIZE"), "NO CYCLE": ("NO CYCLE", "UNIQUE", "MEMORIZE")}.get(
         own.repeats, (own.repeats,)
@@ -102,7 +102,7 @@ def _list_rules(own: Strategy, grouped: bool) -> tuple[str, ...]:
 def _make_rule(query: ast.Query, own: Strategy, rule: str, longest: int | None) -> tuple[ast.Option, ...]:
     if not rule:
         return ()
-    written = own.option(rule)
+    written = own.find_option(rule)
     if written is not None:
         return (written,)
     bound = None
@@ -112,7 +112,7 @@ def _make_rule(query: ast.Query, own: Strategy, rule: str, longest: int | None) 
 
 
 def _find_maximum(own: Strategy) -> tuple[ast.Option, ...]:
-    option = own.option("MAXIMUM")
+    option = own.find_option("MAXIMUM")
     return () if option is None else (option,)
 
 

@@ -90,23 +90,23 @@ class Commands(click.Group):
                 stream.reconfigure(errors="backslashreplace")  # what an encoding lacks is written as an escape
         try:
             try:
-                self._run(arguments, *others, **named)
+                self._run_command(arguments, *others, **named)
             finally:
                 sys.stdout.flush()  # at the end of the process errors could not be reported
         except OSError as error:
             from ss2sql.cli import exit_codes
 
-            exit_codes.end_failed_output(error, arguments)
+            exit_codes.end_with_output_error(error, arguments)
 
-    def _run(self, arguments: list[str], *others: Any, **named: Any) -> NoReturn:
+    def _run_command(self, arguments: list[str], *others: Any, **named: Any) -> NoReturn:
         try:
             code = super().main(arguments, *others, **{**named, "standalone_mode": False})
         except (click.Abort, click.ClickException) as error:
             from ss2sql.cli import exit_codes
 
             if isinstance(error, click.ClickException):
-                exit_codes.end_wrong_usage(error, arguments)
-            exit_codes.end_interrupted()
+                exit_codes.end_with_usage_error(error, arguments)
+            exit_codes.end_after_interrupt()
         sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ss2sql.cli.exit_codes import SCRIPT, UserError, end_command, print_note, reports_errors
+from ss2sql.cli.exit_codes import SCRIPT, UserError, end_with_message, exit_with_code_on_error, print_note
 from ss2sql.cli.output import check_folder, make_console, make_write_error, print_line
-from ss2sql.cli.script_options import ScriptInputs, script_options
+from ss2sql.cli.script_options import ScriptInputs, add_script_options
 from ss2sql.errors import Error
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ ALL = "all"
 ENGINES = {"all": ("database", "native"), "database": ("database",), "native": ("native",)}
 
 
-def _checked_strategies(context: click.Context, parameter: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
+def _check_strategies(context: click.Context, parameter: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
     for text in value:
         if text.lower() != ALL:
             from ss2sql.bench import parse_strategy
@@ -36,7 +36,7 @@ def _checked_strategies(context: click.Context, parameter: click.Parameter, valu
 
 
 @click.command("bench")
-@script_options
+@add_script_options
 @click.option("--engine", type=click.Choice(list(ENGINES)), default="all", show_default=True)
 @click.option(
     "--strategy",
@@ -45,7 +45,7 @@ def _checked_strategies(context: click.Context, parameter: click.Parameter, valu
     default=(ALL,),
     show_default=True,
     metavar="OPTIONS",
-    callback=_checked_strategies,
+    callback=_check_strategies,
     help="Options of CONNECT BY in place of the script's: 'UNIQUE', 'COST km'. As often as you like.",
 )
 @click.option("--repeat", type=click.IntRange(min=1), default=5, show_default=True, help="Runs after a first one.")
@@ -60,7 +60,7 @@ def _checked_strategies(context: click.Context, parameter: click.Parameter, valu
 @click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="A file for all figures.")
 @click.option("-o", "--plot", "plot_file", type=click.Path(dir_okay=False, path_type=Path),
               help="A picture of the times, PNG, SVG or PDF by its name.")  # fmt: skip
-@reports_errors
+@exit_with_code_on_error
 def command(
     inputs: ScriptInputs,
     engine: str,
@@ -81,7 +81,7 @@ def command(
             check_folder(path)
     settings = BenchRules(ENGINES[engine], strategies, repeat, timeout, memory)  # type: ignore[arg-type]
     run: list[StatementRuns] = []
-    with inputs.session(progress=False) as session:
+    with inputs.open_session(progress=False) as session:
         following = make_runs(session, read_source(source), settings)
         while True:
             with _mark_user_errors():
@@ -93,8 +93,8 @@ def command(
             with _print_heat(runs, settings), _mark_user_errors():
                 _run_heat(runs)
             run.append(runs)
-    _write(run, settings, json_file, plot_file)
-    _complain(run)
+    _write_files(run, settings, json_file, plot_file)
+    _end_with_contradictions(run)
 
 
 @contextmanager
@@ -124,7 +124,7 @@ def _run_heat(runs: StatementRuns) -> None:
     """Runs a statement; on a terminal a line shows the running strategy."""
     reports = 0
     try:
-        for result in runs.run():
+        for result in runs.run_strategies():
             if sys.stderr.isatty():
                 line = f"{result.strategy}, {result.engine}"[:70]
                 click.echo(f"\r{line.ljust(reports)}", nl=False, err=True)
@@ -134,16 +134,19 @@ def _run_heat(runs: StatementRuns) -> None:
             click.echo(f"\r{' ' * reports}\r", nl=False, err=True)
 
 
-def _write(run: Sequence[StatementRuns], settings: BenchRules, json_file: Path | None, plot_file: Path | None) -> None:
-    """Writes the requested files."""
-    from ss2sql.bench import collect, draw_chart
+def _write_files(
+    run: Sequence[StatementRuns], settings: BenchRules, json_file: Path | None, plot_file: Path | None
+) -> None:
+    from ss2sql.bench import collect_measurements, draw_chart
 
     for path in (json_file, plot_file):
         if path is None:
             continue
         try:
             if path is json_file:
-                path.write_text(json.dumps(collect(run, settings), indent=2, default=repr) + "\n", encoding="utf-8")
+                path.write_text(
+                    json.dumps(collect_measurements(run, settings), indent=2, default=repr) + "\n", encoding="utf-8"
+                )
             else:
                 draw_chart(run, path)
         except OSError as error:
@@ -151,13 +154,13 @@ def _write(run: Sequence[StatementRuns], settings: BenchRules, json_file: Path |
         print_note(f"written to {path}")
 
 
-def _complain(run: Sequence[StatementRuns]) -> None:
+def _end_with_contradictions(run: Sequence[StatementRuns]) -> None:
     """Ends with exit code 1 where answers differ although the language forbids it."""
     wrong = [(runs.tree.span, result) for runs in run for result in runs.forbidden]
     if wrong:
         lines = [f"{place.place}: {result.name}: {result.answer}" for place, result in wrong]
         lines.append("The language forbids these answers. Please report them, with the script.")
         found = [{"place": place.place, "cell": result.name, "answer": result.answer} for place, result in wrong]
-        end_command(
+        end_with_message(
             "\n".join(lines), {"code": None, "title": "forbidden answers", "message": lines[-1], "found": found}, SCRIPT
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ss2sql.cli.exit_codes import reports_errors
+from ss2sql.cli.exit_codes import exit_with_code_on_error
 from ss2sql.cli.output import print_line
 
 SHELLS = ("bash", "zsh", "fish")
@@ -12,7 +12,7 @@ SHELLS = ("bash", "zsh", "fish")
 
 @click.command("completion", epilog='For bash, put this line into ~/.bashrc: eval "$(ss2sql completion bash)"')
 @click.argument("shell", type=click.Choice(SHELLS))
-@reports_errors
+@exit_with_code_on_error
 def command(shell: str) -> None:
     """Prints what makes bash, zsh or fish complete commands of ss2sql."""
     from click.shell_completion import get_completion_class

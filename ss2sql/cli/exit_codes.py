@@ -15,7 +15,7 @@ from typing import Any, NoReturn, TextIO, TypeVar
 
 import click
 
-from ss2sql.errors import Cancelled, Error, Stopped, Timeout, render_all, respell
+from ss2sql.errors import Cancelled, Error, Stopped, Timeout, render_all, respell_hints
 from ss2sql.errors.renderer import escape_controls
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -43,26 +43,26 @@ COMMON_OPTIONS = (
 )  # fmt: skip
 
 
-def reports_errors(command: F) -> F:
+def exit_with_code_on_error(command: F) -> F:
     """Prints errors to stderr and ends with their exit code.
 
     It also adds the options that all commands have, which are read here and in cli/output.py.
     """
 
     @wraps(command)
-    def run(*arguments: Any, **options: Any) -> None:
+    def run_command(*arguments: Any, **options: Any) -> None:
         try:
             command(*arguments, **options)
         except KeyboardInterrupt:
-            end_interrupted()
+            end_after_interrupt()
         except Error as error:
             _end_with_error(error)
         except UserError as error:
-            end_command(str(error), error.as_dict(), SCRIPT)
+            end_with_message(str(error), error.as_dict(), SCRIPT)
 
     for option in reversed(COMMON_OPTIONS):
-        run = option(run)
-    return run  # type: ignore[return-value]
+        run_command = option(run_command)
+    return run_command  # type: ignore[return-value]
 
 
 class UserError(Exception):
@@ -114,7 +114,7 @@ SPELLINGS = (
 
 def _end_with_error(error: Error) -> NoReturn:
     code = TIMEOUT if isinstance(error, Timeout) else CTRL_C if isinstance(error, Cancelled) else SCRIPT
-    respell(error, SPELLINGS)
+    respell_hints(error, SPELLINGS)
     if writes_json():
         for one in error.errors:
             found = {"found": _describe_partial(error)} if isinstance(error, Stopped) else {}
@@ -149,12 +149,12 @@ def describe_found(error: Error) -> str:
     return counted and f"\nbroken off{counted}"
 
 
-def end_interrupted() -> NoReturn:
+def end_after_interrupt() -> NoReturn:
     """Ends after Ctrl-C outside of a run."""
-    end_command("cancelled", _make_entry("cancelled", "cancelled"), CTRL_C)
+    end_with_message("cancelled", _make_entry("cancelled", "cancelled"), CTRL_C)
 
 
-def end_wrong_usage(error: click.ClickException, arguments: Sequence[str]) -> NoReturn:
+def end_with_usage_error(error: click.ClickException, arguments: Sequence[str]) -> NoReturn:
     """Ends after wrong usage."""
     if not _wants_json(arguments):
         error.show()
@@ -168,7 +168,7 @@ def _wants_json(arguments: Sequence[str]) -> bool:
     return writes_json() or "--error-format json" in " ".join(arguments).replace("=", " ")
 
 
-def end_failed_output(error: OSError, arguments: Sequence[str]) -> NoReturn:
+def end_with_output_error(error: OSError, arguments: Sequence[str]) -> NoReturn:
     """Ends where a result cannot be written: a full disk, a closed stream. One line says so."""
     if error.filename is not None:
         raise error  # a file that is no stream
@@ -180,7 +180,7 @@ def end_failed_output(error: OSError, arguments: Sequence[str]) -> NoReturn:
     sys.exit(SCRIPT)
 
 
-def end_command(text: str, entry: dict[str, Any], code: int) -> NoReturn:
+def end_with_message(text: str, entry: dict[str, Any], code: int) -> NoReturn:
     """Ends with an error as text or as JSON."""
     _print_line(json.dumps(entry, ensure_ascii=False) if writes_json() else text)
     sys.exit(code)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from ss2sql.cli.exit_codes import reports_errors
+from ss2sql.cli.exit_codes import exit_with_code_on_error
 from ss2sql.cli.output import print_line
 from ss2sql.cli.run_command import run_options, run_script
-from ss2sql.cli.script_options import ScriptInputs, redirect_output, script_options
+from ss2sql.cli.script_options import ScriptInputs, add_script_options, redirect_output
 from ss2sql.errors import Stopped
 
 if TYPE_CHECKING:
@@ -21,39 +21,33 @@ FORMATS = ("text", "json")
 
 
 @click.command("explain")
-@script_options
+@add_script_options
 @click.option("--analyze", is_flag=True, help="Run it, and tell what the run has done.")
 @click.option("--format", "form", type=click.Choice(FORMATS), default="text", show_default=True,
               help="For people, or for programs.")  # fmt: skip
 @run_options
-@reports_errors
-def command(
-    inputs: ScriptInputs,
-    analyze: bool,
-    form: str,
-    progress: bool | None,
-    **options: Any,
-) -> None:
+@exit_with_code_on_error
+def command(inputs: ScriptInputs, analyze: bool, form: str, progress: bool | None, **options: Any) -> None:
     """Tells how a script is run: engines, rewrites, calls, SQLite's plan in words, the SQL."""
     source = inputs.script
     if not analyze:
         _refuse_options_of_runs()
-    with inputs.session(progress) as session:
+    with inputs.open_session(progress) as session:
         if not analyze:
             with redirect_output():
                 found = session.compile(source, options["engine"]).explain()
-            _print(found, form)
+            _print_explanation(found, form)
             return
         try:
             result = run_script(session, source, **options)
         except Stopped as stopped:
             if stopped.partial is not None:
-                _print(stopped.partial.explain(), form)
+                _print_explanation(stopped.partial.explain(), form)
             raise
         result.value  # noqa: B018 - the time that AS takes is to be told, too
         with redirect_output():  # functions may print when they are called again
             found = result.explain(levels=True)
-        _print(found, form)
+        _print_explanation(found, form)
 
 
 def _refuse_options_of_runs() -> None:
@@ -63,5 +57,5 @@ def _refuse_options_of_runs() -> None:
             raise click.UsageError(f"--{name.replace('_', '-')} is about a run: give --analyze, too", context)
 
 
-def _print(found: Explanation, form: str) -> None:
+def _print_explanation(found: Explanation, form: str) -> None:
     print_line(json.dumps(found.as_dict(), indent=2, ensure_ascii=False) if form == "json" else found)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import click
 
-from ss2sql.cli.exit_codes import reports_errors
+from ss2sql.cli.exit_codes import exit_with_code_on_error
 from ss2sql.cli.output import make_console, print_line
-from ss2sql.cli.script_options import NO_INPUTS, ScriptInputs, uses_options
+from ss2sql.cli.script_options import NO_INPUTS, ScriptInputs, add_uses_options
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -116,7 +116,7 @@ def list_entries(topic: str, inputs: ScriptInputs = NO_INPUTS) -> list[Entry]:
     """The entries of a topic, with those of the user's inputs."""
     if topic in FIXED_TOPICS:
         return list(FIXED_TOPICS[topic]())
-    with inputs.session() as session:
+    with inputs.open_session() as session:
         return list(SESSION_TOPICS[topic](session))
 
 
@@ -137,24 +137,19 @@ def _complete_name(context: click.Context, parameter: click.Parameter, incomplet
 @click.command("list")
 @click.argument("topic", required=False, type=click.Choice(tuple(TOPICS)), metavar="[TOPIC]")
 @click.argument("words", nargs=-1, metavar="[NAME]", shell_complete=_complete_name)
-@uses_options
+@add_uses_options
 @click.option("--format", "form", type=click.Choice(("table", "json")), default="table", show_default=True,
               help="How the list is printed.")  # fmt: skip
-@reports_errors
-def command(
-    topic: str | None,
-    words: tuple[str, ...],
-    inputs: ScriptInputs,
-    form: str,
-) -> None:
+@exit_with_code_on_error
+def command(topic: str | None, words: tuple[str, ...], inputs: ScriptInputs, form: str) -> None:
     """Lists functions, representations, strategies, worlds, errors, rewrites.
 
     TOPIC is one of these words; without it they are told. With NAME only the one of that name.
     """
     name = " ".join(words) or None  # such as NO CYCLE
     if topic == "worlds" and inputs.worlds:
-        with inputs.session() as session:
-            _describe(session, name, form)
+        with inputs.open_session() as session:
+            _print_worlds(session, name, form)
         return
     if topic is None:
         entries: list[Entry] = [{"name": word, "text": text} for word, text in TOPICS.items()]
@@ -166,7 +161,7 @@ def command(
         for key, text in entries[0].items():
             print_line(f"{key}: {text}")
     else:
-        _print(entries)
+        _print_entries(entries)
 
 
 def _select_named(entries: list[Entry], name: str | None, topic: str) -> list[Entry]:
@@ -174,21 +169,21 @@ def _select_named(entries: list[Entry], name: str | None, topic: str) -> list[En
         return entries
     found = [entry for entry in entries if entry["name"].lower() == name.lower()]
     if not found:
-        from ss2sql.errors import did_you_mean
+        from ss2sql.errors import suggest_names
 
-        hint = "".join(f" ({text})" for text in did_you_mean(name, (entry["name"] for entry in entries)))
+        hint = "".join(f" ({text})" for text in suggest_names(name, (entry["name"] for entry in entries)))
         raise click.UsageError(f"there is no '{name}' among the {topic}{hint}", click.get_current_context())
     return found
 
 
-def _describe(session: Session, name: str | None, form: str) -> None:
+def _print_worlds(session: Session, name: str | None, form: str) -> None:
     """Prints the tables of attached worlds, as `Session.describe` does."""
     names = list(session.host.names.worlds) if name is None else [name]
     texts = {word: session.describe(word) for word in names}
     print_line(json.dumps(texts, ensure_ascii=False, indent=2) if form == "json" else "\n\n".join(texts.values()))
 
 
-def _print(entries: Sequence[Entry]) -> None:
+def _print_entries(entries: Sequence[Entry]) -> None:
     """Prints a table: on a terminal with wrapped texts, elsewhere with a line for each entry."""
     keys = list(entries[0])
     if sys.stdout.isatty():

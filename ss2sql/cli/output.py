@@ -55,7 +55,7 @@ class Count(_OfRows):
         return number
 
 
-def output_options(command: F) -> F:
+def add_output_options(command: F) -> F:
     """Adds the options that say how a result is printed."""
     options = (
         click.option("--format", "form", type=click.Choice(FORMATS),
@@ -78,13 +78,13 @@ class Output:
     path: Path | None
     shown: int
 
-    def write(self, result: Result) -> None:
+    def write_result(self, result: Result) -> None:
         """Prints a result, or writes the file and says so."""
         if self.path is None:
-            _print(result, self.form, self.shown)
+            _print_result(result, self.form, self.shown)
             return
         try:
-            _write(result, self.form, self.path, self.shown)
+            _write_file(result, self.form, self.path, self.shown)
         except OSError as error:
             raise make_write_error(self.path, error) from error
         print_note(f"written to {self.path}: {describe_size(result)}")
@@ -97,7 +97,9 @@ def make_output(form: str | None, path: Path | None, shown: int = SHOWN) -> Outp
     if form is None:
         if path is not None and path.suffix.lower() not in FILE_ENDINGS:
             suffixes = ", ".join(FILE_ENDINGS)
-            _refuse(f"{path} does not say which format it is to have: name it with --format, or end it in {suffixes}")
+            _refuse_usage(
+                f"{path} does not say which format it is to have: name it with --format, or end it in {suffixes}"
+            )
         form = "table" if path is None else FILE_ENDINGS[path.suffix.lower()]
     if form == "table":
         import rich.console
@@ -106,14 +108,14 @@ def make_output(form: str | None, path: Path | None, shown: int = SHOWN) -> Outp
         from ss2sql.results import require_package
 
         if path is None and sys.stdout.isatty():
-            _refuse(
+            _refuse_usage(
                 f"{form} is not for terminals: write it to a file, --output FILE.{form}, or on into another program"
             )
         require_package("pyarrow", "df", f"--format {form}")  # raises before the script runs
     return Output(form, path, shown)
 
 
-def _refuse(message: str) -> NoReturn:
+def _refuse_usage(message: str) -> NoReturn:
     raise click.UsageError(message, click.get_current_context(silent=True))
 
 
@@ -150,7 +152,7 @@ def make_console() -> Console:
     return Console(force_terminal=True, color_system="auto" if sys.stdout.isatty() else "standard")
 
 
-def _print(result: Result, form: str, shown: int) -> None:
+def _print_result(result: Result, form: str, shown: int) -> None:
     if form == "table":
         _print_table(result, shown, make_console())
         return
@@ -195,7 +197,7 @@ def _encode_text(text: str) -> bytes:
     return text.encode("utf-8", "backslashreplace")
 
 
-def _write(result: Result, form: str, path: Path, shown: int) -> None:
+def _write_file(result: Result, form: str, path: Path, shown: int) -> None:
     if form != "table":
         path.write_bytes(_encode_result(result, form, stream=path.suffix.lower() == ".arrows"))
         return

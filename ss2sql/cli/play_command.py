@@ -7,16 +7,16 @@ from typing import Any
 
 import click
 
-from ss2sql.cli.exit_codes import print_note, reports_errors
+from ss2sql.cli.exit_codes import exit_with_code_on_error, print_note
 from ss2sql.cli.output import check_folder
 from ss2sql.cli.run_command import run_options, run_script
-from ss2sql.cli.script_options import ScriptInputs, script_options
+from ss2sql.cli.script_options import ScriptInputs, add_script_options
 from ss2sql.errors import Stopped
 from ss2sql.results.watching.search_trace import MOST_EVENTS
 
 
 @click.command("play")
-@script_options
+@add_script_options
 @click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path),
               help="The file for the page; else FILE with the ending .html, or search.html.")  # fmt: skip
 @click.option("--beside", metavar="FILE", help="A second script, shown beside the first; with -e its text.")
@@ -24,7 +24,7 @@ from ss2sql.results.watching.search_trace import MOST_EVENTS
               help="The first so many events.")  # fmt: skip
 @click.option("--title", help="The title; else the names of the strategies.")
 @run_options
-@reports_errors
+@exit_with_code_on_error
 def command(
     inputs: ScriptInputs,
     progress: bool | None,
@@ -41,7 +41,7 @@ def command(
     check_folder(path)
     stopped: Stopped | None = None
     results = []
-    with inputs.session(progress) as session:
+    with inputs.open_session(progress) as session:
         for source in sources:
             try:
                 results.append(run_script(session, source, **options))

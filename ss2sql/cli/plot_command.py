@@ -7,10 +7,10 @@ from typing import Any
 
 import click
 
-from ss2sql.cli.exit_codes import print_note, reports_errors
+from ss2sql.cli.exit_codes import exit_with_code_on_error, print_note
 from ss2sql.cli.output import check_folder, describe_size, make_write_error
 from ss2sql.cli.run_command import run_options, run_script
-from ss2sql.cli.script_options import ScriptInputs, script_options
+from ss2sql.cli.script_options import ScriptInputs, add_script_options
 from ss2sql.errors import Stopped
 from ss2sql.results.watching.search_trace import MOST_EVENTS
 
@@ -19,13 +19,15 @@ KINDS = ("auto", "paths", "graph", "tree", "costs", "lengths", "search", "heat",
 PICTURES = (".png", ".svg", ".pdf")
 
 
-def _checked_path(context: click.Context, parameter: click.Parameter, value: Path) -> Path:
+def _check_picture_path(context: click.Context, parameter: click.Parameter, value: Path) -> Path:
     if value.suffix.lower() not in PICTURES:
         raise click.BadParameter(f"{value} does not say what picture it is to be: end it in {', '.join(PICTURES)}")
     return value
 
 
-def _checked_size(context: click.Context, parameter: click.Parameter, value: str | None) -> tuple[float, float] | None:
+def _check_picture_size(
+    context: click.Context, parameter: click.Parameter, value: str | None
+) -> tuple[float, float] | None:
     if value is None:
         return None
     try:
@@ -38,15 +40,16 @@ def _checked_size(context: click.Context, parameter: click.Parameter, value: str
 
 
 @click.command("plot")
-@script_options
-@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False, path_type=Path), callback=_checked_path,
+@add_script_options
+@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False, path_type=Path),
+    callback=_check_picture_path,
               help="The file for the picture; it ends in .png, .svg or .pdf.")  # fmt: skip
 @click.option("--kind", type=click.Choice(KINDS), default="auto", show_default=True, help="What is drawn.")
 @click.option("--title", help="The title; else what was counted.")
 @click.option("--most", type=click.IntRange(min=1), help="At most so many paths or bars.")
-@click.option("--size", callback=_checked_size, metavar="WIDTHxHEIGHT", help="The size in inches, such as 8x5.")
+@click.option("--size", callback=_check_picture_size, metavar="WIDTHxHEIGHT", help="The size in inches, such as 8x5.")
 @run_options
-@reports_errors
+@exit_with_code_on_error
 def command(
     inputs: ScriptInputs,
     progress: bool | None,
@@ -66,7 +69,7 @@ def command(
     if kind == "search":
         options["trace"] = MOST_EVENTS
     stopped: Stopped | None = None
-    with inputs.session(progress) as session:
+    with inputs.open_session(progress) as session:
         try:
             result = run_script(session, source, **options)
         except Stopped as error:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ss2sql.cli.exit_codes import UserError, print_note, reports_errors, writes_json
-from ss2sql.cli.output import make_output, output_options
-from ss2sql.cli.script_options import ScriptInputs, redirect_output, script_options
+from ss2sql.cli.exit_codes import UserError, exit_with_code_on_error, print_note, writes_json
+from ss2sql.cli.output import add_output_options, make_output
+from ss2sql.cli.script_options import ScriptInputs, add_script_options, redirect_output
 from ss2sql.errors import Error, Source, Stopped, WorkersWarning
 
 if TYPE_CHECKING:
@@ -42,29 +42,24 @@ def run_options(command: Any) -> Any:
 
 
 @click.command("run")
-@script_options
+@add_script_options
 @run_options
-@output_options
-@reports_errors
+@add_output_options
+@exit_with_code_on_error
 def command(
-    inputs: ScriptInputs,
-    progress: bool | None,
-    form: str | None,
-    output: Path | None,
-    shown: int,
-    **options: Any,
+    inputs: ScriptInputs, progress: bool | None, form: str | None, output: Path | None, shown: int, **options: Any
 ) -> None:
     """Runs a script: FILE, - for standard input, or -e TEXT."""
     source = inputs.script
     wanted = make_output(form, output, shown)
-    with inputs.session(progress) as session:
+    with inputs.open_session(progress) as session:
         try:
             result = run_script(session, source, **options)
         except Stopped as stopped:
             if stopped.partial is not None:
-                wanted.write(stopped.partial if wanted.form == "table" else make_data(session, stopped.partial))
+                wanted.write_result(stopped.partial if wanted.form == "table" else make_data(session, stopped.partial))
             raise
-        wanted.write(result)
+        wanted.write_result(result)
 
 
 def run_script(session: Session, source: str | Path | Source, **options: Any) -> Result:
@@ -106,4 +101,4 @@ def make_data(session: Session, found: Result) -> Result:
     form = answer.form
     if form is None or form.name not in PATH_FORMS or form.arguments or form.named or not shapes.is_built_in(form):
         form = Representation("dict")
-    return replace(found, answer=replace(answer, rows=rows, make=partial(shapes.represent, form, rows, (), {})))
+    return replace(found, answer=replace(answer, rows=rows, make=partial(shapes.represent_rows, form, rows, (), {})))

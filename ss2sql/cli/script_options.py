@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from ss2sql.cli.exit_codes import UserError
-from ss2sql.errors import Error, SessionError, Source, did_you_mean
+from ss2sql.errors import Error, SessionError, Source, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class ScriptInputs:
     def script(self) -> str | Path | Source:
         """The script; standard input is read each time."""
         if (self.file is None) == (self.text is None):
-            raise click.UsageError("give a script: a FILE, - for standard input, or -e TEXT", _context())
+            raise click.UsageError("give a script: a FILE, - for standard input, or -e TEXT", _get_context())
         if self.text is not None:
             return self.text
         assert self.file is not None
@@ -98,7 +98,7 @@ class ScriptInputs:
         except (UnicodeDecodeError, OSError) as error:
             raise SessionError("S002", f"the script on standard input cannot be read: {error}") from error
 
-    def session(self, progress: bool | None = None) -> Session:
+    def open_session(self, progress: bool | None = None) -> Session:
         """A session with all of it; by default progress is shown on a terminal."""
         # These imports take half a second, which completion and --help avoid.
         from ss2sql.runtime.run.value_sizes import MAX_SIZE
@@ -128,30 +128,30 @@ class ScriptInputs:
 NO_INPUTS = ScriptInputs()
 
 
-def script_options(command: F) -> F:
+def add_script_options(command: F) -> F:
     """Adds the options for a script and what it may use; the command takes them as `given`."""
-    return _take_inputs(SCRIPT_OPTIONS, command)
+    return _gather_inputs(SCRIPT_OPTIONS, command)
 
 
-def uses_options(command: F) -> F:
+def add_uses_options(command: F) -> F:
     """Adds the options for what scripts may use, without a script."""
-    return _take_inputs(USES_OPTIONS, command)
+    return _gather_inputs(USES_OPTIONS, command)
 
 
-def session_options(command: F) -> F:
+def add_session_options(command: F) -> F:
     """Adds the options for what scripts may use and for parameters, where the scripts come later."""
-    return _take_inputs((*USES_OPTIONS, PARAMETER, *LIMITS), command)
+    return _gather_inputs((*USES_OPTIONS, PARAMETER, *LIMITS), command)
 
 
-def _take_inputs(options: tuple[Callable[[F], F], ...], command: F) -> F:
+def _gather_inputs(options: tuple[Callable[[F], F], ...], command: F) -> F:
     @wraps(command)
-    def gathered(**values: Any) -> Any:
+    def run_with_inputs(**values: Any) -> Any:
         own = {field.name: values.pop(field.name) for field in fields(ScriptInputs) if field.name in values}
         return command(inputs=ScriptInputs(**own), **values)
 
     for option in reversed(options):
-        gathered = option(gathered)
-    return gathered  # type: ignore[return-value]
+        run_with_inputs = option(run_with_inputs)
+    return run_with_inputs  # type: ignore[return-value]
 
 
 @contextmanager
@@ -185,7 +185,7 @@ def register_file(session: Session, path: Path) -> list[str]:
     return list(found)
 
 
-def _context() -> click.Context | None:
+def _get_context() -> click.Context | None:
     return click.get_current_context(silent=True)
 
 
@@ -201,7 +201,7 @@ def parse_attachment(text: str) -> tuple[str, Path]:
     """The value of `--attach`: the name of a file in scripts, and its path."""
     name, _, path = text.partition("=")
     if not name or not path:
-        raise click.UsageError(f"--attach takes NAME=FILE, not {text}", _context())
+        raise click.UsageError(f"--attach takes NAME=FILE, not {text}", _get_context())
     return name, Path(path)
 
 
@@ -224,7 +224,7 @@ def parse_world(text: str) -> tuple[str, Any]:
     place = _parse_reference(rest)
     if not name or place is None:
         message = f"--world takes NAME=MODULE:OBJECT or NAME=MODULE:FACTORY(ARGUMENTS), not {text}"
-        raise click.UsageError(message, _context())
+        raise click.UsageError(message, _get_context())
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
     found = _find_object(place, text)
@@ -264,7 +264,7 @@ def _find_object(place: _ObjectReference, text: str) -> Any:
         except Error:
             raise
         except AttributeError as error:
-            hints = did_you_mean(name, (word for word in dir(found) if not word.startswith("_")))
+            hints = suggest_names(name, (word for word in dir(found) if not word.startswith("_")))
             raise _make_missing_error(text, error, hints) from error
     return found
 

@@ -6,14 +6,14 @@ from typing import Any
 
 import click
 
-from ss2sql.cli.exit_codes import reports_errors
+from ss2sql.cli.exit_codes import exit_with_code_on_error
 from ss2sql.cli.output import print_line
-from ss2sql.cli.script_options import ScriptInputs, script_options
+from ss2sql.cli.script_options import ScriptInputs, add_script_options
 
 STAGES = ("ast", "plan", "sql")
 
 
-def _checked_dialect(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+def _check_dialect(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
     """Refuses an unknown dialect."""
     if value is None:
         return None
@@ -31,22 +31,18 @@ def _complete_dialect(context: click.Context, parameter: click.Parameter, incomp
 
 
 @click.command("sql")
-@script_options
+@add_script_options
 @click.option("--stage", type=click.Choice(STAGES), default="sql", show_default=True,
               help="The syntax tree, the plan, or SQL.")  # fmt: skip
 @click.option(
     "--dialect",
-    callback=_checked_dialect,
+    callback=_check_dialect,
     shell_complete=_complete_dialect,
     metavar="NAME",
     help="The dialect of the SQL.  [default: sqlite]",
 )
-@reports_errors
-def command(
-    inputs: ScriptInputs,
-    stage: str,
-    dialect: str | None,
-) -> None:
+@exit_with_code_on_error
+def command(inputs: ScriptInputs, stage: str, dialect: str | None) -> None:
     """Shows what a script becomes: its syntax tree, its plan, or the SQL that runs."""
     source = inputs.script
     if dialect is not None and stage != "sql":
@@ -62,7 +58,7 @@ def command(
     from ss2sql.lowering.dialects import DIALECTS
     from ss2sql.session.translation import translate_script
 
-    with inputs.session() as session:
+    with inputs.open_session() as session:
         query = session.compile(source)
         if stage == "plan":
             print_line(format_plan(query.plan).rstrip())

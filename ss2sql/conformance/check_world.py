@@ -72,17 +72,17 @@ def check_world(
         BrokenRuleError: for the first rule that is broken, with its name and what was seen.
     """
     judge = _Judge(world, random.Random(seed), arguments or {})
-    judge.rules()
+    judge.check_rules()
     judge.warn_of_size()
     rounds = 4 if change is not None else 1
     for number in range(rounds):
-        judge.questions((queries + number) // rounds)
+        judge.compare_random_queries((queries + number) // rounds)
         if change is not None:
-            judge.changed(change)
+            judge.check_after_change(change)
     return judge.report
 
 
-def _refused(rule: str, table: str, error: Exception) -> BrokenRuleError:
+def _make_broken_rule(rule: str, table: str, error: Exception) -> BrokenRuleError:
     text = error.message if isinstance(error, Error) else f"{type(error).__name__}: {error}"
     return BrokenRuleError(rule, table, text)
 
@@ -100,19 +100,19 @@ class _Judge:
             get_tables(world)
             self.attached = AttachedWorld("world", world, lambda name, table: name)
         except Exception as error:
-            raise _refused("declarations hold together", type(world).__name__, error) from error
+            raise _make_broken_rule("declarations hold together", type(world).__name__, error) from error
 
     # --- one rule after the other ----------------------------------------------------------------------
 
-    def rules(self) -> None:
+    def check_rules(self) -> None:
         """All rules that can be tested without a query."""
         for table in self.attached.tables.values():
             if isinstance(table.table, Table):
-                self._table(table.table, table.schema)
+                self._check_table(table.table, table.schema)
         for table in self.attached.tables.values():
             if isinstance(table.table, TableFunction):
-                self._function_of_rows(table.table, table.schema)
-        self._functions()
+                self._check_table_function(table.table, table.schema)
+        self._check_functions()
 
     def warn_of_size(self) -> None:
         """Warns of a table that is so large that the random queries may take very long."""
@@ -124,8 +124,8 @@ class _Judge:
             )
             warnings.warn(message, stacklevel=3)
 
-    def _table(self, table: Table, schema: Schema) -> None:
-        keys = self._keys(table, Where())
+    def _check_table(self, table: Table, schema: Schema) -> None:
+        keys = self._list_keys(table, Where())
         for key in keys:
             try:
                 hash(key)
@@ -134,46 +134,46 @@ class _Judge:
         if len(set(keys)) < len(keys):
             twice = next(key for key in keys if keys.count(key) > 1)
             raise BrokenRuleError("keys are unique", table.name, f"{twice!r} comes twice")
-        if self._keys(table, Where()) != keys:
+        if self._list_keys(table, Where()) != keys:
             raise BrokenRuleError("keys are the same each time", table.name, "a second call gives others")
-        rows = self._rows(table, schema, keys)
-        again = self._rows(table, schema, keys)
+        rows = self._read_rows(table, schema, keys)
+        again = self._read_rows(table, schema, keys)
         if rows != again:
             place = next(index for index, pair in enumerate(zip(rows, again, strict=True)) if pair[0] != pair[1])
             detail = f"{keys[place]!r} is first {rows[place]}, then {again[place]}"
             raise BrokenRuleError("reading changes nothing", table.name, detail)
-        self._blocks(table, schema, keys)
-        self._arrays(table, schema, keys, rows)
+        self._check_blocks(table, schema, keys)
+        self._check_arrays(table, schema, keys, rows)
         for _ in range(60):
-            self._filter(table, schema, keys, rows)
-        self._places(table, schema, keys, rows)
+            self._check_filter(table, schema, keys, rows)
+        self._check_places(table, schema, keys, rows)
         self.report.elements[table.name] = len(keys)
 
-    def _keys(self, table: Table, where: Where) -> list[Any]:
+    def _list_keys(self, table: Table, where: Where) -> list[Any]:
         try:
             with CacheOfQuery(self.world, {}):
                 return list(table.keys(where))
         except Exception as error:
-            raise _refused("keys can be listed", table.name, error) from error
+            raise _make_broken_rule("keys can be listed", table.name, error) from error
 
-    def _rows(self, table: Table, schema: Schema, keys: Sequence[Hashable]) -> list[dict[str, Any]]:
+    def _read_rows(self, table: Table, schema: Schema, keys: Sequence[Hashable]) -> list[dict[str, Any]]:
         """All columns of the elements with these keys, read anew."""
         reading = Reading(schema)
-        reading.expect(keys)
+        reading.announce_keys(keys)
         try:
-            readers = {name: reading.reader(name) for name in schema.kinds}
+            readers = {name: reading.make_reader(name) for name in schema.kinds}
             return [{name: read(key) for name, read in readers.items()} for key in keys]
         except Exception as error:
-            raise _refused("values fit their columns", table.name, error) from error
+            raise _make_broken_rule("values fit their columns", table.name, error) from error
 
-    def _blocks(self, table: Table, schema: Schema, keys: list[Any]) -> None:
+    def _check_blocks(self, table: Table, schema: Schema, keys: list[Any]) -> None:
         """Blocks, which queries use unchecked, are lists of tuples with values of the declared types."""
         for group in sorted(schema.blocks):
             try:
                 found = list(getattr(table, group)(keys))
-                clean = [schema.row(group, row) for row in found]
+                clean = [schema.convert_row(group, row) for row in found]
             except Exception as error:
-                raise _refused("blocks fit their columns", table.name, error) from error
+                raise _make_broken_rule("blocks fit their columns", table.name, error) from error
             if len(found) != len(keys):
                 detail = f"{group} gives {len(found)} rows for {len(keys)} keys"
                 raise BrokenRuleError("blocks fit their columns", table.name, detail)
@@ -182,19 +182,19 @@ class _Judge:
                 if repr(row) != repr(wanted):  # `repr` distinguishes types, too
                     raise BrokenRuleError("blocks fit their columns", table.name, f"{group} gives {row}, not {wanted}")
 
-    def _arrays(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
+    def _check_arrays(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
         """Arrays and blocks have the values of the requested keys, in their order."""
         if not (schema.arrays or schema.blocks) or not keys:
             return
         known = dict(zip(keys, rows, strict=True))
         for _ in range(10):
             some = self.dice.sample(keys, self.dice.randint(1, len(keys)))
-            for key, row in zip(some, self._rows(table, schema, some), strict=True):
+            for key, row in zip(some, self._read_rows(table, schema, some), strict=True):
                 if row != known[key]:
                     detail = f"asked for {some}, {key!r} is {row} instead of {known[key]}"
                     raise BrokenRuleError("values belong to their keys", table.name, detail)
 
-    def _filter(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
+    def _check_filter(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
         """`keys(where)` has all keys that `where` allows, in the same order."""
         usable = [(column.name, sorted(column.operators)) for column in schema.columns if column.operators]
         if not usable or not rows:
@@ -206,20 +206,20 @@ class _Judge:
                 value += self.dice.choice((-1.0, 1.0)) * self.dice.random()
             demands.append(((name, self.dice.choice(operators)), value))
         where = merge_demands(demands, schema)
-        found = self._keys(table, where)
-        asked = ", ".join(f"{name} {operator} {value!r}" for (name, operator), value in demands)
-        given = set(found)
+        found = self._list_keys(table, where)
+        conditions = ", ".join(f"{name} {operator} {value!r}" for (name, operator), value in demands)
+        selected = set(found)
         for key, row in zip(keys, rows, strict=True):
-            if key not in given and all(one.allows(row[name]) for name, one in where.items()):
-                detail = f"with {asked} the key {key!r} is missing, whose row is {row}"
+            if key not in selected and all(one.allows(row[name]) for name, one in where.items()):
+                detail = f"with {conditions} the key {key!r} is missing, whose row is {row}"
                 raise BrokenRuleError("keys are never too few", table.name, detail)
-        if len(given) < len(found):
-            raise BrokenRuleError("keys are unique", table.name, f"with {asked} one comes twice: {found}")
-        if found != [key for key in keys if key in given]:
-            detail = f"with {asked} they come as {found}, without as {keys}"
+        if len(selected) < len(found):
+            raise BrokenRuleError("keys are unique", table.name, f"with {conditions} one comes twice: {found}")
+        if found != [key for key in keys if key in selected]:
+            detail = f"with {conditions} they come as {found}, without as {keys}"
             raise BrokenRuleError("keys keep one order", table.name, detail)
 
-    def _places(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
+    def _check_places(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
         """Elements are where `places` says, and `distance` measures from there."""
         points = {name: [[row[one] for one in columns] for row in rows] for name, columns in schema.places.items()}
         for name in points.keys() - {"this"}:
@@ -233,8 +233,8 @@ class _Judge:
         for _ in range(20 if own else 0):
             one, other = self.dice.randrange(len(keys)), self.dice.randrange(len(keys))
             away = [value + self.dice.uniform(-2, 2) for value in own[other]]
-            asked = ((keys[one], keys[other], own[other]), (keys[one], away, away), (away[:2], keys[one], away[:2]))
-            for first, second, point in asked:
+            calls = ((keys[one], keys[other], own[other]), (keys[one], away, away), (away[:2], keys[one], away[:2]))
+            for first, second, point in calls:
                 wanted = dist(own[one][: len(point)], point)
                 found = measure(first, second)
                 if not isclose(found, wanted, rel_tol=1e-7, abs_tol=1e-12):
@@ -243,20 +243,20 @@ class _Judge:
 
     # --- functions -------------------------------------------------------------------------------------
 
-    def _function_of_rows(self, table: TableFunction, schema: Schema) -> None:
-        calls = list(self.calls(table, schema))
+    def _check_table_function(self, table: TableFunction, schema: Schema) -> None:
+        calls = list(self.make_arguments(table, schema))
         if not calls:
             self.report.skipped.append(table.name)
         for arguments in calls:
             shown = f"{table.name}({', '.join(map(repr, arguments))})"
             try:
-                rows, again = (Reading(schema, self._shared(schema)).rows(arguments) for _ in range(2))
+                rows, again = (Reading(schema, self._make_reading(schema)).call_function(arguments) for _ in range(2))
             except Exception as error:
-                raise _refused("table functions give rows that fit", shown, error) from error
+                raise _make_broken_rule("table functions give rows that fit", shown, error) from error
             if rows != again:
                 raise BrokenRuleError("reading changes nothing", shown, f"it gives {rows}, then {again}")
             if schema.walked is not None:
-                known = set(self._keys(schema.walked, Where()))
+                known = set(self._list_keys(schema.walked, Where()))
                 stranger = next((key for key in rows if key not in known), None)
                 if stranger is not None:
                     detail = f"it gives {stranger!r}, which is no key of {schema.walked.name}"
@@ -265,10 +265,10 @@ class _Judge:
                     raise BrokenRuleError("keys are unique", shown, f"one comes twice: {rows}")
 
     @staticmethod
-    def _shared(schema: Schema) -> Reading | None:
+    def _make_reading(schema: Schema) -> Reading | None:
         return None if schema.walked is None else Reading(get_schema(schema.walked))
 
-    def calls(self, table: TableFunction, schema: Schema) -> Iterator[tuple[Any, ...]]:
+    def make_arguments(self, table: TableFunction, schema: Schema) -> Iterator[tuple[Any, ...]]:
         """Arguments to call a table function with."""
         if table.name in self.arguments:
             yield from self.arguments[table.name]
@@ -278,15 +278,15 @@ class _Judge:
         if not all(name in principal.schema.kinds for name in needed):
             return
         assert isinstance(principal.table, Table)
-        rows = self._rows(principal.table, principal.schema, self._keys(principal.table, Where()))
+        rows = self._read_rows(principal.table, principal.schema, self._list_keys(principal.table, Where()))
         for row in self.dice.sample(rows, min(5, len(rows))):
             yield tuple(row[name] for name in needed)
 
-    def _functions(self) -> None:
+    def _check_functions(self) -> None:
         """Functions that are declared stable give the same value twice."""
         principal = self.attached.principal
         assert isinstance(principal.table, Table)
-        for key in self._keys(principal.table, Where())[:5]:
+        for key in self._list_keys(principal.table, Where())[:5]:
             element = principal.table.element(key)
             for name, (method, volatility) in self.attached.functions.items():
                 if volatility == "volatile":
@@ -299,7 +299,7 @@ class _Judge:
                     detail = f"{name}({element!r}) is {one!r}, then {other!r}"
                     raise BrokenRuleError("functions keep what they declare", principal.table.name, detail)
                 if self.attached.get_declaration(name).indexed:
-                    column = principal.schema.value(key, name)
+                    column = principal.schema.read_value(key, name)
                     items = [method(unwrap_key(element, self.world), index) for index in range(len(column))]
                     if not one == items == column:
                         detail = f"{name}({element!r}) is {one!r} and {items!r} by index, the column {column!r}"
@@ -307,42 +307,42 @@ class _Judge:
 
     # --- queries ---------------------------------------------------------------------------------------
 
-    def copies(self) -> list[tuple[AttachedTable, TableCopy]]:
+    def copy_tables(self) -> list[tuple[AttachedTable, TableCopy]]:
         """The tables with keys as plain lists of dicts."""
         found = []
         for table in self.attached.tables.values():
             if isinstance(table.table, Table):
-                rows = self._rows(table.table, table.schema, self._keys(table.table, Where()))
-                plain = [column for column in table.schema.columns if table.schema.kinds[column.name].only(_PLAIN)]
+                rows = self._read_rows(table.table, table.schema, self._list_keys(table.table, Where()))
+                plain = [column for column in table.schema.columns if table.schema.kinds[column.name].is_only(_PLAIN)]
                 found.append((table, TableCopy(table.title, table.schema, plain, rows)))
         return found
 
-    def questions(self, number: int) -> None:
+    def compare_random_queries(self, number: int) -> None:
         """Runs random queries over the world and over its copy."""
-        copies = self.copies()
+        copies = self.copy_tables()
         questions = QueryGenerator(self.dice, [copy for _, copy in copies], self.world)
         for _ in range(number):
-            script = questions.script()
-            expected = questions.of_copy(script)
+            script = questions.make_query()
+            expected = questions.query_copies(script)
             for engine in ("database", "native"):
-                found = questions.of_world(script, engine)
+                found = questions.query_world(script, engine)
                 if found != expected:
-                    detail = f"on the {engine} engine it gives {_short(found)}, the copy {_short(expected)}"
+                    detail = f"on the {engine} engine it gives {_shorten(found)}, the copy {_shorten(expected)}"
                     raise BrokenRuleError("queries see what is there", script.table, detail, script.text)
             self.report.queries += 1
         for table in self.attached.tables.values():
             if table.schema.required:
-                missing = questions.missing_arguments(table)
+                missing = questions.find_missing_arguments_code(table)
                 if missing != "R005":
                     raise BrokenRuleError("missing arguments are an error", table.title, f"the error is {missing}")
 
-    def changed(self, change: Callable[[random.Random], Any]) -> None:
+    def check_after_change(self, change: Callable[[random.Random], Any]) -> None:
         """Changes the world, and reads elements that no longer exist."""
         tables = [t for t in get_tables(self.world) if isinstance(t, Table)]
-        before = [(table, self._keys(table, Where())) for table in tables]
+        before = [(table, self._list_keys(table, Where())) for table in tables]
         change(self.dice)
         for table, keys in before:
-            living = set(self._keys(table, Where()))
+            living = set(self._list_keys(table, Where()))
             for key in keys:
                 if key not in living:
                     self._check_gone_element(table, get_schema(table), key)
@@ -364,6 +364,6 @@ class _Judge:
 _PLAIN = Kind.NONE | Kind.BOOL | Kind.INT | Kind.FLOAT | Kind.STR
 
 
-def _short(outcome: object) -> str:
+def _shorten(outcome: object) -> str:
     text = repr(outcome)
     return text if len(text) <= 600 else text[:597] + "..."

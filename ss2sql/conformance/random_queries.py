@@ -58,15 +58,15 @@ class QueryGenerator:
         self._turned: list[QueryPair] = []  # joins whose other order is still to come
         self._compiled: tuple[str, Any] = ("", None)
 
-    def of_world(self, script: QueryPair, engine: Any) -> Outcome:
+    def query_world(self, script: QueryPair, engine: Any) -> Outcome:
         """The outcome of a query over the world."""
-        return self._outcome(script.text, engine)
+        return self._find_outcome(script.text, engine)
 
-    def of_copy(self, script: QueryPair) -> Outcome:
+    def query_copies(self, script: QueryPair) -> Outcome:
         """The outcome over the copies."""
-        return self._outcome(script.copied, "native")
+        return self._find_outcome(script.copied, "native")
 
-    def _outcome(self, text: str, engine: Any) -> Outcome:
+    def _find_outcome(self, text: str, engine: Any) -> Outcome:
         try:
             if self._compiled[0] != text:  # both engines share one compilation
                 self._compiled = text, self.session.compile(text)
@@ -74,12 +74,12 @@ class QueryGenerator:
         except Error as error:
             return "error", error.code if error.code != "X011" else f"{error.code} {error.message}"
 
-    def missing_arguments(self, table: AttachedTable) -> str:
+    def find_missing_arguments_code(self, table: AttachedTable) -> str:
         """The code of the error for a table function without its arguments."""
-        kind, found = self._outcome(f"SELECT this FROM world.{table.table.name}() AS list;", "native")
+        kind, found = self._find_outcome(f"SELECT this FROM world.{table.table.name}() AS list;", "native")
         return str(found) if kind == "error" else "missing"
 
-    def script(self) -> QueryPair:
+    def make_query(self) -> QueryPair:
         """A random query over one or two tables; one over numbers where no table has a column of scalars.
 
         After a join comes the same join with its tables in the other order.
@@ -96,8 +96,8 @@ class QueryGenerator:
         named = [(name, copy) for name, copy in sources if copy is not None]
         columns = [f"{name}.{dice.choice(copy.plain).name}" for name, copy in named for _ in range(dice.randint(1, 3))]
         columns += [f"{name}.this" for name, copy in sources if copy is None]
-        where = f" WHERE {self._condition(named, 2)}" if dice.random() < 0.9 else ""
-        order = self._order(named)
+        where = f" WHERE {self._make_condition(named, 2)}" if dice.random() < 0.9 else ""
+        order = self._make_order(named)
         limit = f" LIMIT {dice.randint(1, 5)}" if dice.random() < 0.2 else ""
         start, end = f"SELECT {', '.join(columns)} FROM ", f"{where}{order}{limit} AS rows;"
         made = [_write_query(sources, start, end)]
@@ -107,30 +107,30 @@ class QueryGenerator:
         script, *self._turned = made
         return script
 
-    def _order(self, named: Sequence[tuple[str, TableCopy]]) -> str:
+    def _make_order(self, named: Sequence[tuple[str, TableCopy]]) -> str:
         if self.dice.random() < 0.8:
             return ""
         name, copy = self.dice.choice(named)
         kinds = copy.schema.kinds
-        keys = [c.name for c in copy.plain if kinds[c.name].only(_NUMBER) or kinds[c.name].only(_TEXT)]
+        keys = [c.name for c in copy.plain if kinds[c.name].is_only(_NUMBER) or kinds[c.name].is_only(_TEXT)]
         return f" ORDER BY {name}.{self.dice.choice(keys)}{self.dice.choice(('', ' DESC'))}" if keys else ""
 
-    def _condition(self, named: Sequence[tuple[str, TableCopy]], depth: int) -> str:
+    def _make_condition(self, named: Sequence[tuple[str, TableCopy]], depth: int) -> str:
         dice = self.dice
         if depth and dice.random() < 0.6:
             word = dice.choice((" AND ", " AND ", " OR "))
-            inner = word.join(self._condition(named, depth - 1) for _ in range(dice.randint(2, 3)))
+            inner = word.join(self._make_condition(named, depth - 1) for _ in range(dice.randint(2, 3)))
             return f"NOT ({inner})" if dice.random() < 0.15 else f"({inner})"
         name, copy = dice.choice(named)
         column = self._pick_filtered_column(copy)
         left = f"{name}.{column.name}"
         kind = copy.schema.kinds[column.name]
-        ordered = kind.only(_NUMBER) or kind.only(_TEXT)
+        ordered = kind.is_only(_NUMBER) or kind.is_only(_TEXT)
         operator = dice.choice(("==", "!=", "<", "<=", ">", ">=")) if ordered else dice.choice(("==", "!="))
         if dice.random() < 0.1:
             values = ", ".join(self._make_literal(copy, column) for _ in range(3))
             return f"{left} {dice.choice(('IN', 'NOT IN'))} [{values}]"
-        right = self._other(named, kind) if dice.random() < 0.25 else self._make_literal(copy, column)
+        right = self._choose_column(named, kind) if dice.random() < 0.25 else self._make_literal(copy, column)
         return f"{left} {operator} {right}" if dice.random() < 0.8 else f"{right} {_TURNED[operator]} {left}"
 
     def _pick_filtered_column(self, copy: TableCopy) -> Column:
@@ -138,7 +138,7 @@ class QueryGenerator:
         filtered = [column for column in copy.plain if column.filter]
         return self.dice.choice(filtered if filtered and self.dice.random() < 0.7 else copy.plain)
 
-    def _other(self, named: Sequence[tuple[str, TableCopy]], kind: Any) -> str:
+    def _choose_column(self, named: Sequence[tuple[str, TableCopy]], kind: Any) -> str:
         """A column of the same kind, of any table."""
         alike = [f"{n}.{p.name}" for n, c in named for p in c.plain if c.schema.kinds[p.name].kinds == kind.kinds]
         shift = f" + {self.dice.randint(-2, 2)}" if kind.kinds == Kind.FLOAT and self.dice.random() < 0.5 else ""
@@ -147,7 +147,7 @@ class QueryGenerator:
     def _make_literal(self, copy: TableCopy, column: Column) -> str:
         """A value that the column has, or one near it; rarely one of another kind."""
         if not copy.rows:
-            return "0" if copy.schema.kinds[column.name].only(_NUMBER) else '""'
+            return "0" if copy.schema.kinds[column.name].is_only(_NUMBER) else '""'
         value = self.dice.choice(copy.rows)[column.name]
         if type(value) is float and self.dice.random() < 0.4:
             value += self.dice.choice((-1.0, 1.0)) * self.dice.random()

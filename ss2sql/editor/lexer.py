@@ -37,10 +37,10 @@ class SelectScriptLexer(Lexer):
         position = 0
         tokens = mark_keywords(text)
         for index, token in enumerate(tokens):
-            yield from _between(text, position, token.start)
-            yield token.start, _kind(tokens, index), text[token.start : token.end]
+            yield from _split_comments(text, position, token.start)
+            yield token.start, _choose_token_type(tokens, index), text[token.start : token.end]
             position = token.end
-        yield from _between(text, position, len(text))
+        yield from _split_comments(text, position, len(text))
 
     @staticmethod
     def analyse_text(text: str) -> float:
@@ -50,7 +50,7 @@ class SelectScriptLexer(Lexer):
         return 0.6 if re.search(r"\bSELECT\b.*\bFROM\b", text, re.IGNORECASE | re.DOTALL) else 0.0
 
 
-def _kind(tokens: list[Token], index: int) -> Type:
+def _choose_token_type(tokens: list[Token], index: int) -> Type:
     token = tokens[index]
     kind = token.kind
     if kind in _KINDS:
@@ -68,8 +68,7 @@ def _kind(tokens: list[Token], index: int) -> Type:
     return Name.Attribute if ahead == "." else Name
 
 
-def _between(text: str, start: int, end: int) -> Iterator[tuple[int, Type, str]]:
-    """Blanks and comments."""
+def _split_comments(text: str, start: int, end: int) -> Iterator[tuple[int, Type, str]]:
     for begin, stop in find_comments(text, start, end):
         if begin > start:
             yield start, Whitespace, text[start:begin]

@@ -22,9 +22,9 @@ from ss2sql.errors.exceptions import Timeout as Timeout
 from ss2sql.errors.exceptions import UnsupportedError as UnsupportedError
 from ss2sql.errors.exceptions import WorkersWarning as WorkersWarning
 from ss2sql.errors.exceptions import combine_errors as combine_errors
-from ss2sql.errors.hints import did_you_mean as did_you_mean
-from ss2sql.errors.hints import respell as respell
-from ss2sql.errors.hints import suggest as suggest
+from ss2sql.errors.hints import respell_hints as respell_hints
+from ss2sql.errors.hints import suggest_names as suggest_names
+from ss2sql.errors.hints import suggest_similar as suggest_similar
 from ss2sql.errors.renderer import render_all as render_all
 from ss2sql.errors.renderer import render_error as render_error
 from ss2sql.errors.spans import Source as Source

@@ -24,11 +24,11 @@ class Code:
         return f"docs/errors/{self.code}.md"
 
 
-def _table(*rows: tuple[str, str, str, str, str]) -> dict[str, Code]:
+def _make_code_table(*rows: tuple[str, str, str, str, str]) -> dict[str, Code]:
     return {row[0]: Code(*row) for row in rows}
 
 
-CODES: dict[str, Code] = _table(
+CODES: dict[str, Code] = _make_code_table(
     (
         "P001", "unexpected text",
         "The text does not fit the grammar at this place.",

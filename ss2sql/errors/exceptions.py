@@ -53,7 +53,7 @@ class Error(Exception):
             "documentation": CODES[self.code].page,
         }
 
-    def located(self, span: Span | None) -> Error:
+    def with_span(self, span: Span | None) -> Error:
         """This error, at `span` if it had no place yet."""
         if self.span is None:
             self.span = span
@@ -67,7 +67,7 @@ class Error(Exception):
 def _describe_span(span: Span | None) -> dict[str, Any]:
     if span is None:
         return dict.fromkeys(("file", "line", "column", "end_line", "end_column"))
-    end_line, end_column = span.source.line_column(span.end)
+    end_line, end_column = span.source.find_line_column(span.end)
     return {
         "file": span.source.name,
         "line": span.line,

@@ -14,7 +14,7 @@ Spellings: TypeAlias = tuple[tuple[re.Pattern[str], str], ...]
 FEW = 8  # up to so many names are all shown
 
 
-def suggest(name: str, known: Iterable[str]) -> list[str]:
+def suggest_similar(name: str, known: Iterable[str]) -> list[str]:
     """The known names, three at most, with a similar spelling; a name that differs only in case is returned alone."""
     from difflib import get_close_matches
 
@@ -27,12 +27,12 @@ def suggest(name: str, known: Iterable[str]) -> list[str]:
     return [lowered[one] for one in close[:3]]
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> tuple[str, ...]:
+def suggest_names(name: str, known: Iterable[str]) -> tuple[str, ...]:
     """Hints with the closest known names, or with all names where there are few."""
     names = sorted(set(known))
     if twins := [one for one in names if one != name and normalize("NFKC", one) == normalize("NFKC", name)]:
         return tuple(f"did you mean '{one}', which is written with {_spell_code_points(one)}?" for one in twins)
-    if close := suggest(name, names):
+    if close := suggest_similar(name, names):
         return ("did you mean " + " or ".join(f"'{one}'" for one in close) + "?",)
     if 0 < len(names) <= FEW:
         return ("known here: " + ", ".join(names),)
@@ -44,7 +44,7 @@ def _spell_code_points(name: str) -> str:
     return ", ".join(f"U+{ord(char):04X}" if not char.isascii() else char for char in name)
 
 
-def respell(error: Error, spellings: Spellings) -> None:
+def respell_hints(error: Error, spellings: Spellings) -> None:
     """Rewrites hints for users of Python into hints for a command line or a shell."""
     for one in error.errors:
         for pattern, spelling in spellings:

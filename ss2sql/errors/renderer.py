@@ -57,22 +57,23 @@ def render_error(error: Error, color: bool = False) -> str:
     spans = [mark.span for mark in marks]
     if error.span is not None:
         spans.append(error.span)
-    page = _Page(max((len(str(span.source.line_column(span.end)[0])) for span in spans), default=1), color)
-    code, message = page.paint(RED, f"error[{error.code}]"), page.paint(BOLD, f": {escape_controls(error.message)}")
+    page = _Page(max((len(str(span.source.find_line_column(span.end)[0])) for span in spans), default=1), color)
+    code = page.color_text(RED, f"error[{error.code}]")
+    message = page.color_text(BOLD, f": {escape_controls(error.message)}")
     page.lines.append(code + message)
     if error.span is not None:
         own = _Mark(error.span, "^", RED)
-        page.place(own)
+        page.add_place(own)
         beside = [mark for mark in marks if _stands_beside(mark, own)]
-        page.show(own, beside)
+        page.show_mark(own, beside)
         marks = [mark for mark in marks if mark not in beside]
     for mark in marks:
         if error.span is None or mark.span.source is not error.span.source:
-            page.place(mark)
-            page.show(_Mark(mark.span, mark.sign, mark.style))
+            page.add_place(mark)
+            page.show_mark(_Mark(mark.span, mark.sign, mark.style))
         else:
-            page.show(mark)
-    page.lines.extend(page.paint(BLUE, f"{page.gutter} = ") + page.help(hint) for hint in error.hints)
+            page.show_mark(mark)
+    page.lines.extend(page.color_text(BLUE, f"{page.gutter} = ") + page.format_hint(hint) for hint in error.hints)
     return "\n".join(page.lines)
 
 
@@ -91,16 +92,15 @@ def _stands_beside(one: _Mark, other: _Mark) -> bool:
     first, second = sorted((one.span, other.span), key=lambda span: span.start)
     return (
         first.source is second.source
-        and first.line == _last_line(first) == second.line == _last_line(second)
+        and first.line == _find_last_line(first) == second.line == _find_last_line(second)
         and max(first.end, first.start + 1) <= second.start
         and first.column > second.column - BEFORE
         and second.column < first.column + BEFORE
     )
 
 
-def _last_line(span: Span) -> int:
-    """The line of the last character of a span."""
-    return span.source.line_column(max(span.start, span.end - 1))[0]
+def _find_last_line(span: Span) -> int:
+    return span.source.find_line_column(max(span.start, span.end - 1))[0]
 
 
 @dataclass(slots=True)
@@ -115,79 +115,79 @@ class _Page:
     def gutter(self) -> str:
         return " " * self.width
 
-    def paint(self, style: str, text: str) -> str:
+    def color_text(self, style: str, text: str) -> str:
         return f"{style}{text}\x1b[0m" if self.color and text else text
 
-    def help(self, hint: str) -> str:
-        return f"{self.paint(CYAN, 'help')}: {escape_controls(hint)}"
+    def format_hint(self, hint: str) -> str:
+        return f"{self.color_text(CYAN, 'help')}: {escape_controls(hint)}"
 
-    def place(self, mark: _Mark) -> None:
+    def add_place(self, mark: _Mark) -> None:
         label = f": {mark.label}" if mark.label else ""
-        self.lines.append(self.paint(BLUE, f"{self.gutter}-->") + f" {mark.span.place}{label}")
+        self.lines.append(self.color_text(BLUE, f"{self.gutter}-->") + f" {mark.span.place}{label}")
 
-    def row(self, text: str, number: int | None = None) -> None:
+    def add_line(self, text: str, number: int | None = None) -> None:
         """A line with its number, or one below it."""
         head = self.gutter if number is None else f"{number:>{self.width}}"
-        self.lines.append(self.paint(BLUE, f"{head} |") + (f" {text}" if text else ""))
+        self.lines.append(self.color_text(BLUE, f"{head} |") + (f" {text}" if text else ""))
 
-    def show(self, mark: _Mark, beside: list[_Mark] | None = None) -> None:
+    def show_mark(self, mark: _Mark, beside: list[_Mark] | None = None) -> None:
         """The line or lines of a mark, with the mark and those beside it."""
-        self.row("")
-        if _last_line(mark.span) > mark.span.line:
-            self._stretch(mark)
+        self.add_line("")
+        if _find_last_line(mark.span) > mark.span.line:
+            self._show_stretch(mark)
         else:
-            self._line(mark, beside or [])
+            self._show_line(mark, beside or [])
 
-    def _line(self, mark: _Mark, beside: list[_Mark]) -> None:
+    def _show_line(self, mark: _Mark, beside: list[_Mark]) -> None:
         marks = sorted((mark, *beside), key=lambda one: one.span.start)
-        cut = _ShownLine(mark.span.source.line(mark.span.line), marks[0].span.column - 1)
-        self.row(cut.shown, mark.span.line)
-        places = [cut.cell(one.span.column - 1) for one in marks]
+        cut = _ShownLine(mark.span.source.get_line(mark.span.line), marks[0].span.column - 1)
+        self.add_line(cut.shown, mark.span.line)
+        places = [cut.find_cell(one.span.column - 1) for one in marks]
         text, at = "", 0
         for one, place in zip(marks, places, strict=True):
-            length = max(1, cut.cell(one.span.column - 1 + one.span.end - one.span.start) - place)
-            text += " " * (place - at) + self.paint(one.style, one.sign * length)
+            length = max(1, cut.find_cell(one.span.column - 1 + one.span.end - one.span.start) - place)
+            text += " " * (place - at) + self.color_text(one.style, one.sign * length)
             at = place + length
         if marks[-1].label:
-            text += " " + self.paint(marks[-1].style, marks[-1].label)
-        self.row(text)
+            text += " " + self.color_text(marks[-1].style, marks[-1].label)
+        self.add_line(text)
         hanging = [(place, one) for place, one in zip(places[:-1], marks[:-1], strict=True) if one.label]
         if hanging:
-            self.row(self._bars(hanging))
+            self.add_line(self._draw_bars(hanging))
         while hanging:
             place, one = hanging.pop()
-            bars, used = self._bars(hanging), hanging[-1][0] + 1 if hanging else 0
-            self.row(bars + " " * (place - used) + self.paint(one.style, one.label))
+            bars, used = self._draw_bars(hanging), hanging[-1][0] + 1 if hanging else 0
+            self.add_line(bars + " " * (place - used) + self.color_text(one.style, one.label))
 
-    def _bars(self, hanging: list[tuple[int, _Mark]]) -> str:
+    def _draw_bars(self, hanging: list[tuple[int, _Mark]]) -> str:
         """The lines from marks down to their labels."""
         text, at = "", 0
         for place, one in hanging:
-            text += " " * (place - at) + self.paint(one.style, "|")
+            text += " " * (place - at) + self.color_text(one.style, "|")
             at = place + 1
         return text
 
-    def _stretch(self, mark: _Mark) -> None:
+    def _show_stretch(self, mark: _Mark) -> None:
         """Several lines, with a bar on their left from the first character to the last."""
         span, source = mark.span, mark.span.source
-        first, last = span.line, _last_line(span)
-        bar = self.paint(mark.style, "|")
-        cut = _ShownLine(source.line(first), span.column - 1)
-        if source.line(first)[: span.column - 1].strip():
-            self.row(f"  {cut.shown}", first)
-            self.row(" " + self.paint(mark.style, "_" * (cut.cell(span.column - 1) + 1) + mark.sign))
+        first, last = span.line, _find_last_line(span)
+        bar = self.color_text(mark.style, "|")
+        cut = _ShownLine(source.get_line(first), span.column - 1)
+        if source.get_line(first)[: span.column - 1].strip():
+            self.add_line(f"  {cut.shown}", first)
+            self.add_line(" " + self.color_text(mark.style, "_" * (cut.find_cell(span.column - 1) + 1) + mark.sign))
         else:
-            self.row(f"{self.paint(mark.style, '/')} {cut.shown}", first)
+            self.add_line(f"{self.color_text(mark.style, '/')} {cut.shown}", first)
         most = last if last - first <= MOST_LINES else first + MOST_LINES - 2
         for number in range(first + 1, min(most + 1, last)):
-            self.row(f"{bar} {_ShownLine(source.line(number), 0).shown}".rstrip(), number)
+            self.add_line(f"{bar} {_ShownLine(source.get_line(number), 0).shown}".rstrip(), number)
         if most < last:
             self.lines.append(f"{'...':<{self.width + 3}}{bar}")
-        column = source.line_column(max(span.start, span.end - 1))[1]
-        cut = _ShownLine(source.line(last), column - 1)
-        self.row(f"{bar} {cut.shown}", last)
+        column = source.find_line_column(max(span.start, span.end - 1))[1]
+        cut = _ShownLine(source.get_line(last), column - 1)
+        self.add_line(f"{bar} {cut.shown}", last)
         label = f" {mark.label}" if mark.label else ""
-        self.row(bar + self.paint(mark.style, "_" * (cut.cell(column - 1) + 1) + mark.sign + label))
+        self.add_line(bar + self.color_text(mark.style, "_" * (cut.find_cell(column - 1) + 1) + mark.sign + label))
 
 
 class _ShownLine:
@@ -213,7 +213,7 @@ class _ShownLine:
         more = start + len(self._places) - 1 < len(text)
         self.shown = "".join(shown) + ("..." if more else "")
 
-    def cell(self, column: int) -> int:
+    def find_cell(self, column: int) -> int:
         """The cell of the character at a column, counted from 0; the last cell for one that is cut off."""
         return self._places[max(0, min(column - self._start, len(self._places) - 1))]
 

@@ -21,18 +21,18 @@ class Source:
         starts.extend(i + 1 for i, char in enumerate(self.text) if char == "\n")
         return starts
 
-    def line_column(self, offset: int) -> tuple[int, int]:
+    def find_line_column(self, offset: int) -> tuple[int, int]:
         """The line and column, both counted from 1, of a character offset."""
         line = bisect_right(self._line_starts, offset)
         return line, offset - self._line_starts[line - 1] + 1
 
-    def line(self, number: int) -> str:
+    def get_line(self, number: int) -> str:
         """The text of a line, counted from 1, without its end."""
         start = self._line_starts[number - 1]
         end = self._line_starts[number] - 1 if number < len(self._line_starts) else len(self.text)
         return self.text[start:end].rstrip("\r")
 
-    def offset(self, line: int, column: int) -> int:
+    def find_offset(self, line: int, column: int) -> int:
         """The character offset of a line and column, both counted from 1."""
         return self._line_starts[line - 1] + column - 1
 
@@ -47,11 +47,11 @@ class Span:
 
     @property
     def line(self) -> int:
-        return self.source.line_column(self.start)[0]
+        return self.source.find_line_column(self.start)[0]
 
     @property
     def column(self) -> int:
-        return self.source.line_column(self.start)[1]
+        return self.source.find_line_column(self.start)[1]
 
     @property
     def text(self) -> str:
@@ -62,6 +62,6 @@ class Span:
         """`name:line:column`, as errors print it."""
         return f"{self.source.name}:{self.line}:{self.column}"
 
-    def to(self, other: Span) -> Span:
+    def extend_to(self, other: Span) -> Span:
         """The stretch from the start of this span to the end of the other."""
         return Span(self.source, self.start, max(self.end, other.end))

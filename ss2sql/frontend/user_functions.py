@@ -56,7 +56,7 @@ class UserFunction:
             collects=self.aggregate,
         )
 
-    def inverted(self) -> UserFunction:
+    def make_inverse(self) -> UserFunction:
         """The inverse as a function; nobody has said that it changes nothing."""
         assert self.inverse is not None
         from ss2sql.frontend.volatility import infer_purity

@@ -57,7 +57,7 @@ def make_checked_order(compare: Callable[[Any, Any], int]) -> Callable[[Any], An
         return cmp_to_key(compare)
     left = ITEMS_PER_CHECK
 
-    def counted(a: Any, b: Any) -> int:
+    def compare_counted(a: Any, b: Any) -> int:
         nonlocal left
         left -= 1
         if not left:
@@ -65,4 +65,4 @@ def make_checked_order(compare: Callable[[Any, Any], int]) -> Callable[[Any], An
             check()
         return compare(a, b)
 
-    return cmp_to_key(counted)
+    return cmp_to_key(compare_counted)

@@ -63,7 +63,7 @@ def fill_from_plan(found: Shape, promised: Type) -> Shape:
 def _find_values_shape(values: Sequence[Any]) -> Shape:
     found: Shape = NONE
     for kind in dict.fromkeys(map(type, values)):
-        found = merge(found, _find_kind_shape(kind, values))
+        found = merge_shapes(found, _find_kind_shape(kind, values))
     return found
 
 
@@ -102,7 +102,7 @@ def _are_encodable(texts: Iterable[str]) -> bool:
     return True
 
 
-def merge(left: Shape, right: Shape) -> Shape:
+def merge_shapes(left: Shape, right: Shape) -> Shape:
     """The smallest shape for the values of both."""
     match left, right:
         case _ if left == right:
@@ -116,11 +116,11 @@ def merge(left: Shape, right: Shape) -> Shape:
         case (Scalar("int", large=large), Scalar("float")) | (Scalar("float"), Scalar("int", large=large)):
             return ANY if large else FLOAT
         case ListOf(one), ListOf(other):
-            return ListOf(merge(one, other))
+            return ListOf(merge_shapes(one, other))
         case Struct(one), Struct(other):
             known, more = dict(one), dict(other)
             names = dict.fromkeys((*known, *more))
-            return Struct(tuple((name, merge(known.get(name, NONE), more.get(name, NONE))) for name in names))
+            return Struct(tuple((name, merge_shapes(known.get(name, NONE), more.get(name, NONE))) for name in names))
         case _:
             return ANY
 
@@ -151,13 +151,13 @@ def _fill_shape(found: Shape, promised: Shape) -> Shape:
             return found
 
 
-def holds_any(shape: Shape) -> bool:
+def has_untyped_values(shape: Shape) -> bool:
     """Whether it contains, at any depth, values without a type in frames."""
     match shape:
         case ListOf(item):
-            return holds_any(item)
+            return has_untyped_values(item)
         case Struct(fields):
-            return any(holds_any(field) for _, field in fields)
+            return any(has_untyped_values(field) for _, field in fields)
         case _:
             return shape == ANY
 
@@ -177,13 +177,13 @@ def to_floats(value: Any, shape: Shape) -> Any:
             return value
 
 
-def arrow_type(arrow: Any, shape: Shape) -> Any:
+def make_arrow_type(arrow: Any, shape: Shape) -> Any:
     """The type of Arrow for the values of a shape."""
     match shape:
         case ListOf(item):
-            return arrow.list_(arrow_type(arrow, item))
+            return arrow.list_(make_arrow_type(arrow, item))
         case Struct(fields):
-            return arrow.struct([(name, arrow_type(arrow, field)) for name, field in fields])
+            return arrow.struct([(name, make_arrow_type(arrow, field)) for name, field in fields])
         case Scalar("datetime"):
             return arrow.timestamp("us")
         case Scalar(name):

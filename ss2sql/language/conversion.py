@@ -68,9 +68,9 @@ def convert_value(value: Any, giver: str, named: bool = False) -> Any:
         if is_marshalled_value(marshalled) or not _find_suspect_bytes(marshalled):
             return value
     try:
-        return value if _is_clean(value, 0) else _convert(value, 0, named)
+        return value if _is_clean(value, 0) else _convert_value(value, 0, named)
     except _RefusedValue as refused:
-        raise refused.error(_name_subject(giver)) from None
+        raise refused.make_error(_name_subject(giver)) from None
     except (_TooDeep, RecursionError):
         raise build_depth_error(_name_subject(giver)) from None
 
@@ -131,7 +131,7 @@ class _RefusedValue(Exception):  # noqa: N818 - never leaves this module
         self.reason = reason
         self.path: list[str] = []
 
-    def error(self, subject: str) -> ExecutionError:
+    def make_error(self, subject: str) -> ExecutionError:
         path = "".join(reversed(self.path))
         place = f" at {path if len(path) <= 60 else path[:57] + '...'}" if path else ""
         return ExecutionError("X004", f"{subject} {self.what}{place}{self.reason}", hints=(self.hint,))
@@ -152,14 +152,14 @@ def _are_clean(items: list[Any], depth: int) -> bool:
     """Whether the items of a list or dict at this depth are clean, without a look at each where they are alike."""
     kinds = set(map(type, items))
     if kinds <= SCALARS:
-        return _numbers_are_clean(items, kinds)
+        return _are_numbers_allowed(items, kinds)
     if depth + 1 >= DEPTH_LIMIT:
         return False
     if kinds == {list}:
         inner = list(chain.from_iterable(items))
         inner_kinds = set(map(type, inner))
         if inner_kinds <= SCALARS:
-            return _numbers_are_clean(inner, inner_kinds)
+            return _are_numbers_allowed(inner, inner_kinds)
     for item in items:
         kind = type(item)
         if kind is dict:
@@ -168,10 +168,10 @@ def _are_clean(items: list[Any], depth: int) -> bool:
             clean = kind in SCALARS or (kind is list and _are_clean(item, depth + 1))
         if not clean:
             return False
-    return _numbers_are_clean(items, kinds)
+    return _are_numbers_allowed(items, kinds)
 
 
-def _numbers_are_clean(items: list[Any], kinds: set[type]) -> bool:
+def _are_numbers_allowed(items: list[Any], kinds: set[type]) -> bool:
     """Whether the numbers among the items, whose types are `kinds`, are allowed."""
     if int in kinds:
         integers = items if len(kinds) == 1 else [item for item in items if type(item) is int]
@@ -185,7 +185,7 @@ def _numbers_are_clean(items: list[Any], kinds: set[type]) -> bool:
 # --- all other values ----------------------------------------------------------------------------------
 
 
-def _convert(value: Any, depth: int, named: bool) -> Any:
+def _convert_value(value: Any, depth: int, named: bool) -> Any:
     """The value of the language that `value` stands for; a level of nesting takes one Python frame."""
     if value is None or isinstance(value, bool):
         return value
@@ -206,18 +206,18 @@ def _convert(value: Any, depth: int, named: bool) -> Any:
         items = []
         for index, item in enumerate(value):
             try:
-                items.append(_convert(item, depth + 1, named))
+                items.append(_convert_value(item, depth + 1, named))
             except _RefusedValue as refused:
                 refused.path.append(f"[{index}]")
                 raise
         return items
     if isinstance(value, (set, frozenset)):
-        return _sort_set([_convert(item, depth + 1, named) for item in value])
+        return _sort_set([_convert_value(item, depth + 1, named) for item in value])
     if isinstance(value, _MAPPINGS):
         mapping = {}
         for key, item in dict(value).items():
             try:
-                mapping[_convert_key(_convert(key, depth + 1, False))] = _convert(item, depth + 1, named)
+                mapping[_convert_key(_convert_value(key, depth + 1, False))] = _convert_value(item, depth + 1, named)
             except _RefusedValue as refused:
                 refused.path.append(f"[{format_value(key)}]")
                 raise
@@ -225,7 +225,7 @@ def _convert(value: Any, depth: int, named: bool) -> Any:
     if isinstance(value, complex):
         raise _RefusedValue(f"the complex number {value}", "give its parts, for example [z.real, z.imag]")
     if is_read_once(value):
-        return _convert(list(value), depth, named)
+        return _convert_value(list(value), depth, named)
     return _convert_numpy(value, depth, named)
 
 
@@ -258,7 +258,7 @@ def _convert_tuples(value: Iterable[Any], depth: int) -> list[Any] | None:
 
 def _are_clean_scalars(items: list[Any]) -> bool:
     kinds = set(map(type, items))
-    return kinds <= SCALARS and _numbers_are_clean(items, kinds)
+    return kinds <= SCALARS and _are_numbers_allowed(items, kinds)
 
 
 def _sort_set(items: list[Any]) -> list[Any]:
@@ -287,13 +287,13 @@ def _convert_numpy(value: Any, depth: int, named: bool) -> Any:
     if value.dtype.kind in "mM":  # their items would lose their unit
         if isinstance(value, numpy.generic):
             return _wrap_object(value)
-        return _wrap_object(value[()]) if value.ndim == 0 else _convert(list(value), depth, named)
+        return _wrap_object(value[()]) if value.ndim == 0 else _convert_value(list(value), depth, named)
     if isinstance(value, numpy.longdouble):
         return _convert_float(float(value))
     if isinstance(value, numpy.clongdouble):
-        return _convert(complex(value), depth, named)
+        return _convert_value(complex(value), depth, named)
     items = value.tolist()
-    return items if _is_clean(items, depth) else _convert(items, depth, named)
+    return items if _is_clean(items, depth) else _convert_value(items, depth, named)
 
 
 def _wrap_object(value: Any) -> Any:
@@ -303,7 +303,7 @@ def _wrap_object(value: Any) -> Any:
     it among themselves; so are those that marshal would write as bytes (a memoryview, code), which it must not touch.
     """
     if type(value) is UnreadableText:
-        raise value.error()
+        raise value.make_error()
     if type(value) is bytes or isinstance(value, Opaque):
         return value
     try:

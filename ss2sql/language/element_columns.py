@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ss2sql.errors import ExecutionError, did_you_mean
+from ss2sql.errors import ExecutionError, suggest_names
 from ss2sql.language.kinds import Handle, Opaque, list_attributes
 from ss2sql.language.values import convert_value, format_value
 
@@ -47,7 +47,7 @@ def read_column(element: Any, name: str, default: Any = _MISSING) -> Any:
 
 
 def _build_missing_error(name: str, known: list[str], owner: str) -> ExecutionError:
-    hints = did_you_mean(name, known) or (
+    hints = suggest_names(name, known) or (
         "dicts, and objects with public attributes, have columns; `this` is the element itself",
     )
     return ExecutionError("X008", f"{owner} has no column '{name}'", hints=hints)

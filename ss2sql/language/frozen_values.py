@@ -50,27 +50,27 @@ class Frozen:
 
 def freeze_any(value: Any) -> Any:
     """The frozen value of any shape."""
-    return _retry_with_stack(_freeze, value)
+    return _retry_with_stack(_freeze_deep, value)
 
 
-def _freeze(value: Any) -> Any:
+def _freeze_deep(value: Any) -> Any:
     kind = type(value)
     if kind is list:
-        return tuple([item if type(item) in SCALARS else _freeze(item) for item in value])
+        return tuple([item if type(item) in SCALARS else _freeze_deep(item) for item in value])
     if kind is dict:
-        return Frozen(value, frozenset(zip(value, map(_freeze, value.values()), strict=True)))
+        return Frozen(value, frozenset(zip(value, map(_freeze_deep, value.values()), strict=True)))
     return value
 
 
 def thaw_value(value: Any) -> Any:
     """The value that was frozen."""
-    return _retry_with_stack(_thaw, value)
+    return _retry_with_stack(_thaw_deep, value)
 
 
-def _thaw(value: Any) -> Any:
+def _thaw_deep(value: Any) -> Any:
     kind = type(value)
     if kind is tuple:
-        return [item if type(item) in SCALARS else _thaw(item) for item in value]
+        return [item if type(item) in SCALARS else _thaw_deep(item) for item in value]
     return value.value if kind is Frozen else value
 
 
@@ -122,19 +122,19 @@ FREEZERS: dict[Shape, Callable[[Any], Any]] = {
 
 def choose_shape(known: Type) -> Shape:
     """The shape that values of this type have, or most of them."""
-    if known.only(SCALAR):
+    if known.is_only(SCALAR):
         return "scalar"
     if is_flat_list(known):
         return "flat"
-    return "nested" if known.only(Kind.LIST) and known.item is not None and is_flat_list(known.item) else "any"
+    return "nested" if known.is_only(Kind.LIST) and known.item is not None and is_flat_list(known.item) else "any"
 
 
 def is_flat_list(known: Type) -> bool:
     """Whether values of this type are lists of scalars."""
-    return known.only(Kind.LIST) and known.item is not None and known.item.only(SCALAR)
+    return known.is_only(Kind.LIST) and known.item is not None and known.item.is_only(SCALAR)
 
 
-def settled(value: Any, giver: str, freezer: Callable[[Any], Any]) -> tuple[Any, Any]:
+def convert_and_freeze(value: Any, giver: str, freezer: Callable[[Any], Any]) -> tuple[Any, Any]:
     """The value of the language for what a function gave, and its frozen value."""
     value = convert_value(value, f"the function '{giver}'")
     return value, freezer(value)
@@ -147,11 +147,11 @@ class FrozenShapes:
     states: tuple[Shape, ...]
     columns: tuple[Shape, ...]
 
-    def freeze(self, state: State) -> State:
+    def freeze_state(self, state: State) -> State:
         """The frozen state."""
         return tuple([FREEZERS[shape](value) for shape, value in zip(self.states, state, strict=True)])
 
-    def thaw(self, state: State) -> State:
+    def thaw_state(self, state: State) -> State:
         """The values of a frozen state."""
         return tuple(map(thaw_value, state))
 
@@ -167,31 +167,31 @@ class FrozenShapes:
         known: dict[int, tuple[FrozenRow, Row]] = {}  # by identity, which the frozen row keeps
         begun = False
 
-        def first(path: Iterable[FrozenRow]) -> tuple[Row, ...]:
+        def thaw_first(path: Iterable[FrozenRow]) -> tuple[Row, ...]:
             return tuple(rows_of(path))
 
-        def other(path: Iterable[FrozenRow]) -> tuple[Row, ...]:
+        def thaw_other(path: Iterable[FrozenRow]) -> tuple[Row, ...]:
             rows = []
             for row in path:
                 found = known.get(id(row))
                 if found is None:
-                    made = tuple([value if type(value) in SCALARS else _thaw(value) for value in row])
+                    made = tuple([value if type(value) in SCALARS else _thaw_deep(value) for value in row])
                     found = known[id(row)] = row, made
                 rows.append(found[1])
             return tuple(rows)
 
-        def thawed(path: Iterable[FrozenRow]) -> tuple[Row, ...]:
+        def thaw_path(path: Iterable[FrozenRow]) -> tuple[Row, ...]:
             nonlocal begun
-            work, begun = other if begun else first, True
+            work, begun = thaw_other if begun else thaw_first, True
             return _retry_with_stack(work, path)  # type: ignore[no-any-return]
 
-        return thawed
+        return thaw_path
 
 
 def _thaw_rows(path: Iterable[FrozenRow]) -> list[Row]:
-    return [tuple([value if type(value) in SCALARS else _thaw(value) for value in row]) for row in path]
+    return [tuple([value if type(value) in SCALARS else _thaw_deep(value) for value in row]) for row in path]
 
 
 def _thaw_rows_of_lists(path: Iterable[FrozenRow]) -> list[Row]:
     """The same for rows whose only column is `flat`."""
-    return [(list(value) if type(value) is tuple else _thaw(value),) for (value,) in path]
+    return [(list(value) if type(value) is tuple else _thaw_deep(value),) for (value,) in path]

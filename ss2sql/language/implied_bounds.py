@@ -56,7 +56,7 @@ def _compare_with_type(expr: plan.Expr, kind: Type | None) -> Iterator[Compariso
     if isinstance(expr, plan.MakeList) and kind is not None and kind.positions is not None:
         for item, part in zip(expr.items, kind.positions, strict=False):
             yield from _compare_with_type(item, part)
-    elif kind is not None and kind.only(Kind.NUMBER) and kind.low is not None and kind.high is not None:
+    elif kind is not None and kind.is_only(Kind.NUMBER) and kind.low is not None and kind.high is not None:
         yield from _compare_with_bounds(expr, kind.low, kind.high)
 
 
@@ -70,7 +70,7 @@ def _compare_indices(expr: plan.Expr) -> Iterator[Comparison]:
     match expr:
         case plan.Call(function=plan.Function(name="item", builtin=True), arguments=(container, index)):
             size = container.type.size
-            if container.type.only(Kind.LIST) and index.type.only(Kind.INT) and size:
+            if container.type.is_only(Kind.LIST) and index.type.is_only(Kind.INT) and size:
                 yield from _compare_with_bounds(index, -size, size - 1)
     if isinstance(expr, plan.Call) and expr.function.name != "coalesce":  # SQLite stops at the first value
         for argument in expr.arguments:
@@ -88,7 +88,7 @@ def narrow_type(expr: plan.Expr, facts: Iterable[Comparison]) -> Type:
 
 def restrict_by_order(kind: Type, sign: str, other: Type) -> Type:
     """The values of `kind` that compare so with some value of `other`."""
-    whole = kind.only(Kind.BOOL | Kind.INT)
+    whole = kind.is_only(Kind.BOOL | Kind.INT)
     low, high = other.low, other.high
     match sign:
         case "ge":
@@ -103,11 +103,11 @@ def restrict_by_order(kind: Type, sign: str, other: Type) -> Type:
 
 def restrict_to_interval(kind: Type, low: float | None, high: float | None) -> Type:
     """The type with its numbers limited to `low`..`high`; other values are unchanged."""
-    if not kind.may(Kind.NUMBER):
+    if not kind.may_be(Kind.NUMBER):
         return kind
     lows = [bound for bound in (kind.low, low) if bound is not None]
     highs = [bound for bound in (kind.high, high) if bound is not None]
     closer = replace(kind, low=max(lows, default=None), high=min(highs, default=None))
     if closer.low is not None and closer.high is not None and closer.low > closer.high:
-        return NOTHING if kind.only(Kind.NUMBER) else kind
+        return NOTHING if kind.is_only(Kind.NUMBER) else kind
     return closer

@@ -49,9 +49,9 @@ class Opaque:
 
     __slots__ = ("key", "object")
 
-    def __init__(self, given: Any, key: Hashable = None) -> None:
-        self.object = given
-        self.key = (id(given),) if key is None else key
+    def __init__(self, value: Any, key: Hashable = None) -> None:
+        self.object = value
+        self.key = (id(value),) if key is None else key
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Opaque) and bool(self.key == other.key)
@@ -90,19 +90,19 @@ class Type:
         """The length of all lists among the values, None if that is not known."""
         return self.length if self.positions is None else len(self.positions)
 
-    def only(self, kinds: Kind) -> bool:
+    def is_only(self, kinds: Kind) -> bool:
         """Whether every value is of one of `kinds`."""
         return self.kinds | kinds == kinds
 
-    def may(self, kinds: Kind) -> bool:
+    def may_be(self, kinds: Kind) -> bool:
         """Whether a value of one of `kinds` is possible."""
         return bool(self.kinds & kinds)
 
-    def bounded(self, limit: float) -> bool:
+    def is_bounded(self, limit: float) -> bool:
         """Whether the numbers among the values provably lie in -limit..limit."""
         return self.low is not None and self.high is not None and self.low >= -limit and self.high <= limit
 
-    def at_least(self, number: float) -> bool:
+    def is_at_least(self, number: float) -> bool:
         """Whether the numbers among the values are provably at least `number`."""
         return self.low is not None and self.low >= number
 
@@ -135,52 +135,52 @@ _DETAIL = 8
 _POSITIONS = 16
 
 
-def union(types: Iterable[Type]) -> Type:
+def unite(types: Iterable[Type]) -> Type:
     """The smallest type that covers all of `types`; of none: a type without values."""
-    return reduce(_union, types, NOTHING)
+    return reduce(_unite_pair, types, NOTHING)
 
 
-def _union(a: Type, b: Type) -> Type:
+def _unite_pair(a: Type, b: Type) -> Type:
     if a.kinds == Kind(0):
         return b
     if b.kinds == Kind(0):
         return a
-    numeric_a, numeric_b = a.may(Kind.NUMBER), b.may(Kind.NUMBER)
+    numeric_a, numeric_b = a.may_be(Kind.NUMBER), b.may_be(Kind.NUMBER)
     if numeric_a and numeric_b:
         low = None if a.low is None or b.low is None else min(a.low, b.low)
         high = None if a.high is None or b.high is None else max(a.high, b.high)
     else:
         low, high = (a.low, a.high) if numeric_a else (b.low, b.high)
-    positions = _positions(a, b)
-    length = _length(a, b) if positions is None else None
-    return Type(a.kinds | b.kinds, low, high, _item(a, b), _columns(a, b), positions, length)
+    positions = _unite_positions(a, b)
+    length = _find_common_length(a, b) if positions is None else None
+    return Type(a.kinds | b.kinds, low, high, _unite_items(a, b), _unite_columns(a, b), positions, length)
 
 
-def _item(a: Type, b: Type) -> Type | None:
-    lists = [t.item for t in (a, b) if t.may(Kind.LIST)]
+def _unite_items(a: Type, b: Type) -> Type | None:
+    lists = [t.item for t in (a, b) if t.may_be(Kind.LIST)]
     known = [item for item in lists if item is not None]
-    return union(known) if lists and len(known) == len(lists) else None
+    return unite(known) if lists and len(known) == len(lists) else None
 
 
-def _positions(a: Type, b: Type) -> tuple[Type, ...] | None:
-    lists = [t.positions for t in (a, b) if t.may(Kind.LIST)]
+def _unite_positions(a: Type, b: Type) -> tuple[Type, ...] | None:
+    lists = [t.positions for t in (a, b) if t.may_be(Kind.LIST)]
     match lists:
         case [one]:
             return one
         case [tuple() as one, tuple() as other] if len(one) == len(other):
-            return tuple(map(_union, one, other))
+            return tuple(map(_unite_pair, one, other))
         case _:
             return None
 
 
-def _length(a: Type, b: Type) -> int | None:
-    sizes = {t.size for t in (a, b) if t.may(Kind.LIST)}
+def _find_common_length(a: Type, b: Type) -> int | None:
+    sizes = {t.size for t in (a, b) if t.may_be(Kind.LIST)}
     return sizes.pop() if len(sizes) == 1 else None
 
 
-def _columns(a: Type, b: Type) -> tuple[tuple[str, Type], ...] | None:
+def _unite_columns(a: Type, b: Type) -> tuple[tuple[str, Type], ...] | None:
     """The columns of both types, in the order of their first appearance; a column of one side alone may be None."""
-    holders = [t for t in (a, b) if t.may(Kind.STRUCTURED)]
+    holders = [t for t in (a, b) if t.may_be(Kind.STRUCTURED)]
     # An empty list lacks nothing: its elements have whatever columns the others have.
     filled = [t for t in holders if not _is_empty(t)]
     known = [dict(t.columns) for t in filled or holders if t.columns is not None]
@@ -188,15 +188,15 @@ def _columns(a: Type, b: Type) -> tuple[tuple[str, Type], ...] | None:
         return None
     absent = NONE if filled else NOTHING
     names = dict.fromkeys(chain.from_iterable(known))
-    return tuple((name, union(columns.get(name, absent) for columns in known)) for name in names)
+    return tuple((name, unite(columns.get(name, absent) for columns in known)) for name in names)
 
 
 def _is_empty(t: Type) -> bool:
     """Whether the type says that all its lists are empty, and that there are no dicts or objects."""
-    return t.item == NOTHING and not t.may(Kind.DICT | Kind.OBJECT)
+    return t.item == NOTHING and not t.may_be(Kind.DICT | Kind.OBJECT)
 
 
-def may_be_equal(a: Type, b: Type) -> bool:
+def can_be_equal(a: Type, b: Type) -> bool:
     """Whether a value of the one type may equal one of the other."""
     common = _add_equal_kinds(a.kinds) & _add_equal_kinds(b.kinds)
     if common == Kind.LIST:
@@ -215,18 +215,18 @@ def _add_equal_kinds(kinds: Kind) -> Kind:
 
 def make_list_type(types: Sequence[Type]) -> Type:
     """The type of a list whose elements have these types, one by one; it has columns if all of them may have some."""
-    item = union(types)
-    columns = item.columns if types and all(one.may(Kind.DICT | Kind.OBJECT) for one in types) else ()
+    item = unite(types)
+    columns = item.columns if types and all(one.may_be(Kind.DICT | Kind.OBJECT) for one in types) else ()
     return Type(Kind.LIST, item=item, columns=columns, positions=_describe_list(types, item))
 
 
 def _describe_list(types: Sequence[Type], item: Type) -> tuple[Type, ...] | None:
-    return tuple(types) if 0 < len(types) <= _POSITIONS and item.only(SCALAR) else None
+    return tuple(types) if 0 < len(types) <= _POSITIONS and item.is_only(SCALAR) else None
 
 
-def _known_length(length: int, item: Type, positions: tuple[Type, ...] | None) -> int | None:
+def _choose_length(length: int, item: Type, positions: tuple[Type, ...] | None) -> int | None:
     """The length to record in a list's type; None for a list of dicts, a table whose rows come and go."""
-    return length if length and positions is None and item.only(SCALAR | Kind.LIST) else None
+    return length if length and positions is None and item.is_only(SCALAR | Kind.LIST) else None
 
 
 def drop_bounds(t: Type) -> Type:
@@ -248,9 +248,9 @@ def cut_depth(t: Type, detail: int = _DETAIL) -> Type:
     return replace(t, item=item, columns=columns)
 
 
-def covers(wide: Type, narrow: Type) -> bool:
+def is_covering(wide: Type, narrow: Type) -> bool:
     """Whether every value of `narrow` also belongs to `wide`, so that a plan made for `wide` fits `narrow`."""
-    return _union(wide, narrow) == wide
+    return _unite_pair(wide, narrow) == wide
 
 
 def type_of(value: Any) -> Type:
@@ -273,18 +273,18 @@ def _type_of(value: Any, detail: int) -> Type:
         case list() if detail:
             item = _type_of_items(value, detail - 1)
             positions = _describe_list([_type_of(part, 0) for part in value[: _POSITIONS + 1]], item)
-            columns = _columns_of_items(value, detail - 1)
-            return Type(Kind.LIST, None, None, item, columns, positions, _known_length(len(value), item, positions))
+            columns = _collect_columns(value, detail - 1)
+            return Type(Kind.LIST, None, None, item, columns, positions, _choose_length(len(value), item, positions))
         case list():
             return LIST
         case dict() if detail:
-            return Type(Kind.DICT, columns=_columns_of_items([value], detail - 1))
+            return Type(Kind.DICT, columns=_collect_columns([value], detail - 1))
         case dict():
             return Type(Kind.DICT)
         case Typed(type=known):
             return known
         case _:
-            return Type(Kind.OBJECT, columns=_columns_of_items([value], 0))
+            return Type(Kind.OBJECT, columns=_collect_columns([value], 0))
 
 
 # Modules whose objects are scalar values: equal only within their type, and without columns.
@@ -307,13 +307,7 @@ class Handle:
 
 _WITHOUT_ATTRIBUTES = (Handle, type, ModuleType, FunctionType)
 
-_SCALARS: dict[type, Kind] = {
-    NoneType: Kind.NONE,
-    bool: Kind.BOOL,
-    int: Kind.INT,
-    float: Kind.FLOAT,
-    str: Kind.STR,
-}
+_SCALARS: dict[type, Kind] = {NoneType: Kind.NONE, bool: Kind.BOOL, int: Kind.INT, float: Kind.FLOAT, str: Kind.STR}
 _WITHOUT_COLUMNS = {*_SCALARS, list, bytes}
 
 
@@ -323,17 +317,17 @@ def _type_of_items(items: Sequence[Any], detail: int) -> Type:
     if classes == {list} and detail:
         inner = list(chain.from_iterable(items))
         if set(map(type, inner)) <= _SCALARS.keys():
-            types = _types_by_position(items, inner, detail - 1)
-            item = union(types) if types else _type_of_items(inner, detail - 1)
+            types = _list_position_types(items, inner, detail - 1)
+            item = unite(types) if types else _type_of_items(inner, detail - 1)
             positions = _describe_list(types, item)
-            length = _known_length(len(items[0]), item, positions) if len(set(map(len, items))) == 1 else None
+            length = _choose_length(len(items[0]), item, positions) if len(set(map(len, items))) == 1 else None
             return Type(Kind.LIST, item=item, columns=(), positions=positions, length=length)
     if classes == {dict} and detail:
-        return Type(Kind.DICT, columns=_columns_of_items(items, detail - 1))
+        return Type(Kind.DICT, columns=_collect_columns(items, detail - 1))
     if items and not classes & _WITHOUT_COLUMNS and dict not in classes:
-        return Type(Kind.OBJECT, columns=_columns_of_items(items, 0))
+        return Type(Kind.OBJECT, columns=_collect_columns(items, 0))
     if not classes <= _SCALARS.keys():
-        return union(_type_of(item, detail) for item in items)
+        return unite(_type_of(item, detail) for item in items)
     kinds = reduce(Kind.__or__, (_SCALARS[c] for c in classes), Kind(0))
     if str in classes and not _is_encodable("".join(item for item in items if type(item) is str)):
         kinds |= Kind.OBJECT
@@ -345,7 +339,7 @@ def _type_of_items(items: Sequence[Any], detail: int) -> Type:
     return Type(kinds, +min(numbers), +max(numbers))  # + makes 0 and 1 of bools
 
 
-def _types_by_position(items: Sequence[list[Any]], inner: list[Any], detail: int) -> list[Type]:
+def _list_position_types(items: Sequence[list[Any]], inner: list[Any], detail: int) -> list[Type]:
     """The types of the elements of short lists, one by one; empty where the lists differ in length.
 
     `inner` are the elements of all lists in a row. Slices of it take a third of the time of `zip` over the lists,
@@ -367,7 +361,7 @@ def _is_encodable(text: str) -> bool:
     return True
 
 
-def _columns_of_items(items: Sequence[Any], detail: int) -> tuple[tuple[str, Type], ...]:
+def _collect_columns(items: Sequence[Any], detail: int) -> tuple[tuple[str, Type], ...]:
     """The columns of a list of dicts and objects: keys and attributes, by first appearance; missing values are None."""
     classes = set(map(type, items))
     if classes == {dict}:
@@ -379,9 +373,9 @@ def _columns_of_items(items: Sequence[Any], detail: int) -> tuple[tuple[str, Typ
     return tuple((name, ANY) for name in dict.fromkeys(chain.from_iterable(known)) if isinstance(name, str))
 
 
-def list_attributes(given: Any) -> tuple[str, ...]:
+def list_attributes(value: Any) -> tuple[str, ...]:
     """The public data attributes of an object: no methods, no properties, no names with an underscore in front."""
-    owner = given.object if type(given) is Opaque else given
+    owner = value.object if type(value) is Opaque else value
     kind: Any = type(owner)
     declared = _list_declared_names(kind)
     if declared is None:

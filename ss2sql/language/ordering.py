@@ -150,7 +150,7 @@ def sort_positions(
 def _make_key_comparison(columns: Sequence[Sequence[Any]], descending: Sequence[bool]) -> Callable[[int, int], int]:
     """What compares two rows, given by their places. A key is compared only where those before it are equal."""
 
-    def compare(one: int, other: int) -> int:
+    def compare_keys(one: int, other: int) -> int:
         for column, reverse in zip(columns, descending, strict=True):
             left, right = column[one], column[other]
             if left is None or right is None:
@@ -161,7 +161,7 @@ def _make_key_comparison(columns: Sequence[Sequence[Any]], descending: Sequence[
                 return -sign if reverse else sign
         return 0
 
-    return compare
+    return compare_keys
 
 
 def _can_python_sort(kinds: set[type]) -> bool:

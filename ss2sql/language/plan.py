@@ -69,7 +69,7 @@ class Function:
     inverse_of: str = ""  # the function whose inverse this is
     collects: bool = False  # with GROUP BY it gets the list of a group's values
 
-    def inverted(self) -> Function:
+    def make_inverse(self) -> Function:
         """The inverse: from the value of the function and the other arguments it computes the missing one."""
         return replace(self, name=f"inverse of {self.name}", has_inverse=False, inverse_of=self.name, body=None)
 

@@ -26,7 +26,7 @@ def format_type(kind: Type) -> str:
     """A type in a few words: `int 1..7`, `str or none`, `list of int`, `any`."""
     if kind.kinds == Kind.ANY:
         return "any"
-    names = [(member.name or "").lower() for member in Kind if kind.may(member) and member.name in _SINGLE]
+    names = [(member.name or "").lower() for member in Kind if kind.may_be(member) and member.name in _SINGLE]
     text = " or ".join(names) or "nothing"
     if kind.item is not None and kind.kinds == Kind.LIST:
         text += f" of {format_type(kind.item)}"

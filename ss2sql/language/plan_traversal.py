@@ -24,7 +24,7 @@ def list_parts(node: Node) -> Iterator[Node]:
     """The plan nodes directly inside a node, in the order of its fields; nested queries are nodes, too."""
     found: list[Node] = []
     for name in _list_node_fields(type(node)):
-        _collect(getattr(node, name), found)
+        _collect_nodes(getattr(node, name), found)
     return iter(found)
 
 
@@ -37,10 +37,10 @@ def _list_node_fields(kind: Any) -> tuple[str, ...]:
     return names
 
 
-def _collect(value: Any, found: list[Node]) -> None:
+def _collect_nodes(value: Any, found: list[Node]) -> None:
     if isinstance(value, tuple):
         for item in value:
-            _collect(item, found)
+            _collect_nodes(item, found)
     elif _is_node(value):
         found.append(value)
 
@@ -71,7 +71,7 @@ def walk_own(node: Node) -> Iterator[Node]:
         stack.extend(part for part in reversed(list(list_parts(current))) if not isinstance(part, plan.Query))
 
 
-def rebuild(expr: E, change: Callable[[Node], Node]) -> E:
+def rebuild_node(expr: E, change: Callable[[Node], Node]) -> E:
     """The same node with `change` applied to every node directly inside it."""
     changed = {}
     for name in _list_node_fields(type(expr)):
@@ -106,7 +106,7 @@ def is_exists(query: plan.Query) -> bool:
     return query.representation.name == "value" and known == [True, 1] and not (query.search or query.order)
 
 
-def ends_early(query: plan.Query) -> bool:
+def can_end_early(query: plan.Query) -> bool:
     """Whether LIMIT may end a flat query early, so that the rows that call functions can be observed."""
     return query.limit is not None and not (query.search or query.order or query.group or is_exists(query))
 
@@ -146,7 +146,7 @@ def list_states(node: Node) -> frozenset[tuple[int, str]]:
     return frozenset(found)
 
 
-def varies_with(node: Node, sources: Collection[int], search: int | None) -> bool:
+def can_vary_with(node: Node, sources: Collection[int], search: int | None) -> bool:
     """Whether the node's value may change with the rows of these sources or the states of this query's search."""
     return not list_sources(node).isdisjoint(sources) or any(query == search for query, _ in list_states(node))
 

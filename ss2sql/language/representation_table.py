@@ -28,11 +28,11 @@ def request_hidden_columns(wanted: Literal["elements", "calls"]) -> Callable[[F]
     Searches and groups with aggregates have rows that belong to no single element; of them nothing is hidden.
     """
 
-    def note(function: F) -> F:
+    def note_columns(function: F) -> F:
         setattr(function, HIDDEN_COLUMNS_ATTRIBUTE, wanted)
         return function
 
-    return note
+    return note_columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +62,10 @@ class Table:
         """The rows as dicts."""
         if not self.labels:
             return [dict(zip(self.columns, row, strict=True)) for row in self]
-        return [dict(zip(self._names(names), row, strict=True)) for row, names in zip(self, self.hidden, strict=True)]
+        return [
+            dict(zip(self._choose_names(names), row, strict=True)) for row, names in zip(self, self.hidden, strict=True)
+        ]
 
-    def _names(self, labels: tuple[Any, ...]) -> tuple[str, ...]:
+    def _choose_names(self, labels: tuple[Any, ...]) -> tuple[str, ...]:
         names = dict(enumerate(self.columns)) | dict(zip(self.labels, map(make_label, labels), strict=True))
         return make_unique_names(names.values())

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, TypeAlias, TypeVar
 from ss2sql.errors import ExecutionError, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.cancellation import ITEMS_PER_CHECK, Check, iterate_with_check
-from ss2sql.language.values import convert_value, deep_copy
+from ss2sql.language.values import convert_value, copy_deep
 
 Path = TypeVar("Path", bound=Sequence[Any])
 Row: TypeAlias = tuple[Any, ...]
@@ -46,28 +46,27 @@ class Rows:
     hidden: int = 0  # how many of the last columns are for the representation alone
     ended: bool = False  # by MAXIMUM, of the script or of the run
 
-    def clear(self) -> None:
+    def clear_rows(self) -> None:
         """Forgets all rows and paths."""
         if self.rows is not None:
             self.rows.clear()
         if self.paths is not None:
             self.paths = []
 
-    def keep(self) -> None:
+    def copy_values(self) -> None:
         """Makes the rows independent of values that somebody else may change."""
         if not self.plain:
-            self.rows = deep_copy(self.rows)
-            self.paths = deep_copy(self.paths)  # Paths, which a database has found, hold nothing of anybody else
-            self.groups = deep_copy(self.groups)
+            self.rows = copy_deep(self.rows)
+            self.paths = copy_deep(self.paths)  # Paths, which a database has found, hold nothing of anybody else
+            self.groups = copy_deep(self.groups)
 
-    def check(self) -> None:
+    def check_values(self) -> None:
         """Raises ExecutionError X004 for what is no value of the language, such as an infinity in a table."""
         for name, values in zip(self.columns, zip(*self.list_all_rows(), strict=True), strict=False):
             convert_value(list(values), f"the column '{name}'")
         convert_value([value for value, _ in self.groups or ()], "GROUP BY")
 
-    def shown(self) -> Rows:
-        """The rows as SELECT names them."""
+    def name_as_selected(self) -> Rows:
         hidden = self.hidden
         if not hidden:
             return self
@@ -93,15 +92,17 @@ class Rows:
         for index, keys in parts:
             names.extend(make_unique_name(name, names) for name in (keys or (self.columns[index],)))
 
-        def wide(row: Row) -> Row:
+        def expand_row(row: Row) -> Row:
             cells: list[Any] = []
             for index, keys in parts:
                 cells.extend((row[index],) if keys is None else map(row[index].get, keys))
             return tuple(cells)
 
-        rows = None if self.rows is None else [wide(row) for row in iterate_with_check(self.rows, check)]
+        rows = None if self.rows is None else [expand_row(row) for row in iterate_with_check(self.rows, check)]
         paths = (
-            None if self.paths is None else [list(map(wide, path)) for path in iterate_checked_paths(self.paths, check)]
+            None
+            if self.paths is None
+            else [list(map(expand_row, path)) for path in iterate_checked_paths(self.paths, check)]
         )
         return replace(self, columns=tuple(names), rows=rows, paths=paths)
 

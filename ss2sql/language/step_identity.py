@@ -32,18 +32,22 @@ def find_unnamed(query: plan.Query) -> UnnamedRead:
     assert search is not None
     substitute = list(_split_condition(search.made, True)) if search.first is None else []
     going, goals = [*substitute, *_split_condition(search.stop, False)], list(_split_condition(query.where, True))
-    asked = {_normalize(*goal) for goal in (*goals, *substitute)}
-    sure = going if query.where is None else [one for one in going if _normalize(*one) in asked]
-    known = {_normalize(*one) for one in sure}
+    tests = {_normalize_condition(*goal) for goal in (*goals, *substitute)}
+    sure = going if query.where is None else [one for one in going if _normalize_condition(*one) in tests]
+    known = {_normalize_condition(*one) for one in sure}
     shown = query.rows if query.aggregated else tuple(out.expr for out in query.columns)
     known_values = _add_equal_values(_list_told_values(search.key or shown), sure)
     reader = _ReadCollector(query)
-    reader.read("STOP WITH", (expr for expr, truth in going if _normalize(expr, truth) not in known), known_values)
-    reader.read("WHERE", (expr for expr, truth in goals if _normalize(expr, truth) not in known), known_values)
+    reader.collect_reads(
+        "STOP WITH", (expr for expr, truth in going if _normalize_condition(expr, truth) not in known), known_values
+    )
+    reader.collect_reads(
+        "WHERE", (expr for expr, truth in goals if _normalize_condition(expr, truth) not in known), known_values
+    )
     known_values = _add_equal_values(known_values, going)  # a step that stops has no next state
     for name, expr in search.connect:
         if name.isidentifier():
-            reader.read("CONNECT BY", [expr], known_values)
+            reader.collect_reads("CONNECT BY", [expr], known_values)
         reader.moved.discard(name)  # later assignments see its new value, which has been read
     return {expr: tuple(clauses) for expr, clauses in reader.found.items()}
 
@@ -88,12 +92,12 @@ class _ReadCollector:
         self.moved = {name for name, _ in query.search.connect if name.isidentifier()}
         self.found: dict[plan.Expr, dict[str, None]] = {}
 
-    def read(self, clause: str, exprs: Iterable[plan.Expr], known_values: Sequence[plan.Expr]) -> None:
+    def collect_reads(self, clause: str, exprs: Iterable[plan.Expr], known_values: Sequence[plan.Expr]) -> None:
         for expr in exprs:
-            for found in self._missing(expr, known_values):
+            for found in self._find_missing(expr, known_values):
                 self.found.setdefault(found, {})[clause] = None
 
-    def _missing(self, expr: plan.Expr, known_values: Sequence[plan.Expr]) -> Iterator[plan.Expr]:
+    def _find_missing(self, expr: plan.Expr, known_values: Sequence[plan.Expr]) -> Iterator[plan.Expr]:
         if expr in known_values:
             return
         match expr:
@@ -109,7 +113,7 @@ class _ReadCollector:
                 yield expr
             case _:
                 for part in list_parts(expr):
-                    yield from self._missing(part, known_values)
+                    yield from self._find_missing(part, known_values)
 
 
 def _split_condition(condition: plan.Expr | None, truth: bool) -> Iterator[Condition]:
@@ -129,7 +133,7 @@ def _split_condition(condition: plan.Expr | None, truth: bool) -> Iterator[Condi
             yield condition, truth
 
 
-def _normalize(condition: plan.Expr, truth: bool) -> Hashable:
+def _normalize_condition(condition: plan.Expr, truth: bool) -> Hashable:
     """A canonical form: equal for `a == b` and for the opposite of `b != a`."""
     if is_volatile(condition):
         return id(condition)

@@ -36,11 +36,11 @@ class UnreadableText(Opaque):
     def __init__(self, raw: bytes) -> None:
         self.key = (UnreadableText, raw)
 
-    def error(self) -> ExecutionError:
+    def make_error(self) -> ExecutionError:
         return build_utf8_error(self.key[1])  # type: ignore[index]
 
-    def _refused(self, *_: Any) -> NoReturn:
-        raise self.error()
+    def _refuse_use(self, *_: Any) -> NoReturn:
+        raise self.make_error()
 
     def __reduce__(self) -> Any:
         return UnreadableText, (self.key[1],)  # type: ignore[index]
@@ -48,12 +48,12 @@ class UnreadableText(Opaque):
     def __bool__(self) -> bool:
         return True
 
-    object = property(_refused)
-    __lt__ = __le__ = __gt__ = __ge__ = __add__ = __radd__ = __mod__ = _refused
-    __len__ = __iter__ = __contains__ = __getitem__ = __repr__ = __str__ = __format__ = _refused
+    object = property(_refuse_use)
+    __lt__ = __le__ = __gt__ = __ge__ = __add__ = __radd__ = __mod__ = _refuse_use
+    __len__ = __iter__ = __contains__ = __getitem__ = __repr__ = __str__ = __format__ = _refuse_use
     __hash__ = Opaque.__hash__
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):
             raise AttributeError(name)
-        raise self.error()
+        raise self.make_error()

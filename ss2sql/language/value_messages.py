@@ -80,9 +80,7 @@ def check_arithmetic(value: Any, cure: str = FLOAT_CURE) -> Any:
         if INT_MIN <= value <= INT_MAX:
             return value
         raise ExecutionError(
-            "X004",
-            f"integer overflow: {format_value(value)} does not fit into 64 bits",
-            hints=(cure,),
+            "X004", f"integer overflow: {format_value(value)} does not fit into 64 bits", hints=(cure,)
         )
     if kind is float and not isfinite(value):
         raise build_overflow_error()

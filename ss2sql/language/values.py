@@ -2,7 +2,7 @@
 
 A value is None, a bool, an int of 64 bits, a finite float, a string, a list, a dict, or an opaque object.
 Python's `==` on values is the language's equality: whatever `==` would not answer is wrapped as `Opaque`.
-Nobody changes a value in place. `convert_value` (conversion.py) makes values of what Python gives, `deep_copy` copies
+Nobody changes a value in place. `convert_value` (conversion.py) makes values of what Python gives, `copy_deep` copies
 values that Python code may still change, `copy_for_python` makes copies that Python code may change.
 """
 
@@ -64,7 +64,7 @@ def copy_rows_for_python(rows: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]
         return [tuple(map(copy_for_python, row)) for row in rows]
 
 
-def deep_copy(value: Any) -> Any:
+def copy_deep(value: Any) -> Any:
     """A deep copy of a value of the language for as long as it is needed, whatever becomes of the original.
 
     What the original shares the copy shares, too, so it takes no more memory: `l = [l, l]`, forty times. There may be

@@ -36,9 +36,9 @@ def lower_function_of_rows(lowering: ExpressionLowering, call: plan.Call, scope:
         case (plan.Subquery(query=query) as inner,) if query.representation.name in ("list", "rows", "dict"):
             aggregate = _choose_aggregate(lowering, call, query)
             if aggregate is None:
-                node = lowering.python(call, [lowering.value(inner, scope)])
+                node = lowering.call_python(call, [lowering.lower_value(inner, scope)])
             else:
-                node = sql_builder.scalar(lowering.unordered(inner, scope, aggregate))
+                node = sql_builder.scalar(lowering.lower_unordered(inner, scope, aggregate))
             return memoize_reduction(lowering, call, node, scope) if has_constant_source(query) else node
         case _:
             return None
@@ -57,7 +57,7 @@ def _choose_aggregate(
     own = not list_sources(column).isdisjoint(source.id for source in query.sources)
     plain = any(column.type.kinds == kind for kind in (Kind.INT, Kind.FLOAT, Kind.STR))
     if name in _EXTREMES and own and plain and query.representation.name == "list":
-        return lambda scope: _EXTREMES[name](this=lowering.lower(column, scope))
+        return lambda scope: _EXTREMES[name](this=lowering.lower_expr(column, scope))
     return None
 
 
@@ -69,12 +69,12 @@ def memoize_reduction(lowering: ExpressionLowering, call: plan.Call, node: Node,
     for part in walk(call):
         match part:
             case plan.Element(source=source) | plan.Column(source=source) if source not in inside:
-                keys.append(lowering.value(part, scope))
+                keys.append(lowering.lower_value(part, scope))
             case plan.State(query=query) | plan.GroupKey(query=query) if query not in queries:
-                keys.append(lowering.value(part, scope))
+                keys.append(lowering.lower_value(part, scope))
     if not keys and not sql_builder.calls_python(node):
         return node  # SQLite evaluates it once
-    number = sql_builder.number(lowering.needs.reduction(call))
+    number = sql_builder.number(lowering.needs.number_reduction(call))
     different = list(dict.fromkeys(keys))
     found = sql_builder.call("recall", number, *(key.copy() for key in different))
     return sql_builder.call("coalesce", found, sql_builder.call("remember", number.copy(), *different, node))

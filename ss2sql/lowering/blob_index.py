@@ -43,11 +43,11 @@ def lower_item(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -
     packing = None if "cells" in lowering.needs.disabled else _choose_encoding(container.type, len(indexes))
     if packing is None or not isinstance(container, (plan.Constant, plan.Variable)):
         return None
-    if not all(index.type.only(INTEGRAL) and is_number(index.type) for index in indexes):
+    if not all(index.type.is_only(INTEGRAL) and is_number(index.type) for index in indexes):
         return None
-    nodes = [lowering.lower(index, scope) for index in indexes]
+    nodes = [lowering.lower_expr(index, scope) for index in indexes]
     sizes = [container.type.size, container.type.item.size if container.type.item else None]
-    cells = lowering.needs.packed(container, packing)
+    cells = lowering.needs.bind_packed(container, packing)
     found = _build_byte_lookup(
         lowering, cells, _build_offset(nodes, sizes[1 : len(nodes)]), _get_leaf_type(container.type, len(indexes))
     )
@@ -57,7 +57,7 @@ def lower_item(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -
         return None
     inside = [_build_between(node, 0, size - 1) for node, size in zip(nodes, sizes, strict=False) if size is not None]
     otherwise = sql_builder.mark_as_rare(
-        lowering.python(call, [lowering.value(argument, scope) for argument in call.arguments])
+        lowering.call_python(call, [lowering.lower_value(argument, scope) for argument in call.arguments])
     )
     condition = sql_builder.conjunction(inside)
     assert condition is not None
@@ -84,7 +84,7 @@ def _choose_encoding(kind: Type, depth: int) -> ListEncoding | None:
         return ListEncoding(depth > 1, 0)
     if kind.kinds != Kind.INT or kind.low is None or kind.high is None or kind.high - kind.low > 255:
         return None
-    if not kind.bounded(EXACT):
+    if not kind.is_bounded(EXACT):
         return None  # the least is written into the text
     return ListEncoding(depth > 1, int(kind.low))
 
@@ -113,7 +113,9 @@ def _build_byte_lookup(lowering: ExpressionLowering, cells: Node, place: Node, k
     alphabet = list(range(256))
     known: Node = exp.HexString(this=bytes(alphabet[:count]).hex())
     if count > MAX_SHOWN_BYTES:
-        known = lowering.needs.packed(plan.Constant(alphabet, type_of(alphabet), span=NOWHERE), ListEncoding(False, 0))
+        known = lowering.needs.bind_packed(
+            plan.Constant(alphabet, type_of(alphabet), span=NOWHERE), ListEncoding(False, 0)
+        )
     number = sql_builder.call("instr", known, byte)
     offset = least - 1
     return (
@@ -150,14 +152,14 @@ def lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlSc
         return None
     if not isinstance(item, plan.MakeList) or len(item.items) != len(packing.box):
         return None
-    if not all(part.type.only(INTEGRAL) and is_number(part.type) for part in item.items):
+    if not all(part.type.is_only(INTEGRAL) and is_number(part.type) for part in item.items):
         return None
-    nodes = [lowering.lower(part, scope) for part in item.items]
+    nodes = [lowering.lower_expr(part, scope) for part in item.items]
     if not all(map(can_repeat, nodes)):
         return None
     places = [_subtract_number(node, low) for node, (low, _) in zip(nodes, packing.box, strict=True)]
     place = _build_offset(places, [high - low + 1 for low, high in packing.box[1:]])
-    cells = lowering.needs.packed(container, packing)
+    cells = lowering.needs.bind_packed(container, packing)
     inside = sql_builder.conjunction(
         [_build_between(node, low, high) for node, (low, high) in zip(nodes, packing.box, strict=True)]
     )
@@ -172,7 +174,7 @@ def _choose_point_encoding(kind: Type) -> PointSetEncoding | None:
         return None
     box: list[tuple[int, int]] = []
     for position in points.positions:
-        if not position.only(INTEGRAL) or position.low is None or position.high is None:
+        if not position.is_only(INTEGRAL) or position.low is None or position.high is None:
             return None
         box.append((int(position.low), int(position.high)))
     packing = PointSetEncoding(tuple(box))

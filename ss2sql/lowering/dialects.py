@@ -60,7 +60,7 @@ class Dialect:
     name: str
     printer_class: type[_ShortParentheses] = _ShortParentheses
 
-    def print(self, tree: exp.Expr) -> str:
+    def print_tree(self, tree: exp.Expr) -> str:
         """The SQL tree as text."""
         options: dict[str, Any] = {"pretty": True, "normalize_functions": False}
         try:

@@ -105,7 +105,7 @@ def add_call_columns(
     assert isinstance(item, exp.Table)
     columns = tuple(name for name, _ in source.columns or ())
     taken = {"this", *(name.lower() for name in choose_column_names(columns).values())}
-    given: list[plan.Expr] = []
+    shared: list[plan.Expr] = []
     made: list[ElementCall] = []
     for call in calls:
         arguments: list[str | int] = []
@@ -116,10 +116,10 @@ def add_call_columns(
                 case plan.Element() if _reads_element(argument, source):
                     arguments.append("this")
                 case _:
-                    if argument not in given:
-                        given.append(argument)
-                    arguments.append(given.index(argument) + 1)
-        selects.needs.function(call.function.name, call.place)
+                    if argument not in shared:
+                        shared.append(argument)
+                    arguments.append(shared.index(argument) + 1)
+        selects.needs.name_function(call.function.name, call.place)
         made.append(ElementCall(choose_free_name(call.function.name, taken), call.function.name, tuple(arguments)))
     module = selects.needs.name_list_table(ListTable(columns, tuple(made)))
     if module is None:
@@ -131,6 +131,8 @@ def add_call_columns(
         for call, column in zip(calls, made, strict=True)
     ]
     table = sql_builder.table_function(
-        module, [*item.this.expressions, *(selects.expressions.value(argument, scope) for argument in given)], label
+        module,
+        [*item.this.expressions, *(selects.expressions.lower_value(argument, scope) for argument in shared)],
+        label,
     )
     return table, replace(scope, known=(*scope.known, *known))

@@ -32,14 +32,14 @@ LowerFunction: TypeAlias = "Callable[[ExpressionLowering, plan.Call, SqlScope], 
 
 
 def _lower_operands(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> list[Node]:
-    return [lowering.lower(argument, scope) for argument in call.arguments]
+    return [lowering.lower_expr(argument, scope) for argument in call.arguments]
 
 
 def _has_one_form(kind: Type) -> bool:
     """Whether these are lists of which equal ones are the same: of integers, strings, None and such lists."""
     if kind.kinds != Kind.LIST or kind.item is None:
         return False
-    return kind.item.only(Kind.INT | Kind.STR | Kind.NONE) or _has_one_form(kind.item)
+    return kind.item.is_only(Kind.INT | Kind.STR | Kind.NONE) or _has_one_form(kind.item)
 
 
 def _is_bound_beforehand(expr: plan.Expr) -> bool:
@@ -59,11 +59,11 @@ def _compare_handles(lowering: ExpressionLowering, call: plan.Call, scope: SqlSc
     first, second = call.arguments
     nodes: list[Node] | None = None
     if _has_one_form(first.type) and _has_one_form(second.type):
-        nodes = [lowering.value(argument, scope) for argument in call.arguments]
+        nodes = [lowering.lower_value(argument, scope) for argument in call.arguments]
     elif not lowering.needs.by_value:
         for known, other in ((first, second), (second, first)):
             if _is_bound_beforehand(known) and _has_one_form(known.type):
-                nodes = [lowering.value(other, scope), lowering.needs.bind_plain(known)]
+                nodes = [lowering.lower_value(other, scope), lowering.needs.bind_plain(known)]
                 break
     if nodes is None:
         return None
@@ -78,11 +78,11 @@ def _compare_with_equal_value(lowering: ExpressionLowering, call: plan.Call, sco
     first, second = call.arguments
     for known, other in ((first, second), (second, first)):
         text = known.type.kinds == Kind.STR
-        plain = text or known.type.only(REAL_NUMBER)
+        plain = text or known.type.is_only(REAL_NUMBER)
         if plain and isinstance(other, plan.Variable) and not isinstance(known, plan.Variable):
-            bound = lowering.needs.bind(other, other.name, False, EqualValueEncoding(text))
+            bound = lowering.needs.bind_value(other, other.name, False, EqualValueEncoding(text))
             kind = exp.NullSafeEQ if call.function.name == "eq" else exp.NullSafeNEQ
-            return sql_builder.binary(kind, lowering.lower(known, scope), bound)
+            return sql_builder.binary(kind, lowering.lower_expr(known, scope), bound)
     return None
 
 
@@ -94,15 +94,15 @@ def _lower_equality(lowering: ExpressionLowering, call: plan.Call, scope: SqlSco
             # None equals nothing but None, whatever the other side is.
             question = call.arguments[1 - index]
             if isinstance(question, plan.Subquery) and is_exists(question.query):
-                found = lowering.exists(question, scope)
+                found = lowering.lower_exists(question, scope)
                 return exp.Not(this=found) if equal else found
-            other = sql_builder.wrap_operand(lowering.value(call.arguments[1 - index], scope))
+            other = sql_builder.wrap_operand(lowering.lower_value(call.arguments[1 - index], scope))
             none = sql_builder.null()
             return exp.Is(this=other, expression=none if equal else exp.Not(this=none))
     if not have_same_storage_class(left, right, none=True):
         return _compare_with_equal_value(lowering, call, scope) or _compare_handles(lowering, call, scope)
     a, b = _lower_operands(lowering, call, scope)
-    if left.may(Kind.NONE) or right.may(Kind.NONE):
+    if left.may_be(Kind.NONE) or right.may_be(Kind.NONE):
         return sql_builder.binary(exp.NullSafeEQ if equal else exp.NullSafeNEQ, a, b)
     return sql_builder.binary(exp.EQ if equal else exp.NEQ, a, b)
 
@@ -111,20 +111,20 @@ def _lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlS
     """`x IN [1, 2, 3]`, a list of the class of x: written out where it is short, else walked once by SQLite."""
     item, items = call.arguments
     known = items.type.item if items.type.kinds == Kind.LIST else None
-    if known is None or not have_same_storage_class(item.type, known) or known.may(Kind.BOOL):
+    if known is None or not have_same_storage_class(item.type, known) or known.may_be(Kind.BOOL):
         return lower_membership(lowering, call, scope)
     if not isinstance(items, (plan.Constant, plan.Variable)):
         return None  # before the item is lowered: who comes next would lower it again, and all within it
-    this = sql_builder.wrap_operand(lowering.lower(item, scope))
+    this = sql_builder.wrap_operand(lowering.lower_expr(item, scope))
     if isinstance(items, plan.Constant) and len(items.value) <= MAX_WRITTEN_MEMBERS:
-        written = [lowering.constant(plan.Constant(value, known, span=items.span)) for value in items.value]
+        written = [lowering.lower_constant(plan.Constant(value, known, span=items.span)) for value in items.value]
         test = exp.In(this=this, expressions=written)
     else:
-        label = lowering.needs.label("members")
-        members = lowering.lower(items, scope)
+        label = lowering.needs.choose_label("members")
+        members = lowering.lower_expr(items, scope)
         if isinstance(members, exp.Placeholder):
             lowering.needs.members.add(members.name)
-        walked = sql_builder.table_function(lowering.needs.elements(()), [members], label)
+        walked = sql_builder.table_function(lowering.needs.name_elements_table(()), [members], label)
         test = exp.In(
             this=this, query=sql_builder.scalar(sql_builder.select([sql_builder.column("this", label)], [walked]))
         )
@@ -136,11 +136,11 @@ def _lower_like(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) 
     value, pattern = call.arguments
     if call.function.raises or not isinstance(pattern, plan.Constant) or pattern.value.count("%") > 2:
         return None  # SQLite's GLOB tries every place of each *
-    text, node, negated = pattern.value, lowering.lower(value, scope), call.function.name == "not_like"
+    text, node, negated = pattern.value, lowering.lower_expr(value, scope), call.function.name == "not_like"
     part = text.strip("%")
     plain = "_" not in part and "%" not in part
     if plain and text == part:
-        return sql_builder.binary(exp.NEQ if negated else exp.EQ, node, lowering.constant(pattern))
+        return sql_builder.binary(exp.NEQ if negated else exp.EQ, node, lowering.lower_constant(pattern))
     if plain and part and text == f"%{part}%":
         found = sql_builder.call("instr", node, sql_builder.string(part))
         return sql_builder.binary(exp.EQ if negated else exp.GT, found, sql_builder.number(0))
@@ -152,7 +152,7 @@ def _lower_like(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) 
     if not can_repeat(node):
         return None
     nul = sql_builder.call("instr", node.copy(), sql_builder.call("char", sql_builder.number(0)))
-    return sql_builder.case([(nul, lowering.python(call, [node.copy(), lowering.constant(pattern)]))], test)
+    return sql_builder.case([(nul, lowering.call_python(call, [node.copy(), lowering.lower_constant(pattern)]))], test)
 
 
 SPECIAL_OPERATIONS: dict[str, LowerFunction] = {

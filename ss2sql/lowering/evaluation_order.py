@@ -52,19 +52,19 @@ class EvaluationOrder:
 
     # --- expressions -----------------------------------------------------------------------------------
 
-    def of(self, expr: object) -> int:
+    def count_sources_needed(self, expr: object) -> int:
         """The number of sources that have to be bound for the expression."""
         return max((self.number.get(source, 0) for source in list_sources(expr)), default=0)
 
-    def conditions(self) -> list[Condition]:
+    def split_where(self) -> list[Condition]:
         """The parts of WHERE in written order. One that may fail is not evaluated before those that guard it."""
         last = len(self.query.sources)
         parts = () if self.query.where is None else tuple(_iterate_conjuncts(self.query.where))
         placed: list[Condition] = []
         reached = 1
         for part in parts:
-            level, fails = self.of(part), can_fail(part)
-            key = self._key(part, level, [condition.expr for condition in placed])
+            level, fails = self.count_sources_needed(part), can_fail(part)
+            key = self._find_key(part, level, [condition.expr for condition in placed])
             if key is not None:
                 fails = False
             if fails:
@@ -73,7 +73,7 @@ class EvaluationOrder:
             placed.append(Condition(part, level, not fails, key))
         return placed
 
-    def _key(self, part: plan.Expr, level: int, before: Sequence[plan.Expr]) -> ExpressionKey | None:
+    def _find_key(self, part: plan.Expr, level: int, before: Sequence[plan.Expr]) -> ExpressionKey | None:
         if not self.may_look_up or level == 0:
             return None
         return find_expression_key(self.query, self.query.sources[level - 1], part, before)
@@ -98,7 +98,7 @@ class EvaluationOrder:
         """Finds what of an expression that is certainly evaluated at this level can be from an earlier one on."""
         if expr in found or not _is_costly(expr):
             return
-        own = min(level, max(self.of(expr), guarded))
+        own = min(level, max(self.count_sources_needed(expr), guarded))
         for part in _iterate_certain_parts(expr):
             self._hoist(part, own, guarded, found)
         if own < level:

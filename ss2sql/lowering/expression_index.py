@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.plan_traversal import (
+    can_end_early,
     can_fail,
-    ends_early,
     has_query,
     is_volatile,
     list_functions,
@@ -94,7 +94,7 @@ def _can_be_key(query: plan.Query, source: int, expr: plan.Expr, other: plan.Exp
         return False
     if has_query(expr):
         return False
-    return not ends_early(query) or all(function.builtin for function in list_functions(expr))
+    return not can_end_early(query) or all(function.builtin for function in list_functions(expr))
 
 
 def _find_guarded_key(

@@ -33,12 +33,12 @@ COLLECTORS = {
 def is_sortable(kind: Type) -> bool:
     """Whether SQLite's order of these values is the language's: numbers, or strings, or None among them."""
     plain = Kind.INT | Kind.FLOAT | Kind.NONE
-    return is_flag(kind) or kind.only(plain) or kind.only(Kind.STR | Kind.NONE)
+    return is_flag(kind) or kind.is_only(plain) or kind.is_only(Kind.STR | Kind.NONE)
 
 
 def has_one_form(kind: Type) -> bool:
     """Whether equal values of the type are the same value, so that any member can stand for its group."""
-    return is_flag(kind) or any(kind.only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
+    return is_flag(kind) or any(kind.is_only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
 
 
 class FlatLowering:
@@ -46,18 +46,17 @@ class FlatLowering:
 
     def __init__(self, needs: StatementNeeds) -> None:
         self.needs = needs
-        self.expressions = ExpressionLowering(needs, self.subquery, self.unordered)
+        self.expressions = ExpressionLowering(needs, self.lower_subquery, self.lower_unordered)
         self.tables: dict[str, plan.TableSource] = {}
         self.copies: MaterializedTables | None = None  # where the statement can have some
 
     # --- parts -----------------------------------------------------------------------------------------
 
-    def conditions(self, where: plan.Expr | None, scope: SqlScope) -> list[Node]:
+    def lower_where(self, where: plan.Expr | None, scope: SqlScope) -> list[Node]:
         """WHERE, which cannot fail, as conditions that all have to hold, in any order."""
-        return [self.expressions.condition(part, scope) for part in split_and(where)]
+        return [self.expressions.lower_condition(part, scope) for part in split_and(where)]
 
-    def flat(self, query: plan.Query, scope: SqlScope) -> JoinBuilder:
-        """FROM and WHERE of a query."""
+    def lower_from_and_where(self, query: plan.Query, scope: SqlScope) -> JoinBuilder:
         opened, inner = open_sources(self, query.sources, scope)
         tables = any(isinstance(source, plan.TableSource) for source in _find_all_sources(query))
         disabled = self.needs.disabled
@@ -65,7 +64,7 @@ class FlatLowering:
         levels = EvaluationOrder(query, "early" not in disabled, "hoist" not in disabled and not tables, looks_up)
         return JoinBuilder(self, query, opened, inner, levels)
 
-    def order(self, query: plan.Query, flat: JoinBuilder) -> list[tuple[Node, bool]] | None:
+    def lower_order(self, query: plan.Query, flat: JoinBuilder) -> list[tuple[Node, bool]] | None:
         """The keys of ORDER BY, then those of the product's own order; None where Python has to sort."""
         if not query.order:
             kinds = {isinstance(source, plan.TableSource) for source in _find_all_sources(query)}
@@ -76,7 +75,7 @@ class FlatLowering:
         natural = flat.natural_order if all(is_sortable(key.expr.type) for key in query.order) else None
         if natural is None:
             return None
-        keys = [(self.expressions.lower(key.expr, flat.scope), key.descending) for key in query.order]
+        keys = [(self.expressions.lower_expr(key.expr, flat.scope), key.descending) for key in query.order]
         return keys + [(key, False) for key in natural]
 
     def _scan_in_order(self, flat: JoinBuilder) -> None:
@@ -95,15 +94,15 @@ class FlatLowering:
 
     # --- grouped queries -------------------------------------------------------------------------------
 
-    def grouped(self, query: plan.Query, scope: SqlScope, names: list[str | None]) -> exp.Select:
+    def lower_grouped(self, query: plan.Query, scope: SqlScope, names: list[str | None]) -> exp.Select:
         """One row per group, in order of first appearance."""
-        flat = self.flat(query, scope)
+        flat = self.lower_from_and_where(query, scope)
         where = sql_builder.conjunction(flat.terms)
         first = flat.natural_order
         if (not query.group or (first is not None and len(first) == 1)) and not _needs_numbers(query):
-            keys = [self.expressions.lower(key, flat.scope) for key in query.group]
+            keys = [self.expressions.lower_expr(key, flat.scope) for key in query.group]
             number = first[0] if query.group and first else sql_builder.null()
-            return self._group(query, _GroupInput(flat.scope, flat.items, where, keys, number), names)
+            return self._write_groups(query, _GroupInput(flat.scope, flat.items, where, keys, number), names)
         return self._group_numbered(query, flat, where, names)
 
     def _group_numbered(
@@ -125,13 +124,13 @@ class FlatLowering:
         names: list[str | None],
     ) -> exp.Select:
         """The groups of rows with the columns of the numbered product `inner`."""
-        label = self.needs.label("product")
+        label = self.needs.choose_label("product")
         columns = [sql_builder.column(f"argument_{index}", label) for index in range(1, len(arguments) + 1)]
         keys: list[Node] = [sql_builder.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
         rows = _GroupInput(
             scope, [sql_builder.derived(inner, label)], None, keys, sql_builder.column("position", label)
         )
-        return _NumberedLowering(self, arguments, columns)._group(query, rows, names)
+        return _NumberedLowering(self, arguments, columns)._write_groups(query, rows, names)
 
     def _number_product_rows(self, flat: JoinBuilder, outputs: list[Node], where: Node | None) -> exp.Select:
         """The rows of a product with these columns, and their positions in its order."""
@@ -143,52 +142,58 @@ class FlatLowering:
         number = sql_builder.row_number([(key, False) for key in natural])
         return sql_builder.select([*outputs, sql_builder.alias(number, "position")], flat.items, where)
 
-    def _group(self, query: plan.Query, rows: _GroupInput, names: list[str | None]) -> exp.Select:
+    def _write_groups(self, query: plan.Query, rows: _GroupInput, names: list[str | None]) -> exp.Select:
         scope = rows.scope.with_groups({(query.id, index): key for index, key in enumerate(rows.keys)})
-        select = rows.grouped(self.outputs(query, scope, names))
+        select = rows.select_groups(self.lower_columns(query, scope, names))
         if query.having is not None:
-            having = self.expressions.condition(query.having, scope)
+            having = self.expressions.lower_condition(query.having, scope)
             select.set("having", exp.Having(this=having))
         if not query.group:
             return select
-        order = [(self.expressions.lower(key.expr, scope), key.descending) for key in query.order]
+        order = [(self.expressions.lower_expr(key.expr, scope), key.descending) for key in query.order]
         if not all(isinstance(key, plan.Constant) for key in query.group):  # else there is one group
             order.append((rows.first_row, False))
         return sql_builder.sort_query(select, order)
 
     # --- whole queries ---------------------------------------------------------------------------------
 
-    def outputs(self, query: plan.Query, scope: SqlScope, names: list[str | None], boxed: bool = False) -> list[Node]:
-        lower = self.expressions.value if boxed else self.expressions.lower
+    def lower_columns(
+        self, query: plan.Query, scope: SqlScope, names: list[str | None], boxed: bool = False
+    ) -> list[Node]:
+        lower = self.expressions.lower_value if boxed else self.expressions.lower_expr
         nodes = [lower(output.expr, scope) for output in query.columns]
         return [sql_builder.named(node, name) for node, name in zip(nodes, names, strict=True)]
 
-    def rows(self, query: plan.Query, scope: SqlScope, names: list[str | None], boxed: bool = False) -> exp.Select:
+    def lower_rows(
+        self, query: plan.Query, scope: SqlScope, names: list[str | None], boxed: bool = False
+    ) -> exp.Select:
         """The query's rows, sorted and cut; the caller guarantees that SQL can sort them."""
-        limit, offset = self.needs.limits(query)
+        limit, offset = self.needs.bind_limits(query)
         if query.aggregated:
-            select = self.grouped(query, scope, names)
+            select = self.lower_grouped(query, scope, names)
             return sql_builder.sort_query(select, (), limit, offset)
-        flat = self.flat(query, scope)
-        order = self.order(query, flat)
+        flat = self.lower_from_and_where(query, scope)
+        order = self.lower_order(query, flat)
         assert order is not None, "declared in unsupported.py"
-        outputs = self.outputs(query, flat.scope, names, boxed)
+        outputs = self.lower_columns(query, flat.scope, names, boxed)
         return sql_builder.select(outputs, flat.items, sql_builder.conjunction(flat.terms), order, limit, offset)
 
-    def derived(self, query: plan.Query, scope: SqlScope) -> exp.Select:
+    def lower_derived(self, query: plan.Query, scope: SqlScope) -> exp.Select:
         """The query as a derived table, its columns under the names of sql_names."""
         names = choose_column_names(tuple(output.name for output in query.columns))
-        select = self.rows(query, scope, list(names.values()))
+        select = self.lower_rows(query, scope, list(names.values()))
         if select.args.get("limit") is None:
             sql_builder.sort_query(select, (), sql_builder.unlimited())
         return select
 
-    def subquery(self, query: plan.Query, scope: SqlScope) -> Node:
+    def lower_subquery(self, query: plan.Query, scope: SqlScope) -> Node:
         """A query in an expression: the value that its representation gives."""
         name = query.representation.name
         flag = query.aggregated and is_flag(query.columns[0].expr.type)  # which would not be made a value again
         if name == "value" and not flag:
-            select = self.rows(replace(query, columns=query.columns[:1]), scope, [None], boxed=not query.aggregated)
+            select = self.lower_rows(
+                replace(query, columns=query.columns[:1]), scope, [None], boxed=not query.aggregated
+            )
             if select.args.get("limit") is None:
                 sql_builder.sort_query(select, (), sql_builder.number(1))
             return sql_builder.scalar(select)
@@ -198,25 +203,25 @@ class FlatLowering:
         simple = simple and not (query.aggregated or query.order or query.limit)
         tables = any(isinstance(source, plan.TableSource) for source in _find_all_sources(query))
         if simple and not tables:
-            flat = self.flat(query, scope)
-            values = self.outputs(query, flat.scope, [None] * len(query.columns), boxed=True)
+            flat = self.lower_from_and_where(query, scope)
+            values = self.lower_columns(query, flat.scope, [None] * len(query.columns), boxed=True)
             collected = self._collect_values(query, values)
             return sql_builder.scalar(sql_builder.select([collected], flat.items, sql_builder.conjunction(flat.terms)))
-        label = self.needs.label("results")
-        select = self.derived(query, scope)
+        label = self.needs.choose_label("results")
+        select = self.lower_derived(query, scope)
         columns: list[Node] = []
         for output, name_ in zip(
             query.columns, choose_column_names(tuple(o.name for o in query.columns)).values(), strict=True
         ):
             node: Node = sql_builder.column(name_, label)
-            columns.append(self.expressions.boxed(node) if is_flag(output.expr.type) else node)
+            columns.append(self.expressions.box_flag(node) if is_flag(output.expr.type) else node)
         return sql_builder.scalar(
             sql_builder.select([self._collect_values(query, columns)], [sql_builder.derived(select, label)])
         )
 
-    def unordered(self, query: plan.Query, scope: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
+    def lower_unordered(self, query: plan.Query, scope: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
         """One column over the rows of a query whose order is of no account."""
-        flat = self.flat(replace(query, limit=None), scope)
+        flat = self.lower_from_and_where(replace(query, limit=None), scope)
         where = sql_builder.conjunction([term for term in flat.terms if term not in flat.ordering])
         return sql_builder.select([output(flat.scope)], flat.items, where)
 
@@ -243,7 +248,7 @@ class _GroupInput:
     def first_row(self) -> Node:
         return exp.Min(this=self.number.copy())
 
-    def grouped(self, outputs: list[Node]) -> exp.Select:
+    def select_groups(self, outputs: list[Node]) -> exp.Select:
         select = sql_builder.select(outputs, self.items, self.where)
         if self.keys:
             select.set("group", exp.Group(expressions=[sql_builder.sort_key(key.copy()) for key in self.keys]))
@@ -260,14 +265,14 @@ class _NumberedLowering(FlatLowering):
 
 class _ArgumentLowering(ExpressionLowering):
     def __init__(self, selects: FlatLowering, arguments: Sequence[plan.Expr], columns: Sequence[Node]) -> None:
-        super().__init__(selects.needs, selects.subquery, selects.unordered)
+        super().__init__(selects.needs, selects.lower_subquery, selects.lower_unordered)
         self.known = list(zip(arguments, columns, strict=True))
 
-    def value(self, expr: plan.Expr, scope: SqlScope) -> Node:
+    def lower_value(self, expr: plan.Expr, scope: SqlScope) -> Node:
         for argument, column in self.known:
             if argument == expr:
                 return column.copy()
-        return super().value(expr, scope)
+        return super().lower_value(expr, scope)
 
 
 def _find_all_sources(query: plan.Query) -> list[plan.Source]:
@@ -297,7 +302,7 @@ def select_group_inputs(
     position: bool = True,
 ) -> list[Node]:
     """What is computed of each row before groups are made: arguments of aggregates, the keys, and its position."""
-    lower, value = selects.expressions.lower, selects.expressions.value
+    lower, value = selects.expressions.lower_expr, selects.expressions.lower_value
     shown = [sql_builder.alias(value(expr, scope), f"argument_{index}") for index, expr in enumerate(arguments, 1)]
     shown += [sql_builder.alias(lower(key, scope), f"key_{index}") for index, key in enumerate(keys, 1)]
     return [*shown, sql_builder.alias(sql_builder.call("next_position"), "position")] if position else shown

@@ -16,7 +16,7 @@ from sqlglot import exp
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, is_flag
-from ss2sql.language.plan_traversal import can_fail, list_inside, list_sources, list_states, split_and, varies_with
+from ss2sql.language.plan_traversal import can_fail, can_vary_with, list_inside, list_sources, list_states, split_and
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.materialize import add_row_numbers, build_materialized_cte, sort_by_row_number
 from ss2sql.lowering.sql_builder import Node
@@ -61,30 +61,26 @@ def open_sources(
 
 
 def open_source(
-    selects: FlatLowering,
-    source: plan.Source,
-    scope: SqlScope,
-    siblings: set[int],
-    search: int | None,
+    selects: FlatLowering, source: plan.Source, scope: SqlScope, siblings: set[int], search: int | None
 ) -> FromItem:
     match source:
         case plan.TableSource():
             return _open_table(selects, source)
         case plan.ValueSource(value=value):
-            return _open_elements(selects, source, selects.expressions.value(value, scope))
+            return _open_elements(selects, source, selects.expressions.lower_value(value, scope))
         case plan.QuerySource(optional=True):
             return _open_left_joined(selects, source, scope, siblings)
         case plan.QuerySource(query=query):
             if _can_join(query) and not (search is None and _reads_only_outer_rows(query, siblings)):
                 return _open_joined(selects, source, scope, siblings, search)
-            lateral = varies_with(query, siblings, search)
+            lateral = can_vary_with(query, siblings, search)
             whole = search is not None
             outside = list_sources(query) - list_inside(query) or list_states(query)
             apart = not lateral and not (whole and outside)
             if apart and query.representation.name == "dict" and (not query.group or query.aggregated):
                 return _open_derived(selects, source, scope, whole)
             return _open_elements(
-                selects, source, selects.subquery(query, replace(scope, again=scope.again or lateral))
+                selects, source, selects.lower_subquery(query, replace(scope, again=scope.again or lateral))
             )
         case plan.WorldSource():
             return _open_world(selects, source, scope)
@@ -93,59 +89,61 @@ def open_source(
 
 
 def _open_table(selects: FlatLowering, source: plan.TableSource) -> FromItem:
-    label = selects.needs.label(source.name)
+    label = selects.needs.choose_label(source.name)
     selects.tables[label] = source
-    schema = None if source.schema == "main" and not sql_builder.may_need_schema(source.table) else source.schema
+    schema = None if source.schema == "main" and not sql_builder.can_need_schema(source.table) else source.schema
     columns: dict[str, Node] = {name: sql_builder.column(name, label) for name, _ in source.columns}
     for name in source.collated:
         columns[name] = exp.Collate(this=columns[name], expression=exp.Var(this="BINARY"))
 
-    def read(expr: plan.Element | plan.Column) -> Node:
+    def read_column(expr: plan.Element | plan.Column) -> Node:
         if isinstance(expr, plan.Column):
             return columns[expr.name].copy()
         return build_record({name: node.copy() for name, node in columns.items()})
 
     order = tuple(sql_builder.column(name, label) for name in source.order)
-    return FromItem((sql_builder.table(source.table, label, schema),), read, order, next(iter(columns.values())))
+    return FromItem((sql_builder.table(source.table, label, schema),), read_column, order, next(iter(columns.values())))
 
 
 def _open_elements(selects: FlatLowering, source: plan.ValueSource | plan.QuerySource, value: Node) -> FromItem:
     columns = tuple(name for name, _ in source.columns or ())
     names = choose_column_names(columns)
-    label = selects.needs.label(source.name)
-    module = selects.needs.elements(columns)
+    label = selects.needs.choose_label(source.name)
+    module = selects.needs.name_elements_table(columns)
     if isinstance(value, exp.Placeholder):
         selects.needs.walked[source.id] = value.name
 
-    def read(expr: plan.Element | plan.Column) -> Node:
+    def read_element(expr: plan.Element | plan.Column) -> Node:
         this = sql_builder.column("this", label)
         if isinstance(expr, plan.Element):
             return selects.expressions.unbox_value(this, expr.type)
         if expr.declared:
             return selects.expressions.unbox_value(sql_builder.column(names[expr.name], label), expr.type)
-        return selects.expressions.field(this, expr)
+        return selects.expressions.read_field(this, expr)
 
     item = sql_builder.table_function(module, [value], label)
     # The elements of a data frame are made when they are read; its row numbers cost nothing.
     framed = isinstance(source, plan.ValueSource) and isinstance(source.value, plan.Variable) and source.value.frame
     witness = sql_builder.column("rowid" if framed else "this", label)
-    return FromItem((item,), read, (sql_builder.column("rowid", label),), witness)
+    return FromItem((item,), read_element, (sql_builder.column("rowid", label),), witness)
 
 
 def _open_world(selects: FlatLowering, source: plan.WorldSource, scope: SqlScope) -> FromItem:
     """A table of a world, or one of its table functions; it is walked in its own order."""
-    label = selects.needs.label(source.name)
+    label = selects.needs.choose_label(source.name)
     names = choose_column_names(tuple(name for name, _ in source.columns))
     selects.needs.worlds[label] = source.table
 
-    def read(expr: plan.Element | plan.Column) -> Node:
+    def read_column(expr: plan.Element | plan.Column) -> Node:
         return sql_builder.column("this" if isinstance(expr, plan.Element) else names[expr.name], label)
 
     item = sql_builder.table(source.table.module, label)
     if source.table.schema.parameters:
-        arguments = [selects.expressions.value(argument, scope) for argument in source.arguments]
+        arguments = [selects.expressions.lower_value(argument, scope) for argument in source.arguments]
         item = sql_builder.table_function(source.table.module, arguments, label)
-    return FromItem((item,), read, (sql_builder.column(ROW_NUMBER, label),), sql_builder.column(ROW_NUMBER, label))
+    return FromItem(
+        (item,), read_column, (sql_builder.column(ROW_NUMBER, label),), sql_builder.column(ROW_NUMBER, label)
+    )
 
 
 def build_record(columns: dict[str, Node]) -> Node:
@@ -188,9 +186,9 @@ def _open_joined(
         inner = inner.with_source(part.id, opened.reader)
         items.extend(opened.items)
         order.extend(opened.order)
-    conditions = selects.conditions(query.where, inner)
+    conditions = selects.lower_where(query.where, inner)
     reader = make_column_reader(
-        selects, query, {o.name: selects.expressions.lower(o.expr, inner) for o in query.columns}
+        selects, query, {o.name: selects.expressions.lower_expr(o.expr, inner) for o in query.columns}
     )
     return FromItem(tuple(items), reader, tuple(order), opened.witness_column, tuple(conditions))
 
@@ -200,38 +198,38 @@ def _read_through_query(opened: FromItem, query: plan.Query) -> Reader:
     source = query.sources[0]
     kinds = dict(source.columns or ())
 
-    def read(expr: plan.Element | plan.Column) -> Node:
+    def read_output(expr: plan.Element | plan.Column) -> Node:
         if isinstance(expr, plan.Element):
             return opened.reader(replace(expr, source=source.id, type=query.columns[0].expr.type))
         known = expr.name in kinds
         return opened.reader(replace(expr, source=source.id, type=kinds.get(expr.name, ANY), declared=known))
 
-    return read
+    return read_output
 
 
 def _open_left_joined(selects: FlatLowering, source: plan.QuerySource, scope: SqlScope, siblings: set[int]) -> FromItem:
     """The right side of a LEFT JOIN. A number of its rows is needed, which says whether there is one."""
     query = source.query
     (inner,) = query.sources
-    if isinstance(inner, plan.QuerySource) and not inner.optional and not varies_with(inner.query, siblings, None):
+    if isinstance(inner, plan.QuerySource) and not inner.optional and not can_vary_with(inner.query, siblings, None):
         part = _open_numbered(selects, _open_derived(selects, inner, scope, False), inner)
     else:
         part = open_source(selects, inner, scope, siblings, None)
         part = part if part.order else _open_numbered(selects, part, inner)
     here = scope.with_source(inner.id, part.reader)
-    on = [selects.expressions.all_of(split_and(query.where), here)] if query.where is not None else []
+    on = [selects.expressions.lower_and(split_and(query.where), here)] if query.where is not None else []
     plain, number = _read_through_query(part, query), part.order[-1]
     element, kinds = query.columns[0].expr.type, dict(inner.columns or ())
 
-    def read(expr: plan.Element | plan.Column) -> Node:
+    def read_or_null(expr: plan.Element | plan.Column) -> Node:
         node = plain(expr)
         flag = is_flag(kinds.get(expr.name, ANY) if isinstance(expr, plan.Column) else element)
         if isinstance(node, exp.Column) and not flag:
             return node
         found = exp.Not(this=exp.Is(this=number.copy(), expression=sql_builder.null()))
-        return sql_builder.case([(found, selects.expressions.boxed(node) if flag else node)], sql_builder.null())
+        return sql_builder.case([(found, selects.expressions.box_flag(node) if flag else node)], sql_builder.null())
 
-    return FromItem(part.items, read, part.order, part.witness_column, (), (*part.conditions, *on))
+    return FromItem(part.items, read_or_null, part.order, part.witness_column, (), (*part.conditions, *on))
 
 
 def _open_numbered(selects: FlatLowering, part: FromItem, source: plan.Source) -> FromItem:
@@ -252,14 +250,16 @@ def _open_numbered(selects: FlatLowering, part: FromItem, source: plan.Source) -
 def _open_derived(selects: FlatLowering, source: plan.QuerySource, scope: SqlScope, whole: bool) -> FromItem:
     """`(SELECT ... LIMIT -1) AS name`, which the limit keeps apart, and its order with it; or a table of WITH."""
     query, needs = source.query, selects.needs
-    label = needs.label(source.name)
+    label = needs.choose_label(source.name)
     if whole:
         if source.id not in needs.materialized_ctes:  # a search opens its sources twice
-            made = selects.derived(query, scope)
-            needs.materialized_ctes[source.id] = build_materialized_cte(needs.table(f"{source.name}_once"), made)
+            made = selects.lower_derived(query, scope)
+            needs.materialized_ctes[source.id] = build_materialized_cte(
+                needs.choose_table_name(f"{source.name}_once"), made
+            )
         item: Node = sql_builder.table(needs.materialized_ctes[source.id].alias, label)
     else:
-        item = sql_builder.derived(selects.derived(query, scope), label)
+        item = sql_builder.derived(selects.lower_derived(query, scope), label)
     names = choose_column_names(tuple(output.name for output in query.columns))
     columns: dict[str, Node] = {name: sql_builder.column(short, label) for name, short in names.items()}
     return FromItem((item,), make_column_reader(selects, query, columns), (), next(iter(columns.values())))
@@ -269,13 +269,13 @@ def make_column_reader(selects: FlatLowering, query: plan.Query, columns: dict[s
     """Reads the rows of a query by the columns that its outputs have become."""
     types = {output.name: output.expr.type for output in query.columns}
 
-    def read(expr: plan.Element | plan.Column) -> Node:
+    def read_column(expr: plan.Element | plan.Column) -> Node:
         if isinstance(expr, plan.Column):
             return columns[expr.name].copy()
         boxed = {
-            name: selects.expressions.boxed(node.copy()) if is_flag(types[name]) else node.copy()
+            name: selects.expressions.box_flag(node.copy()) if is_flag(types[name]) else node.copy()
             for name, node in columns.items()
         }
         return build_record(boxed)
 
-    return read
+    return read_column

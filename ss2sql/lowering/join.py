@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class DerivedTable:
-    """Sources joined in a table of their own; `carry` makes what is read of them columns of it."""
+    """Sources joined in a table of their own; `carry_node` makes what is read of them columns of it."""
 
     select: exp.Select
     label: str
@@ -53,7 +53,7 @@ class DerivedTable:
     names: dict[tuple[str, str], str] = field(default_factory=dict)
     taken: set[str] = field(default_factory=lambda: {"rowid"})
 
-    def carry(self, node: Node) -> Node:
+    def carry_node(self, node: Node) -> Node:
         """The expression as it reads outside of the table."""
         node = node.copy()
         for column in list(node.find_all(exp.Column)):
@@ -68,10 +68,10 @@ class DerivedTable:
         key = (column.table, column.name)
         if key not in self.names:
             wanted = column.table if column.name == "this" else column.name
-            self.names[key] = self.add(wanted, column, len(self.names))
+            self.names[key] = self.add_column(wanted, column, len(self.names))
         return self.names[key]
 
-    def add(self, wanted: str, node: Node, position: int | None = None) -> str:
+    def add_column(self, wanted: str, node: Node, position: int | None = None) -> str:
         """A new column of the table, the last one or one at a position; gives its name."""
         name = choose_free_name(wanted, self.taken)
         columns = list(self.select.expressions)
@@ -101,9 +101,9 @@ class JoinBuilder:
         self.ordering: list[Node] = []  # terms that are there for the order of rows alone
         self.optional: set[str] = set()  # what is joined with LEFT JOIN
         self.keeps = self.rows_sorted = False
-        conditions = levels.conditions()
+        conditions = levels.split_where()
         if self._must_sort(conditions):
-            self._sort(conditions)
+            self._sort_rows(conditions)
         else:
             self._join_by_levels(conditions)
 
@@ -119,23 +119,23 @@ class JoinBuilder:
             applied["hoist"] = None
         bound = 0
         for level in sorted({value.level for value in hoisted}):
-            self._bind(bound, level, conditions)
+            self._bind_sources(bound, level, conditions)
             self._close_level(level, conditions, hoisted)
             bound = level
-        self._bind(bound, len(opened), conditions)
-        self.terms = self._settled()
+        self._bind_sources(bound, len(opened), conditions)
+        self.terms = self._write_where()
 
     def translate_outward(self, node: Node) -> Node:
         """An expression in terms of the sources as it reads outside of all tables that have been made of them."""
         for table in self.tables:
-            node = table.carry(node)
+            node = table.carry_node(node)
         return node
 
     def _make_readers(self, scope: SqlScope) -> dict[int, Reader]:
-        def outward(reader: Reader) -> Reader:
+        def make_outward(reader: Reader) -> Reader:
             return lambda expr: self.translate_outward(reader(expr))
 
-        return {source.id: outward(scope.sources[source.id]) for source in self.query.sources}
+        return {source.id: make_outward(scope.sources[source.id]) for source in self.query.sources}
 
     @property
     def copies(self) -> bool:
@@ -159,54 +159,55 @@ class JoinBuilder:
         query, tables = self.query, [one for one in self.query.sources if isinstance(one, plan.TableSource)]
         if query.limit is None or query.order or query.grouped or not all(part.order for part in self.opened):
             return False
-        asked = [condition.expr for condition in conditions if condition.free]
+        evaluated = [condition.expr for condition in conditions if condition.free]
         late = [condition.expr for condition in conditions if not condition.free]
         late += [output.expr for output in query.columns]
-        if len(tables) < len(query.sources) or not any(map(list_sources, asked)):
+        if len(tables) < len(query.sources) or not any(map(list_sources, evaluated)):
             return False
         return any(map(can_fail, late))
 
-    def _sort(self, conditions: list[Condition]) -> None:
+    def _sort_rows(self, conditions: list[Condition]) -> None:
         """Joins tables by what cannot fail, sorts the rows, and evaluates the rest row by row."""
         for part in self.opened:
             self.items += part.items
             self.terms += part.conditions
-        self.terms += [self._free(condition) for condition in conditions if condition.free]
+        self.terms += [self._lower_free(condition) for condition in conditions if condition.free]
         natural = self.natural_order or []
         table = self._enclose_join("found", [(key.copy(), False) for key in natural])
         for key in natural:
-            table.carry(key)  # one column has to be there
+            table.carry_node(key)  # one column has to be there
         self.tables.append(table)
         late = [condition.expr for condition in conditions if not condition.free]
-        self.terms = [self.selects.expressions.all_of(tuple(late), self.scope)] if late else []
+        self.terms = [self.selects.expressions.lower_and(tuple(late), self.scope)] if late else []
         self.rows_sorted = True
 
     def _enclose_join(self, name: str, order: Sequence[tuple[Node, bool]] = ()) -> DerivedTable:
         """A table of what is joined so far, which is all that is joined then."""
-        where, labels = sql_builder.conjunction(self._settled()), frozenset(item.alias_or_name for item in self.items)
+        where = sql_builder.conjunction(self._write_where())
+        labels = frozenset(item.alias_or_name for item in self.items)
         select = sql_builder.select([], self.items, where, order, sql_builder.unlimited())
-        table = DerivedTable(select, self.selects.needs.label(name), labels)
+        table = DerivedTable(select, self.selects.needs.choose_label(name), labels)
         self.items, self.terms = [sql_builder.derived(select, table.label)], []
         return table
 
     # --- joining ---------------------------------------------------------------------------------------
 
-    def _bind(self, bound: int, level: int, conditions: list[Condition]) -> None:
+    def _bind_sources(self, bound: int, level: int, conditions: list[Condition]) -> None:
         """Joins the sources after `bound` up to `level`, and evaluates what can be by then."""
         first = 0 if bound == 0 else bound + 1
         for condition in conditions:
             if condition.key is not None and first <= condition.level <= level:
                 self._add_key(self.query.sources[condition.level - 1], condition.key)
-        terms = [(c.level, self._free(c)) for c in conditions if c.free and first <= c.level <= level]
+        terms = [(c.level, self._lower_free(c)) for c in conditions if c.free and first <= c.level <= level]
         for position in range(bound, level):
             part = self.opened[position]
             if part.on is not None:
-                self._left_join(self.query.sources[position], part)
+                self._left_join_source(self.query.sources[position], part)
                 continue
-            asked = [node for step, node in terms if step == position + 1]
+            conditions_here = [node for step, node in terms if step == position + 1]
             for item in map(self.translate_outward, part.items):
                 source = self.query.sources[position]
-                found = self._look_up_source(source, item, asked, self.terms)
+                found = self._look_up_source(source, item, conditions_here, self.terms)
                 if found is None and self.copies:
                     found = self._materialize_source(source, item)
                 self.items.append(found or item)
@@ -216,7 +217,7 @@ class JoinBuilder:
             group = [c.expr for c in conditions if not c.free and c.level == step]
             if group:
                 free = [c.expr for c in conditions if c.free and c.level == step]
-                self.terms.append(self._in_order(group, step, free))
+                self.terms.append(self._order_fallible(group, step, free))
 
     def _add_key(self, source: plan.Source, key: ExpressionKey) -> None:
         """Plans a column of the source's copy, under a name that no other column of the source has."""
@@ -229,24 +230,27 @@ class JoinBuilder:
     def _write_key_equality(self, label: str, key: ExpressionKey, name: str) -> Node:
         lower = self.selects.expressions
         if key.plain:
-            sides = sql_builder.column(name, label), lower.lower(key.other, self.scope)
+            sides = sql_builder.column(name, label), lower.lower_expr(key.other, self.scope)
         else:
-            sides = sql_builder.column(name, label), sql_builder.call("as_key", lower.value(key.other, self.scope))
-        none = not key.plain or any(side.type.may(Kind.NONE) for side in (key.expr, key.other))
+            sides = (
+                sql_builder.column(name, label),
+                sql_builder.call("as_key", lower.lower_value(key.other, self.scope)),
+            )
+        none = not key.plain or any(side.type.may_be(Kind.NONE) for side in (key.expr, key.other))
         return sql_builder.binary(exp.NullSafeEQ if none else exp.EQ, *sides)
 
     def _write_key_column(self, key: ExpressionKey, name: str) -> Node:
         lower = self.selects.expressions
         node = (
-            lower.lower(key.expr, self.scope)
+            lower.lower_expr(key.expr, self.scope)
             if key.plain
-            else sql_builder.call("as_key", lower.value(key.expr, self.scope))
+            else sql_builder.call("as_key", lower.lower_value(key.expr, self.scope))
         )
         if key.guards:
-            node = sql_builder.case([(lower.all_of(key.guards, self.scope), node)], sql_builder.null())
+            node = sql_builder.case([(lower.lower_and(key.guards, self.scope), node)], sql_builder.null())
         return sql_builder.alias(node, name)
 
-    def _left_join(self, source: plan.Source, part: FromItem) -> None:
+    def _left_join_source(self, source: plan.Source, part: FromItem) -> None:
         """Joins a source that may have no row."""
         assert isinstance(source, plan.QuerySource)
         (item,), on = (
@@ -257,29 +261,31 @@ class JoinBuilder:
         self.items.append(sql_builder.left_joined(found or item, on))
         self.optional.add(item.alias_or_name)
 
-    def _free(self, condition: Condition) -> Node:
+    def _lower_free(self, condition: Condition) -> Node:
         if condition.key is not None:
             part = self.opened[condition.level - 1]
             source = self.query.sources[condition.level - 1].id
             return self._write_key_equality(
                 part.items[0].alias_or_name, condition.key, self.keys[source][condition.key]
             )
-        node = self.selects.expressions.condition(condition.expr, self.scope)
-        return self._delay_condition(condition.level, self.levels.of(condition.expr), node)
+        node = self.selects.expressions.lower_condition(condition.expr, self.scope)
+        return self._delay_condition(condition.level, self.levels.count_sources_needed(condition.expr), node)
 
-    def _in_order(self, group: list[plan.Expr], level: int, free: list[plan.Expr]) -> Node:
+    def _order_fallible(self, group: list[plan.Expr], level: int, free: list[plan.Expr]) -> Node:
         """Parts of WHERE that may fail, in their order."""
-        node = self.selects.expressions.all_of(tuple(group), self.scope)
+        node = self.selects.expressions.lower_and(tuple(group), self.scope)
         if isinstance(self.query.sources[level - 1], plan.TableSource):
             # SQLite evaluates first what an index of the table answers, whatever stands before it.
-            before = [self.selects.expressions.condition(part, self.scope) for part in free]
+            before = [self.selects.expressions.lower_condition(part, self.scope) for part in free]
             node = sql_builder.case(
                 [(exp.Not(this=sql_builder.wrap_operand(part)), sql_builder.number(0)) for part in before], node
             )
         # What can fail calls a function, so that SQLite never evaluates it before the first source is read. Only the
         # other side of `column = ...` it evaluates before a derived table, to look that up in an index that it makes.
         indexed = isinstance(self.opened[level - 1].items[-1], exp.Subquery) and isinstance(node, exp.EQ)
-        return self._delay_condition(level, 0 if indexed else max(1, *map(self.levels.of, group)), node)
+        return self._delay_condition(
+            level, 0 if indexed else max(1, *map(self.levels.count_sources_needed, group)), node
+        )
 
     def _delay_condition(self, level: int, known: int, node: Node) -> Node:
         """A condition that is not evaluated before the source at its level is read."""
@@ -293,14 +299,16 @@ class JoinBuilder:
         """Makes a table of what is joined so far, with the values of its level."""
         table = self._enclose_join(f"to_{self.query.sources[level - 1].name}")
         values = [value.expr for value in hoisted if value.level == level]
-        nodes = [self.selects.expressions.lower(expr, self.scope) for expr in values]
+        nodes = [self.selects.expressions.lower_expr(expr, self.scope) for expr in values]
         self.tables.append(table)
         here = [
-            (e, sql_builder.column(table.add(_choose_name(e), n), table.label))
+            (e, sql_builder.column(table.add_column(_choose_name(e), n), table.label))
             for e, n in zip(values, nodes, strict=True)
         ]
         later = self._find_later_expressions(level, conditions, hoisted)
-        known = [(expr, table.carry(node)) for expr, node in self.scope.known if _is_read_later(expr, later, values)]
+        known = [
+            (expr, table.carry_node(node)) for expr, node in self.scope.known if _is_read_later(expr, later, values)
+        ]
         self.scope = replace(self.scope, known=(*here, *known))
 
     def _find_later_expressions(
@@ -312,7 +320,7 @@ class JoinBuilder:
         later += [output.expr for output in self.query.columns]
         return [*later, *self.query.group, *(key.expr for key in self.query.order)]
 
-    def _settled(self) -> list[Node]:
+    def _write_where(self) -> list[Node]:
         """The terms of WHERE, so written that SQLite keeps the order of rows."""
         terms = [part for term in self.terms for part in (term.flatten() if isinstance(term, exp.And) else (term,))]
         terms += number_indexed_rows(self.items, terms, self.selects.needs.materialized_ctes.values())
@@ -340,13 +348,15 @@ class JoinBuilder:
         value = source.value
         # SQLite may make an index on a copy; with one column it keeps equal elements in their order.
         if not (
-            _is_statement_constant(value) and value.type.only(Kind.LIST) and source.columns == ()
+            _is_statement_constant(value) and value.type.is_only(Kind.LIST) and source.columns == ()
         ) or not _iterates_constant_list(item):
             return item
         name = f"{value.name if isinstance(value, plan.Variable) else source.name}_once"
-        return copies.walked(item, lambda: self.selects.needs.table(name))
+        return copies.copy_walked(item, lambda: self.selects.needs.choose_table_name(name))
 
-    def _look_up_source(self, source: plan.Source, item: Node, asked: list[Node], terms: list[Node]) -> Node | None:
+    def _look_up_source(
+        self, source: plan.Source, item: Node, conditions: list[Node], terms: list[Node]
+    ) -> Node | None:
         """A source that SQLite can look rows up in, where these must equal something that is known before.
 
         What keeps its rows in order is added to `terms`.
@@ -355,7 +365,7 @@ class JoinBuilder:
         if copies is None or "lookup" in needs.disabled or not isinstance(item, exp.Table):
             return None
         label = item.alias_or_name
-        keys = {column for table, column, others in find_equality_columns(asked) if table == label and others}
+        keys = {column for table, column, others in find_equality_columns(conditions) if table == label and others}
         if not keys:
             return None
         computed: list[Node] = []
@@ -373,7 +383,7 @@ class JoinBuilder:
                     return None
                 name = f"{label}_once"
                 columns = ("this", *choose_column_names(tuple(name for name, _ in source.columns or ())).values())
-                strip_affinity(asked, label, self.selects.tables)
+                strip_affinity(conditions, label, self.selects.tables)
                 computed = [self._write_key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
             case _:
                 return None
@@ -381,7 +391,7 @@ class JoinBuilder:
         self.ordering.append(ordered)
         terms.append(ordered)
         needs.applied["lookup"] = None
-        return copies.looked_up(item, needs.table(name), ("rowid", *columns), computed)
+        return copies.copy_indexed(item, needs.choose_table_name(name), ("rowid", *columns), computed)
 
 
 def _is_statement_constant(value: plan.Expr) -> bool:
@@ -397,11 +407,11 @@ def _may_be_none(source: plan.Source) -> bool:
     """Whether a source that `elements` walks may be None instead of a list."""
     match source:
         case plan.ValueSource(value=value):
-            return value.type.may(Kind.NONE)
+            return value.type.may_be(Kind.NONE)
         case plan.QuerySource(query=query):
             return query.representation.name not in ("dict", "list", "rows")
         case plan.WorldSource(arguments=arguments):
-            return any(argument.type.may(Kind.NONE) for argument in arguments)
+            return any(argument.type.may_be(Kind.NONE) for argument in arguments)
         case _:
             assert isinstance(source, plan.TableSource)
             return False

@@ -56,11 +56,11 @@ def lower(
     if query.search is not None:
         cut = cut or query.search.maximum is not None or (query.limit is not None and not query.aggregated)
         search = EagerSearch(selects, query, cut)
-        select = search.statement()
+        select = search.build_statement()
         if query.aggregated:
             is_sorted = is_limited = True
             select = sql_builder.sort_query(
-                search.grouped(select, _choose_column_names(query)), (), *needs.limits(query)
+                search.group_results(select, _choose_column_names(query)), (), *needs.bind_limits(query)
             )
         # Of tables' BLOBs, and of bools that SQL makes, the interning hears nothing.
         quiet = any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in walk(query))
@@ -68,28 +68,28 @@ def lower(
             isinstance(p.expr, plan.Constant) and p.expr.value is True for p in needs.parameters.values()
         )
         sources = tuple(needs.walked[source.id] for source in query.sources if source.id in needs.walked)
-        book, members = search.bookkeeping(), frozenset(needs.members)
+        book, members = search.describe_steps(), frozenset(needs.members)
         bookkeeping = replace(book, compares_raw_rows=not (quiet or by_value), sources=sources, members=members)
         keys, orders = ((), ()) if query.aggregated else (query.group, query.order)
     elif query.aggregated:
         is_sorted, is_limited = True, _can_limit_in_sql(query)
-        select = selects.rows(
+        select = selects.lower_rows(
             query if is_limited else replace(query, limit=None, offset=None), SqlScope(), _choose_column_names(query)
         )
         keys, orders = (), ()
     else:
-        flat = selects.flat(query, SqlScope())
-        order = selects.order(query, flat)
+        flat = selects.lower_from_and_where(query, SqlScope())
+        order = selects.lower_order(query, flat)
         keys = query.group
         orders = query.order if order is None else ()
-        outputs = selects.outputs(query, flat.scope, _choose_column_names(query))
-        outputs += [selects.expressions.lower(key, flat.scope) for key in keys]
-        outputs += [selects.expressions.lower(key.expr, flat.scope) for key in orders]
+        outputs = selects.lower_columns(query, flat.scope, _choose_column_names(query))
+        outputs += [selects.expressions.lower_expr(key, flat.scope) for key in keys]
+        outputs += [selects.expressions.lower_expr(key.expr, flat.scope) for key in orders]
         is_sorted, is_limited = order is not None, order is not None and _can_limit_in_sql(query)
-        limits = needs.limits(query) if is_limited else (None, None)
+        limits = needs.bind_limits(query) if is_limited else (None, None)
         select = sql_builder.select(outputs, flat.items, sql_builder.conjunction(flat.terms), order or (), *limits)
         if "late" not in disabled and not keys and not orders:
-            shown_late = {key: selects.expressions.lower(key, flat.scope) for key in find_late_columns(query)}
+            shown_late = {key: selects.expressions.lower_expr(key, flat.scope) for key in find_late_columns(query)}
     read_late: LateColumns | None = None
     if shown_late:
         select = sql_builder.replace_outputs(
@@ -107,7 +107,7 @@ def lower(
     only_walked = frozenset() if query.search is not None else _find_iterated_parameters(select, needs)
     return SqlQuery(
         query,
-        dialect.print(select),
+        dialect.print_tree(select),
         tuple(needs.parameters.values()),
         _describe_columns(columns),
         _describe_columns(keys),
@@ -117,15 +117,15 @@ def lower(
         {name: tuple(sorted(spans, key=lambda span: span.start)) for name, spans in needs.calls.items()},
         dict(needs.modules),
         frozenset(needs.plain),
-        plain_rows=all(output.expr.type.only(SCALAR_KINDS) for output in query.columns),
-        plain_keys=all(expr.type.only(SCALAR_KINDS) for expr in compared),
+        plain_rows=all(output.expr.type.is_only(SCALAR_KINDS) for output in query.columns),
+        plain_keys=all(expr.type.is_only(SCALAR_KINDS) for expr in compared),
         bookkeeping=bookkeeping,
         snapshot=plan_snapshot((query,)) if needs.worlds else NO_SNAPSHOT,
         late=read_late,
         applied=tuple(needs.applied),
         only_iterated=only_walked,
         truths=truths,
-        told_apart=frozenset(name for name in needs.calls if _distinguishes_arguments(query, name)),
+        told_apart=frozenset(name for name in needs.calls if _are_arguments_identical(query, name)),
     )
 
 
@@ -154,20 +154,20 @@ def _is_condition(node: sql_builder.Node) -> bool:
     return condition or isinstance(parent, (exp.And, exp.Or, exp.Not, exp.Where, exp.Having))
 
 
-def _distinguishes_arguments(query: plan.Query, name: str) -> bool:
+def _are_arguments_identical(query: plan.Query, name: str) -> bool:
     """Whether equal arguments of a function are always the same value; 1.0 equals 1, but is another one."""
     calls = [node for node in walk(query) if isinstance(node, plan.Call) and node.function.name == name]
-    return not any(argument.type.may(Kind.FLOAT) for call in calls for argument in call.arguments)
+    return not any(argument.type.may_be(Kind.FLOAT) for call in calls for argument in call.arguments)
 
 
 def _find_iterated_parameters(select: exp.Select, needs: StatementNeeds) -> frozenset[str]:
     """The parameters that are only walked, so that their value as a whole is never compared."""
-    asked: set[str] = set()
+    read: set[str] = set()
     for node in select.find_all(exp.Placeholder):
         call = node.parent
         if not isinstance(call, exp.Anonymous) or call.expressions[0] is not node or call.name not in needs.modules:
-            asked.add(node.name)
-    return frozenset(needs.parameters) - asked
+            read.add(node.name)
+    return frozenset(needs.parameters) - read
 
 
 def _build_key_column(query: plan.Query, key: plan.Column, node: sql_builder.Node) -> sql_builder.Node:

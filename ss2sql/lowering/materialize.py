@@ -39,14 +39,14 @@ class MaterializedTables:
     def __init__(self) -> None:
         self.tables: dict[str, exp.Select] = {}
 
-    def walked(self, item: exp.Table, make_name: Callable[[], str]) -> exp.Table:
+    def copy_walked(self, item: exp.Table, make_name: Callable[[], str]) -> exp.Table:
         """A copy of a list whose elements have no columns, under a new name where there is none of this list."""
         select = sql_builder.select([sql_builder.column("this")], [exp.Table(this=item.this.copy())])
         name = next((name for name, made in self.tables.items() if made == select), None) or make_name()
         self.tables[name] = select
         return sql_builder.table(name, item.alias_or_name)
 
-    def looked_up(
+    def copy_indexed(
         self, item: exp.Table, name: str, columns: tuple[str, ...], computed: Sequence[Node] = ()
     ) -> exp.Table:
         """A copy of a list or table that SQLite can index, `rowid` first; what is `computed` reads the item's label."""
@@ -77,13 +77,13 @@ def number_indexed_rows(items: Sequence[Node], conditions: Sequence[Node], table
     `tables` are the collected ones. An index on what a later item has to equal would not be of use.
     """
     found: list[Node] = []
-    asked = find_equality_columns(conditions)
+    compared = find_equality_columns(conditions)
     labels = [item.alias_or_name for item in items]
     by_name = {table.alias: table for table in tables}
     for index, item in enumerate(items):
         label, later = labels[index], set(labels[index + 1 :])
         of_query = item if isinstance(item, exp.Subquery) else by_name.get(item.name)
-        if of_query is None or not any(table == label and others.isdisjoint(later) for table, _, others in asked):
+        if of_query is None or not any(table == label and others.isdisjoint(later) for table, _, others in compared):
             continue
         if not isinstance(of_query.this.expressions[0].unalias(), exp.Window):
             of_query.set("this", add_row_numbers(of_query.this, label))

@@ -48,33 +48,33 @@ def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None
         return operands[0].copy()
     finish = _finish_duckdb if dialect == "duckdb" else _finish_sqlite
 
-    def fill(node: Node) -> Node:
+    def fill_node(node: Node) -> Node:
         match node:
             case exp.Column(name=name):
                 known = value if name == _VALUE else operands[int(name.removeprefix("argument_"))]
                 assert known is not None
                 return known.copy()
             case exp.Paren():
-                return fill(node.this)
+                return fill_node(node.this)
             case exp.And():
-                joined = sql_builder.conjunction([fill(part) for part in node.flatten()])
+                joined = sql_builder.conjunction([fill_node(part) for part in node.flatten()])
                 assert joined is not None
                 return joined
             case exp.Binary():
-                made: Node = sql_builder.binary(type(node), fill(node.this), fill(node.expression))
+                made: Node = sql_builder.binary(type(node), fill_node(node.this), fill_node(node.expression))
                 made.set("typed", True if isinstance(node, exp.Div) else None)  # sqlglot adds no cast of its own
                 return finish(made)
         made = node.copy()
         for name, part in node.args.items():
             if isinstance(part, list):
-                made.set(name, [fill(one) for one in part])
+                made.set(name, [fill_node(one) for one in part])
             elif isinstance(part, exp.Expr) and not isinstance(part, exp.DataType):
-                made.set(name, fill(part))
+                made.set(name, fill_node(part))
         if isinstance(made, (exp.Not, exp.Neg, exp.Between)):
             made.set("this", sql_builder.wrap_operand(made.this))
         return finish(made)
 
-    return fill(_parse_sql(text, dialect, len(operands)))
+    return fill_node(_parse_sql(text, dialect, len(operands)))
 
 
 def _finish_sqlite(node: Node) -> Node:

@@ -23,7 +23,7 @@ from sqlglot import exp
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import is_flag
-from ss2sql.language.plan_traversal import list_sources, list_states, rebuild, walk
+from ss2sql.language.plan_traversal import list_sources, list_states, rebuild_node, walk
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering
 from ss2sql.lowering.from_clause import FromItem, open_sources
@@ -77,7 +77,7 @@ class RecursiveQuery(ABC):
         self.cut = cut  # whether the search may end before its steps are used up, so that their order shows
         self.guard = get_repeat_rule(search)
         self.order = get_order(search)
-        self.table = selects.needs.label(SEARCH_TABLE)
+        self.table = selects.needs.choose_label(SEARCH_TABLE)
         self.taken: set[str] = {"step", "parent"}  # names of the recursive table's columns
         self.reads: list[tuple[str, plan.Element | plan.Column]] = []  # elements that it holds
         self.flags = {name: is_flag(kind) for name, kind in search.states}
@@ -95,16 +95,16 @@ class RecursiveQuery(ABC):
         self.arms = None if "arms" in selects.needs.disabled else find_union_branches(query)
 
     @abstractmethod
-    def bookkeeping(self) -> Bookkeeping:
+    def describe_steps(self) -> Bookkeeping:
         """What the run has to know of the statement to keep its steps and to count them."""
 
     @abstractmethod
-    def statement(self) -> exp.Select:
+    def build_statement(self) -> exp.Select:
         """The whole statement."""
 
     # --- the recursive table ---------------------------------------------------------------------------
 
-    def carry(self, node: plan.Element | plan.Column) -> str:
+    def carry_element(self, node: plan.Element | plan.Column) -> str:
         """The column of the recursive table that holds what is read of an element."""
         for name, known in self.reads:
             if known == node:
@@ -114,14 +114,14 @@ class RecursiveQuery(ABC):
         self.reads.append((name, node))
         return name
 
-    def parts(self, expr: plan.Expr) -> tuple[plan.Column, ...]:
+    def list_parts(self, expr: plan.Expr) -> tuple[plan.Column, ...]:
         """The columns of the parts as which an element travels, if it does."""
-        return () if self.arms is None else self.arms.parts(expr)
+        return () if self.arms is None else self.arms.list_parts(expr)
 
     def column(self, name: str) -> Node:
         return sql_builder.column(name, self.table)
 
-    def reading(self) -> SqlScope:
+    def make_row_scope(self) -> SqlScope:
         """Reads elements from a row of the recursive table."""
         scope = SqlScope()
         for source in self.query.sources:
@@ -129,11 +129,11 @@ class RecursiveQuery(ABC):
         return scope
 
     def _find_carried_reads(self, expr: plan.Element | plan.Column) -> Node:
-        if parts := self.parts(expr):
-            return build_list(self.expressions, [(self.column(self.carry(part)), part) for part in parts])
-        carried = self.column(self.carry(_get_carried_read(expr)))
+        if parts := self.list_parts(expr):
+            return build_list(self.expressions, [(self.column(self.carry_element(part)), part) for part in parts])
+        carried = self.column(self.carry_element(_get_carried_read(expr)))
         if isinstance(expr, plan.Column) and not expr.declared:
-            return self.expressions.field(carried, expr)
+            return self.expressions.read_field(carried, expr)
         return carried
 
     def build_recursive_query(self, names: list[str], terms: list[exp.Select], results: exp.Select) -> exp.Select:
@@ -141,7 +141,7 @@ class RecursiveQuery(ABC):
         union = sql_builder.union(terms)
         keys = [
             exp.Ordered(this=sql_builder.number(names.index(column) + 1), desc=descending, nulls_first=not descending)
-            for column, descending in self.queue()
+            for column, descending in self.list_queue_keys()
         ]
         union.set("order", exp.Order(expressions=keys))
         columns = [sql_builder.identifier(name) for name in names]
@@ -153,12 +153,12 @@ class RecursiveQuery(ABC):
         return results
 
     @abstractmethod
-    def queue(self) -> Iterable[tuple[str, bool]]:
+    def list_queue_keys(self) -> Iterable[tuple[str, bool]]:
         """The columns that sort the queue."""
 
     # --- the START WITH state --------------------------------------------------------------------------
 
-    def start(self) -> dict[tuple[int, str], Node]:
+    def lower_start(self) -> dict[tuple[int, str], Node]:
         """The START WITH variables as parameters, or as literals where they are plain.
 
         Where EACH walks a list, or the first steps of a search BY the state reached differ, the starts are a table:
@@ -179,13 +179,13 @@ class RecursiveQuery(ABC):
             flag = self.flags[name]
             plain = isinstance(value, plan.Constant) and not isinstance(value.value, (list, bool))
             if list_sources(value):
-                states[(self.query.id, name)] = (self.expressions.lower if flag else self.expressions.value)(
+                states[(self.query.id, name)] = (self.expressions.lower_expr if flag else self.expressions.lower_value)(
                     value, scope
                 )
             else:
-                known = self.expressions.lower(value, SqlScope()) if plain else needs.bind(value, name, flag)
+                known = self.expressions.lower_expr(value, SqlScope()) if plain else needs.bind_value(value, name, flag)
                 states[(self.query.id, name)] = known
-        return self._started(opened, states) if self.has_special_first_steps and (each or self.visits) else states
+        return self._lower_starts(opened, states) if self.has_special_first_steps and (each or self.visits) else states
 
     @property
     def has_special_first_steps(self) -> bool:
@@ -196,15 +196,15 @@ class RecursiveQuery(ABC):
         """Whether the state of a start counts as visited."""
         return self.keyed and self.search.by == "state"
 
-    def visited(self, scope: SqlScope) -> list[Node]:
+    def write_visit(self, scope: SqlScope) -> list[Node]:
         """What lets the state of a start count as visited, where it does."""
         if not self.visits:
             return []
-        return [sql_builder.call("visit", *(self.expressions.value(part, scope) for part in self.compared))]
+        return [sql_builder.call("visit", *(self.expressions.lower_value(part, scope) for part in self.compared))]
 
-    def _started(self, opened: list[FromItem], states: dict[tuple[int, str], Node]) -> dict[tuple[int, str], Node]:
+    def _lower_starts(self, opened: list[FromItem], states: dict[tuple[int, str], Node]) -> dict[tuple[int, str], Node]:
         """The START WITH variables as columns of a table, where they are another value in each start."""
-        name = self.selects.needs.table("starts")
+        name = self.selects.needs.choose_table_name("starts")
         moved = {state: node for state, node in states.items() if node.find(exp.Column)}
         taken: set[str] = set()
         columns = {state: choose_free_name(shorten_column_name(state[1]), taken) for state in moved}
@@ -212,9 +212,9 @@ class RecursiveQuery(ABC):
             sql_builder.alias(sql_builder.number(1), "start")
         ]
         items = [item for part in opened for item in part.items]
-        self._copy(
+        self._add_copy(
             name,
-            sql_builder.select(shown, items, sql_builder.conjunction(self.visited(SqlScope().with_states(states)))),
+            sql_builder.select(shown, items, sql_builder.conjunction(self.write_visit(SqlScope().with_states(states)))),
         )
         self.starts = sql_builder.table(name, name)
         return states | {state: sql_builder.column(column, name) for state, column in columns.items()}
@@ -223,22 +223,22 @@ class RecursiveQuery(ABC):
         """The expression with the values of the START WITH variables before it in place of their names."""
         if isinstance(expr, plan.State) and expr.query == self.query.id:
             return values[expr.name]
-        return rebuild(expr, lambda part: self._substitute_start_values(part, values))
+        return rebuild_node(expr, lambda part: self._substitute_start_values(part, values))
 
-    def following(self, scope: SqlScope) -> dict[tuple[int, str], Node]:
+    def lower_next_state(self, scope: SqlScope) -> dict[tuple[int, str], Node]:
         """The state after CONNECT BY. A later assignment sees an earlier one: its expression stands for the name.
 
         Where the columns are made in the order of `variables`, all that may fail is evaluated in the order of the text.
         """
         states = dict(scope.states)
         for name, expr in self.search.connect:
-            lower = self.expressions.lower if self.flags[name] else self.expressions.value
+            lower = self.expressions.lower_expr if self.flags[name] else self.expressions.lower_value
             states[(self.query.id, name)] = lower(expr, scope.with_states(states))
         return states
 
     # --- sources ---------------------------------------------------------------------------------------
 
-    def open(self, scope: SqlScope) -> tuple[list[Node], list[Node], SqlScope, list[Node]]:
+    def open_sources(self, scope: SqlScope) -> tuple[list[Node], list[Node], SqlScope, list[Node]]:
         """The items of FROM for the children of a state, their conditions, the sight on them, a column of each."""
         opened, scope = open_sources(self.selects, self.query.sources, scope, self.query.id)
         items = [item for part in opened for item in part.items]
@@ -249,18 +249,18 @@ class RecursiveQuery(ABC):
         """The items of FROM, read so that their rows come in order under these conditions, which may become more."""
         conditions += number_indexed_rows(items, conditions, self.selects.needs.materialized_ctes.values())
         labels = [item.alias_or_name for item in items]
-        return [self._in_order(item, conditions, labels[index:]) for index, item in enumerate(items)]
+        return [self._order_item(item, conditions, labels[index:]) for index, item in enumerate(items)]
 
     def find_indexed_positions(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The positions of rows that SQLite may look up: it indexes copies that a condition asks for equality."""
-        asked = {table for table, _, _ in find_equality_columns(conditions)}
+        compared = {table for table, _, _ in find_equality_columns(conditions)}
         return [
             sql_builder.column(self.positions[item.name], item.alias_or_name)
             for item in items
-            if isinstance(item, exp.Table) and item.name in self.positions and item.alias_or_name in asked
+            if isinstance(item, exp.Table) and item.name in self.positions and item.alias_or_name in compared
         ]
 
-    def _in_order(self, item: Node, conditions: list[Node], unknown: list[str]) -> Node:
+    def _order_item(self, item: Node, conditions: list[Node], unknown: list[str]) -> Node:
         """An item of FROM; a table, and a list that is the same for all states, is read from a copy in its own order.
 
         A table needs no copy where conditions ask for all columns of an index that gives its rows in their order,
@@ -284,12 +284,12 @@ class RecursiveQuery(ABC):
         if any(item.name == table.alias for table in needs.materialized_ctes.values()):
             return item
         source = self.selects.tables[item.alias_or_name]
-        asked = {
+        compared = {
             column
             for table, column, others in find_equality_columns(conditions)
             if table == item.alias_or_name and others.isdisjoint(unknown)
         }
-        if require_ordered_index(item, source, asked):
+        if require_ordered_index(item, source, compared):
             return item
         name = f"{item.alias_or_name}_in_order"
         if name not in self.positions:
@@ -303,7 +303,7 @@ class RecursiveQuery(ABC):
             select = sql_builder.select(
                 [sql_builder.alias(position, self.positions[name]), *shown], [copied], order=order
             )
-            self._copy(name, select)
+            self._add_copy(name, select)
         return sql_builder.table(name, item.alias_or_name)
 
     def _materialize_item(self, item: exp.Table, columns: Iterable[str], place: str) -> Node:
@@ -317,14 +317,14 @@ class RecursiveQuery(ABC):
         label = item.alias_or_name
         name = next((name for name, known in self.copied.items() if known == item), None)
         if name is None:
-            name = self.selects.needs.table(f"{label}_once")
+            name = self.selects.needs.choose_table_name(f"{label}_once")
             self.copied[name] = item
             names = ["this", *choose_column_names(tuple(columns)).values()]
             self.positions[name] = choose_free_name("position", {column.lower() for column in names})
             shown: list[Node] = [
                 sql_builder.column(column) for column in (*names, place)
             ]  # the last may be the witness
-            self._copy(
+            self._add_copy(
                 name,
                 sql_builder.select(
                     [sql_builder.alias(sql_builder.column(place), self.positions[name]), *shown], [item.copy()]
@@ -332,14 +332,14 @@ class RecursiveQuery(ABC):
             )
         return sql_builder.table(name, label)
 
-    def _copy(self, name: str, select: exp.Select) -> None:
+    def _add_copy(self, name: str, select: exp.Select) -> None:
         self.tables.append(build_materialized_cte(name, select))
 
     # --- results ---------------------------------------------------------------------------------------
 
-    def limit(self) -> Node | None:
+    def write_limit(self) -> Node | None:
         maximum = self.search.maximum
-        return None if maximum is None else self.selects.needs.count(maximum, "maximum")
+        return None if maximum is None else self.selects.needs.bind_count(maximum, "maximum")
 
     def is_constant_source(self, source: plan.Source) -> bool:
         """Whether a source is a list that is the same for every state."""

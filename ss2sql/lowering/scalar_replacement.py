@@ -15,7 +15,7 @@ from typing import Any
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import list_sources, rebuild, split_and, walk
+from ss2sql.language.plan_traversal import list_sources, rebuild_node, split_and, walk
 
 _ListSource = plan.ValueSource | plan.QuerySource
 
@@ -44,11 +44,11 @@ def replace_items_by_columns(query: plan.Query) -> tuple[plan.Query, Callable[[p
         (source, build_item_column_name(at)): node for source, places in used.items() for at, node in places.items()
     }
 
-    def change(node: Any) -> Any:
+    def replace_source(node: Any) -> Any:
         place = _find_item(node, sources)
         if place is not None:
             return plan.Column(place[0], build_item_column_name(place[1]), node.type, span=node.span)
-        node = rebuild(node, change)
+        node = rebuild_node(node, replace_source)
         if isinstance(node, _ListSource) and node.id in used:
             positions = node.element.positions or ()
             return replace(
@@ -56,13 +56,13 @@ def replace_items_by_columns(query: plan.Query) -> tuple[plan.Query, Callable[[p
             )
         return node
 
-    def written(node: Any) -> Any:
+    def replace_reads(node: Any) -> Any:
         if isinstance(node, plan.Column) and (node.source, node.name) in read:
             return read[node.source, node.name]
-        node = rebuild(node, written)
+        node = rebuild_node(node, replace_reads)
         return replace(node, columns=()) if isinstance(node, _ListSource) and node.id in used else node
 
-    return rebuild(query, change), written
+    return rebuild_node(query, replace_source), replace_reads
 
 
 def build_item_column_name(position: int) -> str:

@@ -58,21 +58,23 @@ class EagerSearch(RecursiveQuery):
         self.shared = find_element_calls(query) if "calls" not in selects.needs.disabled else ()
         self.stops = split_stop_conditions(query)
         self.counted = self.counts == "steps" and not self.shared  # the table of a list with calls counts by itself
-        self.depth = self._named("depth") if search.order == "depth first" else None
-        self.states = {name: self._named(shorten_column_name(name)) for name in self.variables}
+        self.depth = self._choose_name("depth") if search.order == "depth first" else None
+        self.states = {name: self._choose_name(shorten_column_name(name)) for name in self.variables}
         self.at_once = find_direct_assignments(query)
         self.known = self._find_column_calls()
-        self.goal = self._named("goal") if query.where is not None and not self.ahead else None
-        self.continues_column = self._named("goes_on") if self.admits_stopping_goals and not self.one_result else None
-        self.total = None if self.order.total is None else self._named(self.order.total)
-        self.estimate = None if search.heuristic is None else self._named("estimate")
-        self.later = None if search.heuristic is None or self.one_result else self._named("estimate_later")
-        self.waits = self._named("waits") if self.ahead else None
-        self.rank = self._named("rank") if search.heuristic is not None and self.total is not None else None
+        self.goal = self._choose_name("goal") if query.where is not None and not self.ahead else None
+        self.continues_column = (
+            self._choose_name("goes_on") if self.admits_stopping_goals and not self.one_result else None
+        )
+        self.total = None if self.order.total is None else self._choose_name(self.order.total)
+        self.estimate = None if search.heuristic is None else self._choose_name("estimate")
+        self.later = None if search.heuristic is None or self.one_result else self._choose_name("estimate_later")
+        self.waits = self._choose_name("waits") if self.ahead else None
+        self.rank = self._choose_name("rank") if search.heuristic is not None and self.total is not None else None
         self.before: dict[str, str] = {}
-        self.siblings = [self._named("sibling") for _ in search.siblings]
+        self.siblings = [self._choose_name("sibling") for _ in search.siblings]
 
-    def _named(self, name: str) -> str:
+    def _choose_name(self, name: str) -> str:
         return choose_free_name(name, self.taken)
 
     @property
@@ -102,7 +104,7 @@ class EagerSearch(RecursiveQuery):
         flags = self.cut or self.waits is not None or self.continues_column is not None
         return not flags and (self.search.repeats != "unique" or self.search.order == "breadth first")
 
-    def bookkeeping(self) -> Bookkeeping:
+    def describe_steps(self) -> Bookkeeping:
         book = Bookkeeping(
             self.counts,
             self.all_go_on,
@@ -113,12 +115,12 @@ class EagerSearch(RecursiveQuery):
         )
         if self.arms is None:
             return book
-        parts = tuple(len(self.parts(output.expr)) for output in self.query.columns)
+        parts = tuple(len(self.list_parts(output.expr)) for output in self.query.columns)
         return replace(book, arms=len(self.arms.items), parts=parts)
 
     @property
     def counts(self) -> StepCounting:
-        """How the number of generated steps is known, see `SearchState.count`."""
+        """How the number of generated steps is known, see `SearchState.add_counts`."""
         query = self.query
         if self.shared:
             return "steps"
@@ -138,7 +140,7 @@ class EagerSearch(RecursiveQuery):
             (expr, self.states[name])
             for name, expr in self.at_once.items()
             if isinstance(expr, plan.Call | plan.If)
-            and self.assigns_when_stopped(name)
+            and self.can_assign_when_stopped(name)
             and is_flag(expr.type) == self.flags[name]
         ]
 
@@ -147,7 +149,7 @@ class EagerSearch(RecursiveQuery):
         """Whether a goal that stops may enter."""
         return self.stops.goals is not None
 
-    def assigns_when_stopped(self, name: str) -> bool:
+    def can_assign_when_stopped(self, name: str) -> bool:
         """Whether CONNECT BY may assign the variable for each step that enters, also for one that stops."""
         if not self.admits_stopping_goals:
             return True
@@ -160,7 +162,7 @@ class EagerSearch(RecursiveQuery):
         """Reads the step that was taken: its elements, the state before it, and the calls that became columns."""
         before = {(self.query.id, name): self.column(short) for name, short in self.before.items()}
         known = tuple((expr, self.column(short)) for expr, short in self.known)
-        return replace(self.reading().with_states(before), known=known)
+        return replace(self.make_row_scope().with_states(before), known=known)
 
     def _carry_columns(self, places: list[object]) -> None:
         """Makes the recursive table carry what these parts read of the state before the step, and of elements."""
@@ -171,14 +173,14 @@ class EagerSearch(RecursiveQuery):
                 if query == self.query.id}  # fmt: skip
         for name, _ in self.search.start:
             if name in read and name not in self.before:
-                self.before[name] = self._named(f"{shorten_column_name(name)}_before")
+                self.before[name] = self._choose_name(f"{shorten_column_name(name)}_before")
         for node in iterate_element_reads(self.query, [part for place in left for part in place or ()]):
-            for part in self.parts(node) or (node,):
-                self.carry(part)
+            for part in self.list_parts(node) or (node,):
+                self.carry_element(part)
 
     # --- the statement ---------------------------------------------------------------------------------
 
-    def statement(self) -> exp.Select:
+    def build_statement(self) -> exp.Select:
         query = self.query
         places: list[object] = (
             list(self.aggregate_inputs) if query.aggregated else [output.expr for output in query.columns]
@@ -186,15 +188,15 @@ class EagerSearch(RecursiveQuery):
         places += [*query.group, *(() if query.aggregated else (key.expr for key in query.order))]
         self._carry_columns(places)
         labels = set(self.selects.needs.labels)
-        start = SqlScope().with_states(self.start())
+        start = SqlScope().with_states(self.lower_start())
         # First steps of their own are those under another condition, or from one of several starts.
-        terms = self.steps(start, True) if self.has_special_first_steps else [self.write_start_row(start)]
+        terms = self.write_steps(start, True) if self.has_special_first_steps else [self.write_start_row(start)]
         self.selects.needs.labels = labels
         after = {(query.id, name): self.column(short) for name, short in self.states.items()}
-        terms += self.steps(SqlScope().with_states(after), False)
+        terms += self.write_steps(SqlScope().with_states(after), False)
         if self.ahead and not self.one_result:
-            terms.append(self.again())
-        return self.build_recursive_query(self.all_column_names, terms, self.results())
+            terms.append(self.requeue_goals())
+        return self.build_recursive_query(self.all_column_names, terms, self.select_results())
 
     def write_start_row(self, scope: SqlScope) -> exp.Select:
         """The state of START WITH as row 0; its children are the first steps."""
@@ -205,7 +207,7 @@ class EagerSearch(RecursiveQuery):
         for name, short_name in self.states.items():
             known[short_name] = scope.states[(self.query.id, name)]
         outputs = [known.get(name, sql_builder.null()).copy() for name in self.all_column_names]
-        return sql_builder.select(outputs, [], sql_builder.conjunction(self.visited(scope)))
+        return sql_builder.select(outputs, [], sql_builder.conjunction(self.write_visit(scope)))
 
     @property
     def all_column_names(self) -> list[str]:
@@ -223,7 +225,7 @@ class EagerSearch(RecursiveQuery):
         names = ["step", "parent", *(name for name in made if name is not None), *self.siblings]
         return [*names, *self.states.values(), *self.before.values(), *(name for name, _ in self.reads)]
 
-    def queue(self) -> Iterable[tuple[str, bool]]:
+    def list_queue_keys(self) -> Iterable[tuple[str, bool]]:
         if self.search.order == "greedy":
             assert self.waits is not None
             assert self.estimate is not None
@@ -238,7 +240,7 @@ class EagerSearch(RecursiveQuery):
             return ((self.waits, False), ("step", False))
         return self.order.queue
 
-    def grouped(self, results: exp.Select, names: list[str | None]) -> exp.Select:
+    def group_results(self, results: exp.Select, names: list[str | None]) -> exp.Select:
         """The groups of the results; the limit keeps SQLite from asking for them twice."""
         if results.args.get("limit") is None:
             results = sql_builder.sort_query(results, (), sql_builder.unlimited())
@@ -246,45 +248,49 @@ class EagerSearch(RecursiveQuery):
 
     # --- the recursive terms ---------------------------------------------------------------------------
 
-    def steps(self, scope: SqlScope, first: bool) -> list[exp.Select]:
+    def write_steps(self, scope: SqlScope, first: bool) -> list[exp.Select]:
         """The steps from START WITH, or those from a step that goes on."""
         if self.arms is not None:
             return [self._lower_branch(item, scope, first, item is self.arms.items[0]) for item in self.arms.items]
-        sources, conditions, scope, witnesses = self.open(scope)
+        sources, conditions, scope, witnesses = self.open_sources(scope)
         if self.shared:
             sources[-1], scope = add_call_columns(self.selects, self.query, self.shared, sources[-1], scope)
         items: list[Node] = [sql_builder.table(self.table, self.table)]
         if first:
             items = [] if self.starts is None else [self.starts]
         step = SearchStep(self, scope, first)
-        conditions += step.lookups()
+        conditions += step.list_lookups()
         sources = self.order_items(sources, conditions)
-        entering = [self._evaluate_for_each_step(node, witnesses) for node in step.enters()]
+        entering = [self._evaluate_for_each_step(node, witnesses) for node in step.lower_enter_tests()]
         if self.counted:
             entering.insert(0, sql_builder.call("count_step", witnesses[-1].copy()))
         where = [*([] if first else self.check_parent_continues()), *conditions, *entering]
-        outputs = step.outputs(self.find_indexed_positions(sources, conditions))
+        outputs = step.lower_columns(self.find_indexed_positions(sources, conditions))
         return [sql_builder.select(outputs, items + sources, sql_builder.conjunction(where))]
 
     def _lower_branch(self, item: plan.Expr, scope: SqlScope, first: bool, expands: bool) -> exp.Select:
         """The step with one item of the list from a state, which the first of the items `expands`."""
         assert self.arms is not None
         self.selects.needs.applied["arms"] = None
-        inner = scope.with_source(self.arms.source.id, self.arms.reader(self.expressions, item, scope))
+        inner = scope.with_source(self.arms.source.id, self.arms.make_reader(self.expressions, item, scope))
         step = SearchStep(self, inner, first, item)
-        where = [*([] if first else self.check_parent_continues(expands)), *step.lookups(), *step.enters()]
+        where = [
+            *([] if first else self.check_parent_continues(expands)),
+            *step.list_lookups(),
+            *step.lower_enter_tests(),
+        ]
         return sql_builder.select(
-            step.outputs([]),
+            step.lower_columns([]),
             [] if first else [sql_builder.table(self.table, self.table)],
             sql_builder.conjunction(where),
         )
 
-    def carry(self, node: plan.Element | plan.Column) -> str:
+    def carry_element(self, node: plan.Element | plan.Column) -> str:
         """The column of what is read of an element, possibly that of a variable to which CONNECT BY assigns it."""
         for name, expr in self.at_once.items():
-            if expr == node and self.assigns_when_stopped(name) and is_flag(expr.type) == self.flags[name]:
+            if expr == node and self.can_assign_when_stopped(name) and is_flag(expr.type) == self.flags[name]:
                 return self.states[name]
-        return super().carry(node)
+        return super().carry_element(node)
 
     def _evaluate_for_each_step(self, node: Node, witnesses: list[Node]) -> Node:
         """A condition on entering, evaluated for every step where it may change from step to step.
@@ -302,21 +308,21 @@ class EagerSearch(RecursiveQuery):
 
     def check_parent_continues(self, expands: bool = True) -> list[Node]:
         """What is evaluated for the step that was taken, before its children; one SELECT counts that it expands."""
-        asked: list[Node] = []
+        tests: list[Node] = []
         if self.waits is not None:
-            asked.append(self.column(self.waits))
+            tests.append(self.column(self.waits))
         if self.continues_column is not None:
-            asked.append(self.column(self.continues_column))
+            tests.append(self.column(self.continues_column))
         still = self.check_still_best()
         if self.all_go_on:
             return []
         if self.total is not None and still:
-            return [*asked, *still]  # which counts the steps that go on
+            return [*tests, *still]  # which counts the steps that go on
         if not expands:
-            return [*asked, *still]
+            return [*tests, *still]
         counted: Node = sql_builder.call("expand", *self.estimate_total())
         return [
-            *asked,
+            *tests,
             sql_builder.case([(exp.Not(this=still[0]), sql_builder.number(0))], counted) if still else counted,
         ]
 
@@ -342,7 +348,7 @@ class EagerSearch(RecursiveQuery):
         """A total as a number that sorts better totals first."""
         return exp.Neg(this=sql_builder.wrap_operand(total)) if self.search.order == "probability" else total
 
-    def again(self) -> exp.Select:
+    def requeue_goals(self) -> exp.Select:
         """Lets a goal that was taken as a result wait again, to be expanded at its own place."""
         assert self.waits is not None
         changed: dict[str, Node] = {self.waits: sql_builder.number(1)}
@@ -358,7 +364,7 @@ class EagerSearch(RecursiveQuery):
 
     # --- results ---------------------------------------------------------------------------------------
 
-    def results(self) -> exp.Select:
+    def select_results(self) -> exp.Select:
         """The final SELECT, which picks the goals from the rows of `search`."""
         now = self.now()
         query = self.query
@@ -366,28 +372,28 @@ class EagerSearch(RecursiveQuery):
         if query.aggregated:
             shown += select_group_inputs(self.selects, self.aggregate_inputs, query.group, now)
         else:
-            shown += [self.expressions.lower(output.expr, now) for output in query.columns]
-            shown += [self.expressions.lower(key, now) for key in query.group]
-            shown += [self.expressions.lower(key.expr, now) for key in query.order]
-        asked: list[Node] = []
+            shown += [self.expressions.lower_expr(output.expr, now) for output in query.columns]
+            shown += [self.expressions.lower_expr(key, now) for key in query.group]
+            shown += [self.expressions.lower_expr(key.expr, now) for key in query.order]
+        tests: list[Node] = []
         if self.goal is not None:
-            asked.append(self.column(self.goal))
+            tests.append(self.column(self.goal))
         elif self.waits is not None:
-            asked.append(exp.Not(this=self.column(self.waits)))
+            tests.append(exp.Not(this=self.column(self.waits)))
         elif not self.has_special_first_steps:
-            asked.append(sql_builder.binary(exp.GT, self.column("step"), sql_builder.number(0)))
+            tests.append(sql_builder.binary(exp.GT, self.column("step"), sql_builder.number(0)))
         still = self.check_still_best()
         if self.search.repeats == "unique" and self.total is not None:
             still = [sql_builder.call("give_once", self.column("step"), self.rank_total(self.column(self.total)))]
         elif self.rank is not None:
             still = [sql_builder.call("give", self.column(self.rank))]
-        goal = sql_builder.conjunction(asked)
+        goal = sql_builder.conjunction(tests)
         if goal is not None and still:
             # The repeat test is evaluated last, for it notes the row.
-            asked, still = [], [sql_builder.case([(goal, still[0])], sql_builder.number(0))]
-        asked += still
+            tests, still = [], [sql_builder.case([(goal, still[0])], sql_builder.number(0))]
+        tests += still
         table = sql_builder.table(self.table, self.table)
-        return sql_builder.select(shown, [table], sql_builder.conjunction(asked), limit=self.limit())
+        return sql_builder.select(shown, [table], sql_builder.conjunction(tests), limit=self.write_limit())
 
 
 def _find_user_calls(clause: object) -> list[plan.Call]:

@@ -14,7 +14,7 @@ from sqlglot import exp
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.kinds import Kind, Type, is_flag, may_be_equal
+from ss2sql.language.kinds import Kind, Type, can_be_equal, is_flag
 from ss2sql.language.plan_traversal import (
     can_fail,
     is_volatile,
@@ -48,22 +48,22 @@ class SearchStep:
         self.search = search.search
         self.parent: Node = sql_builder.number(0) if first else search.column("step")
         self.best = search.total is not None and self.search.repeats == "unique"
-        self.next = search.following(scope)
+        self.next = search.lower_next_state(scope)
 
-    def row(self) -> list[Node]:
+    def lower_row(self) -> list[Node]:
         """The row, as far as it is shown or compared."""
         if self.of.arms is not None and self.item is not None:
-            return list(self.of.arms.row(self.expressions, self.query, self.item, self.scope))
+            return list(self.of.arms.lower_row(self.expressions, self.query, self.item, self.scope))
         if not self.query.gives_paths and (self.search.repeats == "allowed" or self.of.keyed):
             return []
-        return [self.expressions.value(expr, self.scope) for expr in self.of.outputs]
+        return [self.expressions.lower_value(expr, self.scope) for expr in self.of.outputs]
 
-    def key(self) -> list[Node]:
+    def lower_key(self) -> list[Node]:
         """What is compared: the row, or what BY names."""
         if not self.of.keyed:
-            return self.row()
+            return self.lower_row()
         scope = self.scope if self.search.by != "state" else self.scope.with_states(self.next)
-        return [self.expressions.value(expr, scope) for expr in self.of.compared]
+        return [self.expressions.lower_value(expr, scope) for expr in self.of.compared]
 
     @property
     def made(self) -> plan.Expr | None:
@@ -71,51 +71,53 @@ class SearchStep:
         other = self.search.first if self.first else None
         return self.search.made if other is None else other
 
-    def stop(self) -> Node:
+    def lower_stop(self) -> Node:
         """Whether a step that enters stops."""
         assert self.of.stops.goals is not None
-        return self.expressions.condition(self.of.stops.goals, self.scope)
+        return self.expressions.lower_condition(self.of.stops.goals, self.scope)
 
-    def goal(self) -> Node:
+    def lower_goal(self) -> Node:
         assert self.query.where is not None
-        return self.expressions.condition(self.query.where, self.scope)
+        return self.expressions.lower_condition(self.query.where, self.scope)
 
-    def lookups(self) -> list[Node]:
+    def list_lookups(self) -> list[Node]:
         """What SQLite may look up or evaluate early.
 
         This is the part of CONNECT BY that cannot fail, and equalities without which the step would stop and be no
         goal.
         """
         parts = [part for part in split_and(self.made) if not can_fail(part)]
-        return [self.expressions.condition(part, self.scope) for part in (*parts, *self.of.looked_up)]
+        return [self.expressions.lower_condition(part, self.scope) for part in (*parts, *self.of.looked_up)]
 
-    def _meets_connect(self) -> list[Node]:
+    def _lower_connect_test(self) -> list[Node]:
         """The condition of CONNECT BY if it can fail, so that it is evaluated before the rest."""
         made = self.made
         clauses = [self.search.stop, self.query.where, self.search.weight, *self.of.compared, made]
         if made is None or not any(clause is not None and can_fail(clause) for clause in clauses):
             return []
-        return [self.expressions.condition(made, self.scope)]
+        return [self.expressions.lower_condition(made, self.scope)]
 
     # --- whether it enters -----------------------------------------------------------------------------
 
-    def enters(self) -> list[Node]:
-        new, alive = self._is_new(), self._continues_or_is_goal()
-        weighed = [] if self.of.total is None else self._weighed()
+    def lower_enter_tests(self) -> list[Node]:
+        new, alive = self._is_new(), self._lower_goes_on_or_goal()
+        weighed = [] if self.of.total is None else self._lower_weight_tests()
         weighs = self.best and not new
         if weighs:
             new, weighed = weighed, []
         # What SQLite computes by itself is evaluated before what calls Python.
         fails = self.search.weight is not None and can_fail(self.search.weight)
-        asks = self._calls_python(alive) or bool(self.of.shared)
+        asks = self._do_call_python(alive) or bool(self.of.shared)
         new_first = asks and not (weighs and fails) and self.search.by == "row"
-        made = self._meets_connect()
+        made = self._lower_connect_test()
         conditions = [*made, *(new + alive if new_first else alive + new), *weighed]
         guarded = bool(made) or (fails and bool(alive)) or (bool(alive) and self._can_key_fail())
         if guarded and len(conditions) > 1:
             # STOP WITH guards the weight; parts of AND SQLite evaluates as early as it can.
             return [
-                sql_builder.case([(_negate(one), sql_builder.number(0)) for one in conditions[:-1]], conditions[-1])
+                sql_builder.case(
+                    [(_negate_flag(one), sql_builder.number(0)) for one in conditions[:-1]], conditions[-1]
+                )
             ]
         return conditions
 
@@ -124,7 +126,7 @@ class SearchStep:
         parts = [*self.of.compared, *(expr for _, expr in self.search.connect)]
         return self.search.by != "row" and any(map(can_fail, parts))
 
-    def _calls_python(self, drops: list[Node]) -> bool:
+    def _do_call_python(self, drops: list[Node]) -> bool:
         return any(map(sql_builder.calls_python, drops))
 
     def _is_new(self) -> list[Node]:
@@ -141,134 +143,138 @@ class SearchStep:
             arguments.append(self.of.rank_total(self.of.column(self.of.total)))
         if self.first and name in ("on_path", "closed") and not self.of.keyed:
             return []  # nothing was met yet
-        return [_negate(sql_builder.call(name, *arguments, *self.key()))]
+        return [_negate_flag(sql_builder.call(name, *arguments, *self.lower_key()))]
 
-    def _continues_or_is_goal(self) -> list[Node]:
+    def _lower_goes_on_or_goal(self) -> list[Node]:
         """Whether the step goes on or is a goal; a part of STOP WITH that is never true of goals stands alone."""
-        conditions = [_negate(self.expressions.condition(part, self.scope)) for part in self.of.stops.others]
+        conditions = [_negate_flag(self.expressions.lower_condition(part, self.scope)) for part in self.of.stops.others]
         drops = self.of.stops.pruning_condition
         if drops is not None:
             conditions.append(
-                sql_builder.disjunction([_negate(self.expressions.condition(drops, self.scope)), self.goal()])
+                sql_builder.disjunction(
+                    [_negate_flag(self.expressions.lower_condition(drops, self.scope)), self.lower_goal()]
+                )
             )
         return conditions
 
-    def _weighed(self) -> list[Node]:
+    def _lower_weight_tests(self) -> list[Node]:
         """The conditions on COST or PROBABILITY of a step."""
-        asked: list[Node] = []
+        tests: list[Node] = []
         if self.search.order == "probability":
-            asked.append(sql_builder.binary(exp.GT, self.weight(), sql_builder.number(0)))
+            tests.append(sql_builder.binary(exp.GT, self.lower_weight(), sql_builder.number(0)))
         if self.best:
-            asked.append(sql_builder.call("improves", self.of.rank_total(self.total()), *self.key()))
-        return asked
+            tests.append(sql_builder.call("improves", self.of.rank_total(self.lower_total()), *self.lower_key()))
+        return tests
 
     # --- what it carries -------------------------------------------------------------------------------
 
-    def outputs(self, positions: list[Node]) -> list[Node]:
+    def lower_columns(self, positions: list[Node]) -> list[Node]:
         """The columns of the recursive table; `positions` are read where SQLite looks rows up."""
         of = self.of
-        carried: dict[str | None, Node] = {"step": self._number(positions), "parent": self.parent}
+        carried: dict[str | None, Node] = {"step": self._number_step(positions), "parent": self.parent}
         carried[of.depth] = (
             sql_builder.number(1) if self.first else _add_nodes(of.column(of.depth or ""), sql_builder.number(1))
         )
         if of.goal is not None:
-            carried[of.goal] = self.goal()
+            carried[of.goal] = self.lower_goal()
         if of.continues_column is not None:
             # Whatever enters goes on, unless it is a goal: only then STOP WITH is evaluated once more.
-            both = not self._calls_python([self.goal()])
+            both = not self._do_call_python([self.lower_goal()])
             if of.stops.pruning_condition != of.stops.goals and both:
-                carried[of.continues_column] = _negate(self.goal())
+                carried[of.continues_column] = _negate_flag(self.lower_goal())
             else:
-                asks = both and self._calls_python([self.stop()])
+                asks = both and self._do_call_python([self.lower_stop()])
                 carried[of.continues_column] = (
-                    sql_builder.case([(self.goal(), _negate(self.stop()))], sql_builder.number(1))
+                    sql_builder.case([(self.lower_goal(), _negate_flag(self.lower_stop()))], sql_builder.number(1))
                     if asks
-                    else _negate(self.stop())
+                    else _negate_flag(self.lower_stop())
                 )
         if of.waits is not None:
             carried[of.waits] = self._write_waiting_flag()
         if of.total is not None:
-            carried[of.total] = self.total()
+            carried[of.total] = self.lower_total()
         if of.estimate is not None:
-            goal = None if self.query.where is None else self.goal()
+            goal = None if self.query.where is None else self.lower_goal()
             zero = sql_builder.number(0)
-            carried[of.estimate] = zero if goal is None else sql_builder.case([(goal, zero)], self.estimate())
+            carried[of.estimate] = zero if goal is None else sql_builder.case([(goal, zero)], self.lower_estimate())
             if of.rank is not None:
-                later = _add_nodes(self.total(), self.estimate())
-                carried[of.rank] = self.total() if goal is None else sql_builder.case([(goal, self.total())], later)
+                later = _add_nodes(self.lower_total(), self.lower_estimate())
+                carried[of.rank] = (
+                    self.lower_total() if goal is None else sql_builder.case([(goal, self.lower_total())], later)
+                )
             if of.later is not None:
                 # Only a goal waits twice, and needs the estimate when it has come out.
-                estimate = self.estimate()
+                estimate = self.lower_estimate()
                 if of.admits_stopping_goals and self._can_estimate_fail():
-                    estimate = self._null_if_stopped(estimate, sql_builder.number(0))
+                    estimate = self._write_null_if_stopped(estimate, sql_builder.number(0))
                 carried[of.later] = (
                     estimate if goal is None else sql_builder.case([(goal, estimate)], sql_builder.null())
                 )
         for name, key in zip(of.siblings, self.search.siblings, strict=True):
-            carried[name] = self.expressions.lower(key.expr, self.scope)
+            carried[name] = self.expressions.lower_expr(key.expr, self.scope)
         for name, node in zip(of.variables, self._build_next_state(), strict=True):
-            anyway = name not in of.assigned or of.assigns_when_stopped(name)
-            carried[of.states[name]] = node if anyway else self._null_if_stopped(node, sql_builder.null())
+            anyway = name not in of.assigned or of.can_assign_when_stopped(name)
+            carried[of.states[name]] = node if anyway else self._write_null_if_stopped(node, sql_builder.null())
         for name, short in of.before.items():
             carried[short] = self.scope.states[(self.query.id, name)].copy()
         for short, read in of.reads:
-            carried[short] = self.expressions.lower(read, self.scope)
+            carried[short] = self.expressions.lower_expr(read, self.scope)
         return [carried[name] for name in of.all_column_names]
 
-    def _number(self, positions: list[Node]) -> Node:
+    def _number_step(self, positions: list[Node]) -> Node:
         """The number of the step; it notes the step's row with it."""
         guard = self.of.guard
         # Depth first, a row is marked when its step is taken.
         number = "enter" if guard.number == "enter_first" and self.of.depth is not None else guard.number
-        rank = [self.of.rank_total(self.total())] if self.best else []
+        rank = [self.of.rank_total(self.lower_total())] if self.best else []
         if self.of.all_results or self.of.steps_unkept:
             entered = sql_builder.call("next_number")
             return sql_builder.call("in_turn", *positions, entered) if positions else entered
         # The repeat test that was evaluated last knows the row: `enter_first` and `enter_best` take it from there.
-        row = self.row() if number == "enter" or self.of.keyed else []
+        row = self.lower_row() if number == "enter" or self.of.keyed else []
         keyed = "_keyed" if self.of.keyed else ""
         entered = sql_builder.call(number + keyed, self.parent.copy(), *rank, *row)
         return sql_builder.call("in_turn", *positions, entered) if positions else entered
 
     def _write_waiting_flag(self) -> Node:
         """0 for a goal."""
-        return sql_builder.number(0) if self.query.where is None else _negate(self.goal())
+        return sql_builder.number(0) if self.query.where is None else _negate_flag(self.lower_goal())
 
     def _build_next_state(self) -> list[Node]:
         return [self.next[(self.query.id, name)].copy() for name in self.of.variables]
 
-    def _null_if_stopped(self, node: Node, otherwise: Node) -> Node:
-        return sql_builder.case([(self.stop(), otherwise)], node)
+    def _write_null_if_stopped(self, node: Node, otherwise: Node) -> Node:
+        return sql_builder.case([(self.lower_stop(), otherwise)], node)
 
     # --- weights ---------------------------------------------------------------------------------------
 
-    def weight(self) -> Node:
+    def lower_weight(self) -> Node:
         weight = self.search.weight
         assert weight is not None
-        return self._checked(weight, f"step_{self.search.order}")
+        return self._lower_checked(weight, f"step_{self.search.order}")
 
-    def estimate(self) -> Node:
+    def lower_estimate(self) -> Node:
         assert self.search.heuristic is not None
-        return self._checked(self.search.heuristic, "step_heuristic")
+        return self._lower_checked(self.search.heuristic, "step_heuristic")
 
     def _can_estimate_fail(self) -> bool:
         heuristic = self.search.heuristic
         return heuristic is not None and (can_fail(heuristic) or not is_within_bound(heuristic.type, self.of.most))
 
-    def _checked(self, expr: plan.Expr, check: str) -> Node:
-        node = self.expressions.lower(expr, self.scope)
+    def _lower_checked(self, expr: plan.Expr, check: str) -> Node:
+        node = self.expressions.lower_expr(expr, self.scope)
         if is_within_bound(expr.type, self.of.most):
             return node
-        return sql_builder.call(check, node, self.expressions.place(expr.span))
+        return sql_builder.call(check, node, self.expressions.write_place(expr.span))
 
-    def total(self) -> Node:
+    def lower_total(self) -> Node:
         """The total of the path with this step."""
         of = self.of
         assert of.total is not None
         if self.first:
-            return self.weight()
+            return self.lower_weight()
         kind = exp.Mul if self.search.order == "probability" else exp.Add
-        return sql_builder.binary(kind, of.column(of.total), self.weight())
+        return sql_builder.binary(kind, of.column(of.total), self.lower_weight())
 
 
 @dataclass(frozen=True, slots=True)
@@ -309,7 +315,7 @@ def split_stop_conditions(query: plan.Query) -> StopConditions:
 def are_exclusive(one: plan.Expr, other: plan.Expr) -> bool:
     """Whether two conditions are never true together, such as `x == 1` and `x != 1`."""
     return any(
-        a == c and not may_be_equal(b.type, d.type)
+        a == c and not can_be_equal(b.type, d.type)
         for part in split_and(other)
         for a, b in _get_sides(one)
         for c, d in _get_sides(part)
@@ -327,10 +333,10 @@ def _get_sides(expr: plan.Expr) -> list[tuple[plan.Expr, plan.Expr]]:
 
 def is_within_bound(kind: Type, most: float) -> bool:
     """Whether the type promises numbers from 0 to `most`; a bool among other values is a handle."""
-    return (kind.only(Kind.INT | Kind.FLOAT) or is_flag(kind)) and kind.at_least(0) and kind.bounded(most)
+    return (kind.is_only(Kind.INT | Kind.FLOAT) or is_flag(kind)) and kind.is_at_least(0) and kind.is_bounded(most)
 
 
-def _negate(node: Node) -> Node:
+def _negate_flag(node: Node) -> Node:
     match node:
         case exp.Not():
             return node.this.unnest()  # type: ignore[no-any-return]

@@ -33,7 +33,7 @@ def identifier(name: str) -> exp.Identifier:
 _OF_A_STATEMENT = re.compile(r"elements|search|.*_(once|in_order)(_\d+)?\Z", re.DOTALL)
 
 
-def may_need_schema(name: str) -> bool:
+def can_need_schema(name: str) -> bool:
     """Whether a table may have the name of such a virtual table or of a copy: its schema has to be written, too."""
     return bool(_OF_A_STATEMENT.match(name.lower()))
 

@@ -70,8 +70,8 @@ class Parameter:
     flag: bool = False
     blob_encoding: BlobEncoding | None = None
 
-    def bound(self, value: Any) -> Any:
-        return value if self.blob_encoding is None else self.blob_encoding.pack(value)
+    def encode_value(self, value: Any) -> Any:
+        return value if self.blob_encoding is None else self.blob_encoding.pack_value(value)
 
 
 @dataclass(frozen=True, slots=True)

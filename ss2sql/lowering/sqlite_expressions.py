@@ -76,35 +76,35 @@ class ExpressionLowering:
         self.rows = rows
         self._lowered: dict[tuple[int, int], tuple[plan.Expr, SqlScope, Node]] | None = None
 
-    def value(self, expr: plan.Expr, scope: SqlScope) -> Node:
+    def lower_value(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The expression as a value."""
-        node = self.lower(expr, scope)
-        return self.boxed(node) if is_flag(expr.type) else node
+        node = self.lower_expr(expr, scope)
+        return self.box_flag(node) if is_flag(expr.type) else node
 
-    def boxed(self, flag: Node) -> Node:
+    def box_flag(self, flag: Node) -> Node:
         """A flag as a value: True or False."""
-        return sql_builder.case([(flag, self.needs.bind(TRUE, "true"))], self.needs.bind(FALSE, "false"))
+        return sql_builder.case([(flag, self.needs.bind_value(TRUE, "true"))], self.needs.bind_value(FALSE, "false"))
 
     def unbox_value(self, node: Node, kind: Type) -> Node:
         """A value in the form of its type: a bool becomes a flag."""
-        return sql_builder.binary(exp.NullSafeEQ, node, self.needs.bind(TRUE, "true")) if is_flag(kind) else node
+        return sql_builder.binary(exp.NullSafeEQ, node, self.needs.bind_value(TRUE, "true")) if is_flag(kind) else node
 
-    def condition(self, expr: plan.Expr, scope: SqlScope) -> Node:
+    def lower_condition(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The truth of an expression as a flag."""
-        node = self.lower(expr, scope)
+        node = self.lower_expr(expr, scope)
         kind = expr.type
         if is_flag(kind):
             return node
-        if kind.only(Kind.INT | Kind.FLOAT):
+        if kind.is_only(Kind.INT | Kind.FLOAT):
             return sql_builder.binary(exp.NEQ, node, sql_builder.number(0))
-        if kind.only(Kind.STR):
+        if kind.is_only(Kind.STR):
             return sql_builder.binary(exp.NEQ, node, sql_builder.string(""))
-        if kind.only(Kind.NONE | Kind.NUMBER | Kind.LIST | Kind.DICT):
+        if kind.is_only(Kind.NONE | Kind.NUMBER | Kind.LIST | Kind.DICT):
             # A handle begins with the number that SQLite takes for its truth.
             return exp.Is(this=sql_builder.wrap_operand(node), expression=exp.true())
         return sql_builder.call("truth", node)
 
-    def lower(self, expr: plan.Expr, scope: SqlScope) -> Node:
+    def lower_expr(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The expression as a flag or a value, by its type.
 
         Subexpressions are kept until the whole is lowered: some are lowered twice, and n of them inside each other
@@ -116,67 +116,67 @@ class ExpressionLowering:
         if key in lowered:
             return lowered[key][-1].copy()
         try:
-            node = self._lower(expr, scope)
+            node = self._lower_node(expr, scope)
         finally:
             if outermost:
                 self._lowered = None
         lowered[key] = expr, scope, node  # with what has the identities, lest others come to have them
         return node
 
-    def _lower(self, expr: plan.Expr, scope: SqlScope) -> Node:
+    def _lower_node(self, expr: plan.Expr, scope: SqlScope) -> Node:
         for known, node in scope.known:
             if known == expr:
                 return node.copy()
         match expr:
             case plan.Constant():
-                return self.constant(expr)
+                return self.lower_constant(expr)
             case plan.Variable(name=name, type=kind):
-                return self.needs.bind(expr, name, is_flag(kind))
+                return self.needs.bind_value(expr, name, is_flag(kind))
             case plan.Element(source=source) | plan.Column(source=source):
                 return scope.sources[source](expr)
             case plan.State(query=query, name=name):
                 return scope.states[(query, name)]
             case plan.Call():
-                return self.call(expr, scope)
+                return self.lower_call(expr, scope)
             case plan.And(parts=parts):
-                return self.all_of(parts, scope)
+                return self.lower_and(parts, scope)
             case plan.Or(parts=parts):
-                return self.any_of(parts, scope)
+                return self.lower_or(parts, scope)
             case plan.Xor(left=left, right=right):
-                one, other = self.condition(left, scope), self.condition(right, scope)
+                one, other = self.lower_condition(left, scope), self.lower_condition(right, scope)
                 return sql_builder.binary(exp.NEQ, one, other)
             case plan.Not(operand=operand):
-                return exp.Not(this=sql_builder.wrap_operand(self.condition(operand, scope)))
+                return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(operand, scope)))
             case plan.If():
-                return self.conditional(expr, scope)
+                return self.lower_if(expr, scope)
             case plan.MakeList() if not can_fail(expr) and is_run_constant(expr):
-                return self.needs.bind(expr)
+                return self.needs.bind_value(expr)
             case plan.MakeList(items=items):
-                return sql_builder.call("list", *(self.value(item, scope) for item in items))
+                return sql_builder.call("list", *(self.lower_value(item, scope) for item in items))
             case plan.GroupKey(query=query, index=index):
                 return scope.groups[(query, index)]
             case plan.Aggregate():
-                return self.aggregate(expr, scope)
+                return self.lower_aggregate(expr, scope)
             case _:
                 assert isinstance(expr, plan.Subquery), "all others are declared in unsupported.py"
-                return self.unbox_value(self._query(self.subquery, expr, scope), expr.type)
+                return self.unbox_value(self._lower_query(self.subquery, expr, scope), expr.type)
 
-    def exists(self, expr: plan.Subquery, scope: SqlScope) -> Node:
+    def lower_exists(self, expr: plan.Subquery, scope: SqlScope) -> Node:
         """Whether a query has a row, as a flag."""
-        return exp.Exists(this=self.unordered(expr, scope, lambda scope: sql_builder.number(1)))
+        return exp.Exists(this=self.lower_unordered(expr, scope, lambda scope: sql_builder.number(1)))
 
-    def unordered(self, expr: plan.Subquery, scope: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
+    def lower_unordered(self, expr: plan.Subquery, scope: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
         """A value computed from the rows of a query in any order."""
-        return self._query(lambda query, scope: self.rows(query, scope, output), expr, scope)
+        return self._lower_query(lambda query, scope: self.rows(query, scope, output), expr, scope)
 
-    def _query(self, lower: Callable[[plan.Query, SqlScope], N], expr: plan.Subquery, scope: SqlScope) -> N:
+    def _lower_query(self, lower: Callable[[plan.Query, SqlScope], N], expr: plan.Subquery, scope: SqlScope) -> N:
         outer, self._lowered = self._lowered, None  # the parts of a query change after they are lowered
         try:
             return lower(expr.query, scope.enter_query())
         finally:
             self._lowered = outer
 
-    def constant(self, expr: plan.Constant) -> Node:
+    def lower_constant(self, expr: plan.Constant) -> Node:
         value = expr.value
         match value:
             case None:
@@ -190,13 +190,15 @@ class ExpressionLowering:
             case str() if value.isprintable() and len(value) <= 200:
                 return sql_builder.string(value)
             case _:
-                return self.needs.bind(expr)
+                return self.needs.bind_value(expr)
 
-    def call(self, expr: plan.Call, scope: SqlScope) -> Node:
+    def lower_call(self, expr: plan.Call, scope: SqlScope) -> Node:
         function = expr.function
         if not function.builtin:
-            name = self.needs.function(function.name, expr.place)
-            return self.unbox_value(sql_builder.call(name, *(self.value(a, scope) for a in expr.arguments)), expr.type)
+            name = self.needs.name_function(function.name, expr.place)
+            return self.unbox_value(
+                sql_builder.call(name, *(self.lower_value(a, scope) for a in expr.arguments)), expr.type
+            )
         reduced = lower_function_of_rows(self, expr, scope)
         if reduced is not None:
             return reduced
@@ -205,26 +207,26 @@ class ExpressionLowering:
         if node is not None:
             return node
         if not can_fail(expr) and is_run_constant(expr):
-            return self.needs.bind(expr, None, is_flag(expr.type))
+            return self.needs.bind_value(expr, None, is_flag(expr.type))
         node = sqlite_forms.lower_checked(self, expr, scope)
         if node is not None:
             return node
-        return self.python(expr, [self.value(argument, scope) for argument in expr.arguments])
+        return self.call_python(expr, [self.lower_value(argument, scope) for argument in expr.arguments])
 
-    def python(self, expr: plan.Call, arguments: Sequence[Node]) -> Node:
+    def call_python(self, expr: plan.Call, arguments: Sequence[Node]) -> Node:
         """A call of the language's own function on values."""
-        node = sql_builder.call(get_builtin_name(expr.function.name), *arguments, self.place(expr.place))
+        node = sql_builder.call(get_builtin_name(expr.function.name), *arguments, self.write_place(expr.place))
         return node if expr.function.name in PREDICATES else self.unbox_value(node, expr.type)
 
-    def field(self, element: Node, column: plan.Column) -> Node:
+    def read_field(self, element: Node, column: plan.Column) -> Node:
         """A column that is looked up in the element when it is read."""
-        return sql_builder.call("field", element, sql_builder.string(column.name), self.place(column.span))
+        return sql_builder.call("field", element, sql_builder.string(column.name), self.write_place(column.span))
 
-    def place(self, span: Span) -> Node:
+    def write_place(self, span: Span) -> Node:
         return sql_builder.string(f"{span.line}:{span.column}")
 
-    def all_of(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
-        conditions = self.in_order(parts, scope, True)
+    def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
+        conditions = self.lower_in_order(parts, scope, True)
         if not any(can_fail(part) for part in parts[1:]):
             joined = sql_builder.conjunction([sql_builder.keep_condition(condition) for condition in conditions])
             assert joined is not None
@@ -234,34 +236,38 @@ class ExpressionLowering:
         ]
         return sql_builder.case(stops, conditions[-1])
 
-    def any_of(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
+    def lower_or(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
         return sql_builder.disjunction(
-            [sql_builder.keep_condition(condition) for condition in self.in_order(parts, scope, False)]
+            [sql_builder.keep_condition(condition) for condition in self.lower_in_order(parts, scope, False)]
         )
 
-    def in_order(self, parts: tuple[plan.Expr, ...], scope: SqlScope, truth: bool) -> list[Node]:
+    def lower_in_order(self, parts: tuple[plan.Expr, ...], scope: SqlScope, truth: bool) -> list[Node]:
         """The truth of expressions, each given that those before it have this truth."""
         conditions: list[Node] = []
         for part in parts:
-            conditions.append(self.condition(part, scope))
+            conditions.append(self.lower_condition(part, scope))
             scope = scope.with_facts(part, truth)
         return conditions
 
-    def conditional(self, expr: plan.If, scope: SqlScope) -> Node:
+    def lower_if(self, expr: plan.If, scope: SqlScope) -> Node:
         branches = []
         for branch, truth in ((expr.then, True), (expr.otherwise, False)):
             here = scope.with_facts(expr.condition, truth)
-            branches.append(self.lower(branch[-1], here) if is_flag(expr.type) else self.value(branch[-1], here))
-        return sql_builder.case([(self.condition(expr.condition, scope), branches[0])], branches[1])
+            branches.append(
+                self.lower_expr(branch[-1], here) if is_flag(expr.type) else self.lower_value(branch[-1], here)
+            )
+        return sql_builder.case([(self.lower_condition(expr.condition, scope), branches[0])], branches[1])
 
-    def aggregate(self, expr: plan.Aggregate, scope: SqlScope) -> Node:
+    def lower_aggregate(self, expr: plan.Aggregate, scope: SqlScope) -> Node:
         if expr.argument is None:
             return exp.Count(this=exp.Star())
-        argument = self.value(expr.argument, scope)
+        argument = self.lower_value(expr.argument, scope)
         node = sqlite_forms.lower_aggregate(expr, argument)
         if node is not None:
             return node
-        return self.unbox_value(sql_builder.call(f"group_{expr.function}", argument, self.place(expr.span)), expr.type)
+        return self.unbox_value(
+            sql_builder.call(f"group_{expr.function}", argument, self.write_place(expr.span)), expr.type
+        )
 
 
 def is_run_constant(expr: plan.Expr) -> bool:

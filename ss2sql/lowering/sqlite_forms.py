@@ -22,7 +22,7 @@ from sqlglot import exp
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import GROUPS, OPERATIONS, Check, Form
-from ss2sql.language.operations.operation import sql_class
+from ss2sql.language.operations.operation import find_sql_class
 from ss2sql.language.plan_traversal import is_volatile, list_choices
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.operation_forms import fill_operands
@@ -55,12 +55,12 @@ def lower_checked(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) 
         return None
     if test is Check.SIZE:
         return lower_size_checked(lowering, call, env)
-    operands = [lowering.lower(argument, env) for argument in call.arguments]
+    operands = [lowering.lower_expr(argument, env) for argument in call.arguments]
     if not all(map(can_repeat, operands)):
         return None
     value = fill_operands(str(form.text), operands)
     otherwise = sql_builder.mark_as_rare(
-        lowering.python(call, [lowering.value(argument, env) for argument in call.arguments])
+        lowering.call_python(call, [lowering.lower_value(argument, env) for argument in call.arguments])
     )
     if test is Check.NOT_NULL:
         return sql_builder.call("coalesce", value, otherwise)
@@ -71,8 +71,8 @@ def lower_checked(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) 
 def _choose_form(call: plan.Call) -> Form | None:
     """The first form that fits; one without a check where the call cannot fail."""
     for form in OPERATIONS[call.function.name].sqlite:
-        given = _get_operands(form, call)
-        fits = given and form.when([argument.type for argument in given])
+        operands = _get_operands(form, call)
+        fits = operands and form.when([argument.type for argument in operands])
         if fits and (_get_check(form, call) or not call.function.raises) and _find_functions(form) <= SQLITE_FUNCTIONS:
             return form
     return None
@@ -87,7 +87,7 @@ def _get_operands(form: Form, call: plan.Call) -> Sequence[plan.Expr]:
 
 
 def _write_form(form: Form, call: plan.Call, lowering: ExpressionLowering, env: SqlScope) -> Node | None:
-    operands = [lowering.lower(argument, env) for argument in _get_operands(form, call)]
+    operands = [lowering.lower_expr(argument, env) for argument in _get_operands(form, call)]
     text = str(form.text)
     often = [operand for index, operand in enumerate(operands) if text.count(f"{{{index}}}") > 1]
     return fill_operands(text, operands) if all(map(can_repeat, often)) else None
@@ -137,14 +137,14 @@ def _choose_inner_form(expr: plan.Expr, kinds: Kind) -> Form | None:
 def _call_python_operators(lowering: ExpressionLowering, expr: plan.Expr, env: SqlScope) -> Node:
     """The same with a Python call for every operator."""
     if not isinstance(expr, plan.Call) or _choose_inner_form(expr, expr.type.kinds) is None:
-        return lowering.value(expr, env)
-    return lowering.python(expr, [_call_python_operators(lowering, argument, env) for argument in expr.arguments])
+        return lowering.lower_value(expr, env)
+    return lowering.call_python(expr, [_call_python_operators(lowering, argument, env) for argument in expr.arguments])
 
 
 def _build_tree(lowering: ExpressionLowering, expr: plan.Expr, env: SqlScope, kinds: Kind) -> Node | None:
     form = None if any(known == expr for known, _ in env.known) else _choose_inner_form(expr, kinds)
     if not isinstance(expr, plan.Call) or form is None:
-        return lowering.lower(expr, env) if sql_class(expr.type, none=True) == "number" else None
+        return lowering.lower_expr(expr, env) if find_sql_class(expr.type, none=True) == "number" else None
     text, operands = str(form.text), list[Node]()
     for index, argument in enumerate(expr.arguments):
         operand = _build_tree(lowering, argument, env, kinds) if f"{{{index}}}" in text else sql_builder.null()

@@ -42,28 +42,30 @@ class StatementNeeds:
     )  # what is remembered, see aggregate_subqueries.py
     written: Callable[[plan.Expr], plan.Expr] | None = None  # an expression before the rewrites, for Python
 
-    def reduction(self, expr: plan.Expr) -> int:
+    def number_reduction(self, expr: plan.Expr) -> int:
         """The number of an expression whose values are remembered; equal ones share them."""
         if expr not in self.memoized_expressions:
             self.memoized_expressions.append(expr)
         return self.memoized_expressions.index(expr) + 1
 
-    def label(self, name: str) -> str:
+    def choose_label(self, name: str) -> str:
         """A name for a source that no other source of the statement has; the user's own for the first."""
         return choose_free_name(name, self.labels)
 
-    def table(self, name: str) -> str:
+    def choose_table_name(self, name: str) -> str:
         """A name for a table of WITH that nothing else has; unlike a label it is seen in all of the statement."""
         table = choose_free_name(name, self.labels | self.tables)
         self.tables.add(table.lower())
         return table
 
-    def packed(self, expr: plan.Expr, encoding: BlobEncoding) -> Node:
+    def bind_packed(self, expr: plan.Expr, encoding: BlobEncoding) -> Node:
         """The placeholder for a list that is packed."""
         self.applied["cells"] = None
-        return self.bind(expr, f"{expr.name if isinstance(expr, plan.Variable) else 'list'}_cells", False, encoding)
+        return self.bind_value(
+            expr, f"{expr.name if isinstance(expr, plan.Variable) else 'list'}_cells", False, encoding
+        )
 
-    def bind(
+    def bind_value(
         self, expr: plan.Expr, name: str | None = None, flag: bool = False, encoding: BlobEncoding | None = None
     ) -> Node:
         """The placeholder for the value of an expression; equal expressions share one."""
@@ -82,19 +84,19 @@ class StatementNeeds:
 
     def bind_plain(self, expr: plan.Expr) -> Node:
         """The placeholder for a value with which others are compared by their handles."""
-        node = self.bind(expr, expr.name if isinstance(expr, plan.Variable) else None)
+        node = self.bind_value(expr, expr.name if isinstance(expr, plan.Variable) else None)
         self.plain.add(node.name)
         return node
 
-    def limits(self, query: plan.Query) -> tuple[Node | None, Node | None]:
-        limit = None if query.limit is None else self.count(query.limit, "limit")
-        return limit, None if query.offset is None else self.count(query.offset, "offset")
+    def bind_limits(self, query: plan.Query) -> tuple[Node | None, Node | None]:
+        limit = None if query.limit is None else self.bind_count(query.limit, "limit")
+        return limit, None if query.offset is None else self.bind_count(query.offset, "offset")
 
-    def count(self, expr: plan.Expr, name: str) -> Node:
+    def bind_count(self, expr: plan.Expr, name: str) -> Node:
         """A LIMIT: a whole number as it is written, anything else bound."""
         if isinstance(expr, plan.Constant) and type(expr.value) is int:
             return sql_builder.number(expr.value)
-        return self.bind(expr, name)
+        return self.bind_value(expr, name)
 
     def _make_placeholder(self, bound: Parameter) -> Node:
         node = sql_builder.parameter(bound.name)
@@ -106,7 +108,7 @@ class StatementNeeds:
                 node.add_comments([shown if len(shown) <= 60 else shown[:57] + "..."])
         return node
 
-    def function(self, name: str, span: Span) -> str:
+    def name_function(self, name: str, span: Span) -> str:
         """The SQL name of a user's function; notes that it is called at this place."""
         self.calls.setdefault(name, []).append(span)
         return self.function_names.get(name, name)
@@ -116,7 +118,7 @@ class StatementNeeds:
         """The names of the virtual tables of worlds that the statement reads."""
         return {table.module for table in self.worlds.values()}
 
-    def elements(self, columns: tuple[str, ...]) -> str:
+    def name_elements_table(self, columns: tuple[str, ...]) -> str:
         """The name of the virtual table that walks a list whose elements have these columns."""
         return self.name_list_table(ListTable(columns)) or ""
 

@@ -8,19 +8,19 @@ from __future__ import annotations
 from sqlglot import exp
 
 from ss2sql.language.kinds import Kind, Type
-from ss2sql.language.operations.operation import sql_class
+from ss2sql.language.operations.operation import find_sql_class
 from ss2sql.lowering.sql_builder import Node
 
 REAL_NUMBER = Kind.INT | Kind.FLOAT
 
 
 def is_number(kind: Type) -> bool:
-    return sql_class(kind) == "number"
+    return find_sql_class(kind) == "number"
 
 
 def have_same_storage_class(left: Type, right: Type, none: bool = False) -> bool:
-    known = sql_class(left, none)
-    return known is not None and known == sql_class(right, none)
+    known = find_sql_class(left, none)
+    return known is not None and known == find_sql_class(right, none)
 
 
 INTEGRAL = Kind.BOOL | Kind.INT

@@ -76,12 +76,7 @@ UNIQUE = RepeatRule(
 # when it is taken.
 UNIQUE_BEST = RepeatRule("unique", "UNIQUE", "closed", "enter_best", True, UNIQUE.promise)
 MEMORIZE = RepeatRule(
-    "memorize",
-    "MEMORIZE",
-    None,
-    "enter",
-    False,
-    "Every path without a repeated row up to the bound, shortest first.",
+    "memorize", "MEMORIZE", None, "enter", False, "Every path without a repeated row up to the bound, shortest first."
 )
 
 ORDERS: dict[str, Order] = {

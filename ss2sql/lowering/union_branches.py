@@ -36,7 +36,7 @@ class UnionBranches:
     items: tuple[plan.Expr, ...]
     size: int | None
 
-    def parts(self, expr: plan.Expr) -> tuple[plan.Column, ...]:
+    def list_parts(self, expr: plan.Expr) -> tuple[plan.Column, ...]:
         """The columns that an element travels as; nothing for what does not travel as its parts."""
         if self.size is None or not isinstance(expr, plan.Element) or expr.source != self.source.id:
             return ()
@@ -45,29 +45,29 @@ class UnionBranches:
             plan.Column(expr.source, build_item_column_name(at), kind, span=expr.span) for at, kind in enumerate(kinds)
         )
 
-    def reader(self, expressions: ExpressionLowering, item: plan.Expr, scope: SqlScope) -> Reader:
+    def make_reader(self, expressions: ExpressionLowering, item: plan.Expr, scope: SqlScope) -> Reader:
         """Reads an item, in the sight of its parts, and these."""
 
-        def read(expr: plan.Element | plan.Column) -> Node:
+        def read_part(expr: plan.Element | plan.Column) -> Node:
             read_of = item
             if isinstance(expr, plan.Column):
                 assert isinstance(item, plan.MakeList)
                 read_of = item.items[get_item_position(expr.name)]
             if is_flag(expr.type) and is_flag(read_of.type):
-                return expressions.lower(read_of, scope)
-            return expressions.unbox_value(expressions.value(read_of, scope), expr.type)
+                return expressions.lower_expr(read_of, scope)
+            return expressions.unbox_value(expressions.lower_value(read_of, scope), expr.type)
 
-        return read
+        return read_part
 
-    def row(
+    def lower_row(
         self, expressions: ExpressionLowering, query: plan.Query, item: plan.Expr, scope: SqlScope
     ) -> Iterator[Node]:
         """The values of a step's row, a list as its parts."""
         for output in query.columns:
-            if self.parts(output.expr) and isinstance(item, plan.MakeList):
-                yield from (expressions.value(part, scope) for part in item.items)
+            if self.list_parts(output.expr) and isinstance(item, plan.MakeList):
+                yield from (expressions.lower_value(part, scope) for part in item.items)
             else:
-                yield expressions.value(output.expr, scope)
+                yield expressions.lower_value(output.expr, scope)
 
 
 def find_union_branches(query: plan.Query) -> UnionBranches | None:
@@ -86,12 +86,12 @@ def find_union_branches(query: plan.Query) -> UnionBranches | None:
     )
     if not items or len(items) > MAX_BRANCHES or any(_calls_user_code(item) for item in items):
         return None
-    if all(item.type.only(SCALAR) for item in items):
+    if all(item.type.is_only(SCALAR) for item in items):
         return UnionBranches(source, items, None)
     sizes = {len(item.items) if isinstance(item, plan.MakeList) else 0 for item in items}
     parts = [part for item in items if isinstance(item, plan.MakeList) for part in item.items]
     size = sizes.pop()
-    if sizes or not size or not all(part.type.only(SCALAR) for part in parts):
+    if sizes or not size or not all(part.type.is_only(SCALAR) for part in parts):
         return None
     return None if len(source.element.positions or ()) != size else UnionBranches(source, items, size)
 
@@ -118,4 +118,6 @@ def _calls_user_code(item: plan.Expr | plan.Query) -> bool:
 
 def build_list(expressions: ExpressionLowering, parts: list[tuple[Node, plan.Column]]) -> Node:
     """The list of parts that stand in columns."""
-    return sql_builder.call("list", *(expressions.boxed(node) if is_flag(part.type) else node for node, part in parts))
+    return sql_builder.call(
+        "list", *(expressions.box_flag(node) if is_flag(part.type) else node for node, part in parts)
+    )

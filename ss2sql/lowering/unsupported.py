@@ -86,7 +86,7 @@ def _find_nested_limit(query: plan.Query, nested: bool) -> Span | None:
     for limit in (query.limit, query.offset) if nested else ():
         if limit is None:
             continue
-        is_count = limit.type.only(Kind.INT) and limit.type.at_least(0)
+        is_count = limit.type.is_only(Kind.INT) and limit.type.is_at_least(0)
         fixed = not (list_sources(limit) or list_states(limit))
         fixed = fixed and not any(isinstance(node, plan.GroupKey) for node in walk(limit))
         if not (is_count and fixed):

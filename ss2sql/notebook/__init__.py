@@ -24,4 +24,4 @@ def unload_ipython_extension(shell: Any) -> None:
     for kind in ("line", "cell"):
         shell.magics_manager.magics[kind].pop("ss", None)
     if magics is not None:
-        magics.close()
+        magics.close_session()

@@ -46,16 +46,16 @@ class NotebookNames:
         tree = parse(script)
         self._remove_outdated()
         for name in dict.fromkeys(_find_called_functions(tree)):
-            found = self._find(name)
+            found = self._find_value(name)
             if callable(found) and self._is_new(name, found):
                 self._provide_function(name, found)
-        given = True
-        while given:  # new values may have columns, which changes the unknown names
-            given = self._provide_all(self._unknown(tree))
+        provided = True
+        while provided:  # new values may have columns, which changes the unknown names
+            provided = self._provide_all(self._list_unknown(tree))
 
-    def told(self, error: ResolveError) -> ResolveError:
+    def add_hints(self, error: ResolveError) -> ResolveError:
         """The error, with hints at names of the notebook that are close to unknown ones."""
-        usable = [name for name in self._names if self._find(name) is not MISSING]
+        usable = [name for name in self._names if self._find_value(name) is not MISSING]
         for one in error.errors:
             unknown = one.span.text if one.code in UNKNOWN and one.span is not None else ""
             for name in get_close_matches(unknown, usable, n=1):
@@ -63,7 +63,7 @@ class NotebookNames:
                     one.with_hint(f"the notebook has '{name}'")
         return error
 
-    def _find(self, name: str) -> Any:
+    def _find_value(self, name: str) -> Any:
         """The notebook's value of a name; MISSING where it has none that a script could use."""
         found = self._names.get(name, MISSING)
         own = name in self._hidden and found is self._hidden[name]
@@ -76,21 +76,21 @@ class NotebookNames:
             current = host.functions.get(name)
             ours = current is not None and current.function is self._functions[name]
             return ours and function is not self._functions[name]
-        return name not in host.catalog().functions and name not in host.world_functions
+        return name not in host.make_catalog().functions and name not in host.world_functions
 
-    def _unknown(self, tree: ast.Script) -> tuple[str, ...]:
-        catalog = self.session.host.catalog(open_names=True)
+    def _list_unknown(self, tree: ast.Script) -> tuple[str, ...]:
+        catalog = self.session.host.make_catalog(open_names=True)
         try:
             return retry_with_stack(lambda: resolve(tree, catalog)).parameters
         except ResolveError:
             return ()  # running the script raises the error
 
     def _provide_all(self, names: Iterable[str]) -> bool:
-        return sum(map(self._provide, names)) > 0
+        return sum(map(self._provide_name, names)) > 0
 
-    def _provide(self, name: str) -> bool:
+    def _provide_name(self, name: str) -> bool:
         """Gives the session one name; False where the notebook does not have it."""
-        found = self._find(name)
+        found = self._find_value(name)
         if found is MISSING:
             return False
         if callable(found):
@@ -103,7 +103,7 @@ class NotebookNames:
         else:
             self.session.attach(name, found)
         self._values[name] = found
-        self._kept[name] = self._held(name)
+        self._kept[name] = self._get_session_value(name)
         return True
 
     def _provide_function(self, name: str, function: Any) -> None:
@@ -113,19 +113,19 @@ class NotebookNames:
     def _remove_outdated(self) -> None:
         """Removes values that the notebook no longer has; values set by a script stay."""
         for name, value in list(self._values.items()):
-            if self._held(name) is not self._kept[name]:
+            if self._get_session_value(name) is not self._kept[name]:
                 del self._values[name], self._kept[name]  # it is the session's own now
-            elif self._find(name) is not value:
+            elif self._find_value(name) is not value:
                 self._remove_name(name)
                 del self._values[name], self._kept[name]
 
-    def _held(self, name: str) -> Any:
+    def _get_session_value(self, name: str) -> Any:
         names = self.session.host.names
         return names.attached.get(name, names.values.get(name, MISSING))
 
     def _remove_name(self, name: str) -> None:
         if name in self.session.host.names.values:
-            self.session.host.names.forget(name)
+            self.session.host.names.forget_name(name)
         else:
             self.session.detach(name)
 

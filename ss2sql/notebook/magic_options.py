@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from ss2sql.errors import did_you_mean
+from ss2sql.errors import suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.session.engines import ENGINES, Engine
 
@@ -58,12 +58,12 @@ def _parse_seconds(text: str) -> float:
 
 
 def _parse_count(name: str, least: int) -> Callable[[str], int]:
-    def count(text: str) -> int:
+    def parse_text(text: str) -> int:
         if not text.isdecimal() or int(text) < least:
             raise WrongOption(f"{name} takes a whole number of at least {least}, not {text}")
         return int(text)
 
-    return count
+    return parse_text
 
 
 def _parse_name(text: str) -> str:
@@ -93,7 +93,7 @@ def read_options(line: str) -> Options:
     position = 0
     while word := WORD.match(line, position):
         if word[1] not in READERS:
-            hints = did_you_mean(word[1], READERS) or (f"the options are {', '.join(READERS)}",)
+            hints = suggest_names(word[1], READERS) or (f"the options are {', '.join(READERS)}",)
             raise WrongOption(f"%ss knows no option {word[1]}; {hints[0]}")
         field, reader = READERS[word[1]]
         position = word.end()

@@ -73,9 +73,9 @@ class ScriptMagics(Magics):
         except WrongOption as error:
             raise UsageError(str(error)) from None
         if cell is None and not options.rest.strip():
-            self._choose(options)
+            self._choose_session(options)
             return None
-        offered = self._session(options.session or self._session_name)
+        offered = self._get_session(options.session or self._session_name)
         margin = " " * (len(line) - len(options.rest))  # so that errors name the columns of the cell
         source = Source(f"{margin}{options.rest}\n{cell or ''}", f"In[{self._number}]")
         try:
@@ -83,24 +83,24 @@ class ScriptMagics(Magics):
             if options.sql:
                 print(escape_controls(offered.session.compile(source, options.engine).sql))
                 return None
-            result = self._run(offered.session, source, options, cell is not None)
+            result = self._run_and_show(offered.session, source, options, cell is not None)
         except ResolveError as error:
-            raise shorten_traceback(offered.told(error), self._shell) from None
+            raise shorten_traceback(offered.add_hints(error), self._shell) from None
         except Exception as error:
             raise shorten_traceback(error, self._shell) from None
         return result if cell is None else None
 
-    def _run(self, session: Session, source: Source, options: Options, shown: bool) -> Result:
+    def _run_and_show(self, session: Session, source: Source, options: Options, shown: bool) -> Result:
         """Runs the script, stores the result and shows it; a partial result as well."""
         try:
             trace = MOST_EVENTS if options.play else None
             result = session.run(source, options.engine, options.timeout, options.maximum, trace=trace)
         except Stopped as stopped:
             if stopped.partial is not None:
-                self._store(options, stopped.partial)
+                self._store_result(options, stopped.partial)
                 _display(ShownResult(stopped.partial, options.show))
             raise
-        self._store(options, result)
+        self._store_result(options, result)
         if options.explain:
             print(result.explain())
         elif options.play:
@@ -109,18 +109,18 @@ class ScriptMagics(Magics):
             _display(ShownResult(result, options.show))
         return result
 
-    def _store(self, options: Options, result: Result) -> None:
+    def _store_result(self, options: Options, result: Result) -> None:
         if options.output is not None:
             self._shell.user_ns[options.output] = result
 
-    def _choose(self, options: Options) -> None:
+    def _choose_session(self, options: Options) -> None:
         """Makes a session the default of all later cells."""
         if options.session is None:
             raise UsageError("%ss needs a script: %ss SELECT this FROM [1, 2], or a cell that begins with %%ss")
-        self._session(options.session)
+        self._get_session(options.session)
         self._session_name = options.session
 
-    def _session(self, name: str | None) -> NotebookNames:
+    def _get_session(self, name: str | None) -> NotebookNames:
         """The session of a variable, or the notebook's own, with the names that it got from the notebook."""
         if name is None:
             if self._own is None:
@@ -141,7 +141,7 @@ class ScriptMagics(Magics):
         """The number of the cell that runs; `execution_count` may be that of the next one already."""
         return len(self._shell.user_ns["_ih"]) - 1
 
-    def close(self) -> None:
+    def close_session(self) -> None:
         """Closes the notebook's own session."""
         if self._own is not None:
             self._own.close()

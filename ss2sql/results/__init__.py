@@ -48,7 +48,7 @@ def get_rows(result: Result) -> Iterator[Row]:
 
 def get_all_rows(result: Result) -> list[Row]:
     """All these rows at once. Raises Timeout or OutOfMemory beyond the remaining limits of the run."""
-    with result.reading() as check:
+    with result.while_reading() as check:
         return list(iterate_with_check(get_rows(result), check))
 
 

@@ -23,7 +23,7 @@ def format_csv(result: Result) -> str:
     lines = _Lines()
     writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(result.columns)
-    with result.reading() as check:
+    with result.while_reading() as check:
         writer.writerows([_format_field(value) for value in row] for row in iterate_with_check(get_rows(result), check))
     return "".join(lines)
 

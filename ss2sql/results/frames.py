@@ -12,10 +12,10 @@ from ss2sql.language.column_shapes import (
     Scalar,
     Shape,
     Struct,
-    arrow_type,
     get_shape,
-    holds_any,
-    merge,
+    has_untyped_values,
+    make_arrow_type,
+    merge_shapes,
     to_floats,
 )
 from ss2sql.language.values import format_value
@@ -84,7 +84,7 @@ def to_polars(result: Result) -> Any:
 
 
 def _choose_polars_type(polars: Any, shape: Shape) -> Any:
-    return polars.Object if holds_any(shape) or _has_empty_struct(shape) else _has_polars_type(polars, shape)
+    return polars.Object if has_untyped_values(shape) or _has_empty_struct(shape) else _has_polars_type(polars, shape)
 
 
 def _has_polars_type(polars: Any, shape: Shape) -> Any:
@@ -116,9 +116,9 @@ def to_arrow(result: Result) -> Any:
     arrow = require_package("pyarrow", "df", "arrow()")
     arrays, fields = [], []
     for name, values, shape in read_columns(result):
-        if holds_any(shape):
+        if has_untyped_values(shape):
             make_type_error(name, values)
-        kind = arrow_type(arrow, shape)
+        kind = make_arrow_type(arrow, shape)
         arrays.append(arrow.array([to_floats(value, shape) for value in values], type=kind))
         fields.append(arrow.field(name, kind))
     return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
@@ -131,11 +131,11 @@ def make_type_error(name: str, values: Sequence[Any]) -> NoReturn:
     first = next(value for value in values if value is not None)
     for value in values:
         own = get_shape([value])
-        if holds_any(own):
+        if has_untyped_values(own):
             message = f"Arrow has no type for {format_value(value)} in the column '{name}'"
             raise RepresentationError("V001", message, hints=(hint,))
-        so_far = merge(so_far, own)
-        if holds_any(so_far):
+        so_far = merge_shapes(so_far, own)
+        if has_untyped_values(so_far):
             kinds = f"values of several kinds, such as {format_value(first)} and {format_value(value)}"
             message = f"the column '{name}' has {kinds}; a column of Arrow has one"
             raise RepresentationError(

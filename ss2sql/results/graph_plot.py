@@ -44,7 +44,7 @@ def draw_graph(result: Result, ax: Any, most: int | None, own: bool) -> str:
     places = place_layers(graph, layers)
     texts = {node: _label_row(graph.nodes[node]["row"]) for node in places}
     tall = 1 + 0.7 * max(map(len, layers))
-    _draw(networkx, graph, places, texts, ax, (len(layers), tall) if own else None)
+    _draw_graph(networkx, graph, places, texts, ax, (len(layers), tall) if own else None)
     rows = f"{len(graph)} row{'' if len(graph) == 1 else 's'}"
     return f"{rows} on {count_drawn_paths(len(paths), drawn)}{describe_status(result)}"
 
@@ -59,7 +59,7 @@ def draw_tree(result: Result, ax: Any, most: int | None, own: bool) -> str:
     texts = {number: _label_row(row) if row is not None else "start" for number, row in graph.nodes(data="row")}
     layers = max(int(across) for across, _ in places.values())
     tall = 1 + TALL * sum(1 for number in graph if not graph.out_degree(number))
-    _draw(networkx, graph, places, texts, ax, (layers, tall) if own else None, arrows=False)
+    _draw_graph(networkx, graph, places, texts, ax, (layers, tall) if own else None, arrows=False)
     return f"the tree of {count_drawn_paths(len(paths), drawn)}, {len(graph) - 1} steps{describe_status(result)}"
 
 
@@ -108,7 +108,7 @@ def place_trees(graph: Any, roots: list[int]) -> dict[Any, tuple[int, float]]:
     return places
 
 
-def _draw(
+def _draw_graph(
     networkx: Any,
     graph: Any,
     places: Mapping[Any, tuple[int, float]],

@@ -139,23 +139,23 @@ def _find_query(result: Result) -> plan.Query | None:
     return queries[-1] if queries else None
 
 
-def draw_costs(result: Result, paths: Found, given: StepWeights, ax: Any, most: int | None) -> str:
+def draw_costs(result: Result, paths: Found, weights: StepWeights, ax: Any, most: int | None) -> str:
     """Draws for each path, step by step, the sum of its costs or the product of its probabilities."""
-    rows = [[row[given.index] for row in path] for path in islice(paths, most or MOST_PATHS)]
+    rows = [[row[weights.index] for row in path] for path in islice(paths, most or MOST_PATHS)]
     totals = [
-        list(accumulate(steps, mul, initial=1.0) if given.likely else accumulate(steps, initial=0)) for steps in rows
+        list(accumulate(steps, mul, initial=1.0) if weights.likely else accumulate(steps, initial=0)) for steps in rows
     ]
     _draw_lines(ax, [(range(len(line)), line) for line in totals])
     mark_ends(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
     set_integer_ticks(ax.xaxis)
     ax.set_xlabel("step")
-    ax.set_ylabel(f"{given.name} so far")
+    ax.set_ylabel(f"{weights.name} so far")
     ax.grid(alpha=0.25)
     hide_spines(ax)
     draw_legend(ax)
     least, greatest = (f"{end(line[-1] for line in totals):.4g}" for end in (min, max))
     spread = least if least == greatest else f"{least} to {greatest}"
-    return f"{count_drawn_paths(len(paths), len(totals))}, {given.name} {spread}{describe_status(result)}"
+    return f"{count_drawn_paths(len(paths), len(totals))}, {weights.name} {spread}{describe_status(result)}"
 
 
 def require_weights(result: Result, paths: Found) -> StepWeights:

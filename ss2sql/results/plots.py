@@ -28,7 +28,7 @@ MOST_TEXT = 24  # characters beside a bar or a point
 Draw: TypeAlias = Callable[[Any, int | None], str]  # on Axes, at most so many paths or bars; gives the title
 
 
-def plot(result: Result, ax: Any, kind: str, most: int | None, title: str | None) -> Any:
+def plot_result(result: Result, ax: Any, kind: str, most: int | None, title: str | None) -> Any:
     """Draws a result and gives the Axes, see `Result.plot`."""
     if kind not in KINDS:
         make_plot_error(f"plot() knows no kind {kind!r}", f"the kinds are {', '.join(KINDS)}")
@@ -101,9 +101,9 @@ def _name_axes(result: Result) -> tuple[str, str]:
     """The names of the axes of an area: `AS plane` names its plane, other grids are on the floor."""
     for query in (query for statement in result.outline[-1:] for query in statement.queries):
         arguments = query.written.representation.arguments
-        given = arguments[0] if arguments else None
-        if isinstance(given, plan.Constant) and str(given.value).upper() in ("XZ", "YZ"):
-            return f"{str(given.value)[0].lower()} in m", f"{str(given.value)[1].lower()} in m"
+        first = arguments[0] if arguments else None
+        if isinstance(first, plan.Constant) and str(first.value).upper() in ("XZ", "YZ"):
+            return f"{str(first.value)[0].lower()} in m", f"{str(first.value)[1].lower()} in m"
     return "x in m", "y in m"
 
 

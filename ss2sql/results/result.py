@@ -58,7 +58,7 @@ class QueryAnswer:
     outputs: tuple[plan.Output, ...] = ()
     made: Any = None
     form: plan.Representation | None = None
-    begin: Callable[[], Check] = RemainingBounds().begin
+    begin: Callable[[], Check] = RemainingBounds().begin_reading
 
     @property
     def types(self) -> dict[str, Type]:
@@ -88,7 +88,7 @@ class Result:
     little.
     """
 
-    given: Any = field(repr=False)
+    given_value: Any = field(repr=False)
     engine: str
     status: Status
     stats: Stats
@@ -101,8 +101,8 @@ class Result:
     @property
     def value(self) -> Any:
         if self.answer is None:
-            return self.given
-        with self.reading():
+            return self.given_value
+        with self.while_reading():
             return self.answer.value
 
     @cached_property
@@ -123,7 +123,7 @@ class Result:
             return []
         rows = self.answer.rows
         assert rows.paths is not None
-        with self.reading() as check:
+        with self.while_reading() as check:
             paths = iterate_checked_paths(rows.paths, check)
             return (
                 list(map(list, paths))
@@ -132,7 +132,7 @@ class Result:
             )
 
     @contextmanager
-    def reading(self) -> Iterator[Check]:
+    def while_reading(self) -> Iterator[Check]:
         """While all rows are read at once: gives what to ask every few thousand rows whether to go on.
 
         What it raises is Timeout or OutOfMemory, whose `partial` is this result without its value: its rows can still
@@ -143,7 +143,7 @@ class Result:
             yield answer.begin()
         except Stopped as stopped:
             found = replace(answer, make=None, status=stopped.status)
-            stopped.partial = replace(self, given=None, status=stopped.status, answer=found)
+            stopped.partial = replace(self, given_value=None, status=stopped.status, answer=found)
             raise
 
     def __iter__(self) -> Iterator[Row]:
@@ -157,7 +157,8 @@ class Result:
         return len(rows.rows or ()) if rows.paths is None else sum(measure_lengths(rows.paths))
 
     def explain(self, levels: bool = False) -> Explanation:
-        """What became of the script, and what the run has done: a text, whose `as_dict()` gives the same as data.
+        """What became of the script, and what the run has done: a text, whose `as_dict()` gives the same as
+        data.
 
         Engines and why, rewrites, functions with the number of their calls, SQLite's plan in words, the SQL with the
         values that were bound, the time of each stage, the levels of a search.
@@ -166,9 +167,9 @@ class Result:
             levels: whether to go through a search once more, natively, to count its steps level by level: how many were
                 generated, expanded and pruned. Of MEMORIZE that is known without.
         """
-        from ss2sql.results.explain.explanation import explain  # it knows compiled scripts, which know results
+        from ss2sql.results.explain.explanation import explain_run  # it knows compiled scripts, which know results
 
-        return explain(self.outline, self, levels=levels)
+        return explain_run(self.outline, self, levels=levels)
 
     @property
     def trace(self) -> Result:
@@ -333,9 +334,9 @@ class Result:
             RepresentationError: V001 where there is nothing that could be drawn like this.
             SessionError: S003 without matplotlib, or networkx for a graph.
         """
-        from ss2sql.results.plots import plot  # it imports NumPy at once
+        from ss2sql.results.plots import plot_result  # it imports NumPy at once
 
         check_bound("most", most, 1)
         if ax is not None and not hasattr(ax, "scatter"):
             raise SessionError("S002", f"Axes are no {type(ax).__name__}", hints=("give what plt.subplots() gives",))
-        return plot(self, ax, kind, most, title)
+        return plot_result(self, ax, kind, most, title)

@@ -35,8 +35,8 @@ def explain_empty_result(query: plan.Query, rows: Rows, stats: Stats, before: in
     search = query.search
     if search is None or rows.rows or rows.paths or rows.groups:
         return
-    asked = () if search.made is None or search.first is not None else sorted(list_states(search.made))
-    prior = next((name for _, name in asked if name.startswith("prior(")), None)
+    variables_read = () if search.made is None or search.first is not None else sorted(list_states(search.made))
+    prior = next((name for _, name in variables_read if name.startswith("prior(")), None)
     if prior is not None:
         yield (
             f"in first steps {prior} is None, and nothing was found with it in the condition of CONNECT BY; "
@@ -112,7 +112,7 @@ def _find_undetermined_states(query: plan.Query) -> Iterator[str]:
         return
     found = find_unnamed(query)
     counted = find_growing_states(query, evenly=True)
-    read = {expr: clauses for expr, clauses in found.items() if not _only_counts_steps(expr, clauses, counted, search)}
+    read = {expr: clauses for expr, clauses in found.items() if not _is_only_step_count(expr, clauses, counted, search)}
     # Columns of an element tend to follow from each other, as a name and the key behind it.
     if not any(isinstance(expr, plan.State) for expr in read):
         return
@@ -128,7 +128,9 @@ def _find_undetermined_states(query: plan.Query) -> Iterator[str]:
     )
 
 
-def _only_counts_steps(expr: plan.Expr, clauses: tuple[str, ...], counted: frozenset[str], search: plan.Search) -> bool:
+def _is_only_step_count(
+    expr: plan.Expr, clauses: tuple[str, ...], counted: frozenset[str], search: plan.Search
+) -> bool:
     """Whether it only counts steps, where a row that comes again later is not worth more.
 
     So it is on a path with NO CYCLE, and in STOP WITH where UNIQUE reaches each row by the fewest steps.

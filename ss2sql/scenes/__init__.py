@@ -7,7 +7,7 @@ camera, overlay_lines, rendering.
 
 from __future__ import annotations
 
-from ss2sql.errors import SessionError, did_you_mean
+from ss2sql.errors import SessionError, suggest_names
 from ss2sql.scenes.chaos_scene import chaos
 from ss2sql.scenes.hall_scene import hall
 from ss2sql.scenes.rendering import render
@@ -23,4 +23,4 @@ class UnknownSceneError(SessionError, AttributeError):
 def __getattr__(name: str) -> object:
     if name.startswith("__"):
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")  # Python itself asks for such names
-    raise UnknownSceneError("S002", f"there is no scene '{name}'", hints=did_you_mean(name, ("chaos", "hall")))
+    raise UnknownSceneError("S002", f"there is no scene '{name}'", hints=suggest_names(name, ("chaos", "hall")))

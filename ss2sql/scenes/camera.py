@@ -52,7 +52,7 @@ class Camera:
         looking, seeing = (np.reshape(matrix, (4, 4)).T for matrix in self._matrices)  # Bullet writes columns
         return np.asarray(seeing @ looking, np.float64)
 
-    def shoot(self, client: Any) -> Shot:
+    def take_picture(self, client: Any) -> Shot:
         looking, seeing = self._matrices
         _, _, colours, depth, bodies = client.getCameraImage(
             self.width, self.height, looking, seeing,
@@ -67,18 +67,18 @@ class Camera:
             np.asarray(np.reshape(bodies, shape), np.int64),
         )
 
-    def project(self, points: NDArray[Any]) -> tuple[Floats, Floats, Floats]:
+    def project_points(self, points: NDArray[Any]) -> tuple[Floats, Floats, Floats]:
         """Column and row of points (n x 3) in the picture, and their distance, which is negative behind the camera."""
         matrix = self._matrix.astype(points.dtype)
         x, y, distance = (points @ matrix[row, :3] + matrix[row, 3] for row in (0, 1, 3))
         away = np.maximum(distance, self.near)
         return (x / away + 1) / 2 * self.width, (1 - y / away) / 2 * self.height, distance
 
-    def distance(self, depth: Floats) -> Floats:
+    def convert_depths(self, depth: Floats) -> Floats:
         """Metres along the line of sight, from the depths of a shot."""
         return self.near * self.far / (self.far - depth * (self.far - self.near))
 
-    def positions(self, depth: Floats) -> Floats:
+    def locate_pixels(self, depth: Floats) -> Floats:
         """The points in space of all pixels, from their depths."""
         back = np.linalg.inv(self._matrix).astype(np.float32)
         x = (np.arange(self.width, dtype=np.float32) + 0.5) / self.width * 2 - 1
@@ -102,8 +102,8 @@ def make_sun_camera(low: Vector, high: Vector, pixels: int) -> Camera:
 def compute_light(shot: Shot, seen: Camera, light: Shot, source: Camera) -> Floats:
     """The light of each pixel: 1, or 0 in the shadow, with soft edges."""
     height, width = shot.depth.shape
-    column, row, distance = source.project(seen.positions(shot.depth).reshape(-1, 3))
-    surface = source.distance(light.depth)
+    column, row, distance = source.project_points(seen.locate_pixels(shot.depth).reshape(-1, 3))
+    surface = source.convert_depths(light.depth)
     total = np.zeros(column.shape, np.float32)
     for across in TAPS:
         x = np.clip((column + across).astype(np.int32), 0, source.width - 1)

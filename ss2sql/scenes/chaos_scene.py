@@ -47,20 +47,20 @@ class Chaos(Scene):
         self.client.setPhysicsEngineParameter(erp=0.8, contactERP=0.8)  # separates overlapping bodies at once
         for name, normal in WALLS.items():
             colour = (0.84, 0.86, 0.9) if name == "wall_floor" else (1.0, 1.0, 1.0)
-            wall = self.add(name, Plane(normal, 2 * HALF), _scale(normal, -HALF), colour)
+            wall = self.add(name, Plane(normal, 2 * HALF), _scale_vector(normal, -HALF), colour)
             self._make_bouncy(wall)
         for _ in range(bodies):
-            self.bear()
+            self.add_particle()
 
     def before_step(self) -> None:
         if self.steps % PUSH_EVERY == 0 and self.steps:
             for body in self.forces:
-                self.forces[body] = self.draws.force(self.client.getDynamicsInfo(body, -1)[0])
+                self.forces[body] = self.draws.draw_force(self.client.getDynamicsInfo(body, -1)[0])
         if self.steps % BIRTH_EVERY == 0 and self.steps and len(self.names) < self.full:
-            self.bear()
+            self.add_particle()
         if self.steps % LOOK_EVERY == 0:
-            self._explosions()
-            self._ends()
+            self._explode_collided()
+            self._remove_expired()
 
     def after_step(self) -> None:
         where, push = self.client.getBasePositionAndOrientation, self.client.applyExternalForce
@@ -68,13 +68,13 @@ class Chaos(Scene):
         for body, force in self.forces.items():
             position, _ = where(body)
             if max(map(abs, position)) > INSIDE:
-                position = self._bring_back(body)
+                position = self._reflect_at_wall(body)
             push(body, -1, force, position, in_world)
         for body in self.ends:
             if max(map(abs, where(body)[0])) > INSIDE:
-                self._bring_back(body)
+                self._reflect_at_wall(body)
 
-    def _bring_back(self, body: int) -> Vector:
+    def _reflect_at_wall(self, body: int) -> Vector:
         """Reflects a body at the wall where its middle is about to leave the box."""
         position, turned = self.client.getBasePositionAndOrientation(body)
         velocity, spin = self.client.getBaseVelocity(body)
@@ -84,9 +84,9 @@ class Chaos(Scene):
         self.client.resetBaseVelocity(body, back, spin)
         return x, y, z
 
-    def bear(self) -> int | None:
+    def add_particle(self) -> int | None:
         """A new particle at a random place where there is room, if one is found."""
-        particle = self.draws.particle(self.is_free)
+        particle = self.draws.draw_particle(self.is_free)
         if particle is None:
             return None
         body = self.add(
@@ -94,10 +94,10 @@ class Chaos(Scene):
         )
         self._make_bouncy(body)
         self.client.resetBaseVelocity(body, particle.velocity, particle.spin)
-        self.forces[body] = self.draws.force(particle.mass)
+        self.forces[body] = self.draws.draw_force(particle.mass)
         return body
 
-    def explode(self, body: int) -> None:
+    def explode_body(self, body: int) -> None:
         """Replaces a particle by white splinters with its mass and its movement."""
         position, _ = self.client.getBasePositionAndOrientation(body)
         velocity, _ = self.client.getBaseVelocity(body)
@@ -107,7 +107,7 @@ class Chaos(Scene):
         self.remove(body)
         count = self.random.randint(6, 10)
         for _ in range(count):
-            away = self.draws.direction()
+            away = self.draws.draw_direction()
             place = tuple(max(0.1 - HALF, min(HALF - 0.1, p + spread * a)) for p, a in zip(position, away, strict=True))
             splinter = self.add(self.next_name("particle"), SPLINTER, place, WHITE, mass / count)
             self._make_bouncy(splinter)
@@ -115,7 +115,7 @@ class Chaos(Scene):
             self.client.resetBaseVelocity(splinter, [v + speed * a for v, a in zip(velocity, away, strict=True)])
             self.ends[splinter] = self.steps + self.random.randint(*SPLINTER_STEPS)
 
-    def _explosions(self) -> None:
+    def _explode_collided(self) -> None:
         hard: set[int] = set()
         for contact in self.client.getContactPoints():
             one, other, strength = contact[1], contact[2], contact[9]
@@ -123,9 +123,9 @@ class Chaos(Scene):
                 hard |= {one, other}
         for body in sorted(hard):
             if self.random.random() < EXPLODES:
-                self.explode(body)
+                self.explode_body(body)
 
-    def _ends(self) -> None:
+    def _remove_expired(self) -> None:
         for body in [body for body, end in self.ends.items() if end <= self.steps]:
             del self.ends[body]
             self.remove(body)
@@ -135,7 +135,7 @@ class Chaos(Scene):
         self.client.changeDynamics(body, -1, restitution=sqrt(BOUNCE), linearDamping=0.0, angularDamping=0.02)
 
 
-def _scale(vector: Vector, factor: float) -> Vector:
+def _scale_vector(vector: Vector, factor: float) -> Vector:
     return vector[0] * factor, vector[1] * factor, vector[2] * factor
 
 

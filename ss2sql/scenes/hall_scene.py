@@ -37,7 +37,7 @@ class Hall(Scene):
         self._add_furniture()
         self._add_movable_bodies()
         self._add_sensors()
-        self.robot = self._robot()
+        self.robot = self._add_robot()
 
     def _build_walls(self) -> None:
         self.add(
@@ -57,18 +57,18 @@ class Hall(Scene):
             )
             self._add_box("wall", ((x1 + x2) / 2, (y1 + y2) / 2), (*shape, hall_layout.HEIGHT), hall_layout.WALL)
         for spot in hall_layout.COLUMNS:
-            self._round("column", spot, 0.2, hall_layout.COLUMN_HEIGHT, hall_layout.COLUMN)
+            self._add_cylinder("column", spot, 0.2, hall_layout.COLUMN_HEIGHT, hall_layout.COLUMN)
 
     def _add_furniture(self) -> None:
         for spot in hall_layout.SHELVES:
             (shelf,) = self.client.loadSDF("kiva_shelf/model.sdf")
-            self._put(shelf, "shelf", spot, (0.46, 0.44))
+            self._place_body(shelf, "shelf", spot, (0.46, 0.44))
         for spot in hall_layout.TABLES:
-            self._put(self.client.loadURDF("table/table.urdf", useFixedBase=True), "table", spot, (0.75, 0.5))
+            self._place_body(self.client.loadURDF("table/table.urdf", useFixedBase=True), "table", spot, (0.75, 0.5))
         for spot, size in hall_layout.MACHINES:
             self._add_box("machine", spot, size, hall_layout.MACHINE)
         for spot in hall_layout.TANKS:
-            self._round("tank", spot, 0.5, 1.5, hall_layout.TANK)
+            self._add_cylinder("tank", spot, 0.5, 1.5, hall_layout.TANK)
 
     def _add_movable_bodies(self) -> None:
         """Adds the movable bodies: crates on the conveyor, then crates and barrels at random places."""
@@ -80,7 +80,7 @@ class Hall(Scene):
             size = self.random.uniform(0.5, 0.9)
             self._add_crate(self._find_spot(size * 0.71), size, 0.0)
         for _ in range(hall_layout.BARRELS):
-            self._round("barrel", self._find_spot(0.29), 0.29, 0.88, hall_layout.BARREL, 30.0)
+            self._add_cylinder("barrel", self._find_spot(0.29), 0.29, 0.88, hall_layout.BARREL, 30.0)
 
     def _add_sensors(self) -> None:
         for position, direction, far in hall_layout.SENSORS:
@@ -89,7 +89,7 @@ class Hall(Scene):
             unit = (direction[0] / length, direction[1] / length, direction[2] / length)
             self.sensors[body] = Sensor(position, unit, far, hall_layout.SENSOR_ANGLE)
 
-    def _robot(self) -> int:
+    def _add_robot(self) -> int:
         x, y = hall_layout.TARGET
         self.add("target", Cylinder(0.35, 0.02), (x, y, 0.01), hall_layout.GOAL, touchable=False)
         exact = import_pybullet().URDF_USE_IMPLICIT_CYLINDER  # otherwise Bullet turns cylinders into meshes
@@ -109,11 +109,13 @@ class Hall(Scene):
         self.add(self.next_name(kind), Box(*size), (*spot, size[2] / 2), colour)
         self._taken.append((spot, size[0] / 2, size[1] / 2))
 
-    def _round(self, kind: str, spot: Spot, radius: float, height: float, colour: Vector, mass: float = 0.0) -> None:
+    def _add_cylinder(
+        self, kind: str, spot: Spot, radius: float, height: float, colour: Vector, mass: float = 0.0
+    ) -> None:
         self.add(self.next_name(kind), Cylinder(radius, height), (*spot, height / 2), colour, mass)
         self._taken.append((spot, radius, radius))
 
-    def _put(self, body: int, kind: str, spot: Spot, half: Spot) -> None:
+    def _place_body(self, body: int, kind: str, spot: Spot, half: Spot) -> None:
         """Moves a body from a file to its place."""
         (_, _, z), turned = self.client.getBasePositionAndOrientation(body)
         self.client.resetBasePositionAndOrientation(body, (*spot, z), turned)

@@ -37,7 +37,7 @@ class MuJoCoChaos:
         self.seed = seed
         self.steps = 0
         self._draws = ParticleSource(Random(seed))
-        particles = list(self._draws.particles(bodies))
+        particles = list(self._draws.draw_particles(bodies))
         self.mjcf = write_mjcf(particles)
         self.model = self.mujoco.MjModel.from_xml_string(self.mjcf)
         self.data = self.mujoco.MjData(self.model)
@@ -47,7 +47,7 @@ class MuJoCoChaos:
             joint = self.data.joint(particle.name)
             joint.qvel[:3] = particle.velocity
             joint.qvel[3:] = particle.spin
-            self.forces[int(self.model.body(particle.name).id)] = self._draws.force(particle.mass)
+            self.forces[int(self.model.body(particle.name).id)] = self._draws.draw_force(particle.mass)
         self.mujoco.mj_forward(self.model, self.data)
 
     @property
@@ -59,7 +59,7 @@ class MuJoCoChaos:
         for _ in range(n):
             if self.steps % PUSH_EVERY == 0 and self.steps:
                 for body in self.forces:
-                    self.forces[body] = self._draws.force(float(self.model.body_mass[body]))
+                    self.forces[body] = self._draws.draw_force(float(self.model.body_mass[body]))
             for body, force in self.forces.items():
                 self.data.xfrc_applied[body, :3] = force
             self.mujoco.mj_step(self.model, self.data)
@@ -86,8 +86,8 @@ def write_mjcf(particles: Iterable[Particle]) -> str:
     ]
     for name, normal in WALLS.items():
         place = (-HALF * part for part in normal)
-        plane = f'<geom type="plane" size="{HALF} {HALF} 0.1" zaxis="{_write(normal)}"/>'
-        lines.append(f'    <body name="{name}" pos="{_write(place)}">{plane}</body>')
+        plane = f'<geom type="plane" size="{HALF} {HALF} 0.1" zaxis="{_format_numbers(normal)}"/>'
+        lines.append(f'    <body name="{name}" pos="{_format_numbers(place)}">{plane}</body>')
     lines += [f"    {_write_body(particle)}" for particle in particles]
     return "\n".join([*lines, "  </worldbody>", "</mujoco>", ""])
 
@@ -96,10 +96,11 @@ def _write_body(particle: Particle) -> str:
     kind, size = _write_shape(particle.solid)
     x, y, z, w = make_quaternion(particle.turned)
     name = quoteattr(particle.name)
-    colour = _write((*particle.colour, 1.0))
+    colour = _format_numbers((*particle.colour, 1.0))
     return (
-        f'<body name={name} pos="{_write(particle.position)}" quat="{_write((w, x, y, z))}"><freejoint name={name}/>'
-        f'<geom type="{kind}" size="{_write(size)}" mass="{particle.mass!r}" rgba="{colour}"/></body>'
+        f'<body name={name} pos="{_format_numbers(particle.position)}" quat="{_format_numbers((w, x, y, z))}">'
+        f"<freejoint name={name}/>"
+        f'<geom type="{kind}" size="{_format_numbers(size)}" mass="{particle.mass!r}" rgba="{colour}"/></body>'
     )
 
 
@@ -117,7 +118,7 @@ def _write_shape(solid: Solid) -> tuple[str, tuple[float, ...]]:
     raise ValueError(f"{solid} is no particle")
 
 
-def _write(numbers: Iterable[float]) -> str:
+def _format_numbers(numbers: Iterable[float]) -> str:
     return " ".join(repr(float(number)) for number in numbers)
 
 

@@ -40,15 +40,15 @@ class OdeChaos:
         self.seed = seed
         self.steps = self.births = self.deaths = 0
         self.world, self.space = self.ode.World(), self.ode.HashSpace()
-        self.walls = [self._wall(name, normal) for name, normal in WALLS.items()]
+        self.walls = [self._make_wall(name, normal) for name, normal in WALLS.items()]
         self.particles: list[Any] = []
         self._forces: dict[Any, Vector] = {}
         self._ends: dict[Any, int] = {}
         self._hit: list[Any] = []
         self._joints = self.ode.JointGroup()
         self._draws = ParticleSource(Random(seed))
-        for particle in self._draws.particles(bodies):
-            self._forces[self._add(particle)] = self._draws.force(particle.mass)
+        for particle in self._draws.draw_particles(bodies):
+            self._forces[self._add_geom(particle)] = self._draws.draw_force(particle.mass)
         self._full = FULL * bodies
 
     @property
@@ -60,20 +60,20 @@ class OdeChaos:
         for _ in range(n):
             if self.steps and self.steps % PUSH_EVERY == 0:
                 for geom in self._forces:
-                    self._forces[geom] = self._draws.force(geom.getBody().getMass().mass)
+                    self._forces[geom] = self._draws.draw_force(geom.getBody().getMass().mass)
             if self.steps and self.steps % BIRTH_EVERY == 0 and len(self.particles) < self._full:
                 self._add_particle()
             for geom, force in self._forces.items():
                 geom.getBody().addForce(force)
-            self.space.collide(None, self._touch)
+            self.space.collide(None, self._collide_pair)
             self.world.step(TIME_STEP)  # quickStep uses random numbers of its own
             self._joints.empty()
             self.steps += 1
             self._explode_some()
             for geom in [geom for geom, end in self._ends.items() if end <= self.steps]:
-                self.remove(geom)
+                self.remove_geom(geom)
 
-    def _touch(self, _: object, one: Any, other: Any) -> None:
+    def _collide_pair(self, _: object, one: Any, other: Any) -> None:
         for contact in self.ode.collide(one, other):
             contact.setBounce(BOUNCE)
             contact.setBounceVel(0.05)
@@ -81,11 +81,11 @@ class OdeChaos:
             joint = self.ode.ContactJoint(self.world, self._joints, contact)
             joint.attach(one.getBody(), other.getBody())
             place, normal, _, _, _ = contact.getContactGeomParams()
-            if one in self._forces and other in self._forces and self._speed(one, other, place, normal) > HARD:
+            if one in self._forces and other in self._forces and self._measure_speed(one, other, place, normal) > HARD:
                 self._hit += [one, other]
 
     @staticmethod
-    def _speed(one: Any, other: Any, place: Vector, normal: Vector) -> float:
+    def _measure_speed(one: Any, other: Any, place: Vector, normal: Vector) -> float:
         """The speed at which two geoms approach at a point."""
         first, second = one.getBody().getPointVel(place), other.getBody().getPointVel(place)
         return float(sum((b - a) * n for a, b, n in zip(first, second, normal, strict=True)))
@@ -94,31 +94,31 @@ class OdeChaos:
         hit, self._hit = dict.fromkeys(self._hit), []
         for geom in self.particles[:]:
             if geom in hit and self._draws.random.random() < EXPLODES:
-                self.explode(geom)
+                self.explode_geom(geom)
 
-    def explode(self, geom: Any) -> None:
+    def explode_geom(self, geom: Any) -> None:
         """Replaces a particle by white splinters with its mass and its movement."""
         body, draws = geom.getBody(), self._draws
         position, velocity, mass = body.getPosition(), body.getLinearVel(), body.getMass().mass
-        self.remove(geom)
+        self.remove_geom(geom)
         count = draws.random.randint(6, 10)
         for _ in range(count):
-            away, speed = draws.direction(), draws.random.uniform(1.5, 3.5)
+            away, speed = draws.draw_direction(), draws.random.uniform(1.5, 3.5)
             x, y, z = (max(0.1 - HALF, min(HALF - 0.1, p + 0.1 * a)) for p, a in zip(position, away, strict=True))
             vx, vy, vz = (v + speed * a for v, a in zip(velocity, away, strict=True))
             still = (0.0, 0.0, 0.0)
             splinter = Particle(
                 draws.name("particle"), SPLINTER, (x, y, z), still, (vx, vy, vz), still, mass / count, WHITE
             )
-            self._ends[self._add(splinter)] = self.steps + draws.random.randint(*SPLINTER_STEPS)
+            self._ends[self._add_geom(splinter)] = self.steps + draws.random.randint(*SPLINTER_STEPS)
 
     def _add_particle(self) -> None:
         taken = [(geom.getPosition(), _measure_reach(geom)) for geom in self.particles]
-        particle = self._draws.particle(is_outside(taken))
+        particle = self._draws.draw_particle(is_outside(taken))
         if particle is not None:
-            self._forces[self._add(particle)] = self._draws.force(particle.mass)
+            self._forces[self._add_geom(particle)] = self._draws.draw_force(particle.mass)
 
-    def remove(self, geom: Any) -> None:
+    def remove_geom(self, geom: Any) -> None:
         """Takes a particle out of the simulation."""
         self.space.remove(geom)
         self.particles.remove(geom)
@@ -132,14 +132,14 @@ class OdeChaos:
         for geom in getattr(self, "particles", ()):
             geom.setBody(None)
 
-    def _wall(self, name: str, normal: Vector) -> Any:
+    def _make_wall(self, name: str, normal: Vector) -> Any:
         wall = self.ode.GeomPlane(self.space, normal, -HALF)
         wall.name = name
         return wall
 
-    def _add(self, particle: Particle) -> Any:
+    def _add_geom(self, particle: Particle) -> Any:
         body, mass = self.ode.Body(self.world), self.ode.Mass()
-        geom = self._shape(particle.solid, mass)
+        geom = self._make_geom(particle.solid, mass)
         mass.adjust(particle.mass)
         body.setMass(mass)
         geom.setBody(body)
@@ -153,7 +153,7 @@ class OdeChaos:
         self.births += 1
         return geom
 
-    def _shape(self, solid: Solid, mass: Any) -> Any:
+    def _make_geom(self, solid: Solid, mass: Any) -> Any:
         """A geom, and how its mass is spread."""
         ode, upright = self.ode, 3
         match solid:

@@ -45,7 +45,7 @@ def draw_lines(
     most = max(pieces.values())
     strength = np.array([1.0 if most == 1 else 0.6 + 0.4 * log(n) / log(most) for n in pieces.values()])
     along, strengths = _sample_points(ends, strength, camera)
-    return _spread(_stamp(distance, camera, along, strengths, hidden), width)
+    return _widen_pixels(_stamp_points(distance, camera, along, strengths, hidden), width)
 
 
 def draw_dots(distance: Floats, camera: Camera, points: Iterable[Point], width: float) -> Floats:
@@ -53,14 +53,14 @@ def draw_dots(distance: Floats, camera: Camera, points: Iterable[Point], width: 
     places = {make_point(point) for point in points}
     if not places:
         return np.zeros(distance.shape, np.float32)
-    return _spread(_stamp(distance, camera, np.array(sorted(places)), np.ones(len(places)), HIDDEN), width)
+    return _widen_pixels(_stamp_points(distance, camera, np.array(sorted(places)), np.ones(len(places)), HIDDEN), width)
 
 
 def _sample_points(
     ends: NDArray[np.float64], strength: NDArray[np.float64], camera: Camera
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points along segments (n x 2 x 3), close enough for every pixel, and the strength of each."""
-    column, row, distance = camera.project(ends.reshape(-1, 3))
+    column, row, distance = camera.project_points(ends.reshape(-1, 3))
     seen = (distance > camera.near).reshape(-1, 2).all(axis=1)
     ends, strength = ends[seen], strength[seen]
     length = np.hypot(np.diff(column.reshape(-1, 2)[seen]), np.diff(row.reshape(-1, 2)[seen]))[:, 0]
@@ -71,12 +71,12 @@ def _sample_points(
     return start + (end - start) * part[:, None], strength[piece]
 
 
-def _stamp(
+def _stamp_points(
     distance: Floats, camera: Camera, points: NDArray[np.float64], strength: NDArray[np.float64], hidden: float
 ) -> Floats:
     """One pixel for each point, weaker where something stands before it."""
     height, width = distance.shape
-    column, row, away = camera.project(points)
+    column, row, away = camera.project_points(points)
     inside = (away > camera.near) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
     x, y = column[inside].astype(int), row[inside].astype(int)
     occluded = away[inside] > distance[y, x] + SLACK
@@ -85,7 +85,7 @@ def _stamp(
     return covered
 
 
-def _spread(covered: Floats, width: float) -> Floats:
+def _widen_pixels(covered: Floats, width: float) -> Floats:
     """Widens every pixel to a disc of this width."""
     radius = int(width / 2)
     padded = np.pad(covered, radius)

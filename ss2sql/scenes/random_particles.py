@@ -42,43 +42,43 @@ class ParticleSource:
 
     def __init__(self, random: Random, name: Callable[[str], str] | None = None) -> None:
         self.random = random
-        self.name = self._next_name if name is None else name
+        self.name = self._make_name if name is None else name
         self._counts: dict[str, int] = {}
 
-    def particles(self, count: int) -> Iterator[Particle]:
+    def draw_particles(self, count: int) -> Iterator[Particle]:
         """Particles that do not touch each other, at most so many, fewer where there is no more room."""
         check_count(count)
         taken: list[tuple[Vector, float]] = []
         for _ in range(count):
-            particle = self.particle(is_outside(taken))
+            particle = self.draw_particle(is_outside(taken))
             if particle is not None:
                 taken.append((particle.position, measure_reach(particle.solid)))
                 yield particle
 
-    def particle(self, is_free: Callable[[Vector, float], bool]) -> Particle | None:
+    def draw_particle(self, is_free: Callable[[Vector, float], bool]) -> Particle | None:
         """One particle at a random free place, if one is found; `is_free` tests spheres."""
-        solid, kind = self._solid()
+        solid, kind = self._draw_solid()
         around = measure_reach(solid)
         for _ in range(100):
-            position = self.point(HALF - around)
+            position = self.draw_point(HALF - around)
             if is_free(position, around):
                 break
         else:
             return None
         mass = self.random.uniform(1.0, 100.0)
         colour = hsv_to_rgb(self.random.random(), self.random.uniform(0.55, 0.95), self.random.uniform(0.7, 1.0))
-        turned, velocity, spin = self.point(pi), self.within(SPEED), self.within(2.0)
+        turned, velocity, spin = self.draw_point(pi), self.draw_vector(SPEED), self.draw_vector(2.0)
         return Particle(self.name(kind), solid, position, turned, velocity, spin, mass, colour)
 
-    def _next_name(self, kind: str) -> str:
+    def _make_name(self, kind: str) -> str:
         self._counts[kind] = self._counts.get(kind, 0) + 1
         return f"{kind}_{self._counts[kind]}"
 
-    def force(self, mass: float) -> Vector:
+    def draw_force(self, mass: float) -> Vector:
         """A random force on a particle."""
-        return self.within(mass * ACCELERATION)
+        return self.draw_vector(mass * ACCELERATION)
 
-    def _solid(self) -> tuple[Solid, str]:
+    def _draw_solid(self) -> tuple[Solid, str]:
         kind = self.random.choice(KINDS)
         a, b, c = (self.random.uniform(0.1, 0.5) for _ in range(3))
         match kind:
@@ -91,20 +91,20 @@ class ParticleSource:
             case _:
                 return Cylinder(a, 2 * b), kind
 
-    def point(self, half: float) -> Vector:
+    def draw_point(self, half: float) -> Vector:
         """A point in the cube with this half edge."""
         x, y, z = (self.random.uniform(-half, half) for _ in range(3))
         return x, y, z
 
-    def direction(self) -> Vector:
+    def draw_direction(self) -> Vector:
         """A vector of the length 1."""
         z, angle = self.random.uniform(-1.0, 1.0), self.random.uniform(0.0, 2 * pi)
         across = sqrt(1 - z * z)
         return across * cos(angle), across * sin(angle), z
 
-    def within(self, length: float) -> Vector:
+    def draw_vector(self, length: float) -> Vector:
         """A vector of random direction and of a random length up to this one."""
-        (x, y, z), size = self.direction(), self.random.uniform(0.0, length)
+        (x, y, z), size = self.draw_direction(), self.random.uniform(0.0, length)
         return x * size, y * size, z * size
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ss2sql.errors import SessionError, did_you_mean
+from ss2sql.errors import SessionError, suggest_names
 from ss2sql.scenes.camera import Camera, Floats, Shot, compute_light, make_sun_camera
 from ss2sql.scenes.overlay_lines import Point, draw_dots, draw_lines
 from ss2sql.vtables.pybullet.scene import Scene, View
@@ -66,24 +66,24 @@ def render(
     the scene's views, by name, or a `View`. Without a path nothing is written.
     """
     client = getattr(world, "client", world)
-    _check(world, client, highlight, size)
+    _check_highlight(world, client, highlight, size)
     low, high = _measure_bounds(world, client)
     camera = _make_camera(_choose_view(world, view, low, high), size, low, high)
-    shot = camera.shoot(client)
+    shot = camera.take_picture(client)
     source = make_sun_camera(low, high, min(SUN_PIXELS[1], max(SUN_PIXELS[0], FINER * max(size))))
-    shade = compute_light(shot, camera, source.shoot(client), source)
-    colours = _paint(shot, shade)
-    distance = camera.distance(shot.depth)
+    shade = compute_light(shot, camera, source.take_picture(client), source)
+    colours = _shade_picture(shot, shade)
+    distance = camera.convert_depths(shot.depth)
     outlines = world.outlines if isinstance(world, Scene) else ()
-    colours = _blend(colours, draw_lines(distance, camera, outlines, FINER, 0.0), DARK, 0.22)
+    colours = _blend_color(colours, draw_lines(distance, camera, outlines, FINER, 0.0), DARK, 0.22)
     if highlight is not None:
         with _hide_others(client, set(highlight)):
-            colours = _fade(colours, shot, camera.shoot(client), highlight)
+            colours = _fade_others(colours, shot, camera.take_picture(client), highlight)
     thick = FINER * max(1.5, size[1] / 240)
-    colours = _blend(
+    colours = _blend_color(
         colours, draw_dots(distance, camera, () if visited is None else visited, thick * 2.2), YELLOW, 0.95
     )
-    colours = _blend(colours, draw_lines(distance, camera, () if paths is None else paths, thick), RED, 0.95)
+    colours = _blend_color(colours, draw_lines(distance, camera, () if paths is None else paths, thick), RED, 0.95)
     width, height = size
     smooth = colours.reshape(height, FINER, width, FINER, 3).mean(axis=(1, 3))
     pixels = np.asarray(np.clip(smooth * 255 + 0.5, 0, 255), np.uint8)
@@ -92,7 +92,7 @@ def render(
     return pixels
 
 
-def _check(world: Any, client: Any, highlight: Collection[int] | None, size: tuple[int, int]) -> None:
+def _check_highlight(world: Any, client: Any, highlight: Collection[int] | None, size: tuple[int, int]) -> None:
     if not hasattr(client, "getCameraImage"):
         raise SessionError(
             "S002", f"a {type(world).__name__} is no scene that can be pictured",
@@ -133,7 +133,7 @@ def _choose_view(world: Any, view: str | View | None, low: Vector, high: Vector)
             return next(iter(world.views.values()))
         if view in world.views:
             return world.views[view]
-        raise SessionError("S002", f"the scene has no view '{view}'", hints=did_you_mean(view, world.views))
+        raise SessionError("S002", f"the scene has no view '{view}'", hints=suggest_names(view, world.views))
     if view is not None:
         raise SessionError("S002", "only scenes have views with names", hints=("give a View: eye, target, angle",))
     x, y, z = ((a + b) / 2 for a, b in zip(low, high, strict=True))
@@ -157,7 +157,7 @@ def _make_camera(view: View, size: tuple[int, int], low: Vector, high: Vector) -
     return Camera(view, size[0] * FINER, size[1] * FINER, near, max(2 * near, 1.1 * max(depths)))
 
 
-def _paint(shot: Shot, shade: Floats) -> Floats:
+def _shade_picture(shot: Shot, shade: Floats) -> Floats:
     """The colours of a shot with its shadows, before a pale sky."""
     light = (SHADE + (1 - SHADE) * shade)[..., None]
     above, below = (np.array(colour, np.float32) for colour in SKY)
@@ -166,12 +166,12 @@ def _paint(shot: Shot, shade: Floats) -> Floats:
     return np.where((shot.bodies < 0)[..., None], sky, shot.colours * light).astype(np.float32)
 
 
-def _blend(colours: Floats, cover: Floats, colour: Colour, strength: float) -> Floats:
+def _blend_color(colours: Floats, cover: Floats, colour: Colour, strength: float) -> Floats:
     part = (cover * strength)[..., None]
     return np.asarray(colours * (1 - part) + np.array(colour, np.float32) * part, np.float32)
 
 
-def _fade(colours: Floats, shot: Shot, alone: Shot, highlight: Collection[int]) -> Floats:
+def _fade_others(colours: Floats, shot: Shot, alone: Shot, highlight: Collection[int]) -> Floats:
     """Everything pale except the highlighted bodies, which shine through others."""
     grey = colours.mean(axis=-1, keepdims=True)
     pale = (0.5 * colours + 0.5 * grey) * (1 - PALE) + PALE

@@ -28,7 +28,7 @@ from ss2sql.runtime.run.option_values import check_count, find_least
 from ss2sql.runtime.run.run_state import ResultSink, Run
 from ss2sql.runtime.run.sql_post_processing import finish_rows
 from ss2sql.session.engines import Engine
-from ss2sql.vtables.snapshots import may_move
+from ss2sql.vtables.snapshots import can_move_world
 
 if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_query import DuckQuery
@@ -61,15 +61,15 @@ class CompiledQuery:
         self.required_engine = engine == "database"
         self.wanted = engine
         self.refusal: UnsupportedError | None = None
-        self._make(variable)
+        self._compile_query(variable)
         if self.refusal is not None and None not in self.world.lists.values():
             raise self.refusal
 
-    def _make(self, variable: Callable[[str], Any]) -> None:
+    def _compile_query(self, variable: Callable[[str], Any]) -> None:
         """Rewrites and lowers the query, or compiles it to Python."""
         host, started = self.host, time.perf_counter()
         self.made = False  # until all is: Ctrl-C may come before that
-        self.world = host.world(variable)
+        self.world = host.make_rewrite_context(variable)
         query, self.rewrites = optimise(self.written, host.disabled, self.world)
         self.query = query
         self.handed: dict[str, PushedTable] = {}
@@ -79,7 +79,7 @@ class CompiledQuery:
         self.native: NativeQuery | LevelQuery | DuckQuery | None = None
         self.levels: LevelQuery | None = None  # a search by levels in another database
         self.duck: DuckQuery | None = None  # any other query in DuckDB
-        tables = host.held.engine(self.wanted)
+        tables = host.held.get_engine(self.wanted)
         levels = tables if query.search else None
         sources = None if tables is None or query.search else tables.sources
         # Nobody has a table of DuckDB while the module is not loaded.
@@ -99,14 +99,14 @@ class CompiledQuery:
 
                 self.native = self.levels = LevelQuery(query, levels)
                 self.reason = f"engine='{self.wanted}' was asked for"
-            elif self.wanted == "auto" and self._reads_only_values(query):
+            elif self.wanted == "auto" and self._does_read_only_values(query):
                 self.reason = READS_VALUES
             elif self.wanted == "auto" and count_array_calls(query):
                 self.reason = TAKES_ARRAYS
-            elif self.wanted == "auto" and _stops_early_in_depth(query):
+            elif self.wanted == "auto" and can_stop_early_in_depth(query):
                 self.reason = CUT_DEEP_DOWN
             elif self.wanted != "native":
-                self.lowered = self._lower(query)
+                self.lowered = self._lower_query(query)
                 self.rewrites = (*self.rewrites, *self.lowered.applied)
         except UnsupportedError as error:
             self.reason, self.cures = error.message, tuple(error.hints)
@@ -116,18 +116,18 @@ class CompiledQuery:
             self.native = NativeQuery(query)
         self.bounded: SqlQuery | None = None
         self.by_value: SqlQuery | None = None
-        self.plain = all(output.expr.type.only(SCALAR_KINDS) for output in query.columns)
+        self.plain = all(output.expr.type.is_only(SCALAR_KINDS) for output in query.columns)
         self.bindings: dict[int, tuple[plan.Expr, Callable[[Run], Any]]] = {}  # by the identities of the expressions
-        self.maximum = self._constant(query.search.maximum if query.search else None)
-        self.limit = self._constant(query.limit)
-        self.offset = self._constant(query.offset)
+        self.maximum = self._compile_count(query.search.maximum if query.search else None)
+        self.limit = self._compile_count(query.limit)
+        self.offset = self._compile_count(query.offset)
         self.arguments = [compile_statement(expr) for expr in query.representation.arguments]
         self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
-        self.moves = may_move(query)
+        self.moves = can_move_world(query)
         self.doubtful = any(_may_be_infinite(node) for node in walk(query) if isinstance(node, plan.TableSource))
         self.made = True
 
-    def _reads_only_values(self, query: plan.Query) -> bool:
+    def _does_read_only_values(self, query: plan.Query) -> bool:
         """Whether a query that is no search reads Python values alone, and nothing that lies in a table or a frame."""
         nodes = list(walk(query))
         if any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in nodes):
@@ -135,7 +135,7 @@ class CompiledQuery:
         read = {node.name for node in nodes if isinstance(node, plan.Variable)}
         return query.search is None and not any(map(self.host.names.is_frame, read))
 
-    def _constant(self, expr: plan.Expr | None) -> Callable[[Run], Any] | None:
+    def _compile_count(self, expr: plan.Expr | None) -> Callable[[Run], Any] | None:
         return None if expr is None else compile_statement(expr)
 
     @property
@@ -147,29 +147,29 @@ class CompiledQuery:
         """What a person should know of the query whatever it finds."""
         return find_notes(self.written)
 
-    def value(self, run: Run) -> Any:
+    def compute_value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
         shapes, form = self.host.shapes, self.query.representation
-        answer = self._answer(run)
+        answer = self._find_answer(run)
         if shapes.is_shared(form, answer.rows):
-            return run.stats.time_stage("shape", partial(shapes.shared, form, answer.rows, run.sizes))()
+            return run.stats.time_stage("shape", partial(shapes.share_values, form, answer.rows, run.sizes))()
         return shapes.make_language_value(form.name, answer.value)
 
     def find_located_answer(self, run: Run) -> QueryAnswer:
-        """`answer`, with errors that know no other place at the query's."""
+        """`run_query`, with errors that know no other place at the query's."""
         try:
-            return self.answer(run)
+            return self.run_query(run)
         except Error as error:
-            raise error.located(self.query.span) from error.__cause__
+            raise error.with_span(self.query.span) from error.__cause__
 
-    def answer(self, run: Run) -> QueryAnswer:
+    def run_query(self, run: Run) -> QueryAnswer:
         """Runs the query; its answer becomes the run's last one. The value of a search is made when it is read."""
-        answer, form, shapes = self._answer(run), self.query.representation, self.host.shapes
+        answer, form, shapes = self._find_answer(run), self.query.representation, self.host.shapes
         if not (shapes.is_built_in(form) and form.name in PATH_FORMS and answer.rows.paths is not None):
             answer.value  # noqa: B018 - it may fail, which has to be now
         return answer
 
-    def _answer(self, run: Run) -> QueryAnswer:
+    def _find_answer(self, run: Run) -> QueryAnswer:
         """The answer, whose value is not made yet."""
         self.refresh_if_outdated(run)
         query = self.query
@@ -181,16 +181,16 @@ class CompiledQuery:
         run.notes |= dict.fromkeys(self.notes)
         before = run.stats.generated
         outer = run.handed  # of a query whose clauses ask for this one
-        own = {name: cache(partial(handed.read, run)) for name, handed in self.handed.items()}
+        own = {name: cache(partial(handed.read_table, run)) for name, handed in self.handed.items()}
         run.handed = {**outer, **own}
         try:
-            with self.host.memories.query(self.moves):
+            with self.host.memories.begin_query(self.moves):
                 found = self._read_database_rows(run, sink) if self.lowered else self._read_native_rows(run, sink)
                 rows = expand_stars(query, found, run.check)
                 if self.doubtful or run.doubtful:
-                    rows.check()
+                    rows.check_values()
                 if run.reads_user_objects and self.lowered is None:
-                    rows.keep()
+                    rows.copy_values()
             if self.lowered is None:
                 run.bound[self] = {**self.host.names.values, **run.snapshots, **run.arguments}
         finally:
@@ -202,22 +202,22 @@ class CompiledQuery:
             run.notes |= dict.fromkeys(explain_overestimates(self.written))
             run.overestimated = False
         status: Status = "maximum" if rows.ended else "complete"
-        make = run.stats.time_stage("shape", partial(shapes.represent, form, rows, arguments, named))
+        make = run.stats.time_stage("shape", partial(shapes.represent_rows, form, rows, arguments, named))
         answer = run.answer = QueryAnswer(
-            rows.shown(), make, self.engine, status, query.columns, begin=lambda: run.check
+            rows.name_as_selected(), make, self.engine, status, query.columns, begin=lambda: run.check
         )
         return answer
 
     def refresh_if_outdated(self, run: Run) -> None:
         """Makes the query anew where it relies on what is no longer so. Raises what keeps it from its engine."""
-        held = self.made and self.world.holds(run.source)
-        if not (held and all(handed.holds(run.source) for handed in self.handed.values())):
-            self._make(run.source)
+        held = self.made and self.world.is_still_valid(run.get_source)
+        if not (held and all(handed.can_run_with(run.get_source) for handed in self.handed.values())):
+            self._compile_query(run.get_source)
         if (
             run.maximum is not None
             and self.lowered
             and self.wanted == "auto"
-            and _stops_early_in_depth(self.query, True)
+            and can_stop_early_in_depth(self.query, True)
         ):
             self.native, self.lowered, self.reason = NativeQuery(self.query), None, CUT_DEEP_DOWN
         if run.maximum is not None and self.lowered and self.query.search and self.query.aggregated:
@@ -225,7 +225,7 @@ class CompiledQuery:
         if self.refusal is not None:
             raise self.refusal
 
-    def most(self, run: Run) -> int | None:
+    def count_wanted_results(self, run: Run) -> int | None:
         """How many results of a search are wanted that has no ORDER BY."""
         limit = self._evaluate_limit(run)
         return find_least(None if limit is None else limit + self._evaluate_offset(run), self._evaluate_maximum(run)[1])
@@ -233,8 +233,8 @@ class CompiledQuery:
     def _read_native_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.native is not None
         if run.trace is not None:
-            return NativeQuery(self.query, watched=True).rows(run, sink)
-        return self.native.rows(run, sink)
+            return NativeQuery(self.query, watched=True).compute_rows(run, sink)
+        return self.native.compute_rows(run, sink)
 
     def _read_database_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.lowered is not None
@@ -250,18 +250,18 @@ class CompiledQuery:
         most = find_least(maximum, end if cut_early else None)
         bound = run.bound[self] = {}
 
-        def evaluate(parameter: Parameter) -> Any:
+        def evaluate_parameter(parameter: Parameter) -> Any:
             expr = parameter.expr
             known = next((count for counted, count in counts if counted is not None and counted == expr), None)
-            value = bound[parameter.name] = parameter.bound(
+            value = bound[parameter.name] = parameter.encode_value(
                 self._compile_binding(expr)(run) if known is None else known
             )
             return value
 
-        def by_value() -> SqlQuery:
+        def lower_by_value() -> SqlQuery:
             """The statement that compares values by their values."""
             if self.by_value is None:
-                self.by_value = self._lower(self.query, cut=True, by_value=True)
+                self.by_value = self._lower_query(self.query, cut=True, by_value=True)
             run.lowered[self] = self.by_value
             return self.by_value
 
@@ -269,7 +269,7 @@ class CompiledQuery:
         lowered = run.lowered[self] = self.by_value or self.lower_for_run(run)
         before = run.stats.steps
         try:
-            extras = host.database.execute(lowered, run, evaluate, by_value, sink, most)
+            extras = host.database.execute(lowered, run, evaluate_parameter, lower_by_value, sink, most)
         except Stopped:
             raise
         except Exception as error:
@@ -290,10 +290,10 @@ class CompiledQuery:
         reason = error.message if isinstance(error, Error) else f"a function raised {type(error).__name__}"
         native = NativeQuery(self.query)
         self.host.hand_over_calls(run)
-        sink.clear()
+        sink.clear_rows()
         if run.sink is not None:
             run.sink = run.sink._replace(engine=native.engine)
-        rows = native.rows(run, sink)
+        rows = native.compute_rows(run, sink)
         self.native, self.lowered, self.reason = native, None, f"{reason}, so it runs natively"
         run.notes |= {f"the query ran twice: SQL gave up ({reason}), and Python decided": None}
         return rows
@@ -312,10 +312,10 @@ class CompiledQuery:
         if run is None or run.maximum is None or query.search is None or query.search.maximum or query.limit:
             return self.lowered
         if self.bounded is None:
-            self.bounded = self._lower(query, cut=True)
+            self.bounded = self._lower_query(query, cut=True)
         return self.bounded
 
-    def _lower(self, query: plan.Query, cut: bool = False, by_value: bool = False) -> SqlQuery:
+    def _lower_query(self, query: plan.Query, cut: bool = False, by_value: bool = False) -> SqlQuery:
         """The statement of a query; some are needed while a script runs."""
         from ss2sql.lowering.lower import lower  # which takes 60 ms to load; a native query does without
 
@@ -323,19 +323,19 @@ class CompiledQuery:
         return retry_with_stack(lambda: lower(query, names, cut=cut, by_value=by_value, disabled=disabled))
 
     def _evaluate_limit(self, run: Run) -> int | None:
-        return self._count(self.limit, run, 0, "LIMIT", self.query.limit)
+        return self._evaluate_count(self.limit, run, 0, "LIMIT", self.query.limit)
 
     def _evaluate_offset(self, run: Run) -> int:
-        return self._count(self.offset, run, 0, "OFFSET", self.query.offset) or 0
+        return self._evaluate_count(self.offset, run, 0, "OFFSET", self.query.offset) or 0
 
     def _evaluate_maximum(self, run: Run) -> tuple[int | None, int | None]:
         """MAXIMUM, and the lower one of it and that of the run."""
         if self.query.search is None:
             return None, None
-        own = self._count(self.maximum, run, 1, "MAXIMUM", self.query.search.maximum)
+        own = self._evaluate_count(self.maximum, run, 1, "MAXIMUM", self.query.search.maximum)
         return own, find_least(own, run.maximum)
 
-    def _count(
+    def _evaluate_count(
         self, compute: Callable[[Run], Any] | None, run: Run, least: int, word: str, expr: plan.Expr | None
     ) -> int | None:
         if compute is None or expr is None:
@@ -343,20 +343,20 @@ class CompiledQuery:
         try:
             return check_count(compute(run), least, word)
         except ExecutionError as error:
-            raise error.located(expr.span) from None
+            raise error.with_span(expr.span) from None
 
-    def sql(self, run: Run | None = None) -> Callable[[], Sql]:
+    def make_sql_reader(self, run: Run | None = None) -> Callable[[], Sql]:
         """What gives the text that runs, with the values of its parameters: those of a run, else those in the text.
 
         Of a query that runs natively it is the text that SQLite would run, which is made when it is asked for.
         """
-        lowered = self.shown(run)
+        lowered = self.get_shown_statement(run)
         if lowered is None and self.duck is None and self.levels is None:
             return partial(self._write_unrun_sql, self.query, {} if run is None else run.bound.get(self, {}))
         if lowered is None:
-            text = self.duck.sql(run) if self.duck is not None else Sql(self.levels.sql if self.levels else "")
+            text = self.duck.write_sql(run) if self.duck is not None else Sql(self.levels.sql if self.levels else "")
             return lambda: text
-        values = {p.name: p.bound(p.expr.value) for p in lowered.parameters if isinstance(p.expr, plan.Constant)}
+        values = {p.name: p.encode_value(p.expr.value) for p in lowered.parameters if isinstance(p.expr, plan.Constant)}
         if run is not None:
             values.update(run.bound.get(self, ()))
         return partial(Sql, lowered.text, values, modules=lowered.modules)
@@ -364,24 +364,24 @@ class CompiledQuery:
     def _write_unrun_sql(self, query: plan.Query, known: Mapping[str, Any]) -> Sql:
         """What engine="database" would run, with the values of variables as far as they are known."""
         try:
-            lowered = self._lower(query)
+            lowered = self._lower_query(query)
         except UnsupportedError as error:
             return Sql(f"-- no SQL: {error.message}")
         bound = {}
         for parameter in lowered.parameters:
             match parameter.expr:
                 case plan.Constant(value=value):
-                    bound[parameter.name] = parameter.bound(value)
+                    bound[parameter.name] = parameter.encode_value(value)
                 case plan.Variable(name=name) if name in known:
-                    bound[parameter.name] = parameter.bound(known[name])
+                    bound[parameter.name] = parameter.encode_value(known[name])
         return Sql(lowered.text, bound, modules=lowered.modules)
 
-    def shown(self, run: Run | None) -> SqlQuery | None:
+    def get_shown_statement(self, run: Run | None) -> SqlQuery | None:
         """The statement that a run has executed last, else the one that would run."""
         return self.lowered if run is None or self.lowered is None else run.lowered.get(self, self.lowered)
 
 
-def _stops_early_in_depth(query: plan.Query, cut: bool = False) -> bool:
+def can_stop_early_in_depth(query: plan.Query, cut: bool = False) -> bool:
     """Whether a depth-first search ends early and calls functions of the user or of a world.
 
     SQLite evaluates all steps from a state before it takes the first of them, so it would call them for the rest, too.
@@ -400,7 +400,7 @@ def _may_be_infinite(table: plan.TableSource) -> bool:
     A view has no order.
     """
     others = Kind.STR | Kind.OBJECT
-    return any(kind.may(Kind.FLOAT) and (not table.order or kind.may(others)) for _, kind in table.columns)
+    return any(kind.may_be(Kind.FLOAT) and (not table.order or kind.may_be(others)) for _, kind in table.columns)
 
 
 def _is_sqlite_limit(error: Exception) -> TypeGuard[ExecutionError]:

@@ -7,10 +7,10 @@ from collections.abc import Callable, Container, Iterable, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, suggest
+from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, suggest_similar
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
-from ss2sql.language.kinds import ANY, NOTHING, Type, covers, type_of
+from ss2sql.language.kinds import ANY, NOTHING, Type, is_covering, type_of
 from ss2sql.language.plan_traversal import list_call_places, walk
 from ss2sql.language.recursion_limit import retry_with_stack
 from ss2sql.lowering.sql_string import Sql
@@ -45,10 +45,10 @@ class CompiledStatement:
         self.host = host
         self.tree = tree
         self.engine = engine
-        self._compile(statement, generation, variable)
+        self._compile_statement(statement, generation, variable)
 
-    def _compile(self, statement: plan.Statement, generation: int, variable: Callable[[str], Any]) -> None:
-        function, queries = retry_with_stack(lambda: self._function(statement.expr, variable))
+    def _compile_statement(self, statement: plan.Statement, generation: int, variable: Callable[[str], Any]) -> None:
+        function, queries = retry_with_stack(lambda: self._make_function(statement.expr, variable))
         self.function: Callable[[Run], Any] = function
         self.queries: list[CompiledQuery] = queries
         self.statement = statement
@@ -56,19 +56,19 @@ class CompiledStatement:
         self.facts_read: dict[str, Any] = {}  # values of variables that are of the types that the plan relies on
         self.generation = generation  # last: what was broken off before is made anew
 
-    def _function(
+    def _make_function(
         self, expr: plan.Expr, variable: Callable[[str], Any]
     ) -> tuple[Callable[[Run], Any], list[CompiledQuery]]:
         """The function that computes the statement, and the queries in it."""
         queries: list[CompiledQuery] = []
 
-        def compiled(query: plan.Query) -> CompiledQuery:
+        def compile_query(query: plan.Query) -> CompiledQuery:
             queries.append(CompiledQuery(self.host, query, self.engine, variable))
             return queries[-1]
 
         if isinstance(expr, plan.Subquery):
-            return compiled(expr.query).find_located_answer, queries
-        return compile_statement(expr, lambda query: compiled(query).value), queries
+            return compile_query(expr.query).find_located_answer, queries
+        return compile_statement(expr, lambda query: compile_query(query).compute_value), queries
 
     @property
     def is_query(self) -> bool:
@@ -76,9 +76,9 @@ class CompiledStatement:
         expr = self.statement.expr
         return isinstance(expr.value if isinstance(expr, plan.Assign) else expr, plan.Subquery)
 
-    def value(self, run: Run) -> Any:
-        if self.statement.tentative or self.is_outdated(run, run.source):
-            self._compile(self.host.resolve_statement(self.tree, run), self.host.generation, run.source)
+    def compute_value(self, run: Run) -> Any:
+        if self.statement.tentative or self.is_outdated(run, run.get_source):
+            self._compile_statement(self.host.resolve_statement(self.tree, run), self.host.generation, run.get_source)
         if run.framed:
             return build_dataframe_answer(self.statement.expr, self.queries, run)
         return self.function(run)
@@ -96,7 +96,7 @@ class CompiledStatement:
             kept = None if name in run.arguments else own.get(name)
             if kept is not None and kept is self.facts_read.get(name):
                 continue
-            if not covers(kind, _get_variable_type(source, name)):
+            if not is_covering(kind, _get_variable_type(source, name)):
                 return True
             self.facts_read[name] = kept
         return any(self.host.has_table_changed(table, run) for table in self.statement.tables)
@@ -157,7 +157,7 @@ class Query:
 
         assigned = set(first.assigns)
         for compiled in others:
-            if compiled.is_outdated(run, lambda name: self._host.present(name, run.arguments), assigned):
+            if compiled.is_outdated(run, lambda name: self._host.get_present_value(name, run.arguments), assigned):
                 return True
             assigned |= compiled.assigns
         return False
@@ -167,7 +167,7 @@ class Query:
         if self._program.parameters:
             self._open.add(engine)
         try:
-            return self._compiled(self._program, self._generation, engine, run)
+            return self._compile_statements(self._program, self._generation, engine, run)
         except UnsupportedError:
             return self._resolve_now(engine, run)
 
@@ -175,12 +175,12 @@ class Query:
         """The statements resolved against the present values, and those given to the run."""
         values, stats = ({}, Stats()) if run is None else (run.arguments, run.stats)
         resolved = stats.time_stage("resolve", lambda: self._host.resolve_script(self._script, values, run is None))
-        statements = self._compiled(resolved(), self._host.generation, engine, run)
+        statements = self._compile_statements(resolved(), self._host.generation, engine, run)
         if run is not None:
             self._open.discard(engine)
         return statements
 
-    def _compiled(
+    def _compile_statements(
         self, program: plan.Program, generation: int, engine: Engine, run: Run | None
     ) -> list[CompiledStatement]:
         started = time.perf_counter()
@@ -210,20 +210,20 @@ class Query:
     def sql(self) -> Sql:
         from ss2sql.results.explain.outline import join_script_sql
 
-        return join_script_sql(outline(self.statements()))
+        return join_script_sql(outline_statements(self.statements()))
 
     def explain(self) -> Explanation:
         """Explains the script as `Result.explain` does, without what only a run can tell."""
-        from ss2sql.results.explain.explanation import explain
+        from ss2sql.results.explain.explanation import explain_run
 
         missing = [name for name in self.parameters if name not in self._host.names]
-        return explain(outline(self.statements()), missing=missing)
+        return explain_run(outline_statements(self.statements()), missing=missing)
 
     def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
             workers: int = 1, max_rows: int | None = None, trace: int | None = None,
             **variables: Any) -> Result:  # fmt: skip
         """Runs the script; see `Session.run`. Raises ResolveError R009 for a parameter without a value."""
-        self._check(variables)
+        self._check_parameters(variables)
         return self._execute(self, engine, timeout, maximum, workers, max_rows, variables, trace=trace)
 
     def spark(self, timeout: float | None = None, maximum: int | None = None, **variables: Any) -> Any:
@@ -233,40 +233,44 @@ class Query:
         the first levels pass through this process. Raises UnsupportedError for other queries and for ORDER BY and GROUP
         BY, RepresentationError V001 for a column with values of several kinds, and what `run` raises.
         """
-        self._check(variables)
+        self._check_parameters(variables)
         return self._execute(self, "spark", timeout, maximum, 1, None, variables, framed=True).value
 
-    def _check(self, variables: Mapping[str, Any]) -> None:
+    def _check_parameters(self, variables: Mapping[str, Any]) -> None:
         """Raises ResolveError R009 for a parameter without a value."""
         missing = [name for name in self.parameters if name not in variables and name not in self._host.names]
         if missing:
             hints = [f"run(..., {', '.join(f'{name}=...' for name in missing)})"]
             for name in variables:
-                if name not in self.parameters and suggest(name, missing):  # others may be columns of a missing source
+                if name not in self.parameters and suggest_similar(
+                    name, missing
+                ):  # others may be columns of a missing source
                     hints.append(f"'{name}' is no parameter of the script")
             raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
 
 
-def outline(statements: Iterable[CompiledStatement], run: Run | None = None) -> tuple[OutlinedStatement, ...]:
+def outline_statements(
+    statements: Iterable[CompiledStatement], run: Run | None = None
+) -> tuple[OutlinedStatement, ...]:
     """The statements as they are compiled now, with the values that a run has bound."""
     return tuple(
-        OutlinedStatement(statement.tree.span.text, tuple(_outlined(query, run) for query in statement.queries))
+        OutlinedStatement(statement.tree.span.text, tuple(_outline_query(query, run) for query in statement.queries))
         for statement in statements
     )
 
 
-def _outlined(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
+def _outline_query(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
     return OutlinedQuery(
         query.host,
         query.written,
         query.query,
         query.engine,
-        query.shown(run),
+        query.get_shown_statement(run),
         query.levels,
         query.duck,
         query.reason,
         query.cures,
         query.rewrites,
-        query.sql(run),
+        query.make_sql_reader(run),
         tuple(query.handed.values()),
     )

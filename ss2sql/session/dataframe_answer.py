@@ -23,7 +23,7 @@ def build_dataframe_answer(expr: plan.Expr, queries: Sequence[CompiledQuery], ru
         query.refresh_if_outdated(run)
     found = _find_level_query(expr, None if query is None else query.levels)
     assert query is not None
-    names, frame = found.frame(run, query.most(run))
+    names, frame = found.make_dataframe(run, query.count_wanted_results(run))
     rows = Rows(names, paths=[])
     answer = run.answer = QueryAnswer(rows, None, query.engine, made=frame.toDF(*name_search_columns(names)))
     return answer

@@ -63,7 +63,12 @@ def _open_duckdb(session: Any, begun: Sequence[Run]) -> TableEngine:
     able = get_abilities("duckdb")
     assert able is not None
     return TableEngine(
-        able, duck.open, duck.close, (duckdb.Error,), lambda *parts: DuckSearch(*parts).results(), sources=sources
+        able,
+        duck.open_tables,
+        duck.close_engine,
+        (duckdb.Error,),
+        lambda *parts: DuckSearch(*parts).find_results(),
+        sources=sources,
     )
 
 
@@ -82,11 +87,11 @@ def _open_spark(session: Any, begun: Sequence[Run]) -> TableEngine:
     assert able is not None
     return TableEngine(
         able,
-        spark.open,
-        spark.close,
+        spark.open_store,
+        spark.close_engine,
         (PySparkException, Py4JError),
-        lambda *parts: DataFrameSearch(*parts).results(),
-        lambda search_run, store, written, most: DataFrameSearch(search_run, store, written).frame(most),
+        lambda *parts: DataFrameSearch(*parts).find_results(),
+        lambda search_run, store, written, most: DataFrameSearch(search_run, store, written).make_dataframe(most),
     )
 
 

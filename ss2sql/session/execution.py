@@ -19,7 +19,7 @@ from ss2sql.runtime.run.option_checks import check_bound
 from ss2sql.runtime.run.run_state import Run, Stats, measure_memory, translate_memory_error
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.sqlite.function_callbacks import CarriedStopError
-from ss2sql.session.compiled_script import CompiledStatement, Query, outline
+from ss2sql.session.compiled_script import CompiledStatement, Query, outline_statements
 from ss2sql.session.engines import Engine, check_engine
 from ss2sql.session.progress import make_progress
 
@@ -44,7 +44,7 @@ class RunOptions:
     framed: bool = False
     trace: int | None = None
 
-    def check(self) -> None:
+    def check_options(self) -> None:
         if self.engine is not None:
             check_engine(self.engine)
         check_bound("maximum", self.maximum, 1)
@@ -106,8 +106,8 @@ def execute_script(
     host: SessionHost, query: Query, options: RunOptions, variables: Mapping[str, Any], run: Run
 ) -> Result:
     """Runs a compiled script and gives the result of its last statement. The `variables` are values of the language."""
-    options.check()
-    host.ready()
+    options.check_options()
+    host.prepare_database()
     run.bounds.ceiling = _find_memory_ceiling(host)
     run.max_rows = run.sizes.rows = options.max_rows
     run.steps_left = _count_steps_left(host)
@@ -124,7 +124,7 @@ def _execute_statements(host: SessionHost, query: Query, options: RunOptions, ru
 
         find_searched_query(statements[-1].tree)
     run.call_places = query.call_places
-    run.foreteller = _foreteller(host, run, options.workers)
+    run.foreteller = _start_prefetcher(host, run, options.workers)
     run.progress = None if host.runs else make_progress(run, options.progress)  # one inside of another shows none
     host.runs.append(run)
     run.sizes.pause = run.check  # until its end: in a cycle all that it holds would wait for the garbage collector
@@ -137,11 +137,11 @@ def _execute_statements(host: SessionHost, query: Query, options: RunOptions, ru
             host.runs[-1].inner_run_steps += run.steps
         run.graph = run.sizes.pause = None
         if run.progress is not None:
-            run.progress.end()
+            run.progress.remove_line()
         run.stats.add_seconds("run", started)
         run.stats.seconds["run"] -= run.stats.seconds.get("shape", 0.0)  # what was shaped meanwhile
     if run.foreteller is not None:
-        run.foreteller.close()
+        run.foreteller.report_idle()
     return _build_result(host, run, statements, value)
 
 
@@ -160,9 +160,9 @@ def _compute_last_value(
             run.trace = Trace(options.trace)
         run.answer = run.sink = run.graph = None
         if run.progress is not None:
-            run.progress.begin()
+            run.progress.begin_statement()
         host.forget_stable_calls(run)
-        value = statement.value(run)
+        value = statement.compute_value(run)
         run.check_steps()
     return value
 
@@ -172,8 +172,8 @@ def _make_rerun(
 ) -> Callable[[Callable[[Run], Any]], Any]:
     """A function that does something in another run under the same conditions; it keeps nothing of the first run."""
 
-    def recount(work: Callable[[Run], Any]) -> Any:
-        def again(run: Run) -> Any:
+    def rerun_counted(work: Callable[[Run], Any]) -> Any:
+        def run_again(run: Run) -> Any:
             run.arguments, run.maximum = arguments, maximum
             host.runs.append(run)
             try:
@@ -182,9 +182,9 @@ def _make_rerun(
             finally:
                 host.runs.remove(run)
 
-        return run_attended(host, again)
+        return run_attended(host, run_again)
 
-    return recount
+    return rerun_counted
 
 
 def _collect_trace(run: Run, statement: CompiledStatement) -> tuple[SearchTrace | None, tuple[str, ...]]:
@@ -200,7 +200,7 @@ def _collect_trace(run: Run, statement: CompiledStatement) -> tuple[SearchTrace 
 def _build_result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:
     answer: QueryAnswer | None = run.answer if statements[-1].is_query else None
     if answer is not None:
-        answer.begin = run.bounds.left().begin
+        answer.begin = run.bounds.get_remaining().begin_reading
     traced, told = _collect_trace(run, statements[-1])
     engines = [compiled.engine for statement in statements for compiled in statement.queries]
     used = answer.engine if answer is not None else (engines[-1] if engines else "native")
@@ -210,14 +210,14 @@ def _build_result(host: SessionHost, run: Run, statements: Sequence[CompiledStat
         answer.status if answer is not None else "complete",
         run.stats,
         answer,
-        outline(statements, run),
+        outline_statements(statements, run),
         _make_rerun(host, run.arguments, run.maximum),
         (*told, *run.notes),
         traced,
     )
 
 
-def _foreteller(host: SessionHost, run: Run, workers: int) -> CallPrefetcher | None:
+def _start_prefetcher(host: SessionHost, run: Run, workers: int) -> CallPrefetcher | None:
     """Starts other processes for calls of functions if `workers` is more than one and this is not one of them."""
     if workers == 1 or IN_WORKER in os.environ:
         return None
@@ -250,9 +250,9 @@ def _build_partial_result(run: Run | None, status: Status) -> Result | None:
     if run is None or run.sink is None:
         return None
     rows, engine = run.sink.rows, run.sink.engine
-    shown = run.answer.rows if run.answer is not None else rows.shown()
+    shown = run.answer.rows if run.answer is not None else rows.name_as_selected()
     form = None if run.sink.query is None else run.sink.query.representation
     answer = QueryAnswer(shown, None, engine, status, form=form)
-    outlined, notes = outline(run.statements, run), tuple(run.notes)
+    outlined, notes = outline_statements(run.statements, run), tuple(run.notes)
     traced, _ = _collect_trace(run, run.statements[-1])
     return Result(None, engine, status, run.stats, answer, outlined, notes=notes, traced=traced)

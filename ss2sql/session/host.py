@@ -37,7 +37,7 @@ from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.sqlite.column_types import STORED
 from ss2sql.runtime.sqlite.database_tables import Tables
 from ss2sql.runtime.sqlite.executor import Database
-from ss2sql.runtime.sqlite.file_locks import close_file, use_files
+from ss2sql.runtime.sqlite.file_locks import close_file, while_using_files
 from ss2sql.runtime.sqlite.function_names import BUILT_IN, choose_function_names
 from ss2sql.session.resources import SessionResources
 from ss2sql.session.session_functions import SessionFunctions
@@ -48,7 +48,7 @@ from ss2sql.session.variables import OtherTables, Variables
 from ss2sql.vtables import contract
 from ss2sql.vtables.attached_worlds import AttachedWorld, WorldFunctions
 from ss2sql.vtables.query_cache import QueryCaches
-from ss2sql.vtables.schema import failure
+from ss2sql.vtables.schema import world_error
 
 if TYPE_CHECKING:
     from ss2sql.runtime.graph_cache.cache_policy import CachePolicy
@@ -66,7 +66,7 @@ class TableNames:
     def __iter__(self) -> Iterator[str]:
         yield from self.own
         if self.others is not None:
-            yield from self.others.names()
+            yield from self.others.list_names()
 
 
 class SessionHost:
@@ -87,7 +87,9 @@ class SessionHost:
     ) -> None:
         self.connection = connection
         self.limits = limits
-        self.session_lock = SessionLock(self._release, self._using, connection.release_memory, in_file=file is not None)
+        self.session_lock = SessionLock(
+            self._release_resources, self._while_using, connection.release_memory, in_file=file is not None
+        )
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
         self.active_runs: list[Run] = []  # what runs, or is compiled to run, the innermost last
@@ -104,13 +106,13 @@ class SessionHost:
         self.generation = 0
         self.runs: list[Run] = []
         self.held = SessionResources(engine_session, self.active_runs)
-        temporals = TemporalStore(self._clock)
-        self.triggers = Triggers(self._clock)
+        temporals = TemporalStore(self._read_clock)
+        self.triggers = Triggers(self._read_clock)
         self.watched_scenes: list[list[Callable[[], object]]] = []  # to whom scenes tell that they have stepped
         self.graph_store: GraphStore | None = None
         if file is not None:
             try:
-                file.load(temporals)
+                file.load_store(temporals)
             except BaseException:
                 close_file(connection)
                 raise
@@ -122,7 +124,7 @@ class SessionHost:
         self.own = SessionFunctions(self.names, self.functions, self.world_functions, limits, self.active_runs)
         for name, row in OPERATIONS.items():
             if name not in ("eq", "ne"):  # of these the database has its own
-                self.database.register_builtin(name, row.value or self.own.function(name))
+                self.database.register_builtin(name, row.value or self.own.get_function(name))
 
     @cached_property
     def graphs(self) -> CachePolicy | None:
@@ -131,19 +133,19 @@ class SessionHost:
             return None
         from ss2sql.runtime.graph_cache.cache_policy import CachePolicy
 
-        return CachePolicy(self.graph_store, self._find_function, self._worlds)
+        return CachePolicy(self.graph_store, self._find_function, self._list_worlds)
 
     def _find_function(self, name: str) -> UserFunction:
         """A function by its name in plans. Raises ExecutionError X011 if it was detached with its world."""
         try:
             return self.planned[name]
         except KeyError:
-            raise failure(f"the function '{name}' belongs to a world that is not attached any more") from None
+            raise world_error(f"the function '{name}' belongs to a world that is not attached any more") from None
 
-    def _worlds(self) -> list[AttachedWorld]:
+    def _list_worlds(self) -> list[AttachedWorld]:
         return list(self.names.worlds.values())
 
-    def register(self, entry: UserFunction) -> None:
+    def register_function(self, entry: UserFunction) -> None:
         """Makes a function known to scripts and to SQL."""
         self.functions[entry.name] = entry
         self._name_functions({entry.name})
@@ -166,7 +168,7 @@ class SessionHost:
                 self.database.register_user(self.planned[name], sql_name)
             del self.late[name]
 
-    def ready(self) -> None:
+    def prepare_database(self) -> None:
         """Prepares the database for a run. Raises SessionError S004 if it cannot."""
         if self.late:
             try:
@@ -185,15 +187,15 @@ class SessionHost:
         self._name_world_functions()
         scene = getattr(world, "scene", None) or world.source  # an adapter may call the scene's simulator directly
         listeners = getattr(scene, "listeners", None)
-        if isinstance(listeners, list) and self.triggers.poll not in listeners:
-            listeners.append(self.triggers.poll)
+        if isinstance(listeners, list) and self.triggers.run_due not in listeners:
+            listeners.append(self.triggers.run_due)
             self.watched_scenes.append(listeners)
 
     def end_triggers(self) -> None:
         """Ends all triggers, which no scene polls any more."""
         for listeners in self.watched_scenes:
-            if self.triggers.poll in listeners:
-                listeners.remove(self.triggers.poll)
+            if self.triggers.run_due in listeners:
+                listeners.remove(self.triggers.run_due)
         self.watched_scenes.clear()
         self.triggers.all.clear()
 
@@ -203,68 +205,68 @@ class SessionHost:
         return self.held.processes
 
     @contextmanager
-    def _using(self) -> Iterator[None]:
+    def _while_using(self) -> Iterator[None]:
         """While a thread uses the session: parks other copies of SQLite and refreshes copied databases."""
         for copied in self.tables.copied.values():
             copied.stale = True
-        with use_files(self.connection):
+        with while_using_files(self.connection):
             yield
 
-    def _release(self) -> None:
+    def _release_resources(self) -> None:
         self.end_triggers()
-        self.held.end()
+        self.held.end_all()
         if self.session_lock.here:
             close_file(self.connection)
 
     def _restore_detached(self, world: AttachedWorld) -> None:
-        self.database.worlds.forget(world.tables.values())
+        self.database.worlds.forget_tables(world.tables.values())
         self._name_world_functions()
 
     def _name_world_functions(self) -> None:
         self.world_functions.clear()
-        self.world_functions.update(WorldFunctions(self.names.worlds, self.memories).all())
+        self.world_functions.update(WorldFunctions(self.names.worlds, self.memories).list_functions())
         self._name_functions({entry.name for entry in self.world_functions.values()} - self.functions.keys())
 
     # --- what the compiler reads ------------------------------------------------------------------------
 
-    def catalog(
+    def make_catalog(
         self,
         values: Mapping[str, Any] | None = None,
         open_names: bool = False,
         read: Callable[[], Container[str] | None] = lambda: None,
     ) -> Catalog:
         """The names that scripts may use; `read` gives the known columns of tables that they read."""
-        given = dict(values or {})
+        values_by_name = dict(values or {})
         snapshots: dict[str, Any] = {}
 
-        def variable_type(name: str) -> Any:
+        def get_variable_type(name: str) -> Any:
             if name not in snapshots:
-                snapshots[name] = self.present(name, given)
+                snapshots[name] = self.get_present_value(name, values_by_name)
             return type_of(snapshots[name])
 
-        functions = {**BUILT_IN, **{name: self._planned(entry) for name, entry in self.functions.items()}}
+        functions = {**BUILT_IN, **{name: self._plan_function(entry) for name, entry in self.functions.items()}}
         return Catalog(
             functions,
             tuple(self.shapes.functions),
-            {*self.names, *given},
-            variable_type,
-            lambda schema, name: self.tables.find(schema, name, read()),
-            TableNames(self.tables.names(), self.names.others),
-            self.names.others.find if self.names.others is not None else lambda name: None,
+            {*self.names, *values_by_name},
+            get_variable_type,
+            lambda schema, name: self.tables.find_table(schema, name, read()),
+            TableNames(self.tables.list_names(), self.names.others),
+            self.names.others.find_variable if self.names.others is not None else lambda name: None,
             dict(self.names.late),
             open_names,
-            {name: world for name, world in self.names.worlds.items() if name not in given},
-            {n: self._planned(f) for n, f in self.world_functions.items() if n not in self.functions},
-            frames=self.names.frames.keys() - given.keys(),
+            {name: world for name, world in self.names.worlds.items() if name not in values_by_name},
+            {n: self._plan_function(f) for n, f in self.world_functions.items() if n not in self.functions},
+            frames=self.names.frames.keys() - values_by_name.keys(),
             files=("main", *self.tables.attached),
-            asked=self.shapes.asked(),
+            hidden_columns=self.shapes.list_hidden_columns(),
         )
 
-    def present(self, name: str, given: Mapping[str, Any]) -> Any:
+    def get_present_value(self, name: str, values: Mapping[str, Any]) -> Any:
         """The given value, or else the present one, as it stands in FROM. Raises what `source` raises."""
-        return given[name] if name in given else self.names.source(name)
+        return values[name] if name in values else self.names.get_source(name)
 
-    def _planned(self, entry: UserFunction) -> plan.Function:
+    def _plan_function(self, entry: UserFunction) -> plan.Function:
         """The function for plans; its body counts only while the operators in it are the built-in ones."""
         function = entry.plan
         known = function.body is not None and "inline" not in self.disabled
@@ -273,7 +275,7 @@ class SessionHost:
     def resolve_script(self, tree: ast.Script, values: Mapping[str, Any], open_names: bool) -> plan.Program:
         """The plan of a script, resolved against the present and the given values."""
         read = cache(lambda: collect_column_names(tree, *self.names.late.values()))
-        catalog = self.catalog(values, open_names, read)
+        catalog = self.make_catalog(values, open_names, read)
         return retry_with_stack(lambda: resolve(tree, catalog))
 
     def resolve_statement(self, tree: ast.Expr, run: Run) -> plan.Statement:
@@ -283,18 +285,20 @@ class SessionHost:
 
     def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]:
         """The statements of a text given to `eval`."""
-        return resolve_eval(parse(Source(text, "<eval>")), scope, self.catalog(self._arguments()))
+        return resolve_eval(parse(Source(text, "<eval>")), scope, self.make_catalog(self._get_arguments()))
 
-    def world(self, variable: Callable[[str], Any]) -> RewriteContext:
+    def make_rewrite_context(self, variable: Callable[[str], Any]) -> RewriteContext:
         """What rewrites may know of the session. `variable` gives the values that variables will have."""
         meanings: dict[tuple[str, int], plan.Expr | None] = {}
 
-        def read(text: str, scope: Any) -> plan.Expr | None:
+        def resolve_string(text: str, scope: Any) -> plan.Expr | None:
             if (text, id(scope)) not in meanings:
                 meanings[text, id(scope)] = self._resolve_single_statement(text, scope)
             return meanings[text, id(scope)]
 
-        return RewriteContext(variable, read, frozenset(self.functions))  # those that may stand in for built-in ones
+        return RewriteContext(
+            variable, resolve_string, frozenset(self.functions)
+        )  # those that may stand in for built-in ones
 
     def _resolve_single_statement(self, text: str, scope: Any) -> plan.Expr | None:
         """The only statement of a text given to `eval`; None if there are more, or if it cannot be resolved yet."""
@@ -304,7 +308,7 @@ class SessionHost:
             return None
         return statements[0] if len(statements) == 1 else None
 
-    def _arguments(self) -> Mapping[str, Any]:
+    def _get_arguments(self) -> Mapping[str, Any]:
         return self.runs[-1].arguments if self.runs else {}
 
     def has_table_changed(self, table: plan.TableSource | plan.WorldSource, run: Run) -> bool:
@@ -315,33 +319,33 @@ class SessionHost:
             return world is None or table.table not in world.tables.values()
         read = {name for name, kind in table.columns if kind != Type(STORED)}
         try:
-            now = self.tables.find(table.schema, table.table, read)
+            now = self.tables.find_table(table.schema, table.table, read)
         except Error as error:
-            raise error.located(table.span) from error.__cause__
+            raise error.with_span(table.span) from error.__cause__
         return now is None or replace(now, id=table.id, name=table.name) != table
 
     # --- what a run asks (see runtime/run/run_state.py) ----------------------------------------------------------
 
-    def variable(self, name: str, run: Run) -> Any:
-        return self.names.read(name, run)
+    def get_variable(self, name: str, run: Run) -> Any:
+        return self.names.read_value(name, run)
 
-    def assign(self, name: str, value: Any) -> None:
-        self.names.assign(name, value)
+    def assign_variable(self, name: str, value: Any) -> None:
+        self.names.assign_value(name, value)
         for run in self.runs:
             run.snapshots.pop(name, None)
 
     def bind_late(self, name: str, literal: ast.ListLiteral) -> None:
         self.names.bind_late(name, literal)
 
-    def call(self, function: plan.Function, run: Run) -> Callable[..., Any]:
+    def get_callable(self, function: plan.Function, run: Run) -> Callable[..., Any]:
         if function.builtin:
-            python = OPERATIONS[function.name].value or self.own.function(function.name)
+            python = OPERATIONS[function.name].value or self.own.get_function(function.name)
             return run.sizes.wrap_function(function.name, python)
         known = run.callables.get(function.name)
         if known is None:
             entry = self._find_function(function.inverse_of or function.name)
             if function.inverse_of:
-                known = make_unmemoized_call(entry.inverted(), run)
+                known = make_unmemoized_call(entry.make_inverse(), run)
             else:
                 known = (ArrayFunction if entry.vectorized else make_callable)(entry, run, self.memo_limit)
             run.callables[function.name] = known
@@ -351,7 +355,7 @@ class SessionHost:
         """Adopts the results of calls that the statement before has made, so that nothing is called twice."""
         for name, arguments, answer in run.calls_made:
             if self.memo_limit:
-                self.call(self.planned[name].plan, run).adopt(arguments, answer)  # type: ignore[attr-defined]
+                self.get_callable(self.planned[name].plan, run).adopt(arguments, answer)  # type: ignore[attr-defined]
         run.calls_made = ()
 
     def forget_stable_calls(self, run: Run) -> None:
@@ -360,20 +364,20 @@ class SessionHost:
             if name not in self.planned or self.planned[name].volatility == "stable":
                 del run.callables[name]
 
-    def _clock(self) -> float:
+    def _read_clock(self) -> float:
         """The time of getTime(): the user's own, else that of the first world with a clock, else the computer's."""
         entry = self.functions.get("getTime")
         if entry:
             return convert_moment(entry.function(), "the function 'getTime'")
         for attached in self.names.worlds.values():
-            moment = attached.time()
+            moment = attached.read_time()
             if moment is not None:
                 return convert_moment(moment, f"the clock of {attached.name}")
         return time.time()
 
-    def temporal(self, name: str, when: Any) -> Any:
-        value = self.names.temporal(name, when)
-        ValueSizes(self.limits.max_size).checked(value)
+    def read_temporal(self, name: str, when: Any) -> Any:
+        value = self.names.read_temporal(name, when)
+        ValueSizes(self.limits.max_size).check_value(value)
         return value
 
     def store_temporal(self, name: str, keep: Any, value: Any) -> None:
@@ -381,17 +385,19 @@ class SessionHost:
 
     def read_table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]:
         try:
-            return self.tables.rows(source)
+            return self.tables.read_rows(source)
         except ExecutionError as error:
             if run is None or not is_unreadable(error):
                 raise
         run.doubtful = True
         return self.tables.read_unreadable_rows(source)
 
-    def integers(self, source: plan.TableSource, *places: int) -> list[Any] | None:
-        return self.tables.integers(source, *places)
+    def read_integer_columns(self, source: plan.TableSource, *places: int) -> list[Any] | None:
+        return self.tables.read_integer_columns(source, *places)
 
-    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
+    def shape_rows(
+        self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run
+    ) -> Any:
         return self.shapes.represent_subquery(
             query, expand_stars(query, rows, run.sizes.pause), arguments, named, run.sizes
         )

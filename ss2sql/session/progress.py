@@ -60,7 +60,7 @@ def _get_terminal_width() -> int:
 
 
 class Progress:
-    """The line of one run. `show` is called again and again while it works, `end` when it is over.
+    """The line of one run. `show_line` is called again and again while it works, `remove_line` when it is over.
 
     Executors say here how far they are: `search` is the state of the search that SQLite runs, `reached` the rows on the
     path of a native search, or the way back from where it is, see backpointers.py.
@@ -78,47 +78,47 @@ class Progress:
         self.search: SearchState | None = None
         self.reached: Any = None
 
-    def look(self, cursor: Any, search: SearchState) -> None:
+    def note_progress(self, cursor: Any, search: SearchState) -> None:
         """Notes where the statement is that SQLite runs; `cursor` walks the first list that it reads."""
         self.search = search
         if cursor is not None:
-            self.walk(cursor, cursor.position, cursor.length)
+            self.note_walk(cursor, cursor.position, cursor.length)
 
-    def walk(self, source: object, done: int, total: int) -> None:
+    def note_walk(self, source: object, done: int, total: int) -> None:
         """Notes how many elements of a source are done; those of the first one count, all others are inside of it."""
         if self._walked is None or self._walked[0] is source or self._walked[1] >= self._walked[2]:
             self._walked = (source, done, total)
 
-    def begin(self) -> None:
+    def begin_statement(self) -> None:
         """Forgets what the statement before has noted."""
         self._walked = self.reached = self.search = None
 
-    def show(self) -> None:
+    def show_line(self) -> None:
         """Writes the line if it is time to."""
         now = self._clock()
         if now >= self._due:
             self._due = now + REPEAT_SECONDS
-            self._write(self.text(now - self._started))
+            self._write_line(self.describe_progress(now - self._started))
 
-    def end(self) -> None:
+    def remove_line(self) -> None:
         """Takes the line away."""
-        self.begin()
+        self.begin_statement()
         if self._shown:
-            self._write("")
+            self._write_line("")
 
-    def _write(self, text: str) -> None:
+    def _write_line(self, text: str) -> None:
         text = text[: max(self._width() - 1, 1)]
         blanks = " " * max(self._shown - len(text), 0)
         self._shown = len(text)
         self._stream.write(f"\r{text}{blanks}" if text else f"\r{blanks}\r")
         self._stream.flush()
 
-    def text(self, seconds: float) -> str:
+    def describe_progress(self, seconds: float) -> str:
         """What the run has done in so many seconds."""
         stats, graph = self._run.stats, self._run.graph
         results = None if self._run.sink is None else _count_results(self._run)
         parts = [f"{seconds:.0f} s"]
-        part = self._part(results or 0)
+        part = self._estimate_part(results or 0)
         if part is not None:
             parts.append(f"[{'#' * int(part * BAR_WIDTH):.<{BAR_WIDTH}}] {part:.0%}")
         if graph is not None:
@@ -127,7 +127,7 @@ class Progress:
         steps = stats.generated or (0 if self.search is None else self.search.entered)
         if steps:
             parts.append(f"{_format_count(steps, 'step')}, {steps / seconds:,.0f}/s")
-        depth, whole = (0, True) if graph is not None else self._depth()
+        depth, whole = (0, True) if graph is not None else self._measure_depth()
         if depth and (whole or depth > MAX_DEPTH_LOOKS // 2):
             parts.append(f"depth {depth:,}{'' if whole else '+'}")
         if results is not None:
@@ -135,7 +135,7 @@ class Progress:
             parts.append(_format_count(results, "result") + rate)
         return " | ".join(parts)
 
-    def _part(self, results: int) -> float | None:
+    def _estimate_part(self, results: int) -> float | None:
         """How much is done, from 0 to 1; None where nobody can know."""
         bound = find_result_bound(self._run)
         parts = [results / bound] if bound else []
@@ -145,13 +145,13 @@ class Progress:
             parts.append(self._walked[1] / self._walked[2])
         return min(max(parts), 1.0) if parts else None
 
-    def _depth(self) -> tuple[int, bool]:
+    def _measure_depth(self) -> tuple[int, bool]:
         """The steps from the start to where the search is, 0 where there is none; and whether these are all."""
         if self.search is not None:
             if self.search.entered:
                 return measure_depth(self.search.parents)
             paths = None if self._run.sink is None else self._run.sink.rows.paths
-            return paths.depth(MAX_DEPTH_LOOKS) if isinstance(paths, SearchPaths) else (0, True)
+            return paths.measure_depth(MAX_DEPTH_LOOKS) if isinstance(paths, SearchPaths) else (0, True)
         depth, whole = backpointers.measure_depth(self.reached, MAX_DEPTH_LOOKS)
         return (0 if self.reached is None else depth + 1), whole
 

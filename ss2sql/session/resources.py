@@ -31,23 +31,23 @@ class SessionResources:
     engines: dict[str, TableEngine | None] = field(default_factory=dict)
     owner: int = field(default_factory=os.getpid)
 
-    def engine(self, name: str) -> TableEngine | None:
+    def get_engine(self, name: str) -> TableEngine | None:
         """The database of an engine, if there is one. Raises SessionError S003 if it is not installed."""
         if name not in self.engines:
             self.engines[name] = open_table_engine(name, self.session, self.active_runs)
         return self.engines[name]
 
-    def parquet(self, path: Path, name: str) -> Reader:
+    def get_parquet_reader(self, path: Path, name: str) -> Reader:
         """The reader of a Parquet file. Raises SessionError S002 for other files, S003 if DuckDB is not installed."""
-        found = self.engine("duckdb")
+        found = self.get_engine("duckdb")
         assert found is not None
         assert found.sources is not None
-        return found.sources.parquet(path, name)
+        return found.sources.make_parquet_reader(path, name)
 
-    def end(self) -> None:
+    def end_all(self) -> None:
         """Ends all of it; a copy of the process made by `fork` leaves it to the original."""
         if self.processes is not None:
-            self.processes.end()
+            self.processes.end_processes()
         while self.engines:
             _, engine = self.engines.popitem()
             if engine is not None and os.getpid() == self.owner:

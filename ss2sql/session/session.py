@@ -16,7 +16,7 @@ from ss2sql.errors import SessionError, Source
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.frontend.user_functions import UserFunction, check_is_string, check_name, make_user_function
 from ss2sql.language import plan
-from ss2sql.language.values import convert_value, copy_for_python, deep_copy
+from ss2sql.language.values import convert_value, copy_deep, copy_for_python
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.results.result import Result
 from ss2sql.runtime.run.keyboard_interrupt import defer_keyboard_interrupt
@@ -65,7 +65,7 @@ class Session:
         check_word("optimisation", disable, OFF_SWITCHES)
         check_seconds(timeout)
         check_progress(progress)
-        limits.check()
+        limits.check_limits()
         check_engine(engine)
         connection = open_connection(path, read_only)
         self.timeout = timeout
@@ -76,8 +76,8 @@ class Session:
         self.engine: Engine = engine
         self.host = SessionHost(connection, file, read_only, frozenset(disable), limits, session)
         # apsw keeps the host of a session that nobody closes; a finalizer that did so too would keep all sessions.
-        weakref.finalize(self, self.host.held.end)
-        found = self.host.held.engine(engine)  # says now what is not installed
+        weakref.finalize(self, self.host.held.end_all)
+        found = self.host.held.get_engine(engine)  # says now what is not installed
         self.host.names.others = found.sources if found is not None else None
 
     # --- registration ----------------------------------------------------------------------------------
@@ -122,18 +122,22 @@ class Session:
         if callable(name):
             if function is not None:
                 raise SessionError("S002", "the name of a function is a text", hints=('write function("name", f)',))
-            return self._register(make_user_function(get_function_name(name), name, volatility, inverse, vectorized))
+            return self._register_entry(
+                make_user_function(get_function_name(name), name, volatility, inverse, vectorized)
+            )
 
-        def register(body: F) -> F:
-            self._register(make_user_function(name or get_function_name(body), body, volatility, inverse, vectorized))
+        def register_body(body: F) -> F:
+            self._register_entry(
+                make_user_function(name or get_function_name(body), body, volatility, inverse, vectorized)
+            )
             return body
 
-        return register if function is None else register(function)
+        return register_body if function is None else register_body(function)
 
     @with_session_lock
-    def _register(self, entry: UserFunction) -> Callable[..., Any]:
+    def _register_entry(self, entry: UserFunction) -> Callable[..., Any]:
         self._check_open()
-        self.host.register(entry)
+        self.host.register_function(entry)
         return entry.function
 
     def aggregate(self, name: str | Callable[..., Any] | None = None, function: Callable[..., Any] | None = None, /,
@@ -147,15 +151,15 @@ class Session:
             SessionError: S002 for a name, signature or volatility that cannot be used.
         """
 
-        def register(body: Callable[..., Any], called: str | None = None) -> Callable[..., Any]:
+        def register_body(body: Callable[..., Any], called: str | None = None) -> Callable[..., Any]:
             entry = make_user_function(called or get_function_name(body), body, volatility)
             if entry.maximum == 0:
                 raise SessionError("S002", f"'{entry.name}' takes no list", hints=("give it a parameter for the list",))
-            return self._register(replace(entry, aggregate=True, body="is an aggregate"))
+            return self._register_entry(replace(entry, aggregate=True, body="is an aggregate"))
 
         if callable(name):
-            return register(name)
-        return partial(register, called=name) if function is None else register(function, name)
+            return register_body(name)
+        return partial(register_body, called=name) if function is None else register_body(function, name)
 
     def representation(self, name: str) -> Callable[[F], F]:
         """Decorator: registers `AS name(arguments)`.
@@ -165,12 +169,12 @@ class Session:
         """
         self._check_name(name)
 
-        def register(body: F) -> F:
+        def register_body(body: F) -> F:
             self.host.shapes.functions[name.lower()] = body
             self.host.generation += 1
             return body
 
-        return register
+        return register_body
 
     @with_session_lock
     def attach(self, name: str, source: Any) -> None:
@@ -196,31 +200,31 @@ class Session:
         source = make_attachable(name, source)
         file = find_parquet_path(source)
         if file is not None:
-            parquet = self.host.held.parquet(file, name)
-            self.host.tables.detach(name)
+            parquet = self.host.held.get_parquet_reader(file, name)
+            self.host.tables.detach_file(name)
             self.host.names.attach_frame(name, file, parquet)
             return
         path = find_sqlite_path(source)
         if path is not None:
-            self.host.tables.attach(name, path)
-            self.host.names.forget(name)
+            self.host.tables.attach_file(name, path)
+            self.host.names.forget_name(name)
             return
         sqlite3 = sys.modules.get("sqlite3")  # whoever has a connection of it has loaded it
         if sqlite3 is not None and isinstance(source, sqlite3.Connection):
             self.host.tables.attach_connection(name, source)
-            self.host.names.forget(name)
+            self.host.names.forget_name(name)
             return
         reader = find_reader(source, name)
         world = find_adapter(source) if reader is None else None
         if reader is None and world is None:
             refuse_unknown(source)
-        self.host.tables.detach(name)
+        self.host.tables.detach_file(name)
         if reader is not None:
             self.host.names.attach_frame(name, source, reader)
         elif world is not None:
             self.host.attach_world(name, world)
         else:
-            self.host.names.attach(name, source)
+            self.host.names.attach_source(name, source)
 
     @with_session_lock
     def detach(self, name: str) -> None:
@@ -229,8 +233,8 @@ class Session:
         if name not in self.host.names.attached and name not in self.host.tables.attached:
             raise KeyError(name)
         self._texts.clear()
-        self.host.tables.detach(name)
-        self.host.names.forget(name)
+        self.host.tables.detach_file(name)
+        self.host.names.forget_name(name)
 
     @with_session_lock
     def tables(self) -> dict[str, tuple[str, ...]]:
@@ -246,7 +250,7 @@ class Session:
         Raises SessionError S002 where there is none of the name; Timeout and Cancelled, for it looks at all rows.
         """
 
-        def work(run: Run) -> str:
+        def describe_in_run(run: Run) -> str:
             self._check_open()
             check_is_string(name)
             set_deadline(run, self.host, self.timeout)
@@ -254,13 +258,13 @@ class Session:
 
             return describe_name(name, self.host.tables, self.host.names.worlds, self.host.names.others)
 
-        return run_attended(self.host, work)
+        return run_attended(self.host, describe_in_run)
 
     @with_session_lock
     def set(self, name: str, value: Any) -> None:
         """Sets a script variable to a copy of the value. Raises ExecutionError X004 for NaN and its like."""
         self._check_name(name)
-        self.host.names.assign(name, deep_copy(convert_value(value, f"the variable '{name}'", named=True)))
+        self.host.names.assign_value(name, copy_deep(convert_value(value, f"the variable '{name}'", named=True)))
 
     def get(self, name: str) -> Any:
         """The value of a script variable, a copy. Raises KeyError if there is none."""
@@ -270,7 +274,7 @@ class Session:
 
     def variables(self) -> dict[str, Any]:
         """All script variables with copies of their values, by name."""
-        return self.host.names.copies()
+        return self.host.names.copy_values()
 
     @with_session_lock
     def graphs(self) -> Graphs:
@@ -292,13 +296,13 @@ class Session:
         if the engine that is asked for cannot run the script.
         """
 
-        def work(run: Run) -> Query:
+        def compile_in_run(run: Run) -> Query:
             set_deadline(run, self.host, self.timeout)
-            return self._compile(script, engine, {}, open_names=True)
+            return self._compile_script(script, engine, {}, open_names=True)
 
-        return run_attended(self.host, work)
+        return run_attended(self.host, compile_in_run)
 
-    def _compile(
+    def _compile_script(
         self,
         script: str | Path | Source,
         engine: Engine,
@@ -314,12 +318,14 @@ class Session:
         program = stats.time_stage("resolve", lambda: self.host.resolve_script(tree, values, open_names))()
         return Query(self.host, self.execute, tree, program, engine, fresh=not open_names)
 
-    def _known(self, script: str | Path | Source, engine: Engine, values: Mapping[str, Any], stats: Stats) -> Query:
+    def _get_compiled(
+        self, script: str | Path | Source, engine: Engine, values: Mapping[str, Any], stats: Stats
+    ) -> Query:
         """The compiled script; a text that runs without values is compiled once: 0.1 ms instead of 1.3 ms."""
         key = (script, engine, self.engine)
         query = self._texts.pop(key, None) if isinstance(script, str) and not values else None
         if query is None or self._closed:
-            query = self._compile(script, engine, values, open_names=False, stats=stats)
+            query = self._compile_script(script, engine, values, open_names=False, stats=stats)
         if isinstance(script, str) and not values:
             self._texts[key] = query
             if len(self._texts) > MAX_COMPILED_SCRIPTS:
@@ -363,14 +369,14 @@ class Session:
             a note that names the line of the script.
         """
 
-        def work(run: Run) -> Result:
+        def run_script(run: Run) -> Result:
             options = replace(self._make_options(engine, timeout, maximum, workers, max_rows), trace=trace)
             set_deadline(run, self.host, options.timeout)
             values = _convert_variables(variables)
-            query = self._known(script, engine, values, run.stats)
+            query = self._get_compiled(script, engine, values, run.stats)
             return execute_script(self.host, query, options, values, run)
 
-        return run_attended(self.host, work)
+        return run_attended(self.host, run_script)
 
     def eval(self, script: str | Path, **variables: Any) -> Any:
         """The value of a script: `run(script, **variables).value`."""
@@ -390,14 +396,14 @@ class Session:
     ) -> Result:
         """Runs a compiled script; `Query.run` and `Query.spark` end here."""
 
-        def work(run: Run) -> Result:
+        def run_query(run: Run) -> Result:
             self._check_open()
             options = self._make_options(engine, timeout, maximum, workers, max_rows)
             options = replace(options, framed=framed, trace=trace)
             set_deadline(run, self.host, options.timeout)
             return execute_script(self.host, query, options, _convert_variables(variables), run)
 
-        return run_attended(self.host, work)
+        return run_attended(self.host, run_query)
 
     def _make_options(
         self, engine: Engine | None, timeout: float | None, maximum: int | None, workers: int, max_rows: int | None
@@ -426,12 +432,12 @@ class Session:
             Error: what `compile` and the first run raise. `poll`, or the scene's `step`, raises later errors.
         """
         query = self.compile(script, engine)
-        return lambda function: self.host.triggers.add(query, every, function)
+        return lambda function: self.host.triggers.add_trigger(query, every, function)
 
     def poll(self) -> int:
         """Runs the triggers that are due, and gives the number of those whose values have changed."""
         self._check_open()
-        return self.host.triggers.poll()
+        return self.host.triggers.run_due()
 
     def interrupt(self) -> None:
         """Ends all runs of the session, from any thread; they raise Cancelled."""
@@ -447,7 +453,7 @@ class Session:
         self._texts.clear()
         self.interrupt()
         with defer_keyboard_interrupt():
-            self.host.session_lock.close()
+            self.host.session_lock.release_resources()
 
     def __enter__(self) -> Session:
         return self

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from inspect import signature
 from typing import Any
 
-from ss2sql.errors import ExecutionError, did_you_mean
+from ss2sql.errors import ExecutionError, suggest_names
 from ss2sql.errors.renderer import escape_controls
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language.operations import OPERATIONS, WRITTEN
@@ -35,7 +35,7 @@ class SessionFunctions:
         self.functions = functions
         self.world_functions = world_functions
 
-    def function(self, name: str) -> Callable[..., Any]:
+    def get_function(self, name: str) -> Callable[..., Any]:
         """The Python form of a built-in function that needs the session."""
         found: Callable[..., Any] = getattr(self, f"_{name}")
         return found
@@ -57,15 +57,15 @@ class SessionFunctions:
         if world is not None and name not in self.functions:
             return describe_world(world)
         if name is None:
-            lines = [f"{known:<12} {text}" for known, text in sorted(self._texts().items())]
+            lines = [f"{known:<12} {text}" for known, text in sorted(self._describe_all().items())]
             return "\n".join(lines)
-        texts = self._texts()
+        texts = self._describe_all()
         if type(name) is not str or name not in texts:  # a list could not even be looked up
-            hints = did_you_mean(str(name), texts) or ("help() lists all of them",)
+            hints = suggest_names(str(name), texts) or ("help() lists all of them",)
             raise ExecutionError("X007", f"there is no function '{name}'", hints=hints)
-        return f"{self._call(name)}: {texts[name]}"
+        return f"{self._format_call(name)}: {texts[name]}"
 
-    def _call(self, name: str) -> str:
+    def _format_call(self, name: str) -> str:
         entry = self.functions.get(name) or self.world_functions.get(name)
         if entry is None:
             return OPERATIONS[name].call
@@ -74,7 +74,7 @@ class SessionFunctions:
         except (TypeError, ValueError):  # functions in C may have no signature
             return name
 
-    def _texts(self) -> dict[str, str]:
+    def _describe_all(self) -> dict[str, str]:
         texts = {name: row.about for name, row in WRITTEN.items() if name not in ("item", "slice")}
         for name, entry in {**self.world_functions, **self.functions}.items():
             lines = (entry.function.__doc__ or "").strip().splitlines() or ["registered"]
@@ -83,16 +83,16 @@ class SessionFunctions:
 
     def _var(self, name: str | None = None) -> Any:
         if name is None:
-            ValueSizes(self.limits.max_size).checked(self.names.values)
-            return self.names.copies()
+            ValueSizes(self.limits.max_size).check_value(self.names.values)
+            return self.names.copy_values()
         variables = self.names.values
         if type(name) is not str or name not in variables:
-            hints = did_you_mean(str(name), variables) or ("var() gives all of them",)
+            hints = suggest_names(str(name), variables) or ("var() gives all of them",)
             raise ExecutionError("X007", f"there is no variable '{name}'", hints=hints)
         return copy_for_python(variables[name])
 
     def _clear(self) -> None:
-        self.names.clear()
+        self.names.clear_variables()
 
     def _getTime(self) -> float:  # noqa: N802 - the language's name
         return self.names.temporal_store.clock()

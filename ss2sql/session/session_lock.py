@@ -77,7 +77,7 @@ class SessionLock:
         if self._closed:
             self._end_if_free()
 
-    def close(self) -> None:
+    def release_resources(self) -> None:
         """Releases the resources of the session, now or when the last user leaves."""
         self._closed = True
         self._end_if_free()
@@ -105,8 +105,8 @@ def with_session_lock(work: Callable[Concatenate[Session, P], T]) -> Callable[Co
     """Decorator: a method of a session that uses its connection; Ctrl-C cannot interrupt it halfway."""
 
     @wraps(work)
-    def unbroken(session: Session, /, *arguments: P.args, **named: P.kwargs) -> T:
+    def call_locked(session: Session, /, *arguments: P.args, **named: P.kwargs) -> T:
         with defer_keyboard_interrupt(), session.host.session_lock:
             return work(session, *arguments, **named)
 
-    return unbroken
+    return call_locked

@@ -50,7 +50,7 @@ class TemporalStore:
         self.histories: dict[str, list[tuple[float, Any]]] = {}
         self.keeps: dict[str, float] = {}
 
-    def store(self, name: str, keep: Any, value: Any) -> None:
+    def store_value(self, name: str, keep: Any, value: Any) -> None:
         """`name{keep} = value`."""
         kept = convert_seconds(keep, "the time to keep")
         if kept < 0:
@@ -62,19 +62,19 @@ class TemporalStore:
         history = self.histories.setdefault(name, [])
         history.append((now, value))
         self.keeps[name] = kept
-        self._forget(name, now)
+        self._forget_old(name, now)
 
-    def _forget(self, name: str, now: float) -> None:
+    def _forget_old(self, name: str, now: float) -> None:
         history, oldest = self.histories[name], now - self.keeps[name]
         while len(history) > 1 and history[1][0] < oldest:
             del history[0]
 
-    def read(self, name: str, when: Any) -> Any:
+    def read_values(self, name: str, when: Any) -> Any:
         """`name{}` (when is None) is the list of kept values; `name{-2.0}` those in force in the last two
         seconds, `name{22.2}` the one in force at that time, or None. Raises KeyError for an unknown name."""
         history = self.histories[name]
         now = self.clock()
-        self._forget(name, now)
+        self._forget_old(name, now)
         if when is None:
             return [value for _, value in history]
         moment = convert_seconds(when, "the moment")
@@ -91,18 +91,18 @@ class TemporalStore:
         """The value that `name` alone means."""
         return self.histories[name][-1][1]
 
-    def kept(self, name: str) -> tuple[list[tuple[float, Any]], float] | None:
-        """The history of a variable and its `keep`, for `restore`; None if it has none."""
+    def get_history(self, name: str) -> tuple[list[tuple[float, Any]], float] | None:
+        """The history of a variable and its `keep`, for `restore_history`; None if it has none."""
         history = self.histories.get(name)
         return None if history is None else (list(history), self.keeps[name])
 
-    def restore(self, name: str, before: tuple[list[tuple[float, Any]], float] | None) -> None:
-        """Restores a history that `kept` gave."""
-        self.drop(name)
+    def restore_history(self, name: str, before: tuple[list[tuple[float, Any]], float] | None) -> None:
+        """Restores a history that `get_history` gave."""
+        self.drop_history(name)
         if before is not None:
             self.histories[name], self.keeps[name] = before
 
-    def drop(self, name: str) -> None:
+    def drop_history(self, name: str) -> None:
         self.histories.pop(name, None)
         self.keeps.pop(name, None)
 
@@ -117,7 +117,7 @@ class TemporalFile:
     def __init__(self, connection: apsw.Connection) -> None:
         self.connection = connection
 
-    def load(self, store: TemporalStore) -> None:
+    def load_store(self, store: TemporalStore) -> None:
         """Fills the store from the file. Raises SessionError S002 if the file is damaged."""
         try:
             if not self.connection.execute("SELECT 1 FROM sqlite_schema WHERE name = 'ss2sql_temporal'").fetchall():
@@ -136,7 +136,7 @@ class TemporalFile:
                 message = f"the table ss2sql_temporal of the file cannot be read: {error.message}"
             raise SessionError("S002", message, hints=hints) from error
 
-    def save(self, store: TemporalStore, name: str) -> None:
+    def save_history(self, store: TemporalStore, name: str) -> None:
         """Writes the history of one variable to the file, or deletes it there."""
         try:
             rows = [

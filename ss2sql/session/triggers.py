@@ -36,7 +36,7 @@ class Trigger:
         self.active = True
         self.runs = self.changes = 0
         self._running = False
-        self._read(now)
+        self._read_value(now)
 
     def __call__(self, value: Any) -> Any:
         return self.callback(value)
@@ -54,12 +54,12 @@ class Trigger:
         """Whether it is time to run; also after the clock was set back, as by a new simulation."""
         return self.active and not self._running and (now - self.time >= self.every - SLACK or now < self.time)
 
-    def look(self, now: float) -> bool:
+    def run_if_due(self, now: float) -> bool:
         """Runs the script, and the function if the value has changed; gives whether it has."""
         self._running = True  # the function may step the simulation, which looks after its triggers
         try:
             known = self._known
-            self._read(now)
+            self._read_value(now)
             if self._known == known:
                 return False
             self.changes += 1
@@ -68,14 +68,14 @@ class Trigger:
             except Exception as error:
                 name = getattr(self.callback, "__name__", repr(self.callback))
                 span = self.query.plan.statements[-1].span
-                place = f"{span.place} has changed\n  {span.line} | {span.source.line(span.line)}"
+                place = f"{span.place} has changed\n  {span.line} | {span.source.get_line(span.line)}"
                 note_once(error, f"raised by the function '{name}', called because the value at {place}")
                 raise
             return True
         finally:
             self._running = False
 
-    def _read(self, now: float) -> None:
+    def _read_value(self, now: float) -> None:
         self.time = now
         self.value = self.query.run().value
         self.runs += 1
@@ -89,7 +89,7 @@ class Triggers:
         self.clock = clock
         self.all: list[Trigger] = []
 
-    def add(self, query: Query, every: float, callback: Callable[[Any], Any]) -> Trigger:
+    def add_trigger(self, query: Query, every: float, callback: Callable[[Any], Any]) -> Trigger:
         """A new trigger; its script runs now, to know the first value."""
         if isinstance(every, bool) or not isinstance(every, (int, float)) or not (0 < every < math.inf):
             raise SessionError("S002", f"every={every!r} is no time to wait", hints=("give seconds, more than 0",))
@@ -100,8 +100,8 @@ class Triggers:
         self.all.append(trigger)
         return trigger
 
-    def poll(self) -> int:
+    def run_due(self) -> int:
         """Runs what is due; gives the number of changes."""
         self.all = [trigger for trigger in self.all if trigger.active]
         now = self.clock() if self.all else 0.0
-        return sum(trigger.look(now) for trigger in list(self.all) if trigger.is_look_due(now))
+        return sum(trigger.run_if_due(now) for trigger in list(self.all) if trigger.is_look_due(now))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
-from ss2sql.errors import SessionError, did_you_mean
+from ss2sql.errors import SessionError, suggest_names
 from ss2sql.language.plan_printer import format_type
 from ss2sql.vtables.attached_worlds import AttachedTable, AttachedWorld
 from ss2sql.vtables.declared_types import format_declared_type
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 def describe_world(world: AttachedWorld) -> str:
     """The tables of a world with columns, types, units, filters and texts, and its functions."""
     about = world.world.text or type(world.world).__doc__ or type(world.world).__name__
-    lines = [f"{world.name}: {_first_line(about)}"]
+    lines = [f"{world.name}: {_take_first_line(about)}"]
     for table in world.tables.values():
         lines += ["", *format_table(table)]
     if world.functions:
         lines += ["", "functions"]
         width = max(map(len, world.functions))
         for name, (method, volatility) in world.functions.items():
-            lines.append(f"  {name:<{width}}  {_first_line(method.__doc__ or '')} ({volatility})")
+            lines.append(f"  {name:<{width}}  {_take_first_line(method.__doc__ or '')} ({volatility})")
     return "\n".join(line.rstrip() for line in lines)
 
 
@@ -55,12 +55,12 @@ def list_tables(
     A view that cannot be read, because one of its tables is gone, has none.
     """
     found: dict[str, tuple[str, ...]] = {}
-    tables.refresh()
-    for name in tables.names():
-        found[name] = tables.column_names(name)
+    tables.refresh_copies()
+    for name in tables.list_names():
+        found[name] = tables.list_columns(name)
     if others is not None:
-        for name in others.names():
-            found.setdefault(name, tuple(column for column, _ in others.columns(name)))
+        for name in others.list_names():
+            found.setdefault(name, tuple(column for column, _ in others.read_columns(name)))
     for world in worlds.values():
         found.update((write_name(table), tuple(table.schema.kinds)) for table in world.tables.values())
     return found
@@ -73,12 +73,12 @@ def describe_name(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld]
         return describe_world(worlds[owner])
     if owner in worlds and rest in worlds[owner].tables:
         return "\n".join(format_table(worlds[owner].tables[rest]))
-    source = tables.find(owner, rest) if rest else tables.find(None, name)
-    columns = source.columns if source is not None else () if others is None else others.columns(name)
+    source = tables.find_table(owner, rest) if rest else tables.find_table(None, name)
+    columns = source.columns if source is not None else () if others is None else others.read_columns(name)
     if not columns:
-        known = [*worlds, *tables.names(), *(() if others is None else others.names())]
+        known = [*worlds, *tables.list_names(), *(() if others is None else others.list_names())]
         known += [table.title for world in worlds.values() for table in world.tables.values()]
-        raise SessionError("S002", f"there is no world or table '{name}'", hints=did_you_mean(name, known))
+        raise SessionError("S002", f"there is no world or table '{name}'", hints=suggest_names(name, known))
     width = max(len(column) for column, _ in columns)
     return "\n".join([f"FROM {name}", *(f"  {column:<{width}}  {format_type(kind)}" for column, kind in columns)])
 
@@ -88,5 +88,5 @@ def write_name(table: AttachedTable) -> str:
     return f"{table.world_name}.{table.schema.signature}" if table.schema.parameters else table.title
 
 
-def _first_line(text: str) -> str:
+def _take_first_line(text: str) -> str:
     return (text.strip().splitlines() or [""])[0]

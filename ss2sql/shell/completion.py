@@ -32,7 +32,7 @@ class Suggestion:
     shown: str = ""  # the text in the list, where it differs
 
 
-def complete(text: str, cursor: int, symbols: SymbolTable) -> list[Suggestion]:
+def suggest_completions(text: str, cursor: int, symbols: SymbolTable) -> list[Suggestion]:
     """The suggestions at the cursor of the text, the likeliest first."""
     piece = find_piece(text, cursor)
     if piece.is_command:
@@ -136,7 +136,7 @@ def _suggest_names(here: CompletionContext, symbols: SymbolTable) -> Iterator[Su
 
 def _suggest_columns(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
     for source in here.sources:
-        found = dict.fromkeys(source.columns, "") or symbols.columns(source.origin)
+        found = dict.fromkeys(source.columns, "") or symbols.list_columns(source.origin)
         for name, about in found.items():
             yield Suggestion(name, 0, "column", f"{source.name}: {about}" if about else f"of {source.name}")
 
@@ -168,7 +168,7 @@ def _suggest_members(here: CompletionContext, symbols: SymbolTable) -> Iterator[
         sources = here.sources[:1]
     if here.clause != "FROM" or here.owner not in symbols.owners:
         for source in sources:
-            found = dict.fromkeys(source.columns, "") or symbols.columns(source.origin)
+            found = dict.fromkeys(source.columns, "") or symbols.list_columns(source.origin)
             yield from (Suggestion(name, 0, "column", about) for name, about in found.items())
         if sources and here.owner.lower() != "this":
             yield Suggestion("this", 0, "keyword", f"the element of {here.owner}")

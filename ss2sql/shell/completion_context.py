@@ -152,7 +152,6 @@ def _split_at_commas(
 
 
 def _find_sources(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list[SourceName]:
-    """The sources of the FROM at an index."""
     found = []
     for part in _split_at_commas(tokens, groups, place + 1, groups[place]):
         kinds = [tokens[index].kind for index in part]

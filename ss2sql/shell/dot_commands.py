@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from ss2sql.cli.exit_codes import print_note
 from ss2sql.cli.script_options import parse_value, parse_world, register_file
 from ss2sql.editor.keywords import keywords
-from ss2sql.errors import Source, did_you_mean
+from ss2sql.errors import Source, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.value_messages import format_value as written
 from ss2sql.session.opening import read_source
@@ -47,7 +47,7 @@ def run_command(shell: Shell, line: str) -> None:
     name, _, rest = line.strip().partition(" ")
     command = COMMANDS.get(name) or COMMANDS.get(name.lower())
     if command is None:
-        hints = did_you_mean(name, COMMANDS) or (".help lists all of them",)
+        hints = suggest_names(name, COMMANDS) or (".help lists all of them",)
         raise CommandError(f"there is no command '{name}'", *hints)
     if command.takes == "nothing" and rest.strip():
         raise CommandError(f"{command.name} takes nothing, not {rest.strip()}")
@@ -57,7 +57,7 @@ def run_command(shell: Shell, line: str) -> None:
 # --- help and lists ------------------------------------------------------------------------------------
 
 
-def _help(shell: Shell, name: str) -> None:
+def _print_help(shell: Shell, name: str) -> None:
     if not name:
         shell.say(write_overview())
         return
@@ -69,20 +69,20 @@ def _help(shell: Shell, name: str) -> None:
     elif keyword is not None:
         shell.say(f"{keyword.text}: {keyword.about}")
     else:
-        _functions(shell, name)
+        _print_functions(shell, name)
 
 
 def write_overview() -> str:
     """An overview for somebody who has never seen the shell."""
     lines = ["A statement ends with ; and may take several lines. For example:", "", f"  {EXAMPLE}", ""]
-    lines += _align((entry.form, entry.about) for entry in COMMANDS.values())
+    lines += _align_columns((entry.form, entry.about) for entry in COMMANDS.values())
     lines += ["", ".sql, .explain and .plot without more are about the last statement.",
               "Tab completes, Ctrl-R searches the history, Ctrl-C clears the line or cancels a run, Ctrl-D leaves.",
               ".help NAME explains a command, a function or a keyword: .help CONNECT BY"]  # fmt: skip
     return "\n".join(lines)
 
 
-def _tables(shell: Shell, name: str) -> None:
+def _print_tables(shell: Shell, name: str) -> None:
     symbols = SymbolTable(shell.session)
     if name:
         shell.say(shell.session.describe(name))
@@ -90,11 +90,11 @@ def _tables(shell: Shell, name: str) -> None:
         shell.say("there are no tables; .attach NAME FILE.db brings those of a SQLite file\n"
                   "lists and data frames are variables: .variables")  # fmt: skip
     else:
-        names = {table: ", ".join(symbols.columns(table.partition("(")[0])) for table in symbols.tables}
-        shell.say("\n".join(_align(names.items(), cut=True)))
+        names = {table: ", ".join(symbols.list_columns(table.partition("(")[0])) for table in symbols.tables}
+        shell.say("\n".join(_align_columns(names.items(), cut=True)))
 
 
-def _functions(shell: Shell, name: str) -> None:
+def _print_functions(shell: Shell, name: str) -> None:
     symbols = SymbolTable(shell.session)
     every = {**symbols.representations, **symbols.functions}
     if not name:
@@ -107,19 +107,21 @@ def _functions(shell: Shell, name: str) -> None:
         (line,) = _describe_entries([every[name]])
         shell.say(line.strip() + ("" if name in symbols.functions else f"\n  SELECT ... FROM ... AS {name}"))
     else:
-        raise CommandError(f"there is no function, command or keyword '{name}'", *did_you_mean(name, every))
+        raise CommandError(f"there is no function, command or keyword '{name}'", *suggest_names(name, every))
 
 
-def _variables(shell: Shell, _: str) -> None:
+def _print_variables(shell: Shell, _: str) -> None:
     found = SymbolTable(shell.session).variables
-    shell.say("\n".join(_align(found.items(), cut=True)) if found else "there are no variables; x = 1; makes one")
+    shell.say(
+        "\n".join(_align_columns(found.items(), cut=True)) if found else "there are no variables; x = 1; makes one"
+    )
 
 
 def _describe_entries(entries: Iterable[Function]) -> list[str]:
-    return _align((entry.call, entry.about) for entry in entries)
+    return _align_columns((entry.call, entry.about) for entry in entries)
 
 
-def _align(rows: Iterable[tuple[str, str]], cut: bool = False) -> list[str]:
+def _align_columns(rows: Iterable[tuple[str, str]], cut: bool = False) -> list[str]:
     """Rows as lines of two columns."""
     table = list(rows)
     width = max((len(first) for first, _ in table if len(first) < WIDE // 3), default=0)
@@ -130,7 +132,7 @@ def _align(rows: Iterable[tuple[str, str]], cut: bool = False) -> list[str]:
 # --- what scripts may use ------------------------------------------------------------------------------
 
 
-def _set(shell: Shell, rest: str) -> None:
+def _set_variable(shell: Shell, rest: str) -> None:
     name, _, value = rest.partition(" ")
     if not value.strip():
         raise CommandError(".set takes a name and a value", ".set start [[2,1],[],[]]")
@@ -138,7 +140,7 @@ def _set(shell: Shell, rest: str) -> None:
     print_note(f"{name} = {written(shell.session.get(name), WIDE)}")
 
 
-def _attach(shell: Shell, rest: str) -> None:
+def _attach_source(shell: Shell, rest: str) -> None:
     name, _, what = rest.partition(" ") if " " in rest else rest.partition("=")
     what = what.strip()
     if not name or not what:
@@ -157,7 +159,7 @@ def _attach(shell: Shell, rest: str) -> None:
     print_note("\n".join(about) if about or not found else f"tables: {', '.join(found)}")
 
 
-def _load(shell: Shell, rest: str) -> None:
+def _load_functions(shell: Shell, rest: str) -> None:
     if not rest:
         raise CommandError(".load takes a file of Python functions", ".load functions.py")
     path = Path(rest).expanduser()
@@ -167,7 +169,7 @@ def _load(shell: Shell, rest: str) -> None:
     print_note(f"functions: {', '.join(found)}" if found else f"{rest} has no functions")
 
 
-def _read(shell: Shell, rest: str) -> None:
+def _read_file(shell: Shell, rest: str) -> None:
     if not rest:
         raise CommandError(".read takes a file of statements", ".read hanoi.ss")
     source = read_source(Path(rest).expanduser())
@@ -175,7 +177,7 @@ def _read(shell: Shell, rest: str) -> None:
         raise CommandError(f"{rest} is read by a file that it reads itself")
     shell.reading += 1
     try:
-        if not shell.run(source.text, source.name):
+        if not shell.run_text(source.text, source.name):
             raise FileFailed
     finally:
         shell.reading -= 1
@@ -202,12 +204,12 @@ def _sql(shell: Shell, text: str) -> None:
     shell.print_sql("\n".join([str(sql), *values]))
 
 
-def _explain(shell: Shell, text: str) -> None:
+def _explain_query(shell: Shell, text: str) -> None:
     result = shell.last.result if shell.last is not None and not text else None
     shell.say(result.explain() if result is not None else shell.session.compile(_make_source(shell, text)).explain())
 
 
-def _plot(shell: Shell, rest: str) -> None:
+def _plot_result(shell: Shell, rest: str) -> None:
     from ss2sql.cli.plot_command import KINDS, PICTURES
 
     if shell.last is None or shell.last.result is None:
@@ -264,28 +266,29 @@ def _leave_shell(shell: Shell, _: str) -> None:
 def _make_setting_command(name: str) -> DotCommand:
     entry = SETTINGS[name]
 
-    def do(shell: Shell, text: str) -> None:
+    def change_or_show(shell: Shell, text: str) -> None:
         if text:
             print_note(change_setting(shell.settings, name, text))
         else:
             shell.say(describe_setting(shell.settings, name))
 
-    return DotCommand(f".{name} [{entry.form}]", entry.about, "setting", do)
+    return DotCommand(f".{name} [{entry.form}]", entry.about, "setting", change_or_show)
 
 
 _ALL = (
-    DotCommand(".help [NAME]", "this list, or what a command, function or keyword does", "help", _help),
-    DotCommand(".tables [NAME]", "the tables that FROM finds, or the columns of one", "table", _tables),
-    DotCommand(".functions [NAME]", "the functions, or what one does", "function", _functions),
-    DotCommand(".variables", "the variables and what they hold", "nothing", _variables),
-    DotCommand(".set NAME VALUE", "gives a variable a value", "variable", _set, ".set start [[2,1],[],[]]"),
-    DotCommand(".attach NAME WHAT", "a SQLite file, or MODULE:OBJECT of Python, under a name", "file", _attach,
+    DotCommand(".help [NAME]", "this list, or what a command, function or keyword does", "help", _print_help),
+    DotCommand(".tables [NAME]", "the tables that FROM finds, or the columns of one", "table", _print_tables),
+    DotCommand(".functions [NAME]", "the functions, or what one does", "function", _print_functions),
+    DotCommand(".variables", "the variables and what they hold", "nothing", _print_variables),
+    DotCommand(".set NAME VALUE", "gives a variable a value", "variable", _set_variable, ".set start [[2,1],[],[]]"),
+    DotCommand(".attach NAME WHAT", "a SQLite file, or MODULE:OBJECT of Python, under a name", "file", _attach_source,
             ".attach staff staff.db"),
-    DotCommand(".load FILE.py", "registers the functions of a Python file", "file", _load),
-    DotCommand(".read FILE", "runs the statements of a file", "file", _read),
+    DotCommand(".load FILE.py", "registers the functions of a Python file", "file", _load_functions),
+    DotCommand(".read FILE", "runs the statements of a file", "file", _read_file),
     DotCommand(".sql [SCRIPT]", "the SQL that a script becomes", "script", _sql, f".sql {EXAMPLE}"),
-    DotCommand(".explain [SCRIPT]", "where queries run and why, and what was called how often", "script", _explain),
-    DotCommand(".plot [FILE] [KIND]", "draws the last result, in a window or in a file", "file", _plot,
+    DotCommand(".explain [SCRIPT]", "where queries run and why, and what was called how often", "script",
+            _explain_query),
+    DotCommand(".plot [FILE] [KIND]", "draws the last result, in a window or in a file", "file", _plot_result,
             ".plot paths.png graph"),
     *map(_make_setting_command, SETTINGS),
     DotCommand(".exit", "leaves, as Ctrl-D does", "nothing", _leave_shell),

@@ -10,8 +10,8 @@ MAX_ENTRIES = 5000  # entries; the file may have twice as many before it is cut
 
 def find_state_folder() -> Path:
     """The folder for programs' state, by the XDG rules."""
-    given = os.environ.get("XDG_STATE_HOME", "")
-    base = Path(given) if os.path.isabs(given) else Path.home() / ".local" / "state"
+    folder = os.environ.get("XDG_STATE_HOME", "")
+    base = Path(folder) if os.path.isabs(folder) else Path.home() / ".local" / "state"
     return base / "ss2sql"
 
 
@@ -36,6 +36,6 @@ def open_history_file() -> Path:
     return path
 
 
-def belongs_in_history(text: str) -> bool:
+def should_remember(text: str) -> bool:
     """Whether a text belongs into the history: texts that begin with a blank do not."""
     return bool(text.strip()) and not text[0].isspace()

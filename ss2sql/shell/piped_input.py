@@ -28,7 +28,7 @@ def run_piped(shell: Shell, stream: BinaryIO) -> None:
             if len(pending) > MAX_BYTES and len(pending.strip()) > MAX_BYTES:
                 raise make_size_error("a statement on the standard input")
         for piece in split_pieces(pending):
-            _run(shell, piece, pending, lines)
+            _run_piece(shell, piece, pending, lines)
     except ExitRequest:
         return
 
@@ -39,14 +39,14 @@ def _run_complete(shell: Shell, pending: str, lines: int) -> tuple[str, int]:
     for piece in split_pieces(pending):
         if not piece.complete:
             break
-        _run(shell, piece, pending, lines)
+        _run_piece(shell, piece, pending, lines)
         after = piece.end
     done = pending.rfind("\n", 0, after) + 1  # the rest keeps its place on its line
     head = pending[done:after]
     return " " * len(head) + pending[after:], lines + pending.count("\n", 0, done)
 
 
-def _run(shell: Shell, piece: TypedPiece, pending: str, lines: int) -> None:
+def _run_piece(shell: Shell, piece: TypedPiece, pending: str, lines: int) -> None:
     if not shell.cancelled:
         shell.run_piece(piece, pending, NAME, lines)
 

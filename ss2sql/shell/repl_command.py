@@ -7,14 +7,14 @@ from typing import Any
 
 import click
 
-from ss2sql.cli.exit_codes import CTRL_C, SCRIPT, reports_errors
+from ss2sql.cli.exit_codes import CTRL_C, SCRIPT, exit_with_code_on_error
 from ss2sql.cli.output import SHOWN, Count
 from ss2sql.cli.run_command import run_options
-from ss2sql.cli.script_options import ScriptInputs, session_options
+from ss2sql.cli.script_options import ScriptInputs, add_session_options
 
 
 @click.command("repl")
-@session_options
+@add_session_options
 @run_options
 @click.option(
     "--format",
@@ -33,14 +33,8 @@ from ss2sql.cli.script_options import ScriptInputs, session_options
     help="So many rows or paths of a table are shown.",
 )
 @click.option("--history/--no-history", default=True, help="Whether what is typed is remembered for the next time.")
-@reports_errors
-def command(
-    inputs: ScriptInputs,
-    progress: bool | None,
-    form: str,
-    history: bool,
-    **options: Any,
-) -> None:
+@exit_with_code_on_error
+def command(inputs: ScriptInputs, progress: bool | None, form: str, history: bool, **options: Any) -> None:
     """Runs statements as they are typed. Without a terminal it reads them from standard input."""
     typed = sys.stdin.isatty()
     if typed:
@@ -50,12 +44,12 @@ def command(
     from ss2sql.shell.settings import Settings
     from ss2sql.shell.shell import Shell
 
-    with inputs.session(progress) as session:
+    with inputs.open_session(progress) as session:
         shell = Shell(session, Settings(format=form, **options))
         if typed:
             from ss2sql.shell.terminal import Terminal
 
-            Terminal(shell, history).run()
+            Terminal(shell, history).run_until_exit()
             return
         from ss2sql.shell.piped_input import run_piped
 

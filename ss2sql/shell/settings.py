@@ -39,8 +39,7 @@ class Settings:
     workers: int = 1
     timer: bool = False
 
-    def for_run(self) -> dict[str, Any]:
-        """The options of a run."""
+    def make_run_options(self) -> dict[str, Any]:
         names = ("engine", "timeout", "maximum", "max_rows", "workers")
         return {name: getattr(self, name) for name in names}
 
@@ -57,18 +56,18 @@ class Setting:
 
 
 def _make_choice(*choices: str) -> Callable[[str], Any]:
-    def read(text: str) -> str:
+    def read_choice(text: str) -> str:
         if text.lower() not in choices:
             raise ValueError
         return text.lower()
 
-    return read
+    return read_choice
 
 
-def _integer(least: int, **words: Any) -> Callable[[str], Any]:
+def _parse_integer(least: int, **words: Any) -> Callable[[str], Any]:
     """The parser of a number of at least `least`, or one of some words."""
 
-    def read(text: str) -> Any:
+    def read_integer(text: str) -> Any:
         if text.lower() in words:
             return words[text.lower()]
         number = int(text)
@@ -76,7 +75,7 @@ def _integer(least: int, **words: Any) -> Callable[[str], Any]:
             raise ValueError
         return number
 
-    return read
+    return read_integer
 
 
 def _parse_seconds(text: str) -> float | None:
@@ -98,11 +97,13 @@ SETTINGS = {
     for entry in (
         Setting("engine", "|".join(ENGINES), "where queries run", _make_choice(*ENGINES), ENGINES),
         Setting("format", "|".join(FORMS), "how results are printed", _make_choice(*FORMS), FORMS),
-        Setting("show", "N|all", "how many rows or paths of a table are shown", _integer(0, all=sys.maxsize), ("all",)),
+        Setting(
+            "show", "N|all", "how many rows or paths of a table are shown", _parse_integer(0, all=sys.maxsize), ("all",)
+        ),
         Setting("timer", "on|off", "whether the time of a run is told", _parse_switch, ("on", "off")),
         Setting("timeout", "SECONDS|off", "when a run is broken off", _parse_seconds, ("off",)),
-        Setting("maximum", "N|off", "at most so many results of a search", _integer(1, off=None), ("off",)),
-        Setting("workers", "N", "processes for the calls that MEMORIZE makes", _integer(1)),
+        Setting("maximum", "N|off", "at most so many results of a search", _parse_integer(1, off=None), ("off",)),
+        Setting("workers", "N", "processes for the calls that MEMORIZE makes", _parse_integer(1)),
     )
 }
 

@@ -12,7 +12,7 @@ import click
 from ss2sql.cli.exit_codes import UserError, describe_found, print_note, wants_color, writes_json
 from ss2sql.cli.output import make_output
 from ss2sql.cli.run_command import make_data, run_script
-from ss2sql.errors import Cancelled, Error, Source, Stopped, render_all, respell
+from ss2sql.errors import Cancelled, Error, Source, Stopped, render_all, respell_hints
 from ss2sql.errors.renderer import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
@@ -53,7 +53,7 @@ class Shell:
         self.cancelled = False  # whether Ctrl-C has ended a statement
         self.reading = 0  # the depth of files that read each other
 
-    def run(self, text: str, name: str = TYPED, lines_before: int = 0) -> bool:
+    def run_text(self, text: str, name: str = TYPED, lines_before: int = 0) -> bool:
         """Runs the statements and commands of a text up to the first that fails; says whether none did.
 
         Raises Leave where one of them is `.exit`.
@@ -68,7 +68,7 @@ class Shell:
 
                 run_command(self, piece.text)
             else:
-                self._run_statement(piece.source(text, name, lines_before))
+                self._run_statement(piece.make_source(text, name, lines_before))
         except FileFailed:  # which has been printed
             return False
         except (Error, UserError, CommandError, click.ClickException, KeyboardInterrupt) as error:
@@ -79,25 +79,25 @@ class Shell:
     def _run_statement(self, source: Source) -> None:
         self.last = StatementRun(source, None)
         try:
-            result = run_script(self.session, source, **self.settings.for_run())
+            result = run_script(self.session, source, **self.settings.make_run_options())
         except Stopped as stopped:
             self.print_error(stopped)  # first, because printing the partial result may take a while
             if stopped.partial is not None and len(stopped.partial):
                 table = self.settings.format == "table"
-                self.print(stopped.partial if table else make_data(self.session, stopped.partial))
+                self.print_result(stopped.partial if table else make_data(self.session, stopped.partial))
             raise FileFailed from None
         self.last = StatementRun(source, result)
-        self.print(result, _find_assigned_name(source) if result.answer is None else None)
+        self.print_result(result, _find_assigned_name(source) if result.answer is None else None)
         if self.settings.timer:
             self.say(_format_seconds(result))
 
-    def print(self, result: Result, assigned: str | None = None) -> None:
+    def print_result(self, result: Result, assigned: str | None = None) -> None:
         """Prints a result; for an assignment a note, since its value is in the variable."""
         settings = self.settings
         if assigned is not None:
             print_note(f"{assigned} = {written(result.value, MOST_ASSIGNED)}")
         elif settings.format != "table" or result.answer is not None:
-            make_output(settings.format, None, settings.show).write(result)
+            make_output(settings.format, None, settings.show).write_result(result)
         elif result.value is not None:
             self.say(_cut_text(str(result.value)))
 
@@ -106,12 +106,11 @@ class Shell:
         click.echo(escape_controls(text))
 
     def print_error(self, error: BaseException) -> None:
-        """Prints an error."""
         self.failed = True
         self.cancelled |= isinstance(error, (Cancelled, KeyboardInterrupt))
         sys.stdout.flush()
         if isinstance(error, Error):
-            respell(error, SPELLINGS)
+            respell_hints(error, SPELLINGS)
         click.echo(_format_message(error), err=True, color=wants_color(sys.stderr))
 
     def print_sql(self, text: str) -> None:

@@ -36,7 +36,7 @@ class TypedPiece:
     def end(self) -> int:
         return self.start + len(self.text)
 
-    def source(self, whole: str, name: str, lines_before: int = 0) -> Source:
+    def make_source(self, whole: str, name: str, lines_before: int = 0) -> Source:
         """The piece as a script, with its line and column in the input."""
         lines = lines_before + whole.count("\n", 0, self.start)
         column = self.start - (whole.rfind("\n", 0, self.start) + 1)
@@ -63,7 +63,7 @@ def _read_statement(text: str, start: int) -> TypedPiece:
     depth, hopeless, last = 0, False, start
     for token in iterate_tokens(text, start):
         last = token.end
-        if token.kind == "OPEN_STRING" and not _may_continue(token, text):
+        if token.kind == "OPEN_STRING" and not _can_continue(token, text):
             hopeless = True
             if token.text.rstrip().endswith(";"):  # the string has most likely swallowed the end
                 return TypedPiece(text[start:last], start)
@@ -73,7 +73,7 @@ def _read_statement(text: str, start: int) -> TypedPiece:
     return TypedPiece(text[start:].rstrip(), start, False, hopeless)
 
 
-def _may_continue(token: Token, text: str) -> bool:
+def _can_continue(token: Token, text: str) -> bool:
     """Whether a string that is not closed may continue in the next line."""
     hidden = len(token.text) - len(token.text.rstrip("\\"))
     return hidden % 2 == 1 and not text[token.end :].strip()

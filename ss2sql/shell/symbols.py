@@ -70,9 +70,9 @@ class SymbolTable:
     def variables(self) -> dict[str, str]:
         """Variables, data frames and other values that are attached, each with a text of its value."""
         names = self.host.names
-        return {name: self._value_text(name) for name in sorted({*names, *names.late} - names.worlds.keys())}
+        return {name: self._describe_value(name) for name in sorted({*names, *names.late} - names.worlds.keys())}
 
-    def _value_text(self, name: str) -> str:
+    def _describe_value(self, name: str) -> str:
         names = self.host.names
         if name in names.late:
             return "a list that is read again for each row"
@@ -82,19 +82,23 @@ class SymbolTable:
         kind = type(value).__name__
         if isinstance(value, (list, dict)) and len(value) > 3:
             return f"{kind} of {len(value):,}"
-        return f"{kind}: {written(value, MOST_VALUE)}" if isinstance(value, (list, dict, str)) else _cut(repr(value))
+        return (
+            f"{kind}: {written(value, MOST_VALUE)}" if isinstance(value, (list, dict, str)) else _shorten(repr(value))
+        )
 
     @cached_property
     def tables(self) -> dict[str, str]:
         """Tables of the database and of worlds, as FROM writes them, each with a line about it."""
         others = self.host.names.others
-        found = dict.fromkeys([*self._database_tables(), *(() if others is None else others.names())], "table")
+        found = dict.fromkeys(
+            [*self._list_database_tables(), *(() if others is None else others.list_names())], "table"
+        )
         for world in self.host.names.worlds.values():
             found.update((write_name(table), table.table.text or "table of a world") for table in world.tables.values())
         return found
 
-    def _database_tables(self) -> list[str]:
-        rows = self._rows("SELECT schema, name FROM pragma_table_list WHERE type IN ('table', 'view')")
+    def _list_database_tables(self) -> list[str]:
+        rows = self._fetch_rows("SELECT schema, name FROM pragma_table_list WHERE type IN ('table', 'view')")
         own = [(schema, name) for schema, name in rows if not name.startswith(("sqlite_", "ss2sql_"))]
         return sorted(name if schema in ("main", "temp") else f"{schema}.{name}" for schema, name in own)
 
@@ -106,7 +110,7 @@ class SymbolTable:
             found[name] = [table[len(name) + 1 :] for table in self.tables if table.startswith(f"{name}.")]
         return found
 
-    def columns(self, source: str) -> dict[str, str]:
+    def list_columns(self, source: str) -> dict[str, str]:
         """The columns of a source in FROM, with their types, as far as they are known."""
         if source not in self._columns:
             try:
@@ -124,19 +128,19 @@ class SymbolTable:
             for name, kind, unit, _, text in list_columns(table) if table is not None else ():
                 yield name, "  ".join(part for part in (kind, unit, text) if part)
         elif source in names:
-            value = names.source(source) if source in names.frames else self._read_head(source)
+            value = names.get_source(source) if source in names.frames else self._read_head(source)
             of_lists = isinstance(value, (dict, Frame))
             for name, of_column in type_of(value).columns or ():
                 yield name, _format_kinds(of_column.item if of_lists and of_column.item is not None else of_column)
         else:
             schema, table_name = (owner, rest) if rest else (None, source)
-            rows = self._rows(
+            rows = self._fetch_rows(
                 "SELECT c.name, c.type FROM pragma_table_list AS t, pragma_table_xinfo(t.name, t.schema) AS c"
                 " WHERE t.name = ? AND (? IS NULL OR t.schema = ?)", (table_name, schema, schema),
             )  # fmt: skip
             yield from ((name, kind.lower()) for name, kind in rows)
             if not rows and names.others is not None:
-                yield from ((name, _format_kinds(kind)) for name, kind in names.others.columns(source))
+                yield from ((name, _format_kinds(kind)) for name, kind in names.others.read_columns(source))
 
     def _read_head(self, name: str) -> Any:
         """The first elements of a variable: reading the types of 300,000 dicts would take 2 s."""
@@ -148,7 +152,7 @@ class SymbolTable:
             value = value[:LOOKED_AT]
         return convert_value(value, f"the variable '{name}'", named=True)
 
-    def _rows(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    def _fetch_rows(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         try:
             return self.host.connection.execute(text, bindings).fetchall()
         except apsw.Error:  # a view of a missing table, for instance: the script will raise the error
@@ -161,7 +165,7 @@ def _format_kinds(kind: Type) -> str:
 
 
 def _describe_user_function(name: str, function: Callable[..., Any]) -> Function:
-    return Function(name, _list_parameters(function, 0), _first_line(function.__doc__), built_in=False)
+    return Function(name, _list_parameters(function, 0), _take_first_line(function.__doc__), built_in=False)
 
 
 def _describe_built_in(row: Operation) -> Function:
@@ -174,21 +178,21 @@ def _describe_representation(name: str, make: Callable[..., Any]) -> Function:
     about, module = make.__doc__, inspect.getmodule(make)
     if module is not None and module.__name__.startswith(representations.__name__):
         about = (module.__doc__ or "").partition(": ")[2]
-    return Function(name, _list_parameters(make, 1) or None, _first_line(about).rstrip("."))
+    return Function(name, _list_parameters(make, 1) or None, _take_first_line(about).rstrip("."))
 
 
 def _list_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, ...]:
     try:
-        given = list(inspect.signature(function).parameters.values())[skipped:]
+        parameters = list(inspect.signature(function).parameters.values())[skipped:]
     except (ValueError, TypeError):
         return ("...",)
-    return tuple(str(one.replace(annotation=inspect.Parameter.empty)) for one in given)
+    return tuple(str(one.replace(annotation=inspect.Parameter.empty)) for one in parameters)
 
 
-def _first_line(text: str | None) -> str:
+def _take_first_line(text: str | None) -> str:
     return ((text or "").strip().splitlines() or [""])[0]
 
 
-def _cut(text: str) -> str:
+def _shorten(text: str) -> str:
     text = " ".join(text.split())
     return text if len(text) <= MOST_VALUE else text[: MOST_VALUE - 3] + "..."

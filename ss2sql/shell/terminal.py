@@ -20,9 +20,9 @@ from prompt_toolkit.styles import Style
 
 import ss2sql
 from ss2sql.shell.colors import PROMPTS, STYLE, ShellLexer
-from ss2sql.shell.completion import complete, find_signature
+from ss2sql.shell.completion import find_signature, suggest_completions
 from ss2sql.shell.dot_commands import EXAMPLE
-from ss2sql.shell.history import belongs_in_history, open_history_file
+from ss2sql.shell.history import open_history_file, should_remember
 from ss2sql.shell.settings import SETTINGS, Settings, format_setting
 from ss2sql.shell.shell import ExitRequest, Shell
 from ss2sql.shell.statement_splitter import find_open_bracket, is_ready
@@ -55,9 +55,9 @@ class Terminal:
             completer=_Completer(self),
             complete_while_typing=True,
             auto_suggest=AutoSuggestFromHistory(),
-            history=self._history(remembers),
-            bottom_toolbar=lambda: self.toolbar(self.prompts.default_buffer.document),
-            key_bindings=self._keys(),
+            history=self._open_history(remembers),
+            bottom_toolbar=lambda: self.describe_toolbar(self.prompts.default_buffer.document),
+            key_bindings=self._bind_keys(),
             style=Style.from_dict(STYLE),
             include_default_pygments_style=False,
             enable_open_in_editor=True,
@@ -65,7 +65,7 @@ class Terminal:
             **streams,
         )
 
-    def run(self) -> None:
+    def run_until_exit(self) -> None:
         """Prompts and runs until the user leaves."""
         welcome = f"""ss2sql {ss2sql.__version__}: SelectScript on SQLite. Statements end with ;  for example
   {EXAMPLE}
@@ -73,7 +73,7 @@ class Terminal:
         print(welcome, file=sys.stdout if sys.stdout.isatty() else sys.stderr)  # a file gets results only
         while True:
             try:
-                self.shell.run(interpret_input(self.prompts.prompt(), self.shell))
+                self.shell.run_text(interpret_input(self.prompts.prompt(), self.shell))
             except (EOFError, ExitRequest):
                 return
             except KeyboardInterrupt:
@@ -81,7 +81,7 @@ class Terminal:
             finally:
                 self.known = SymbolTable(self.shell.session)
 
-    def _history(self, remembers: bool) -> History:
+    def _open_history(self, remembers: bool) -> History:
         if not remembers:
             return InMemoryHistory()
         try:
@@ -90,11 +90,11 @@ class Terminal:
             print(f"what you type will not be remembered: {error}", file=sys.stderr)
             return InMemoryHistory()
 
-    def _keys(self) -> KeyBindings:
+    def _bind_keys(self) -> KeyBindings:
         keys = KeyBindings()
 
         @keys.add("enter", filter=has_focus("DEFAULT_BUFFER") & ~is_searching)
-        def enter(event: KeyPressEvent) -> None:
+        def press_enter(event: KeyPressEvent) -> None:
             """Accepts the chosen completion, runs complete input, or begins a new line."""
             buffer = event.current_buffer
             if buffer.complete_state is not None and buffer.complete_state.current_completion is not None:
@@ -105,7 +105,7 @@ class Terminal:
                 buffer.newline(copy_margin=False)
 
         @keys.add("tab", filter=has_focus("DEFAULT_BUFFER") & has_completions)
-        def tab(event: KeyPressEvent) -> None:
+        def press_tab(event: KeyPressEvent) -> None:
             """Accepts the only completion, or chooses the next one."""
             buffer = event.current_buffer
             assert buffer.complete_state is not None
@@ -120,15 +120,15 @@ class Terminal:
     def _is_ready(self, text: str) -> bool:
         return is_ready(text) or interpret_input(text, self.shell) != text
 
-    def toolbar(self, document: Document) -> StyleAndTextTuples:
+    def describe_toolbar(self, document: Document) -> StyleAndTextTuples:
         """The call around the cursor, or a hint."""
         found = find_signature(document.text, document.cursor_position, self.known)
         if found is not None:
             entry, argument = found
             return list(_format_signature(entry.name, entry.parameters or (), argument, entry.about))
-        return [("", self._hint(document.text))]
+        return [("", self._choose_hint(document.text))]
 
-    def _hint(self, text: str) -> str:
+    def _choose_hint(self, text: str) -> str:
         bracket = find_open_bracket(text)
         if "\n" in text and bracket:
             how = "Enter runs it all the same, and " if is_ready(text) else ""
@@ -163,7 +163,7 @@ class _Completer(Completer):
         before = document.text_before_cursor
         if not complete_event.completion_requested and not (before[-1:].isalnum() or before[-1:] in ("_", ".")):
             return
-        for one in complete(document.text, document.cursor_position, self.terminal.known):
+        for one in suggest_completions(document.text, document.cursor_position, self.terminal.known):
             yield Completion(
                 one.text, -one.length, display=one.shown or one.text, display_meta=one.about, style=f"class:{one.kind}"
             )
@@ -173,7 +173,7 @@ class _SelectiveHistory(FileHistory):
     """A history that stores only some entries in its file, and works without the file."""
 
     def append_string(self, string: str) -> None:
-        if belongs_in_history(string):
+        if should_remember(string):
             super().append_string(string)
 
     def load_history_strings(self) -> Iterable[str]:

@@ -65,10 +65,10 @@ def register_world(adapter: type[World]) -> type[World]:
 
 def list_known_types() -> tuple[str, ...]:
     """The names of the types that have adapters."""
-    return tuple(sorted({*_registered, *SHIPPED_ADAPTERS, *(point.name for point in _entry_points())}))
+    return tuple(sorted({*_registered, *SHIPPED_ADAPTERS, *(point.name for point in _list_entry_points())}))
 
 
-def _entry_points() -> Iterable[EntryPoint]:
+def _list_entry_points() -> Iterable[EntryPoint]:
     from importlib.metadata import entry_points  # 10 ms, for sessions with worlds only
 
     return entry_points(group=ENTRY_POINTS)
@@ -92,7 +92,7 @@ def find_adapter(source: Any) -> World | None:
             return _load_adapter(SHIPPED_ADAPTERS[name])(source)
     if type(source).__module__ in ("builtins", "numpy"):
         return None
-    for point in _entry_points():
+    for point in _list_entry_points():
         if point.name in names:
             adapter: type[World] = point.load()
             return adapter(source)

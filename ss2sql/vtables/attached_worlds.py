@@ -64,7 +64,7 @@ class AttachedWorld:
         self.principal = next(iter(self.tables.values()))
         self.functions = dict(_collect_functions(world))
 
-    def time(self) -> Any:
+    def read_time(self) -> Any:
         """The time of the world's clock. Raises ExecutionError X011 where that fails."""
         try:
             return self.world.time
@@ -104,22 +104,22 @@ class WorldFunctions:
         self.worlds = worlds
         self.memories = memories
 
-    def all(self) -> dict[str, UserFunction]:
+    def list_functions(self) -> dict[str, UserFunction]:
         """The functions by their names in scripts; one named like a built-in has another name in plans and SQL."""
-        names = {name: None for world in self.worlds.values() for name in self._names(world)}
-        found = {name: self._function(name, self.worlds.values()) for name in names}
+        names = {name: None for world in self.worlds.values() for name in self._list_names(world)}
+        found = {name: self._make_function(name, self.worlds.values()) for name in names}
         if len(self.worlds) > 1:  # then `space.move(...)` distinguishes them
             owned = ((world, name) for world in self.worlds.values() for name in world.functions)
-            found.update((f"{world.name}.{name}", self._function(name, (world,))) for world, name in owned)
+            found.update((f"{world.name}.{name}", self._make_function(name, (world,))) for world, name in owned)
         return found
 
     @staticmethod
-    def _names(world: AttachedWorld) -> Iterator[str]:
+    def _list_names(world: AttachedWorld) -> Iterator[str]:
         for table in world.tables.values():
             yield from table.schema.kinds
         yield from world.functions
 
-    def _function(self, name: str, worlds: Collection[AttachedWorld]) -> UserFunction:
+    def _make_function(self, name: str, worlds: Collection[AttachedWorld]) -> UserFunction:
         methods = [world.functions[name] for world in worlds if name in world.functions]
         counts = [_read_arity(method) for method, _ in methods]
         column = any(name in table.schema.kinds for world in worlds for table in world.tables.values())
@@ -133,36 +133,38 @@ class WorldFunctions:
         if len(worlds) < len(self.worlds):
             planned = f"{owners[0]}.{name}"
         reason = f"of the world {', '.join(owners)}"
-        called = self._dispatcher(name, worlds)
+        called = self._make_dispatcher(name, worlds)
         body = "belongs to a world"
         return UserFunction(planned, called, weakest, False, reason, least, most, body=body, of_world=name)
 
-    def _dispatcher(self, name: str, worlds: Collection[AttachedWorld]) -> Callable[..., Any]:
-        def call(*arguments: Any) -> Any:
-            return self.call(name, arguments, worlds)
+    def _make_dispatcher(self, name: str, worlds: Collection[AttachedWorld]) -> Callable[..., Any]:
+        def dispatch_call(*arguments: Any) -> Any:
+            return self.call_function(name, arguments, worlds)
 
         documented = next((w.functions[name][0].__doc__ for w in self.worlds.values() if name in w.functions), None)
-        call.__doc__ = documented or next(iter(self._column_texts(name)), f"the column {name} of an element")
-        return call
+        dispatch_call.__doc__ = documented or next(
+            iter(self._list_column_texts(name)), f"the column {name} of an element"
+        )
+        return dispatch_call
 
-    def _column_texts(self, name: str) -> Iterator[str]:
+    def _list_column_texts(self, name: str) -> Iterator[str]:
         for world in self.worlds.values():
             for table in world.tables.values():
                 for column in table.schema.columns:
                     if column.name == name and (column.text or column.unit):
                         yield column.text + (f" [{column.unit}]" if column.unit else "")
 
-    def call(self, name: str, arguments: tuple[Any, ...], worlds: Collection[AttachedWorld]) -> Any:
+    def call_function(self, name: str, arguments: tuple[Any, ...], worlds: Collection[AttachedWorld]) -> Any:
         """The column of the one argument, or the method of the world that the first element belongs to."""
         element = next((argument for argument in arguments if isinstance(argument, Element)), None)
         if element is not None and len(arguments) == 1 and name in get_schema(element.table).kinds:
-            return get_schema(element.table).value(element.key, name)
-        owner = self._owner(name, arguments, element, worlds)
+            return get_schema(element.table).read_value(element.key, name)
+        owner = self._find_owner(name, arguments, element, worlds)
         if owner is None:
             return self._report_missing_world(name, arguments, element)
         method, world = owner.functions[name][0], owner.world
         try:
-            with CacheOfQuery(world, self.memories.of(world)):
+            with CacheOfQuery(world, self.memories.get_cache(world)):
                 try:
                     world.check()
                 except Error:
@@ -178,7 +180,7 @@ class WorldFunctions:
             raise
 
     @staticmethod
-    def _owner(
+    def _find_owner(
         name: str, arguments: tuple[Any, ...], element: Element | None, worlds: Collection[AttachedWorld]
     ) -> AttachedWorld | None:
         having = [world for world in worlds if name in world.functions]

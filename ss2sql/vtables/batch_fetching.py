@@ -24,43 +24,43 @@ def make_fetcher(reading: Reading, table: Table, group: str, rows: dict[Hashable
     if group in reading.schema.arrays:
         return _fetch_all(reading, group, method, rows)
     if group in reading.schema.blocks:
-        return BlockFetcher(reading, group, method, rows).fetch
+        return BlockFetcher(reading, group, method, rows).fetch_key
     return _fetch_singly(reading, group, method, rows)
 
 
 def _fetch_singly(reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]) -> Fetch:
     schema = reading.schema
-    fits = schema.quick_test(group)
+    fits = schema.make_row_test(group)
 
-    def fetch(key: Hashable) -> Values:
+    def fetch_key(key: Hashable) -> Values:
         try:
             row: Values = method(key)
             if type(row) is not tuple or not fits(row):
-                row = schema.row(group, row)
+                row = schema.convert_row(group, row)
             rows[key] = row
         except Error as error:
-            raise error.located(reading.span) from error.__cause__
+            raise error.with_span(reading.span) from error.__cause__
         except Exception as error:
-            raise make_adapter_error(schema, error, key).located(reading.span) from error
+            raise make_adapter_error(schema, error, key).with_span(reading.span) from error
         return row
 
-    return fetch
+    return fetch_key
 
 
 def _fetch_all(reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]) -> Fetch:
     """Fetches the group for all keys that were given last."""
     schema = reading.schema
 
-    def fetch(key: Hashable) -> Values:
-        wanted = [one for one in reading.given if one not in rows]
+    def fetch_key(key: Hashable) -> Values:
+        wanted = [one for one in reading.announced if one not in rows]
         if key not in wanted:
             wanted = [key]
         with AdapterGuard(schema, span=reading.span):
             raw = method(wanted)
-            rows.update(zip(wanted, schema.rows_of_arrays(group, raw, wanted), strict=True))
+            rows.update(zip(wanted, schema.split_arrays(group, raw, wanted), strict=True))
         return rows[key]
 
-    return fetch
+    return fetch_key
 
 
 class BlockFetcher:
@@ -78,14 +78,14 @@ class BlockFetcher:
         self.method = method
         self.rows = rows
         self.single = len(reading.schema.groups[group].parts) == 1  # a block of values, not of tuples
-        self.first_fits, self.fit = reading.schema.quick_test(group), reading.schema.block_test(group)
-        self.alone = _fetch_singly(reading, group, self._single, rows)
+        self.first_fits, self.fit = reading.schema.make_row_test(group), reading.schema.get_block_test(group)
+        self.alone = _fetch_singly(reading, group, self._fetch_single, rows)
         self.keys: Sequence[Hashable] = ()  # that were given when the last block was fetched
         self.end = 0  # of the last block
         self.size = 1
 
-    def fetch(self, key: Hashable) -> Values:
-        block = self._block(key)
+    def fetch_key(self, key: Hashable) -> Values:
+        block = self._choose_block(key)
         if len(block) > 1:
             try:
                 found = self.method(block)
@@ -101,9 +101,8 @@ class BlockFetcher:
             self.size = 1
         return self.alone(key)
 
-    def _block(self, key: Hashable) -> Sequence[Hashable]:
-        """The keys to fetch."""
-        keys, place = self.reading.given, self.end
+    def _choose_block(self, key: Hashable) -> Sequence[Hashable]:
+        keys, place = self.reading.announced, self.end
         if len(keys) == 1:
             return keys
         if keys is self.keys and place < len(keys) and keys[place] == key:
@@ -119,6 +118,6 @@ class BlockFetcher:
         block = keys[place : self.end]
         return block if self.rows.keys().isdisjoint(block) else [one for one in block if one not in self.rows]
 
-    def _single(self, key: Hashable) -> Any:
+    def _fetch_single(self, key: Hashable) -> Any:
         (row,) = self.method([key])
         return row

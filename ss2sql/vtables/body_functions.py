@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ss2sql.errors import ExecutionError, did_you_mean
+from ss2sql.errors import ExecutionError, suggest_names
 from ss2sql.language.value_messages import format_value
 from ss2sql.vtables.body_columns import Quaternion, Vector
 from ss2sql.vtables.contract import Column, Element, Table, TableFunction, Where, World, function
@@ -46,22 +46,22 @@ class BodyWorld(World):
     # --- what an adapter gives -------------------------------------------------------------------------
 
     @abstractmethod
-    def positions(self) -> tuple[list[int], Any]:
+    def read_positions(self) -> tuple[list[int], Any]:
         """The ids of all bodies in their order, and an array of their positions."""
 
     @abstractmethod
-    def gap(self, one: int, other: int) -> float:
+    def measure_gap(self, one: int, other: int) -> float:
         """The shortest distance between the surfaces of two bodies; 0 or less where they touch.
 
         Infinite where it is undefined.
         """
 
-    def meets(self, one: int, other: int) -> bool:
+    def do_touch(self, one: int, other: int) -> bool:
         """Whether two bodies touch."""
-        return self.gap(one, other) <= 0.0
+        return self.measure_gap(one, other) <= 0.0
 
     @abstractmethod
-    def touching(self, body: int) -> bool:
+    def is_touching(self, body: int) -> bool:
         """Whether a body touches any other."""
 
     @abstractmethod
@@ -69,7 +69,7 @@ class BodyWorld(World):
         """Whether a body would touch any other at a pose; it does not move."""
 
     @abstractmethod
-    def put(self, body: int, position: Vector, turn: Quaternion) -> None:
+    def put_body(self, body: int, position: Vector, turn: Quaternion) -> None:
         """Moves a body to a pose."""
 
     # --- what functions are made of --------------------------------------------------------------------
@@ -81,19 +81,19 @@ class BodyWorld(World):
         assert isinstance(table, Table)
         return table
 
-    def column(self, body: int, name: str) -> Any:
+    def read_column(self, body: int, name: str) -> Any:
         """A column of a body, read now."""
-        return get_schema(self.bodies).value(body, name)
+        return get_schema(self.bodies).read_value(body, name)
 
-    def pose(self, body: int) -> tuple[Sequence[float], Sequence[float]]:
+    def read_pose(self, body: int) -> tuple[Sequence[float], Sequence[float]]:
         """Where a body is, and how it is turned."""
-        return self.column(body, "pos"), self.column(body, "quat")
+        return self.read_column(body, "pos"), self.read_column(body, "quat")
 
     def filter_by_position(self, where: Where) -> list[int]:
         """The bodies that meet conditions on x, y and z. Positions are read once in a query."""
         known = self.memory
         if "positions" not in known:
-            known["positions"] = self.positions()
+            known["positions"] = self.read_positions()
         ids, points = known["positions"]
         inside = np.ones(len(ids), bool)
         for number, axis in enumerate(AXES):
@@ -101,36 +101,36 @@ class BodyWorld(World):
                 inside &= (points[:, number] >= where.low(axis)) & (points[:, number] <= where.high(axis))
         return [ids[place] for place in np.flatnonzero(inside)]
 
-    def body(self, wanted: Any) -> int:
+    def find_body(self, wanted: Any) -> int:
         """The id of a body, given by its element, its id or its name."""
         if isinstance(wanted, int) and not isinstance(wanted, bool):
             return wanted
         if not isinstance(wanted, str):
             raise make_parameter_error("body", "an element of this world, the id of a body, or its name", wanted)
         keys: list[Any] = list(self.bodies.keys(Where()))
-        names = {self.column(key, "name"): key for key in keys}
+        names = {self.read_column(key, "name"): key for key in keys}
         if wanted not in names:
-            raise ExecutionError("X007", f"no body is called '{wanted}'", hints=did_you_mean(wanted, names))
+            raise ExecutionError("X007", f"no body is called '{wanted}'", hints=suggest_names(wanted, names))
         return int(names[wanted])
 
-    def point(self, value: Any) -> Sequence[float]:
+    def find_point(self, value: Any) -> Sequence[float]:
         """A point, given by coordinates or by a body."""
         if isinstance(value, Element):  # of another world
             return tuple(value.pos)
         if not isinstance(value, (list, tuple)):
-            return tuple(self.column(self.body(value), "pos"))
+            return tuple(self.read_column(self.find_body(value), "pos"))
         found = read_numbers(value, 2, 3)
         if found is None:
             raise ExecutionError("X007", f"a point has two or three numbers, unlike {format_value(value)}")
         return found
 
-    def box(self, name: str, value: Any) -> Box:
+    def find_box(self, name: str, value: Any) -> Box:
         """A box, given by two opposite corners, or by a body with a box around it."""
         if isinstance(value, Element):
             low, high = value.aabb
             return low, high
         if not isinstance(value, (list, tuple)):
-            low, high = self.column(self.body(value), "aabb")
+            low, high = self.read_column(self.find_body(value), "aabb")
             return low, high
         corners = [read_numbers(part, 3) for part in value]
         if len(corners) != 2 or corners[0] is None or corners[1] is None:
@@ -138,30 +138,30 @@ class BodyWorld(World):
         pairs = list(zip(corners[0], corners[1], strict=True))
         return [min(pair) for pair in pairs], [max(pair) for pair in pairs]
 
-    def place(self, name: str, body: int, value: Any) -> tuple[Vector, Quaternion]:
+    def find_pose(self, name: str, body: int, value: Any) -> tuple[Vector, Quaternion]:
         """A pose; missing parts are taken from the body's present pose."""
-        given = read_numbers(value, 2, 3, 7)
-        if given is None:
+        numbers = read_numbers(value, 2, 3, 7)
+        if numbers is None:
             raise make_parameter_error(name, "a place [x, y], [x, y, z] or [x, y, z, qx, qy, qz, qw]", value)
-        point, turn = self.pose(body) if len(given) < 7 else (given, given[3:])
+        point, turn = self.read_pose(body) if len(numbers) < 7 else (numbers, numbers[3:])
         size = hypot(*turn)
         if size < 1e-6:
             raise make_parameter_error(name, "a turn whose four numbers are not all 0", value)
-        z = given[2] if len(given) > 2 else point[2]
+        z = numbers[2] if len(numbers) > 2 else point[2]
         qx, qy, qz, qw = (part / size for part in turn)
-        return (given[0], given[1], z), (qx, qy, qz, qw)
+        return (numbers[0], numbers[1], z), (qx, qy, qz, qw)
 
     # --- functions of scripts --------------------------------------------------------------------------
 
     @function
     def position(self, body: Any) -> list[float]:
         """Where it is on the floor plan, [x, y] in m. `pos` has all three numbers."""
-        return list(self.point(body)[:2])
+        return list(self.find_point(body)[:2])
 
     @function("stable", indexed=True)
     def linearVelocity(self, body: Any, axis: Any = None) -> Any:  # noqa: N802 - the paper's word
         """How fast it moves, in m/s: [x, y, z], or the part along the axis 0, 1 or 2."""
-        velocity = self.column(self.body(body), "velocity")
+        velocity = self.read_column(self.find_body(body), "velocity")
         if axis is None:
             return list(velocity)
         if axis not in (0, 1, 2) or isinstance(axis, bool):
@@ -174,7 +174,7 @@ class BodyWorld(World):
 
         Between surfaces the table `closest` measures.
         """
-        a, b = self.point(one), self.point(other)
+        a, b = self.find_point(one), self.find_point(other)
         size = min(len(a), len(b))
         return dist(a[:size], b[:size])
 
@@ -184,19 +184,19 @@ class BodyWorld(World):
 
         The boxes are those around the bodies, the column `aabb`; the other may be a box [[x, y, z], [x, y, z]].
         """
-        (low, high), (least, most) = self.box("above", one), self.box("above", other)
+        (low, high), (least, most) = self.find_box("above", one), self.find_box("above", other)
         return (low[2] + high[2]) / 2 > most[2] and all(low[k] <= most[k] and least[k] <= high[k] for k in (0, 1))
 
     @function
     def below(self, one: Any, other: Any) -> bool:
         """Whether the middle of its box is lower than the other's box, and the boxes meet as seen from above."""
-        (low, high), (least, most) = self.box("below", one), self.box("below", other)
+        (low, high), (least, most) = self.find_box("below", one), self.find_box("below", other)
         return (low[2] + high[2]) / 2 < least[2] and all(low[k] <= most[k] and least[k] <= high[k] for k in (0, 1))
 
     @function
     def within(self, one: Any, other: Any) -> bool:
         """Whether its box lies within the other's box, or within a box [[x, y, z], [x, y, z]]."""
-        (low, high), (least, most) = self.box("within", one), self.box("within", other)
+        (low, high), (least, most) = self.find_box("within", one), self.find_box("within", other)
         return all(least[k] <= low[k] and high[k] <= most[k] for k in range(3))
 
     @function
@@ -205,17 +205,17 @@ class BodyWorld(World):
 
         A body in place of the pose: whether these two touch now. Nothing at all: whether it touches any, now.
         """
-        body = self.body(one)
+        body = self.find_body(one)
         if other is None:
-            return self.touching(body)
+            return self.is_touching(body)
         if isinstance(other, (list, tuple)):
-            return self.would_touch(body, *self.place("collision", body, other))
-        return self.meets(body, self.body(other))
+            return self.would_touch(body, *self.find_pose("collision", body, other))
+        return self.do_touch(body, self.find_body(other))
 
     @function("volatile")
     def checkCollision(self, body: Any) -> bool:  # noqa: N802
         """Whether a body touches any other where it is now, after all `move`s."""
-        return self.touching(self.body(body))
+        return self.is_touching(self.find_body(body))
 
     @function("volatile")
     def move(self, body: Any, to: Any) -> Any:
@@ -223,8 +223,8 @@ class BodyWorld(World):
 
         It keeps its height, and how it is turned, where the place does not say.
         """
-        moved = self.body(body)
-        self.put(moved, *self.place("move", moved, to))
+        moved = self.find_body(body)
+        self.put_body(moved, *self.find_pose("move", moved, to))
         return to
 
 
@@ -232,9 +232,9 @@ class RequestedPairs:
     """The requested pairs of bodies: all, those of body a, or those between a and b."""
 
     def __init__(self, world: BodyWorld, a: Any, b: Any) -> None:
-        self.a, self.b = (None if body is None else world.body(body) for body in (a, b))
+        self.a, self.b = (None if body is None else world.find_body(body) for body in (a, b))
 
-    def in_order(self, one: int, other: int) -> tuple[int, int] | None:
+    def order_pair(self, one: int, other: int) -> tuple[int, int] | None:
         """Two bodies as a and b; None if they are not requested."""
         for a, b in ((one, other), (other, one)):
             if self.a in (None, a) and self.b in (None, b):
@@ -252,13 +252,13 @@ class Closest(TableFunction):
 
     def rows(self, a: Any, b: Any, distance: float) -> Iterator[tuple[Any, ...]]:
         world = self.world
-        ids = world.positions()[0] if a is None or b is None else []
-        first, second = (ids if body is None else [world.body(body)] for body in (a, b))
+        ids = world.read_positions()[0] if a is None or b is None else []
+        first, second = (ids if body is None else [world.find_body(body)] for body in (a, b))
         both = a is None and b is None
         for one in first:
             for other in second:
                 if one < other or (one != other and not both):
-                    gap = world.gap(one, other)
+                    gap = world.measure_gap(one, other)
                     if gap <= distance:
                         yield world.bodies.element(one), world.bodies.element(other), one, other, gap
 
@@ -271,8 +271,8 @@ class Near(TableFunction):
     world: BodyWorld
 
     def rows(self, point: Any, radius: float) -> Iterable[int]:
-        wanted = self.world.point(point)
-        ids, points = self.world.positions()
+        wanted = self.world.find_point(point)
+        ids, points = self.world.read_positions()
         size = len(wanted)
         roughly = np.linalg.norm(points[:, :size] - np.asarray(wanted), axis=1) <= radius + SLACK * (1 + abs(radius))
         found = np.flatnonzero(roughly).tolist()
@@ -287,8 +287,8 @@ class Overlaps(TableFunction):
     world: BodyWorld
 
     def rows(self, box: Any) -> Iterator[int]:
-        low, high = self.world.box("overlaps", box)
-        for body in self.world.positions()[0]:
-            least, most = self.world.column(body, "aabb")
+        low, high = self.world.find_box("overlaps", box)
+        for body in self.world.read_positions()[0]:
+            least, most = self.world.read_column(body, "aabb")
             if all(least[k] <= high[k] and low[k] <= most[k] for k in range(3)):
                 yield body

@@ -7,7 +7,7 @@ from itertools import islice
 from typing import Any
 
 from ss2sql.language.value_messages import format_value
-from ss2sql.vtables.schema import Schema, failure
+from ss2sql.vtables.schema import Schema, world_error
 
 BLOCK = 1000  # elements between two checks of whether the run has to end
 
@@ -38,7 +38,7 @@ def list_keys(items: Iterable[Any], check: Callable[[], None], schema: Schema) -
     except Exception as error:
         message = f"{schema.title} has a key that cannot be hashed and compared: {type(error).__name__}"
         bad = next((key for key in found if type(key).__hash__ is None), None)
-        raise failure(
+        raise world_error(
             message if bad is None else f"{schema.title} has the key {format_value(bad)}, which cannot be hashed",
             "give numbers, texts, or tuples of these as keys",
         ) from error

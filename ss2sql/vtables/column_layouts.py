@@ -35,13 +35,13 @@ class Place:
     inner: int | None = None
     whole: bool = False
 
-    def code(self, values: str) -> str:
+    def write_code(self, values: str) -> str:
         """Python code for the value of the column; `values` is code for the group's value."""
         if self.inner is not None:
             return f"{values}[{self.number}][{self.inner}]"
         return f"[*{values}[{self.number}]]" if self.whole else f"{values}[{self.number}]"
 
-    def of(self, values: Sequence[Any]) -> Any:
+    def get_value(self, values: Sequence[Any]) -> Any:
         """The value of the column."""
         value = values[self.number]
         if self.inner is not None:
@@ -83,7 +83,7 @@ class Layout:
         """A column for each value."""
         return tuple(part.names[0] for part in self.parts)
 
-    def tested(self, kinds: Mapping[str, Type]) -> Kinds:
+    def list_tested_kinds(self, kinds: Mapping[str, Type]) -> Kinds:
         """The kinds that a quick test checks."""
         return tuple(
             tuple(kinds[names[0]].kinds for names in part.inner) if part.inner else kinds[part.names[0]].kinds
@@ -97,11 +97,11 @@ class Layout:
                 if len({kinds[name] for name in names}) > 1:
                     return f"{' and '.join(names)} are the same value, and of different types"
             inner = tuple(kinds[names[0]] for names in part.inner)
-            if inner and (kinds[part.names[0]].positions != inner or not all(kind.only(_PLAIN) for kind in inner)):
+            if inner and (kinds[part.names[0]].positions != inner or not all(kind.is_only(_PLAIN) for kind in inner)):
                 return f"'{part.names[0]}' is no list of {len(inner)} plain values as they are declared"
         return None
 
-    def cleaned(self, cleaners: Mapping[str, Cleaner], raw: Sequence[Any]) -> tuple[Any, ...]:
+    def clean_values(self, cleaners: Mapping[str, Cleaner], raw: Sequence[Any]) -> tuple[Any, ...]:
         """The group's values, converted; tuples stay tuples. Raises TypeError, ValueError for too few."""
         return tuple(
             [

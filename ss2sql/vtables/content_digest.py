@@ -21,19 +21,18 @@ def digest_world(world: World, without: Collection[str] = ()) -> str:
     for table in get_tables(world):
         if not isinstance(table, Table):
             continue
-        reading = readings.of(table)
-        keys = reading.keys(Where())
+        reading = readings.get_reading(table)
+        keys = reading.list_keys(Where())
         made.update(repr((table.name, [_replace_elements(key) for key in keys])).encode("utf-8", "surrogatepass"))
         for name in reading.schema.kinds:
             if f"{table.name}.{name}" in without:
                 continue
-            read = reading.reader(name)
+            read = reading.make_reader(name)
             made.update(repr((name, [_replace_elements(read(key)) for key in keys])).encode("utf-8", "surrogatepass"))
     return made.hexdigest()
 
 
 def _replace_elements(value: Any) -> Any:
-    """A value with elements replaced by their keys."""
     kind = type(value)
     if value is None or kind in (bool, int, float, str):
         return value

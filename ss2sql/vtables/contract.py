@@ -260,11 +260,11 @@ def function(volatility: Any = "stable", /, indexed: bool = False) -> Any:
     if callable(volatility):
         return function("stable")(volatility)
 
-    def note(method: F) -> F:
+    def note_method(method: F) -> F:
         method.__ss2sql__ = WorldFunction(volatility, indexed)  # type: ignore[attr-defined]
         return method
 
-    return note
+    return note_method
 
 
 class Element(Handle):
@@ -308,7 +308,7 @@ class Element(Handle):
         schema = get_schema(self.table)
         if name not in schema.kinds:
             raise AttributeError(f"{self.table.name} have no column '{name}'", name=name, obj=self)
-        return schema.value(self.key, name)
+        return schema.read_value(self.key, name)
 
     def __column__(self, name: str) -> Any:
         """A column, or what a method of its world gives for it."""
@@ -316,7 +316,7 @@ class Element(Handle):
 
         schema = get_schema(self.table)
         if name in schema.kinds:
-            return schema.value(self.key, name)
+            return schema.read_value(self.key, name)
         method = getattr(type(self.world), name, None)
         if isinstance(getattr(method, "__ss2sql__", None), WorldFunction):
             return getattr(self.world, name)(self.key)

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias, Union, get_args, get_origin
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import convert_value
-from ss2sql.language.kinds import ANY, BOOL, INT, INT_MAX, INT_MIN, LIST, NONE, STR, Kind, Type, make_list_type, union
+from ss2sql.language.kinds import ANY, BOOL, INT, INT_MAX, INT_MIN, LIST, NONE, STR, Kind, Type, make_list_type, unite
 from ss2sql.language.value_messages import format_value
 from ss2sql.vtables.contract import LARGEST
 
@@ -37,7 +37,7 @@ def find_declared_type(declared: Any) -> Type:
     if isinstance(declared, tuple):
         return make_list_type([find_declared_type(part) for part in declared])
     if get_origin(declared) in (UnionType, Union):
-        return union(map(find_declared_type, get_args(declared)))
+        return unite(map(find_declared_type, get_args(declared)))
     try:
         return _PLAIN[declared]
     except (KeyError, TypeError):
@@ -51,7 +51,7 @@ def format_declared_type(declared: Any) -> str:
     return declared.__name__ if isinstance(declared, type) else str(declared)
 
 
-def misfit(message: str, *hints: str) -> ExecutionError:
+def misfit_error(message: str, *hints: str) -> ExecutionError:
     """The error for a value that does not fit its column."""
     return ExecutionError("X004", message, hints=hints)
 
@@ -70,68 +70,70 @@ def make_cleaner(kind: Type, giver: str) -> Cleaner:
 
 
 def _make_float_cleaner(giver: str) -> Cleaner:
-    def clean(value: Any) -> Any:
+    def clean_float(value: Any) -> Any:
         if type(value) is not float:
             plain = _convert_scalar(value, giver)
             if isinstance(plain, bool) or not isinstance(plain, (int, float)):
-                raise _refuse(giver, value, "a float")
+                raise _make_kind_error(giver, value, "a float")
             value = float(plain)
         if -LARGEST <= value <= LARGEST:
             return value
-        raise misfit(f"{giver} holds {value}", "floats of worlds lie within 1e100; None needs a column `float | None`")
+        raise misfit_error(
+            f"{giver} holds {value}", "floats of worlds lie within 1e100; None needs a column `float | None`"
+        )
 
-    return clean
+    return clean_float
 
 
 def _make_integer_cleaner(giver: str) -> Cleaner:
-    def clean(value: Any) -> Any:
+    def clean_integer(value: Any) -> Any:
         if type(value) is not int:
             value = _convert_scalar(value, giver)
             if type(value) is not int:
-                raise _refuse(giver, value, "an int")
+                raise _make_kind_error(giver, value, "an int")
         if INT_MIN <= value <= INT_MAX:
             return value
-        raise misfit(f"{giver} holds {format_value(value)}, which does not fit into 64 bits")
+        raise misfit_error(f"{giver} holds {format_value(value)}, which does not fit into 64 bits")
 
-    return clean
+    return clean_integer
 
 
 def _make_class_cleaner(wanted: type, giver: str) -> Cleaner:
-    def clean(value: Any) -> Any:
+    def clean_value(value: Any) -> Any:
         if type(value) is not wanted:
             value = _convert_scalar(value, giver)
             if type(value) is not wanted:
-                raise _refuse(giver, value, f"a {wanted.__name__}")
+                raise _make_kind_error(giver, value, f"a {wanted.__name__}")
         if isinstance(value, str) and not value.isascii():
             try:
                 value.encode()
             except UnicodeEncodeError:
-                raise misfit(f"{giver} holds {value!r}, which is no text that can be written as UTF-8") from None
+                raise misfit_error(f"{giver} holds {value!r}, which is no text that can be written as UTF-8") from None
         return value
 
-    return clean
+    return clean_value
 
 
 def _make_other_cleaner(kind: Type, giver: str) -> Cleaner:
     """The cleaner of types of several kinds, and of structured ones."""
     if kind.kinds == Kind.LIST and kind.positions:
         return _make_list_cleaner(kind.positions, giver)
-    optional = kind.may(Kind.NONE)
-    scalars = [_ONE[one] for one in _ONE if kind.may(one)]
-    single = any(kind.only(one | Kind.NONE) and kind.may(one) for one in _SINGLE)
-    inner = make_cleaner(_without_none(kind), giver) if single and optional else None
+    optional = kind.may_be(Kind.NONE)
+    scalars = [_ONE[one] for one in _ONE if kind.may_be(one)]
+    single = any(kind.is_only(one | Kind.NONE) and kind.may_be(one) for one in _SINGLE)
+    inner = make_cleaner(_remove_none(kind), giver) if single and optional else None
 
-    def clean(value: Any) -> Any:
+    def clean_value(value: Any) -> Any:
         if value is None and optional:
             return None
         if inner is not None:
             return inner(value)
         plain = convert_value(value, giver)
-        if kind.kinds != Kind.ANY and not _fits(plain, kind):
-            raise _refuse(giver, value, " or ".join(scalars) or "another value")
+        if kind.kinds != Kind.ANY and not _is_of_kind(plain, kind):
+            raise _make_kind_error(giver, value, " or ".join(scalars) or "another value")
         return plain
 
-    return clean
+    return clean_value
 
 
 def _make_list_cleaner(kinds: Sequence[Type], giver: str) -> Cleaner:
@@ -139,15 +141,15 @@ def _make_list_cleaner(kinds: Sequence[Type], giver: str) -> Cleaner:
     parts = [make_cleaner(part, giver) for part in kinds]
     fits = make_quick_test(tuple(kind.kinds for kind in kinds)) or (lambda value: False)
 
-    def clean(value: Any) -> Any:
+    def clean_list(value: Any) -> Any:
         if type(value) is tuple and fits(value):
             return list(value)
         items = value.tolist() if hasattr(value, "tolist") else value
         if not isinstance(items, (list, tuple)) or len(items) != len(parts):
-            raise _refuse(giver, value, f"a list of {len(parts)} values")
+            raise _make_kind_error(giver, value, f"a list of {len(parts)} values")
         return [part(item) for part, item in zip(parts, items, strict=True)]
 
-    return clean
+    return clean_list
 
 
 _TESTS = {
@@ -181,19 +183,19 @@ def make_quick_test(kinds: Kinds) -> Callable[[Any], bool] | None:
     """
     lines, tests = ["def fits(values):"], list[str]()
 
-    def look(names: str, wanted: Sequence[Any]) -> None:
+    def add_tests(names: str, wanted: Sequence[Any]) -> None:
         parts = [f"{names}_{number}" for number in range(len(wanted))]
         lines.append(f" if type({names}) is not tuple or len({names}) != {len(wanted)}: return False")
         lines.append(f" {', '.join(parts)}, = {names}")
         for name, kind in zip(parts, wanted, strict=True):
             if isinstance(kind, tuple):
-                look(name, kind)
+                add_tests(name, kind)
             else:
                 test = _TESTS[kind & ~Kind.NONE].format(name)
                 tests.append(f"({name} is None or {test})" if kind & Kind.NONE else test)
 
     try:
-        look("values", kinds)
+        add_tests("values", kinds)
     except KeyError:
         return None
     lines.append(f" return {' and '.join(tests)}")
@@ -211,23 +213,23 @@ _CLASSES: dict[type, Kind] = {
 }  # fmt: skip
 
 
-def _fits(value: Any, kind: Type) -> bool:
-    return kind.may(_CLASSES.get(type(value), Kind.OBJECT))
+def _is_of_kind(value: Any, kind: Type) -> bool:
+    return kind.may_be(_CLASSES.get(type(value), Kind.OBJECT))
 
 
-def _without_none(kind: Type) -> Type:
+def _remove_none(kind: Type) -> Type:
     return Type(kind.kinds & ~Kind.NONE, kind.low, kind.high, kind.item, kind.columns, kind.positions, kind.length)
 
 
 def _convert_scalar(value: Any, giver: str) -> Any:
     """A scalar of NumPy's as a number or string; arrays, even those with one element, are refused."""
     if getattr(value, "ndim", 0):
-        raise misfit(
+        raise misfit_error(
             f"{giver} holds an array of the shape {tuple(value.shape)}",
             "declare a list column: a tuple of types, or list",
         )
     return convert_value(value, giver)
 
 
-def _refuse(giver: str, value: Any, wanted: str) -> ExecutionError:
-    return misfit(f"{giver} holds {format_value(value)}, which is not {wanted}")
+def _make_kind_error(giver: str, value: Any, wanted: str) -> ExecutionError:
+    return misfit_error(f"{giver} holds {format_value(value)}, which is not {wanted}")

@@ -36,13 +36,13 @@ class LateColumns:
     groups: tuple[tuple[int, str], ...]
     cells: tuple[Cell, ...]
 
-    def rows(self, readings: Readings, keys: Iterable[Sequence[Any]]) -> Iterator[Row]:
+    def iterate_rows(self, readings: Readings, keys: Iterable[Sequence[Any]]) -> Iterator[Row]:
         """An iterator of the rows of these keys."""
-        known = [readings.of(table.table, span) for table, span in self.tables]
-        given: list[Any] = [reading.element for reading in known]
+        known = [readings.get_reading(table.table, span) for table, span in self.tables]
+        constants: list[Any] = [reading.get_element for reading in known]
         for source, group in self.groups:
-            given += [known[source].known(group), known[source].fetch(group)]
-        return _make_row_maker(len(known), tuple(source for source, _ in self.groups), self.cells)(*given)(keys)
+            constants += [known[source].get_read_values(group), known[source].get_fetcher(group)]
+        return _make_row_maker(len(known), tuple(source for source, _ in self.groups), self.cells)(*constants)(keys)
 
 
 def find_late_columns(query: plan.Query) -> tuple[plan.Column, ...]:
@@ -61,7 +61,7 @@ def find_late_columns(query: plan.Query) -> tuple[plan.Column, ...]:
         if not key or schema.kinds[key].kinds != Kind.INT:
             return ()
         keys[expr.source] = plan.Column(expr.source, key, schema.kinds[key], span=expr.span)
-    plain = sum(isinstance(expr, plan.Column) and not expr.type.may(Kind.STRUCTURED) for expr in shown)
+    plain = sum(isinstance(expr, plan.Column) and not expr.type.may_be(Kind.STRUCTURED) for expr in shown)
     return tuple(keys.values()) if len(keys) < plain or plain < len(shown) else ()
 
 
@@ -104,7 +104,7 @@ def _make_row_maker(
         if place is None:
             shown.append(f"element{source}(key{source})")
         else:
-            shown.append(f"key{source}" if group is None else place.code(f"values{group}"))
+            shown.append(f"key{source}" if group is None else place.write_code(f"values{group}"))
     lines += [f"   yield ({', '.join(shown)},)", " return rows"]
     made: dict[str, Any] = {}
     exec("\n".join(lines), made)  # the code comes from this file, apart from numbers

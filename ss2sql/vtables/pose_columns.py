@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
-from ss2sql.vtables.body_columns import SHAPE, Quaternion, Vector, compute_euler_angles, shape_row
+from ss2sql.vtables.body_columns import SHAPE, Quaternion, Vector, compute_euler_angles, make_shape_row
 from ss2sql.vtables.contract import Table
 
 
@@ -16,36 +16,36 @@ class Posed(Table, ABC):
     """A derived class declares `groups = {**PLACED, ...}` with the groups that it adds."""
 
     PLACED: ClassVar[dict[str, str]] = {
-        "shape": SHAPE, "angles": "rot", "pose": "pose",
-        "position_of": "pos(x=posX y=posY z=posZ)", "turn_of": "quat(qx qy qz qw)",
-        "velocity_of": "velocity=linearVelocity(vx vy vz)", "spin_of": "angularVelocity(wx wy wz)",
+        "read_shape": SHAPE, "compute_angles": "rot", "read_pose": "pose",
+        "read_position": "pos(x=posX y=posY z=posZ)", "read_turn": "quat(qx qy qz qw)",
+        "read_velocity": "velocity=linearVelocity(vx vy vz)", "read_spin": "angularVelocity(wx wy wz)",
     }  # fmt: skip
 
     @abstractmethod
-    def kind_of(self, key: Any) -> str:
+    def read_kind(self, key: Any) -> str:
         """Its shape."""
 
     @abstractmethod
-    def position_of(self, key: Any) -> Vector:
+    def read_position(self, key: Any) -> Vector:
         """Where it is."""
 
     @abstractmethod
-    def turn_of(self, key: Any) -> Quaternion:
+    def read_turn(self, key: Any) -> Quaternion:
         """How it is turned: x, y, z, w."""
 
     @abstractmethod
-    def velocity_of(self, key: Any) -> Vector:
+    def read_velocity(self, key: Any) -> Vector:
         """How fast it moves."""
 
     @abstractmethod
-    def spin_of(self, key: Any) -> Vector:
+    def read_spin(self, key: Any) -> Vector:
         """How fast it turns."""
 
-    def shape(self, key: Any) -> tuple[Any, ...]:
-        return shape_row(self.kind_of(key))
+    def read_shape(self, key: Any) -> tuple[Any, ...]:
+        return make_shape_row(self.read_kind(key))
 
-    def angles(self, key: Any) -> Vector:
-        return compute_euler_angles(*self.turn_of(key))
+    def compute_angles(self, key: Any) -> Vector:
+        return compute_euler_angles(*self.read_turn(key))
 
-    def pose(self, key: Any) -> tuple[float, ...]:
-        return (*self.position_of(key), *self.turn_of(key))
+    def read_pose(self, key: Any) -> tuple[float, ...]:
+        return (*self.read_position(key), *self.read_turn(key))

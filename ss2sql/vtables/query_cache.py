@@ -22,7 +22,7 @@ class QueryCaches:
         self._queries: list[QueryCache | None] = [None]
 
     @contextmanager
-    def query(self, moves: bool) -> Iterator[None]:
+    def begin_query(self, moves: bool) -> Iterator[None]:
         """The duration of a query."""
         self._queries.append(None if moves else {})
         try:
@@ -35,7 +35,7 @@ class QueryCaches:
         """The caches of the running query."""
         return self._queries[-1]
 
-    def of(self, world: World) -> dict[str, Any]:
+    def get_cache(self, world: World) -> dict[str, Any]:
         """The cache for a call of a function."""
         known = self._queries[-1]
         return {} if known is None else known.setdefault(world, {})

@@ -28,7 +28,7 @@ Read = Callable[[Any], Any]
 MOST_KEPT = 10_000  # lists of keys, and of rows of table functions
 
 
-def never_ends() -> None:
+def never_end() -> None:
     """The check for readings that nothing can end."""
 
 
@@ -44,7 +44,7 @@ class Readings:
         remembered: QueryCache | None = None,
         once: bool = False,
         places: Iterable[tuple[AttachedTable, Span | None]] = (),
-        check: Callable[[], None] = never_ends,
+        check: Callable[[], None] = never_end,
     ) -> None:
         self.once = once
         self.check = check
@@ -52,7 +52,7 @@ class Readings:
         self._tables: dict[Table | TableFunction, Reading] = {}
         self._memories: QueryCache = {} if remembered is None else remembered
 
-    def of(self, table: Table | TableFunction, span: Span | None = None) -> Reading:
+    def get_reading(self, table: Table | TableFunction, span: Span | None = None) -> Reading:
         """The reading of a table; a table function that gives keys shares the data of its table.
 
         Errors get `span`, the place where the table first stands in FROM.
@@ -60,7 +60,7 @@ class Readings:
         known = self._tables.get(table)
         if known is None:
             schema = get_schema(table)
-            shared = self.of(schema.walked, span) if schema.walked is not None else None
+            shared = self.get_reading(schema.walked, span) if schema.walked is not None else None
             memory = self._memories.setdefault(table.world, {})
             known = self._tables[table] = Reading(schema, shared, memory, span, self.once, self.check)
         return known
@@ -76,7 +76,7 @@ class Reading:
         memory: dict[str, Any] | None = None,
         span: Span | None = None,
         once: bool = False,
-        check: Callable[[], None] = never_ends,
+        check: Callable[[], None] = never_end,
     ) -> None:
         self.schema = schema
         self.check = check
@@ -90,7 +90,7 @@ class Reading:
         self._elements: dict[Hashable, Element] = {}
         self._numbers: dict[Hashable, int] = {}
         self._handles: dict[str, dict[Hashable, Any]] = {}
-        self.given: Sequence[Hashable] = ()  # the keys that were given last, of which columns will be read
+        self.announced: Sequence[Hashable] = ()  # the keys that were given last, of which columns will be read
         self._taken: list[Any] | None = None
         self._shared = shared
         self._checked = False  # whether the world has been checked
@@ -98,7 +98,7 @@ class Reading:
 
     # --- keys and rows ---------------------------------------------------------------------------------
 
-    def asked(self, demands: Sequence[tuple[str, str]], values: Sequence[Any]) -> list[Any]:
+    def find_keys(self, demands: Sequence[tuple[str, str]], values: Sequence[Any]) -> list[Any]:
         """The keys of the elements whose columns compare so with these values, and perhaps others.
 
         A lookup by key has code of its own: a join does it for each of its rows.
@@ -108,25 +108,25 @@ class Reading:
             key = values[0]
             found = self._lists.get(key)
             if found is None:
-                found = self._ask(Where({demands[0][0]: Filter(key, key, key)}))
-                self._keep(key, found)
-            self.given = found
+                found = self._ask_adapter(Where({demands[0][0]: Filter(key, key, key)}))
+                self._cache_keys(key, found)
+            self.announced = found
             return found
-        return self.keys(merge_demands(zip(demands, values, strict=True), self.schema))
+        return self.list_keys(merge_demands(zip(demands, values, strict=True), self.schema))
 
-    def keys(self, where: Where) -> list[Any]:
+    def list_keys(self, where: Where) -> list[Any]:
         """The keys that `where` allows, and perhaps others, in the order of the table."""
         if self._taken is not None:
             return self._taken
-        asked = tuple([(name, one.equal, one.low, one.high) for name, one in where.items()]) if where else ()
-        found = self._lists.get(asked)
+        key = tuple([(name, one.equal, one.low, one.high) for name, one in where.items()]) if where else ()
+        found = self._lists.get(key)
         if found is None:
-            found = self._ask(where)
-            self._keep(asked, found)
-        self.given = found
+            found = self._ask_adapter(where)
+            self._cache_keys(key, found)
+        self.announced = found
         return found
 
-    def _ask(self, where: Where) -> list[Any]:
+    def _ask_adapter(self, where: Where) -> list[Any]:
         # Two `with` blocks, for errors and for the cache, would take 0.4 us more, a tenth of a lookup.
         table = self.table
         assert isinstance(table, Table)
@@ -138,65 +138,65 @@ class Reading:
                 self._checked = True
             return list_keys(table.keys(where), self.check, self.schema)
         except Error as error:
-            raise error.located(self.span) from error.__cause__
+            raise error.with_span(self.span) from error.__cause__
         except Exception as error:
-            raise make_adapter_error(self.schema, error).located(self.span) from error
+            raise make_adapter_error(self.schema, error).with_span(self.span) from error
         finally:
             world.remembered = outer
 
-    def expect(self, keys: Sequence[Hashable]) -> None:
+    def announce_keys(self, keys: Sequence[Hashable]) -> None:
         """Announces that columns of these keys will be read."""
-        self.given = keys
+        self.announced = keys
 
-    def rows(self, arguments: Sequence[Any]) -> list[Any]:
+    def call_function(self, arguments: Sequence[Any]) -> list[Any]:
         """The rows of a table function for these arguments: keys of its table, or tuples of clean values."""
-        asked = (tuple(map(type, arguments)), tuple(map(make_hashable, arguments)))
-        found = self._lists.get(asked)
+        key = (tuple(map(type, arguments)), tuple(map(make_hashable, arguments)))
+        found = self._lists.get(key)
         if found is None:
             table, schema = self.table, self.schema
             assert isinstance(table, TableFunction)
-            given = [unwrap_key(argument, table.world) for argument in arguments]
+            arguments_as_keys = [unwrap_key(argument, table.world) for argument in arguments]
             with AdapterGuard(schema, span=self.span), CacheOfQuery(table.world, self.memory):
                 table.world.check()
-                raw = table.rows(*given)
+                raw = table.rows(*arguments_as_keys)
                 if self._shared is not None:
                     found = list_keys(raw, self.check, schema)
                 else:
                     names = tuple(schema.kinds)
-                    found = [schema.cleaned(names, row, "a row") for row in list_rows(raw, self.check)]
-            self._keep(asked, found)
+                    found = [schema.convert_values(names, row, "a row") for row in list_rows(raw, self.check)]
+            self._cache_keys(key, found)
         if self._shared is not None:
-            self._shared.given = found
+            self._shared.announced = found
         return found
 
-    def _keep(self, asked: Hashable, found: list[Any]) -> None:
+    def _cache_keys(self, key: Hashable, found: list[Any]) -> None:
         if len(self._lists) >= MOST_KEPT:
             self._lists.clear()
-        self._lists[asked] = found
+        self._lists[key] = found
 
     # --- elements and columns --------------------------------------------------------------------------
 
-    def element(self, key: Hashable) -> Element:
+    def get_element(self, key: Hashable) -> Element:
         """The element with this key, the same object throughout the query."""
         if self._shared is not None:
-            return self._shared.element(key)
+            return self._shared.get_element(key)
         found = self._elements.get(key)
         if found is None:
             assert isinstance(self.table, Table)
             found = self._elements[key] = Element(self.table, key)
         return found
 
-    def number(self, key: Hashable) -> int:
+    def number_key(self, key: Hashable) -> int:
         """A whole number for a key, the same throughout the query."""
         if type(key) is int and INT_MIN <= key <= INT_MAX:
             return key
         numbers = self._numbers if self._shared is None else self._shared._numbers
         return numbers.setdefault(key, len(numbers))
 
-    def reader(self, name: str) -> Read:
+    def make_reader(self, name: str) -> Read:
         """A function from a key to the value of a column; where rows are tuples, from the row."""
         if self._shared is not None:
-            return self._shared.reader(name)
+            return self._shared.make_reader(name)
         schema, table = self.schema, self.table
         if not isinstance(table, Table):
             place = list(schema.kinds).index(name)
@@ -205,23 +205,23 @@ class Reading:
             return schema.cleaners[name]
         group = schema.group_of[name]
         known = self._rows[group].get
-        return _make_reader(schema.groups[group].places[name])(known, self.fetch(group))
+        return _make_reader(schema.groups[group].places[name])(known, self.get_fetcher(group))
 
-    def fetch(self, group: str) -> Fetch:
+    def get_fetcher(self, group: str) -> Fetch:
         """The fetcher of a group; its columns share one, since blocks grow with what is read."""
         if self._shared is not None:
-            return self._shared.fetch(group)
+            return self._shared.get_fetcher(group)
         found = self._fetches.get(group)
         if found is None:
             assert isinstance(self.table, Table)
             found = self._fetches[group] = make_fetcher(self, self.table, group, self._rows[group])
         return found
 
-    def known(self, group: str) -> Callable[[Any], tuple[Any, ...] | None]:
+    def get_read_values(self, group: str) -> Callable[[Any], tuple[Any, ...] | None]:
         """The values of a group that have been read, by key."""
         return (self if self._shared is None else self._shared)._rows[group].get
 
-    def handles(self, name: str) -> dict[Hashable, Any]:
+    def get_handles(self, name: str) -> dict[Hashable, Any]:
         """The SQL values of a column, or of the elements, by key, for values that are passed as handles.
 
         Encoding a value takes 1 to 2 us, and joins read the same elements again.
@@ -242,9 +242,9 @@ class Reading:
             return
         if not isinstance(self.table, Table):
             return
-        keys = self.keys(Where())
+        keys = self.list_keys(Where())
         for name in columns:
-            read = self.reader(name)
+            read = self.make_reader(name)
             for key in keys:
                 read(key)
         self._taken = keys
@@ -254,7 +254,7 @@ class Reading:
 def _make_reader(place: Place) -> Callable[[Callable[[Any], Any], Fetch], Read]:
     """Generates the function that reads the column at a place, from known values or by a fetch."""
     lines = ["def make(known, fetch):", " def read(key):", "  values = known(key)", "  if values is None:"]
-    lines += ["   values = fetch(key)", f"  return {place.code('values')}", " return read"]
+    lines += ["   values = fetch(key)", f"  return {place.write_code('values')}", " return read"]
     made: dict[str, Any] = {}
     exec("\n".join(lines), made)  # the code comes from this file, apart from numbers
     return made["make"]  # type: ignore[no-any-return]

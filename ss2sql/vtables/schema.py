@@ -12,7 +12,7 @@ from itertools import chain, islice, starmap
 from math import hypot
 from typing import Any
 
-from ss2sql.errors import Error, ExecutionError, SessionError, Span, did_you_mean
+from ss2sql.errors import Error, ExecutionError, SessionError, Span, suggest_names
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.value_messages import format_value
 from ss2sql.vtables.column_layouts import Layout
@@ -50,10 +50,10 @@ class Schema:
         self.kinds: dict[str, Type] = {}
         self.cleaners: dict[str, Cleaner] = {}
         for column in self.columns:
-            self._declare(column)
-        self.texts = frozenset(name for name, kind in self.kinds.items() if kind.only(Kind.STR | Kind.NONE))
+            self._declare_column(column)
+        self.texts = frozenset(name for name, kind in self.kinds.items() if kind.is_only(Kind.STR | Kind.NONE))
         self.groups: dict[str, Layout] = {}  # of each group its columns
-        self.quick_tests: dict[str, Callable[[Any], bool]] = {}  # of each group; see `make_quick_test` and `block_test`
+        self.quick_tests: dict[str, Callable[[Any], bool]] = {}  # of groups, see `make_quick_test` and `get_block_test`
         self.block_tests: dict[str, Callable[[Sequence[Any]], bool]] = {}
         self.arrays: frozenset[str] = frozenset()
         self.blocks: frozenset[str] = frozenset()
@@ -75,24 +75,24 @@ class Schema:
 
     # --- declarations ----------------------------------------------------------------------------------
 
-    def _refuse(self, message: str, *hints: str) -> SessionError:
+    def _make_error(self, message: str, *hints: str) -> SessionError:
         owner = type(self.table.world).__name__
         return SessionError("S002", f"the table '{self.title}' of {owner}: {message}", hints=hints)
 
-    def _declare(self, column: Column) -> None:
+    def _declare_column(self, column: Column) -> None:
         from ss2sql.frontend.user_functions import check_name
 
         try:
             check_name(column.name)
             kind = find_declared_type(column.type)
         except (SessionError, TypeError) as error:
-            raise self._refuse(f"the column '{column.name}' is declared wrongly: {error}") from None
+            raise self._make_error(f"the column '{column.name}' is declared wrongly: {error}") from None
         if column.name in self.kinds:
-            raise self._refuse(f"two columns are called '{column.name}'")
+            raise self._make_error(f"two columns are called '{column.name}'")
         for operator in sorted(column.operators):
             if operator not in OPERATORS:
                 message = f"the column '{column.name}' cannot be filtered by '{operator}'"
-                raise self._refuse(message, f"choose from {' '.join(OPERATORS)}")
+                raise self._make_error(message, f"choose from {' '.join(OPERATORS)}")
         self.kinds[column.name] = kind
         self.cleaners[column.name] = make_cleaner(kind, f"the column '{column.name}' of {self.title}")
 
@@ -100,108 +100,114 @@ class Schema:
         from ss2sql.vtables.contract import Table as Base
 
         if type(table).keys is Base.keys:
-            raise self._refuse("it has no method keys(where)")
+            raise self._make_error("it has no method keys(where)")
         self.arrays, self.blocks = frozenset(table.arrays), frozenset(table.blocks)
         for group, text in chain(table.groups.items(), table.arrays.items(), table.blocks.items()):
             if not callable(getattr(table, group, None)):
-                raise self._refuse(f"the group '{group}' has no method of this name")
+                raise self._make_error(f"the group '{group}' has no method of this name")
             self._read_group(table, group, text)
         if table.key and table.key not in self.kinds:
-            raise self._refuse(f"its key '{table.key}' is no column", *did_you_mean(table.key, self.kinds))
+            raise self._make_error(f"its key '{table.key}' is no column", *suggest_names(table.key, self.kinds))
         for name in self.kinds:
             if name not in self.group_of and name != table.key:
-                raise self._refuse(f"the column '{name}' is in no group", f'groups = {{"{name}": "{name}"}}')
+                raise self._make_error(f"the column '{name}' is in no group", f'groups = {{"{name}": "{name}"}}')
 
     def _read_group(self, table: Table, group: str, text: str) -> None:
         try:
             layout = self.groups[group] = Layout(text)
         except ValueError as error:
-            raise self._refuse(f"the group '{group}': {error}") from None
+            raise self._make_error(f"the group '{group}': {error}") from None
         for name in layout.names:
             if name not in self.kinds:
-                raise self._refuse(
-                    f"the group '{group}' gives '{name}', which is no column", *did_you_mean(name, self.kinds)
+                raise self._make_error(
+                    f"the group '{group}' gives '{name}', which is no column", *suggest_names(name, self.kinds)
                 )
             if name in self.group_of or name == table.key or layout.names.count(name) > 1:
-                raise self._refuse(f"the column '{name}' is given twice")
+                raise self._make_error(f"the column '{name}' is given twice")
             self.group_of[name] = group
         wrong = layout.find_contradiction(self.kinds)
         if wrong is None and group in self.arrays and not layout.is_flat:
             wrong = "it gives arrays, one for each column"
         if wrong is not None:
-            raise self._refuse(f"the group '{group}': {wrong}")
+            raise self._make_error(f"the group '{group}': {wrong}")
         self.items.update(layout.items)
-        tested = make_quick_test(layout.tested(self.kinds)) if len(layout.parts) > 1 or group in self.blocks else None
+        tested = (
+            make_quick_test(layout.list_tested_kinds(self.kinds))
+            if len(layout.parts) > 1 or group in self.blocks
+            else None
+        )
         self.quick_tests[group] = tested or _reject_all
-        self.block_tests[group] = self._block_test(layout)
+        self.block_tests[group] = self._make_block_test(layout)
 
     def _read_places(self, table: Table) -> None:
         for name, text in table.places.items():
             names = self.places[name] = tuple(text.split())
             if len(names) not in (2, 3):
-                raise self._refuse(f"the place of '{name}' has {len(names)} coordinates", "a point has two or three")
+                raise self._make_error(
+                    f"the place of '{name}' has {len(names)} coordinates", "a point has two or three"
+                )
             for one in names:
-                if one not in self.kinds or not self.kinds[one].only(Kind.FLOAT):
-                    raise self._refuse(f"'{one}' is no coordinate of '{name}'", "name columns of floats")
+                if one not in self.kinds or not self.kinds[one].is_only(Kind.FLOAT):
+                    raise self._make_error(f"'{one}' is no coordinate of '{name}'", "name columns of floats")
             if name == "this":
                 if not isinstance(getattr(getattr(table.world, "distance", None), "__ss2sql__", None), WorldFunction):
-                    raise self._refuse("its elements have a place, but the world has no function 'distance'")
+                    raise self._make_error("its elements have a place, but the world has no function 'distance'")
             elif name not in self.kinds or self.kinds[name].positions != tuple(self.kinds[one] for one in names):
-                raise self._refuse(f"'{name}' has a place, but is no column of {len(names)} floats")
+                raise self._make_error(f"'{name}' has a place, but is no column of {len(names)} floats")
             else:
                 self.items[name] = names
 
     def _read_parameters(self, table: TableFunction) -> None:
         if type(table).rows is TableFunction.rows:
-            raise self._refuse("it has no method rows(...)")
-        given = inspect.signature(table.rows)
-        for name, parameter in given.parameters.items():
+            raise self._make_error("it has no method rows(...)")
+        signature = inspect.signature(table.rows)
+        for name, parameter in signature.parameters.items():
             if parameter.kind is not inspect.Parameter.POSITIONAL_OR_KEYWORD:
                 hint = "write rows(self, x, radius=1.0)"
-                raise self._refuse(f"the parameter '{name}' of rows is none by position", hint)
-        self.parameters = tuple(given.parameters)
-        self.required = sum(p.default is inspect.Parameter.empty for p in given.parameters.values())
-        defaults = {name: parameter.default for name, parameter in given.parameters.items()}
+                raise self._make_error(f"the parameter '{name}' of rows is none by position", hint)
+        self.parameters = tuple(signature.parameters)
+        self.required = sum(p.default is inspect.Parameter.empty for p in signature.parameters.values())
+        defaults = {name: parameter.default for name, parameter in signature.parameters.items()}
         shown = (n if d is inspect.Parameter.empty else f"{n}={d!r}" for n, d in defaults.items())
         self.signature = f"{table.name}({', '.join(shown)})"
         if table.table:
             walked = next((t for t in get_tables(table.world) if t.name == table.table), None)
             if not isinstance(walked, Table) or table.columns:
-                raise self._refuse(f"it gives keys of '{table.table}', and has no columns of its own")
+                raise self._make_error(f"it gives keys of '{table.table}', and has no columns of its own")
             self.walked = walked
 
     # --- values ----------------------------------------------------------------------------------------
 
-    def row(self, group: str, raw: Any) -> tuple[Any, ...]:
+    def convert_row(self, group: str, raw: Any) -> tuple[Any, ...]:
         """The group's values for one key, converted; tuples within them stay tuples."""
         layout = self.groups[group]
         if len(layout.parts) == 1:
-            return layout.cleaned(self.cleaners, (raw,))
+            return layout.clean_values(self.cleaners, (raw,))
         try:
-            return layout.cleaned(self.cleaners, raw)
+            return layout.clean_values(self.cleaners, raw)
         except (TypeError, ValueError):
             raise self._make_count_error(layout.heads, raw, f"the group '{group}'") from None
 
-    def quick_test(self, group: str) -> Callable[[Any], bool]:
-        """A test whether `row` would leave a tuple unchanged; False if unsure. It takes 0.2 us, `row` 1.1."""
+    def make_row_test(self, group: str) -> Callable[[Any], bool]:
+        """A test whether `convert_row` would leave a tuple unchanged; False if unsure. It takes 0.2 us, that 1.1."""
         return self.quick_tests[group]
 
-    def block_test(self, group: str) -> Callable[[Sequence[Any]], bool]:
+    def get_block_test(self, group: str) -> Callable[[Sequence[Any]], bool]:
         """The same for a block of tuples with values of the right types; only sizes are tested."""
         return self.block_tests[group]
 
-    def _block_test(self, layout: Layout) -> Callable[[Sequence[Any]], bool]:
-        kinds = layout.tested(self.kinds)
+    def _make_block_test(self, layout: Layout) -> Callable[[Sequence[Any]], bool]:
+        kinds = layout.list_tested_kinds(self.kinds)
         if all(isinstance(kind, Kind) and kind in _HAVE_SIZE for kind in kinds):
-            return _within_limits
+            return _are_within_limits
         if all(isinstance(kind, tuple) and set(kind) <= _HAVE_SIZE for kind in kinds):
-            return lambda rows: _within_limits(chain.from_iterable(rows))
+            return lambda rows: _are_within_limits(chain.from_iterable(rows))
         if kinds == (Kind.STR,):
             return lambda rows: is_encodable("".join(chain.from_iterable(rows)))
         fits = make_quick_test(kinds) or _reject_all
         return lambda rows: all(map(fits, rows))
 
-    def cleaned(self, names: Sequence[str], raw: Any, giver: str) -> tuple[Any, ...]:
+    def convert_values(self, names: Sequence[str], raw: Any, giver: str) -> tuple[Any, ...]:
         """Converts the values of several columns."""
         cleaners = self.cleaners
         try:
@@ -212,24 +218,26 @@ class Schema:
     def _make_count_error(self, names: Sequence[str], raw: Any, giver: str) -> ExecutionError:
         count = f"{len(raw)} values" if hasattr(raw, "__len__") else f"a {type(raw).__name__}"
         text = f"{giver} of {self.title} gives {count} for the {len(names)} columns {', '.join(names)}"
-        return failure(text)
+        return world_error(text)
 
-    def rows_of_arrays(self, group: str, raw: Any, keys: Sequence[Hashable]) -> Iterator[tuple[Any, ...]]:
+    def split_arrays(self, group: str, raw: Any, keys: Sequence[Hashable]) -> Iterator[tuple[Any, ...]]:
         """The rows of a group of arrays, key by key."""
         names = self.groups[group].names
         arrays = [raw] if len(names) == 1 else list(islice(raw, len(names) + 1))
         if len(arrays) != len(names):
-            raise failure(f"the group '{group}' of {self.title} gives {len(arrays)} arrays for {len(names)} columns")
+            raise world_error(
+                f"the group '{group}' of {self.title} gives {len(arrays)} arrays for {len(names)} columns"
+            )
         columns: list[list[Any]] = []
         for name, array in zip(names, arrays, strict=True):
             values = array.tolist() if hasattr(array, "tolist") else list(islice(array, len(keys) + 1))
             if len(values) != len(keys):
                 size = f"{len(values)} values for {len(keys)} keys"
-                raise failure(f"the group '{group}' of {self.title} gives {size} in the column '{name}'")
+                raise world_error(f"the group '{group}' of {self.title} gives {size} in the column '{name}'")
             columns.append(list(map(self.cleaners[name], values)))
         return zip(*columns, strict=True)
 
-    def value(self, key: Hashable, name: str) -> Any:
+    def read_value(self, key: Hashable, name: str) -> Any:
         """One column of the element with this key, read now."""
         table = self.keyed
         assert table is not None
@@ -240,14 +248,14 @@ class Schema:
             raw = getattr(table, group)([key] if group in self.arrays or group in self.blocks else key)
             if group in self.blocks:
                 (raw,) = raw
-        rows = self.rows_of_arrays(group, raw, [key]) if group in self.arrays else iter([self.row(group, raw)])
-        return self.groups[group].places[name].of(next(rows))
+        rows = self.split_arrays(group, raw, [key]) if group in self.arrays else iter([self.convert_row(group, raw)])
+        return self.groups[group].places[name].get_value(next(rows))
 
 
 _HAVE_SIZE = {Kind.FLOAT, Kind.BOOL}
 
 
-def _within_limits(rows: Iterable[Any]) -> bool:
+def _are_within_limits(rows: Iterable[Any]) -> bool:
     """Whether floats are within the limit. Six take 0.1 us, by a test of each value 0.3."""
     return sum(starmap(hypot, rows)) <= LARGEST  # false where one is NaN
 
@@ -271,9 +279,9 @@ class AdapterGuard:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, traceback: object) -> None:
         if isinstance(error, Error):
-            error.located(self.span)
+            error.with_span(self.span)
         elif isinstance(error, Exception):
-            raise make_adapter_error(self.schema, error, self.key).located(self.span) from error
+            raise make_adapter_error(self.schema, error, self.key).with_span(self.span) from error
 
 
 def make_adapter_error(schema: Schema, error: Exception, key: Hashable = None) -> Error:
@@ -281,9 +289,9 @@ def make_adapter_error(schema: Schema, error: Exception, key: Hashable = None) -
     what = schema.title if key is None else f"{schema.title}[{format_value(key)}]"
     reason = _quote_exception(error)
     if isinstance(error, Gone):
-        return failure(f"{what} no longer exists{reason}", "ask for the elements anew: SELECT ... FROM the world")
+        return world_error(f"{what} no longer exists{reason}", "ask for the elements anew: SELECT ... FROM the world")
     hint = "the adapter raised it: its traceback is that of error.__cause__"
-    return failure(f"{what} cannot be read: {type(error).__name__}{reason}", hint)
+    return world_error(f"{what} cannot be read: {type(error).__name__}{reason}", hint)
 
 
 def _quote_exception(error: Exception) -> str:
@@ -295,7 +303,7 @@ def _quote_exception(error: Exception) -> str:
     return f": {text}" if text else ""
 
 
-def failure(message: str, *hints: str) -> ExecutionError:
+def world_error(message: str, *hints: str) -> ExecutionError:
     """The error for a world that cannot be read, or breaks its declarations."""
     return ExecutionError("X011", message, hints=hints)
 

@@ -29,14 +29,14 @@ class Snapshot:
     once: bool = False
     places: tuple[tuple[AttachedTable, Span | None], ...] = ()
 
-    def begin(self, remembered: QueryCache | None, check: Callable[[], None]) -> Readings:
+    def copy_tables(self, remembered: QueryCache | None, check: Callable[[], None]) -> Readings:
         """The readings of a run of the query, with the copy made. `remembered` gets the caches of worlds.
 
         `check` raises where the run has to end.
         """
         readings = Readings(remembered, self.once, self.places, check)
         for table, place, columns in self.columns:
-            readings.of(table.table, place).freeze_columns(columns)
+            readings.get_reading(table.table, place).freeze_columns(columns)
         return readings
 
 
@@ -54,8 +54,8 @@ def plan_snapshot(roots: Collection[Any]) -> Snapshot:
     if not sources:
         return NO_SNAPSHOT
     places = tuple((table, find_first_place(table, roots)) for table in {source.table: None for source in sources})
-    if not any(map(_may_move, nodes)):
-        return Snapshot((), _reads_once(nodes), places)
+    if not any(map(_can_node_move, nodes)):
+        return Snapshot((), _is_walked_once(nodes), places)
     texts = any(isinstance(node, plan.Eval) for node in nodes)
     columns: dict[AttachedTable, dict[str, None]] = {}
     for source in sources:
@@ -69,7 +69,7 @@ def plan_snapshot(roots: Collection[Any]) -> Snapshot:
     return Snapshot(copied, places=places)
 
 
-def _reads_once(nodes: Sequence[Any]) -> bool:
+def _is_walked_once(nodes: Sequence[Any]) -> bool:
     """Whether these parts of a plan have one source, walked once, and no function that reads ahead in it."""
     queries = [node for node in nodes if isinstance(node, plan.Query)]
     return (
@@ -87,12 +87,12 @@ def find_first_place(table: AttachedTable, roots: Iterable[Any]) -> Span | None:
     return next((node.span for node in nodes if isinstance(node, plan.WorldSource) and node.table is table), None)
 
 
-def may_move(query: plan.Query) -> bool:
+def can_move_world(query: plan.Query) -> bool:
     """Whether a query may move the world while it runs."""
-    return any(map(_may_move, walk(query)))
+    return any(map(_can_node_move, walk(query)))
 
 
-def _may_move(node: Any) -> bool:
+def _can_node_move(node: Any) -> bool:
     if isinstance(node, plan.Eval):
         return True
     return isinstance(node, plan.Call) and not node.function.builtin and node.function.volatility == "volatile"

@@ -189,14 +189,14 @@ def test_what_is_no_value_of_the_language(own: Any, ss: ss2sql.Session) -> None:
 
 @pytest.mark.parametrize("script", ["a.id == b.id AND turned(a.id) != '3'", "a.id > 9 AND turned(b.id) != '3'"])
 def test_what_duckdb_refuses(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, script: str) -> None:
-    rows = DuckTransaction.rows
+    rows = DuckTransaction.fetch_rows
 
     def full(reading: DuckTransaction, text: str, values: Any = None) -> Any:
         if "towns" in text and "COUNT(*)" in text and "WHERE" in text:
             raise duckdb.OutOfMemoryException("no room")
         return rows(reading, text, values)
 
-    for name in ("rows", "arrow"):
+    for name in ("fetch_rows", "fetch_arrow"):
         monkeypatch.setattr(DuckTransaction, name, full)
     with pytest.raises(ss2sql.ExecutionError, match="duckdb: no room") as caught:
         ss.run(f"SELECT b.id FROM a = towns, b = towns WHERE {script} AS list")

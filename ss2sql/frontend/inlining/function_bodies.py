@@ -70,14 +70,14 @@ class NotTranslatable(Exception):  # noqa: N818 - it is a finding, not an error
 def translate_function(function: Callable[..., Any]) -> FunctionBody | str:
     """The function's body, or the reason why it cannot become part of a query. Nothing is called."""
     try:
-        return _translate(function, ())
+        return _translate_function(function, ())
     except (NotTranslatable, Unproven) as refused:
         return str(refused)
     except RecursionError:
         return "is nested too deeply to be followed"
 
 
-def _translate(function: Any, around: tuple[FunctionType, ...]) -> FunctionBody:
+def _translate_function(function: Any, around: tuple[FunctionType, ...]) -> FunctionBody:
     if type(function) is not FunctionType:
         raise NotTranslatable("is not a function written in Python")
     if function in around or len(around) > MOST_HELPERS:
@@ -89,12 +89,12 @@ def _translate(function: Any, around: tuple[FunctionType, ...]) -> FunctionBody:
     if arguments.vararg or arguments.kwarg:
         raise NotTranslatable("takes any number of arguments")
     names = tuple(parameter.arg for parameter in (*arguments.posonlyargs, *arguments.args))
-    given = dict(zip(reversed(names), reversed(function.__defaults__ or ()), strict=False))
-    given.update(function.__kwdefaults__ or {})
+    defaults_by_name = dict(zip(reversed(names), reversed(function.__defaults__ or ()), strict=False))
+    defaults_by_name.update(function.__kwdefaults__ or {})
     expression = _find_expression(node)
     reader = _Translator(FunctionNames(function, located, None, Findings()), (*around, function))
-    expr = reader.read(expression, result=True)
-    defaults = {name: _is_shared_constant(value) for name, value in given.items()}
+    expr = reader.translate(expression, result=True)
+    defaults = {name: _is_shared_constant(value) for name, value in defaults_by_name.items()}
     return FunctionBody(
         names, defaults, expr, ast.unparse(expression), frozenset(_collect_builtins(expr)), reader.gives_tuple
     )
@@ -143,7 +143,7 @@ def _is_shared_constant(value: Any) -> plan.Constant:
     fits = value is None or type(value) in (bool, str)
     fits |= type(value) is int and INT_MIN <= value <= INT_MAX
     fits |= type(value) is float and math.isfinite(value)
-    if not fits or type_of(value).may(Kind.OBJECT):
+    if not fits or type_of(value).may_be(Kind.OBJECT):
         raise NotTranslatable(f"uses a {type(value).__name__}, which the language does not have as a constant")
     return plan.Constant(value, type_of(value), span=NO_SPAN)
 
@@ -157,7 +157,7 @@ class _Translator:
         self.gives_tuple = False
         self.size = 0
 
-    def read(self, node: ast.expr, result: bool = False) -> plan.Expr:
+    def translate(self, node: ast.expr, result: bool = False) -> plan.Expr:
         """The translated expression; as the function's `result` a tuple becomes a list."""
         self.size += 1
         if self.size > MOST_NODES:
@@ -168,120 +168,123 @@ class _Translator:
             case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as value)):
                 return _is_shared_constant(-value)
             case ast.Name() | ast.Attribute():
-                return self._named(node)
+                return self._translate_name(node)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
-                return self._call(_ARITHMETIC[type(op)], left, right)
+                return self._make_call(_ARITHMETIC[type(op)], left, right)
             case ast.UnaryOp(op=ast.USub(), operand=operand):
-                return self._call("neg", operand)
+                return self._make_call("neg", operand)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                return plan.Not(self.read(operand), span=NO_SPAN)
+                return plan.Not(self.translate(operand), span=NO_SPAN)
             case ast.BoolOp(op=op, values=values):
-                parts = tuple(map(self.read, values))
+                parts = tuple(map(self.translate, values))
                 return (plan.And if isinstance(op, ast.And) else plan.Or)(parts, span=NO_SPAN)
             case ast.Compare():
-                return self._compare(node)
+                return self._translate_comparison(node)
             case ast.IfExp(test=test, body=body, orelse=orelse):
-                then, otherwise = self.read(body, result), self.read(orelse, result)
-                return plan.If(self.read(test), (then,), (otherwise,), span=NO_SPAN)
+                then, otherwise = self.translate(body, result), self.translate(orelse, result)
+                return plan.If(self.translate(test), (then,), (otherwise,), span=NO_SPAN)
             case ast.List(elts=items):
-                return self._list(items, result)
+                return self._make_list(items, result)
             case ast.Tuple(elts=items) if result:
                 self.gives_tuple = True
-                return self._list(items, result)
+                return self._make_list(items, result)
             case ast.Subscript(value=value, slice=index):
-                return self._subscript(value, index, result)
+                return self._translate_subscript(value, index, result)
             case ast.Call():
-                return self._called(node, result)
+                return self._translate_call(node, result)
             case _:
                 raise NotTranslatable(f"uses {_describe_node(node)}, which the language does not have")
 
-    def _call(self, name: str, *arguments: ast.expr) -> plan.Call:
-        return _make_builtin_call(name, *map(self.read, arguments))
+    def _make_call(self, name: str, *arguments: ast.expr) -> plan.Call:
+        return _make_builtin_call(name, *map(self.translate, arguments))
 
-    def _named(self, node: ast.Name | ast.Attribute) -> plan.Expr:
+    def _translate_name(self, node: ast.Name | ast.Attribute) -> plan.Expr:
         if self._is_local(node):
             return plan.Variable(ast.unparse(node), span=NO_SPAN)
-        value = self.frame.static(node, self.frame.root)
+        value = self.frame.find_object(node, self.frame.root)
         if value is UNKNOWN:
             raise NotTranslatable(f"reads '{ast.unparse(node)[:40]}'")
         return _is_shared_constant(value)
 
     def _is_local(self, node: ast.expr) -> bool:
-        found = self.frame.root.find(node.id) if isinstance(node, ast.Name) else None
+        found = self.frame.root.find_bindings(node.id) if isinstance(node, ast.Name) else None
         if found is not None and any(place.how != "parameter" for place in found[0]):
             raise NotTranslatable("is more than one expression")
         return found is not None
 
-    def _compare(self, node: ast.Compare) -> plan.Expr:
+    def _translate_comparison(self, node: ast.Compare) -> plan.Expr:
         operands = (node.left, *node.comparators)
-        links = [self._link(left, op, right) for left, op, right in zip(operands, node.ops, operands[1:], strict=False)]
+        links = [
+            self._translate_link(left, op, right)
+            for left, op, right in zip(operands, node.ops, operands[1:], strict=False)
+        ]
         return join_conditions(plan.And, links, NO_SPAN)
 
-    def _link(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> plan.Expr:
+    def _translate_link(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> plan.Expr:
         if isinstance(op, ast.Is | ast.IsNot):
             if not any(isinstance(side, ast.Constant) and side.value is None for side in (left, right)):
                 raise NotTranslatable(f"compares identities in '{ast.unparse(right)[:40]}'")
-            return self._call("eq" if isinstance(op, ast.Is) else "ne", left, right)
+            return self._make_call("eq" if isinstance(op, ast.Is) else "ne", left, right)
         if isinstance(op, ast.In | ast.NotIn):
-            return _make_builtin_call(_COMPARISONS[type(op)], self.read(left), self._sequence(right))
-        return self._call(_COMPARISONS[type(op)], left, right)
+            return _make_builtin_call(_COMPARISONS[type(op)], self.translate(left), self._translate_sequence(right))
+        return self._make_call(_COMPARISONS[type(op)], left, right)
 
-    def _list(self, items: Sequence[ast.expr], result: bool) -> plan.Expr:
-        return _make_list(tuple(self.read(item, result) for item in items))
+    def _make_list(self, items: Sequence[ast.expr], result: bool) -> plan.Expr:
+        return _make_list(tuple(self.translate(item, result) for item in items))
 
-    def _sequence(self, node: ast.expr, result: bool = False) -> plan.Expr:
+    def _translate_sequence(self, node: ast.expr, result: bool = False) -> plan.Expr:
         """A list; also a tuple that is only searched or indexed, for which a list is equal."""
         if isinstance(node, ast.Tuple):
-            return self._list(node.elts, result)
+            return self._make_list(node.elts, result)
         if isinstance(node, ast.Name | ast.Attribute) and not self._is_local(node):
-            value = self.frame.static(node, self.frame.root)
+            value = self.frame.find_object(node, self.frame.root)
             if type(value) is tuple:
                 return _make_list(tuple(map(_is_shared_constant, value)))
-        return self.read(node, result)
+        return self.translate(node, result)
 
-    def _subscript(self, value: ast.expr, index: ast.expr, result: bool) -> plan.Expr:
+    def _translate_subscript(self, value: ast.expr, index: ast.expr, result: bool) -> plan.Expr:
         if not isinstance(index, ast.Slice):
-            return _make_builtin_call("item", self._sequence(value, result), self.read(index))
+            return _make_builtin_call("item", self._translate_sequence(value, result), self.translate(index))
         if index.step is not None:
             raise NotTranslatable("uses a slice with a step, which the language does not have")
         bounds = (ast.Constant(None) if bound is None else bound for bound in (index.lower, index.upper))
-        return self._call("slice", value, *bounds)
+        return self._make_call("slice", value, *bounds)
 
-    def _called(self, node: ast.Call, result: bool) -> plan.Expr:
-        target = self.frame.static(node.func, self.frame.root)
+    def _translate_call(self, node: ast.Call, result: bool) -> plan.Expr:
+        target = self.frame.find_object(node.func, self.frame.root)
         text = ast.unparse(node.func)[:40]
         if type(target) is FunctionType:
-            return self._helper(node, target, text, result)
+            return self._translate_helper(node, target, text, result)
         if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
             raise NotTranslatable(f"calls {text} with arguments by name or in a list")
         for function, name, least, most in _FUNCTIONS:
             if target is function and least <= len(node.args) <= most:
-                return self._call(name, *node.args)
+                return self._make_call(name, *node.args)
         if target is builtins.bool and len(node.args) == 1:
-            return plan.Not(plan.Not(self.read(node.args[0]), span=NO_SPAN), span=NO_SPAN)
+            return plan.Not(plan.Not(self.translate(node.args[0]), span=NO_SPAN), span=NO_SPAN)
         raise NotTranslatable(f"calls {text}, which the language does not have")
 
-    def _helper(self, node: ast.Call, target: FunctionType, text: str, result: bool) -> plan.Expr:
+    def _translate_helper(self, node: ast.Call, target: FunctionType, text: str, result: bool) -> plan.Expr:
         """A call of another Python function, with its body."""
         try:
-            body = _translate(target, self.around)
+            body = _translate_function(target, self.around)
         except (NotTranslatable, Unproven) as refused:
             raise NotTranslatable(f"calls {text}, which {refused}") from None
         if body.gives_tuple and not result:
             raise NotTranslatable(f"calls {text}, which gives a tuple")
         self.gives_tuple |= body.gives_tuple
-        given = dict(zip(body.parameters, node.args, strict=False))
+        by_name = dict(zip(body.parameters, node.args, strict=False))
         named = {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg is not None}
         plain = len(node.args) <= len(body.parameters) and len(named) == len(node.keywords)
-        if not plain or given.keys() & named.keys() or any(isinstance(one, ast.Starred) for one in node.args):
+        if not plain or by_name.keys() & named.keys() or any(isinstance(one, ast.Starred) for one in node.args):
             raise NotTranslatable(f"calls {text} with arguments that cannot be told apart")
         # Arguments are evaluated in written order; a body that is inlined cannot fail, so their order is free.
-        given.update(named)
+        by_name.update(named)
         known = {*body.parameters, *body.defaults}
-        if not given.keys() <= known or not set(body.parameters) - body.defaults.keys() <= given.keys():
+        if not by_name.keys() <= known or not set(body.parameters) - body.defaults.keys() <= by_name.keys():
             raise NotTranslatable(f"calls {text} with the wrong arguments")
         names = (*body.parameters, *(name for name in body.defaults if name not in body.parameters))
-        arguments = tuple(self.read(given[name]) if name in given else body.defaults[name] for name in names)
+        arguments = tuple(self.translate(by_name[name]) if name in by_name else body.defaults[name] for name in names)
         whole = replace(body, parameters=names, defaults={})
         function = plan.Function(text, len(names), len(names), "immutable", builtin=False, body=whole)
         return plan.Call(function, arguments, span=NO_SPAN, place=NO_SPAN)

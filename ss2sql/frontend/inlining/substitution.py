@@ -16,7 +16,7 @@ from typing import Any
 from ss2sql.errors import Source, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.kinds import Kind, Type, make_list_type, type_of, union
+from ss2sql.language.kinds import Kind, Type, make_list_type, type_of, unite
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_printer import format_type
 from ss2sql.language.plan_traversal import can_fail, is_volatile, list_parts, walk
@@ -45,7 +45,7 @@ class FunctionBody:
 
 def find_builtin(name: str) -> plan.Function:
     """A built-in function as the plan knows it."""
-    return OPERATIONS[name].function()
+    return OPERATIONS[name].make_function()
 
 
 class NotInlinable(Exception):  # noqa: N818 - it is a finding, not an error
@@ -78,20 +78,20 @@ class Instance:
         names = (*body.parameters, *(name for name in body.defaults if name not in body.parameters))
         args: dict[str, plan.Expr] = {**body.defaults, **dict(zip(names, call.arguments, strict=False))}
         for name, argument in args.items():
-            if argument.type.may(Kind.OBJECT) or not argument.type.kinds:
+            if argument.type.may_be(Kind.OBJECT) or not argument.type.kinds:
                 raise NotInlinable(f"nothing is known of the argument '{name}'")
-        built = self._build(body.expr, args)
+        built = self._build_expr(body.expr, args)
         # Expressions from Python have no place in the script, so all get the place of the call.
         self.expr = replace(built, span=call.span) if isinstance(built, plan.Constant) else built
         _check_size(self.expr)
         _check_uses(call.arguments, self.expr)
 
-    def type(self, expr: plan.Expr) -> Type:
+    def infer_type(self, expr: plan.Expr) -> Type:
         """The type of an expression for numbers within the limit."""
         kind = expr.type
-        if self.limit is None or id(expr) in self._own or id(expr) in self.spared or kind.bounded(self.limit):
+        if self.limit is None or id(expr) in self._own or id(expr) in self.spared or kind.is_bounded(self.limit):
             return kind
-        if isinstance(expr, plan.Constant) or not kind.only(NUMBER):
+        if isinstance(expr, plan.Constant) or not kind.is_only(NUMBER):
             return kind
         self.limited[id(expr)] = expr
         low = -self.limit if kind.low is None else max(kind.low, -self.limit)
@@ -100,105 +100,107 @@ class Instance:
 
     # --- building --------------------------------------------------------------------------------------
 
-    def _made(self, expr: plan.Expr) -> plan.Expr:
+    def _remember_node(self, expr: plan.Expr) -> plan.Expr:
         self._own[id(expr)] = expr
         return expr
 
-    def _build(self, node: plan.Expr, args: Args, test: bool = False) -> plan.Expr:
+    def _build_expr(self, node: plan.Expr, args: Args, test: bool = False) -> plan.Expr:
         """The instance of a part of the body; with `test` only its truth matters."""
         match node:
             case plan.Constant():
-                return self._made(node)
+                return self._remember_node(node)
             case plan.Variable(name=name):
                 return args[name]
             case plan.Call(function=function, arguments=arguments):
-                built = tuple(self._build(argument, args) for argument in arguments)
+                built = tuple(self._build_expr(argument, args) for argument in arguments)
                 if function.builtin:
-                    return self._call(function.name, built)
+                    return self._build_call(function.name, built)
                 body: FunctionBody = function.body
-                return self._build(body.expr, dict(zip(body.parameters, built, strict=True)), test)
+                return self._build_expr(body.expr, dict(zip(body.parameters, built, strict=True)), test)
             case plan.And(parts=tested) | plan.Or(parts=tested):
-                built = tuple(self._build(part, args, test) for part in tested)
-                return self._joined(isinstance(node, plan.And), built, test)
+                built = tuple(self._build_expr(part, args, test) for part in tested)
+                return self._build_and_or(isinstance(node, plan.And), built, test)
             case plan.Not(operand=operand):
-                denied = self._truth(operand, args)
+                denied = self._build_test(operand, args)
                 if isinstance(denied, plan.Constant):
-                    return self._constant(not denied.value)
-                return self._made(plan.Not(denied, span=self.span))
+                    return self._build_constant(not denied.value)
+                return self._remember_node(plan.Not(denied, span=self.span))
             case plan.If(condition=condition, then=(then,), otherwise=(otherwise,)):
-                return self._choice(self._truth(condition, args), then, otherwise, args, test)
+                return self._build_choice(self._build_test(condition, args), then, otherwise, args, test)
             case _:
                 assert isinstance(node, plan.MakeList), "bodies have no other parts"
-                return self._list(tuple(self._build(item, args) for item in node.items))
+                return self._build_list(tuple(self._build_expr(item, args) for item in node.items))
 
-    def _truth(self, node: plan.Expr, args: Args) -> plan.Expr:
-        return self._build(node, args, test=True)
+    def _build_test(self, node: plan.Expr, args: Args) -> plan.Expr:
+        return self._build_expr(node, args, test=True)
 
-    def _joined(self, both: bool, tested: tuple[plan.Expr, ...], test: bool) -> plan.Expr:
+    def _build_and_or(self, both: bool, tested: tuple[plan.Expr, ...], test: bool) -> plan.Expr:
         """Python's `and` or `or`: the operand that decides."""
-        if test or all(part.type.only(Kind.BOOL) for part in tested):
-            return self._tested(both, tested)
+        if test or all(part.type.is_only(Kind.BOOL) for part in tested):
+            return self._build_condition(both, tested)
         result = tested[-1]
         for part in reversed(tested[:-1]):
-            result = self._if(part, result, part) if both else self._if(part, part, result)
+            result = self._build_if(part, result, part) if both else self._build_if(part, part, result)
         return result
 
-    def _tested(self, both: bool, tested: tuple[plan.Expr, ...]) -> plan.Expr:
+    def _build_condition(self, both: bool, tested: tuple[plan.Expr, ...]) -> plan.Expr:
         """The conjunction (`both`) or disjunction of conditions; constants are folded."""
         known = [bool(part.value) for part in tested if isinstance(part, plan.Constant)]
         if (not both) in known:
-            return self._constant(not both)
+            return self._build_constant(not both)
         open_parts = tuple(part for part in tested if not isinstance(part, plan.Constant))
         if not open_parts:
-            return self._constant(both)
+            return self._build_constant(both)
         if len(open_parts) == 1:
             return open_parts[0]
-        return self._made((plan.And if both else plan.Or)(open_parts, span=self.span))
+        return self._remember_node((plan.And if both else plan.Or)(open_parts, span=self.span))
 
-    def _if(self, condition: plan.Expr, then: plan.Expr, otherwise: plan.Expr) -> plan.Expr:
+    def _build_if(self, condition: plan.Expr, then: plan.Expr, otherwise: plan.Expr) -> plan.Expr:
         if isinstance(condition, plan.Constant):
             return then if condition.value else otherwise
-        kind = union((self.type(then), self.type(otherwise)))
-        return self._made(plan.If(condition, (then,), (otherwise,), kind, span=self.span))
+        kind = unite((self.infer_type(then), self.infer_type(otherwise)))
+        return self._remember_node(plan.If(condition, (then,), (otherwise,), kind, span=self.span))
 
-    def _choice(self, condition: plan.Expr, then: plan.Expr, otherwise: plan.Expr, args: Args, test: bool) -> plan.Expr:
+    def _build_choice(
+        self, condition: plan.Expr, then: plan.Expr, otherwise: plan.Expr, args: Args, test: bool
+    ) -> plan.Expr:
         if isinstance(condition, plan.Constant):  # usually a default; the other branch may be invalid
-            return self._build(then if condition.value else otherwise, args, test)
-        return self._if(condition, self._build(then, args, test), self._build(otherwise, args, test))
+            return self._build_expr(then if condition.value else otherwise, args, test)
+        return self._build_if(condition, self._build_expr(then, args, test), self._build_expr(otherwise, args, test))
 
-    def _list(self, items: tuple[plan.Expr, ...]) -> plan.Expr:
-        types = [self.type(item) for item in items]
+    def _build_list(self, items: tuple[plan.Expr, ...]) -> plan.Expr:
+        types = [self.infer_type(item) for item in items]
         if not all(map(_is_plain, types)):
             raise NotInlinable("it puts a value into a list that may be nested too deeply or hold objects")
         if all(isinstance(item, plan.Constant) for item in items):
-            return self._constant([item.value for item in items if isinstance(item, plan.Constant)])
-        return self._made(plan.MakeList(items, make_list_type(types), span=self.span))
+            return self._build_constant([item.value for item in items if isinstance(item, plan.Constant)])
+        return self._remember_node(plan.MakeList(items, make_list_type(types), span=self.span))
 
-    def _constant(self, value: Any) -> plan.Expr:
-        return self._made(plan.Constant(value, type_of(value), span=NO_SPAN))
+    def _build_constant(self, value: Any) -> plan.Expr:
+        return self._remember_node(plan.Constant(value, type_of(value), span=NO_SPAN))
 
-    def _call(self, name: str, arguments: tuple[plan.Expr, ...]) -> plan.Expr:
+    def _build_call(self, name: str, arguments: tuple[plan.Expr, ...]) -> plan.Expr:
         picked = self._pick_item(*arguments) if name == "item" else None
         if picked is not None:
             return picked
-        types = tuple(map(self.type, arguments))
+        types = tuple(map(self.infer_type, arguments))
         if name in ("eq", "ne", "in", "not_in") and not _has_plain_comparison(name, arguments, types):
             raise NotInlinable(f"it compares {' and '.join(map(format_type, types))}, where objects may be inside")
         row = OPERATIONS[name]
-        if name == "distance" and not all(kind.only(Kind.LIST) for kind in types):
+        if name == "distance" and not all(kind.is_only(Kind.LIST) for kind in types):
             raise NotInlinable("it measures the distance of what may be no lists")
         if row.can_fail(types):
             raise NotInlinable(f"'{name}' can fail on {' and '.join(map(format_type, types))}", fallible=True)
         if all(isinstance(argument, plan.Constant) for argument in arguments):
             assert row.value is not None
             values = (argument.value for argument in arguments if isinstance(argument, plan.Constant))
-            return self._constant(row.value(*values))
+            return self._build_constant(row.value(*values))
         if name == "pow" and _is_square(arguments[1], types[0]) and _is_cheap(arguments[0]):
             # The same for integers, and SQLite can do it.
             name, arguments = "mul", (arguments[0], arguments[0])
             row, types = OPERATIONS[name], (types[0], types[0])
-        made = plan.Call(row.function(types), arguments, row.result(types), span=self.span, place=self.place)
-        return self._made(made)
+        made = plan.Call(row.make_function(types), arguments, row.result(types), span=self.span, place=self.place)
+        return self._remember_node(made)
 
     def _pick_item(self, container: plan.Expr, index: plan.Expr) -> plan.Expr | None:
         """An element with a known position: of a list literal, or a column of a row."""
@@ -208,7 +210,7 @@ class Instance:
             case plan.Constant(value=list() | str() as known), plan.Constant(value=int(place)) if (
                 -len(known) <= place < len(known)
             ):
-                return self._constant(known[place])
+                return self._build_constant(known[place])
             case plan.Element(), plan.Constant(value=str(name)):
                 return self.column(container, name)
             case _:
@@ -217,20 +219,20 @@ class Instance:
 
 def _is_square(exponent: plan.Expr, base: Type) -> bool:
     """Whether it is the square of an integer."""
-    return isinstance(exponent, plan.Constant) and repr(exponent.value) == "2" and base.only(Kind.INT)
+    return isinstance(exponent, plan.Constant) and repr(exponent.value) == "2" and base.is_only(Kind.INT)
 
 
 def _is_plain(kind: Type) -> bool:
     """Whether the values are scalars, or lists of scalars down to a depth that the type describes."""
-    if kind.may(Kind.OBJECT | Kind.DICT):
+    if kind.may_be(Kind.OBJECT | Kind.DICT):
         return False
-    return not kind.may(Kind.LIST) or (kind.item is not None and _is_plain(kind.item))
+    return not kind.may_be(Kind.LIST) or (kind.item is not None and _is_plain(kind.item))
 
 
 def _has_plain_comparison(name: str, arguments: tuple[plan.Expr, ...], types: tuple[Type, ...]) -> bool:
     """Whether `==` or `in` compares without methods of objects and without unhashable keys of dicts."""
     if name in ("eq", "ne") and any(isinstance(one, plan.Constant) and one.value is None for one in arguments):
-        return not any(kind.may(Kind.OBJECT) for kind in types)
+        return not any(kind.may_be(Kind.OBJECT) for kind in types)
     return all(map(_is_plain, types))
 
 
@@ -246,12 +248,12 @@ def _check_size(expr: plan.Expr) -> None:
     """Raises NotInlinable for an expression that is too long as text; in memory its parts are shared."""
     sizes: dict[int, int] = {}
 
-    def size(node: Any) -> int:
+    def measure_size(node: Any) -> int:
         if id(node) not in sizes:
-            sizes[id(node)] = 1 + sum(map(size, list_parts(node)))
+            sizes[id(node)] = 1 + sum(map(measure_size, list_parts(node)))
         return sizes[id(node)]
 
-    if size(expr) > MOST_NODES:
+    if measure_size(expr) > MOST_NODES:
         raise NotInlinable("it would become too long an expression")
 
 
@@ -307,7 +309,7 @@ def _is_cheap(atom: plan.Expr) -> bool:
                 if not function.builtin or function.name not in _CHEAP:
                     return False
             case plan.Element(type=kind):
-                if kind.may(Kind.DICT):  # every read of a table's row builds a dict
+                if kind.may_be(Kind.DICT):  # every read of a table's row builds a dict
                     return False
             case plan.MakeList():
                 return False

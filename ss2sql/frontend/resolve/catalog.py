@@ -29,4 +29,4 @@ class Catalog:
     world_functions: Mapping[str, plan.Function] = field(default_factory=dict)  # for arguments that may be elements
     frames: Collection[str] = ()  # variables that are data frames
     files: Collection[str] = ()  # names of attached SQLite files
-    asked: Mapping[str, str] = field(default_factory=dict)  # representation -> "elements" or "calls"
+    hidden_columns: Mapping[str, str] = field(default_factory=dict)  # representation -> "elements" or "calls"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ss2sql.errors import Error, ResolveError, Span, did_you_mean
+from ss2sql.errors import Error, ResolveError, Span, suggest_names
 from ss2sql.frontend.resolve.scope import Scope, make_element
 from ss2sql.frontend.resolve.world_references import (
     find_world,
@@ -16,8 +16,8 @@ from ss2sql.frontend.resolve.world_references import (
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.file_sources import find_file_ending, suggest_cure
-from ss2sql.language.kinds import ANY, NONE, Kind, Type, union
-from ss2sql.language.plan_traversal import split_and, varies_with
+from ss2sql.language.kinds import ANY, NONE, Kind, Type, unite
+from ss2sql.language.plan_traversal import can_vary_with, split_and
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve.resolver import Resolver
@@ -43,10 +43,10 @@ def resolve_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[
             resolver.errors.append(error)
             nothing = plan.Constant(None, ANY, span=part.span)
             name = part.name or _derive_name(part.expr)
-            source = plan.ValueSource(resolver.number(), name, nothing, ANY, None, span=part.span)
+            source = plan.ValueSource(resolver.make_number(), name, nothing, ANY, None, span=part.span)
         scope.sources.append(_mark_lateral(source, scope))
         if part.on is not None:
-            on = resolver.guarded(resolver.expression, part.on, scope)
+            on = resolver.record_errors(resolver.resolve_expr, part.on, scope)
             if part.optional:
                 joined = _resolve_left_join(resolver, scope.sources.pop(), on, part.span)
                 scope.sources.append(_mark_lateral(joined, scope))
@@ -59,17 +59,17 @@ def _resolve_left_join(resolver: Resolver, source: plan.Source, on: plan.Expr, s
     """The elements of a source that meet a condition, or None where none does."""
     element = make_element(source, span)
     form, column = plan.Representation("list"), plan.Output("this", element)
-    query = plan.Query(resolver.number(), (source,), (column,), on, representation=form, span=span)
-    kind, columns = union((element.type, NONE)), source.columns
-    columns = columns and tuple((name, union((of, NONE))) for name, of in columns)
-    return plan.QuerySource(resolver.number(), source.name, query, kind, columns, optional=True, span=span)
+    query = plan.Query(resolver.make_number(), (source,), (column,), on, representation=form, span=span)
+    kind, columns = unite((element.type, NONE)), source.columns
+    columns = columns and tuple((name, unite((of, NONE))) for name, of in columns)
+    return plan.QuerySource(resolver.make_number(), source.name, query, kind, columns, optional=True, span=span)
 
 
 def _mark_lateral(source: plan.Source, scope: Scope) -> plan.Source:
     """The source, marked as `lateral` where it reads earlier sources or the state."""
     if not isinstance(source, (plan.ValueSource, plan.QuerySource)) or not (scope.sources or scope.states):
         return source
-    lateral = varies_with(source, {one.id for one in scope.sources}, scope.query)
+    lateral = can_vary_with(source, {one.id for one in scope.sources}, scope.query)
     return replace(source, lateral=True) if lateral else source
 
 
@@ -80,13 +80,13 @@ def _resolve_source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.So
             return resolve_function_source(resolver, tree.expr, name, scope)
         case ast.Call(arguments=arguments) if any(isinstance(argument, ast.Assign) for argument in arguments):
             call = replace(tree.expr, arguments=_resolve_arguments(resolver, tree.expr))
-            return resolve_value_source(resolver, name, resolver.expression(call, scope), tree.span)
+            return resolve_value_source(resolver, name, resolver.resolve_expr(call, scope), tree.span)
         case ast.Query():
             from ss2sql.frontend.resolve.query_clauses import resolve_query
 
             inner = resolve_query(resolver, tree.expr, scope)
             element, columns = _infer_elements(inner.type)
-            return plan.QuerySource(resolver.number(), name, inner.query, element, columns, span=tree.span)
+            return plan.QuerySource(resolver.make_number(), name, inner.query, element, columns, span=tree.span)
         case ast.Name(name=word):
             return _resolve_named_source(resolver, name, word, scope, tree.expr.span)
         case ast.Literal(value=str(path)) if find_file_ending(path) is not None:
@@ -95,9 +95,9 @@ def _resolve_source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.So
         case ast.Index(value=ast.Name(name=schema), index=ast.Literal(value=str(word))) if _is_file(resolver, schema):
             return _resolve_table_source(resolver, tree.name or word, schema, word, tree.expr.span)
         case ast.Attribute(source=str(schema), name=word):
-            if all(schema != source.name for level in scope.outwards() for source in level.sources):
+            if all(schema != source.name for level in scope.iterate_outwards() for source in level.sources):
                 return _resolve_table_source(resolver, name, schema, word, tree.expr.span)
-    return resolve_value_source(resolver, name, resolver.expression(tree.expr, scope), tree.span)
+    return resolve_value_source(resolver, name, resolver.resolve_expr(tree.expr, scope), tree.span)
 
 
 def _resolve_arguments(resolver: Resolver, tree: ast.Call) -> tuple[ast.Expr, ...]:
@@ -108,26 +108,26 @@ def _resolve_arguments(resolver: Resolver, tree: ast.Call) -> tuple[ast.Expr, ..
 def order_arguments(tree: ast.Call, parameters: tuple[str, ...] | None) -> tuple[ast.Expr, ...]:
     """The arguments of a table function in the order of its parameters; `name = expr` names one here."""
     known = parameters or ()
-    given: list[ast.Expr] = [argument for argument in tree.arguments if not isinstance(argument, ast.Assign)]
+    positional: list[ast.Expr] = [argument for argument in tree.arguments if not isinstance(argument, ast.Assign)]
     named = {argument.name: argument for argument in tree.arguments if isinstance(argument, ast.Assign)}
     for name, argument in named.items():
-        if parameters is not None and name not in known[len(given) :]:
+        if parameters is not None and name not in known[len(positional) :]:
             message = f"'{tree.function}' has no argument '{name}'"
-            hints = did_you_mean(name, known) or (f"help('{tree.function}') shows how it is called",)
+            hints = suggest_names(name, known) or (f"help('{tree.function}') shows how it is called",)
             if name in known:
                 message = f"'{tree.function}' gets the argument '{name}' twice"
                 hints = (f"keep one of them: argument {known.index(name) + 1} is '{name}'",)
             raise ResolveError("R005", message, argument.name_span, hints)
-    for name in known[len(given) : len(given) + len(named)]:
+    for name in known[len(positional) : len(positional) + len(named)]:
         if name not in named:
             hint = f"give '{name}' as well, which stands before them"
             raise ResolveError("R005", f"'{tree.function}' lacks the argument '{name}'", tree.span, (hint,))
-        given.append(named[name].value)
-    return tuple(given)
+        positional.append(named[name].value)
+    return tuple(positional)
 
 
 def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope, span: Span) -> plan.Source:
-    bound = resolver.bound(word, scope, span)
+    bound = resolver.find_bound(word, scope, span)
     if bound is None and word in resolver.late:
         return resolve_value_source(resolver, name, _resolve_late_list(resolver, word, scope, span), span)
     world = find_world(resolver, word) if bound is None else None
@@ -143,9 +143,11 @@ def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope
     if value is not None:
         return resolve_value_source(resolver, name, value, span)
     if resolver.catalog.open_names:
-        return resolve_value_source(resolver, name, resolver.name(word, None, span), span)
+        return resolve_value_source(resolver, name, resolver.resolve_name(word, None, span), span)
     known = [*resolver.assigned, *resolver.catalog.variables, *resolver.catalog.tables, *resolver.late]
-    hints = did_you_mean(word, known) or ("assign a list to it, or attach one from Python: session.attach(name, list)",)
+    hints = suggest_names(word, known) or (
+        "assign a list to it, or attach one from Python: session.attach(name, list)",
+    )
     if word.upper() == "DUAL":
         hints = ("write FROM [1]",)
     if word in resolver.catalog.functions:
@@ -164,7 +166,7 @@ def _is_file(resolver: Resolver, name: str) -> bool:
 
 def _find_variable(resolver: Resolver, word: str, span: Span) -> plan.Variable | None:
     """The script variable of this name; a data frame stays one instead of being read whole."""
-    value = resolver.variable(word, span)
+    value = resolver.find_variable(word, span)
     if value is None or word in resolver.assigned or word not in resolver.catalog.frames:
         return value
     return replace(value, frame=True)
@@ -177,7 +179,7 @@ def _resolve_late_list(resolver: Resolver, word: str, scope: Scope, span: Span) 
     before = len(resolver.errors)
     resolver.reading.append(word)
     try:
-        value = resolver.expression(resolver.late[word], scope)
+        value = resolver.resolve_expr(resolver.late[word], scope)
     finally:
         resolver.reading.pop()
     if len(resolver.errors) > before:
@@ -203,8 +205,10 @@ def _resolve_table_source(resolver: Resolver, name: str, schema: str, word: str,
     if value is not None:
         return resolve_value_source(resolver, name, value, span)
     if table is None:
-        hints = did_you_mean(word, resolver.catalog.tables) or (f"'{schema}' is no source here, and has no such table",)
-        if schema in resolver.variables():
+        hints = suggest_names(word, resolver.catalog.tables) or (
+            f"'{schema}' is no source here, and has no such table",
+        )
+        if schema in resolver.list_variables():
             hints = (f"'{schema}' is a source without tables of its own: write FROM {schema}",)
         raise ResolveError("R003", f"unknown source '{schema}.{word}'", span, hints)
     return _make_table_source(resolver, table, name, span)
@@ -215,7 +219,7 @@ def _find_table(resolver: Resolver, schema: str | None, word: str, span: Span) -
     try:
         return resolver.catalog.table(schema, word)
     except Error as error:
-        raise error.located(span) from None
+        raise error.with_span(span) from None
 
 
 def _find_engine_table(resolver: Resolver, name: str, span: Span) -> plan.Variable | None:
@@ -226,19 +230,19 @@ def _find_engine_table(resolver: Resolver, name: str, span: Span) -> plan.Variab
             return None
         kind = resolver.reads[variable] = resolver.catalog.variable_type(variable)
     except Error as error:
-        raise error.located(span) from None
+        raise error.with_span(span) from None
     return plan.Variable(variable, kind, frame=True, span=span)
 
 
 def _make_table_source(resolver: Resolver, table: plan.TableSource, name: str, span: Span) -> plan.Source:
-    source = replace(table, id=resolver.number(), name=name, span=span)
+    source = replace(table, id=resolver.make_number(), name=name, span=span)
     resolver.tables[source.id] = source
     return source
 
 
 def resolve_value_source(resolver: Resolver, name: str, value: plan.Expr, span: Span) -> plan.ValueSource:
     element, columns = _infer_elements(value.type)
-    return plan.ValueSource(resolver.number(), name, value, element, columns, span=span)
+    return plan.ValueSource(resolver.make_number(), name, value, element, columns, span=span)
 
 
 def _derive_name(tree: ast.Expr) -> str:
@@ -252,13 +256,13 @@ def _derive_name(tree: ast.Expr) -> str:
 
 def _infer_elements(value: Type) -> tuple[Type, tuple[tuple[str, Type], ...] | None]:
     """The type and the columns of the elements of a value that stands in FROM."""
-    if value.only(Kind.LIST):
+    if value.is_only(Kind.LIST):
         return value.item or ANY, value.columns
-    if value.only(Kind.DICT) and value.columns is not None:
+    if value.is_only(Kind.DICT) and value.columns is not None:
         columns = value.columns
-        if columns and all(kind.only(Kind.LIST) for _, kind in columns):
+        if columns and all(kind.is_only(Kind.LIST) for _, kind in columns):
             columns = tuple((name, kind.item or ANY) for name, kind in columns)
         return Type(Kind.DICT, columns=columns), columns
-    if value.may(Kind.LIST | Kind.DICT):
+    if value.may_be(Kind.LIST | Kind.DICT):
         return ANY, None
-    return value, value.columns if value.may(Kind.OBJECT) else ()
+    return value, value.columns if value.may_be(Kind.OBJECT) else ()

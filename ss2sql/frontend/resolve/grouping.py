@@ -9,9 +9,9 @@ from ss2sql.errors import ResolveError, Span
 from ss2sql.frontend.resolve.structural_equality import is_structurally_equal
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
-from ss2sql.language.kinds import Kind, Type, make_list_type, type_of, union
+from ss2sql.language.kinds import Kind, Type, make_list_type, type_of, unite
 from ss2sql.language.operations import GROUPS
-from ss2sql.language.plan_traversal import is_volatile, list_parts, list_sources, list_states, rebuild, walk_own
+from ss2sql.language.plan_traversal import is_volatile, list_parts, list_sources, list_states, rebuild_node, walk_own
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve.resolver import Resolver
@@ -22,7 +22,7 @@ def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
 
     A query whose columns consist of these alone gives one row per group. A search that compares rows keeps them too.
     """
-    columns = tuple(replace(output, expr=_lift(resolver, output.expr, query)) for output in query.columns)
+    columns = tuple(replace(output, expr=_lift_aggregates(resolver, output.expr, query)) for output in query.columns)
     aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk_own(output.expr))
     aggregated = not any(_reads_rows(output.expr, query) for output in columns)
     compares = query.search is not None and query.search.repeats != "allowed" and query.search.by == "row"
@@ -30,7 +30,7 @@ def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
         _refuse_group(resolver, query, "SELECT makes the rows that this search compares, so it cannot aggregate")
     if aggregates and not aggregated:
         _refuse_mixture(resolver, query, columns)
-    having = None if query.having is None else _lift(resolver, query.having, query)
+    having = None if query.having is None else _lift_aggregates(resolver, query.having, query)
     if having is not None and _reads_rows(having, query):
         message = "HAVING sees group values and aggregates only"
         resolver.errors.append(
@@ -40,7 +40,7 @@ def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     if not aggregated:
         _refuse_star(resolver, query)
         return query
-    order = tuple(replace(key, expr=_lift(resolver, key.expr, query)) for key in query.order)
+    order = tuple(replace(key, expr=_lift_aggregates(resolver, key.expr, query)) for key in query.order)
     for key in order:
         if _reads_rows(key.expr, query):
             message = "ORDER BY sorts groups here, so it sees group values and aggregates only"
@@ -66,7 +66,7 @@ def _is_count(tree: Any) -> bool:
         case ast.Call(function="count", owner=None) if tree.star or tree.distinct:
             return True
         case _:
-            return not isinstance(tree, ast.Query) and any(map(_is_count, ast.children(tree)))
+            return not isinstance(tree, ast.Query) and any(map(_is_count, ast.list_children(tree)))
 
 
 def resolve_count_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:
@@ -105,21 +105,21 @@ def _share_aggregates(query: plan.Query) -> plan.Query:
         if isinstance(node, plan.Aggregate):
             firsts.setdefault(node, node)
 
-    def marked(node: Any) -> Any:
+    def mark_shared(node: Any) -> Any:
         if isinstance(node, plan.Aggregate):
             # An aggregate with a volatile argument stays a node of its own, so that its calls are made again.
             return replace(firsts[node], span=node.span) if is_volatile(node) else firsts[node]
-        return node if isinstance(node, plan.Query) else rebuild(node, marked)
+        return node if isinstance(node, plan.Query) else rebuild_node(node, mark_shared)
 
     return replace(
         query,
-        columns=tuple(replace(output, expr=marked(output.expr)) for output in query.columns),
-        order=tuple(replace(key, expr=marked(key.expr)) for key in query.order),
-        having=None if query.having is None else marked(query.having),
+        columns=tuple(replace(output, expr=mark_shared(output.expr)) for output in query.columns),
+        order=tuple(replace(key, expr=mark_shared(key.expr)) for key in query.order),
+        having=None if query.having is None else mark_shared(query.having),
     )
 
 
-def _lift(resolver: Resolver, expr: plan.Expr, query: plan.Query, within: bool = False) -> plan.Expr:
+def _lift_aggregates(resolver: Resolver, expr: plan.Expr, query: plan.Query, within: bool = False) -> plan.Expr:
     """The expression with GroupKey and Aggregate in place of group keys and aggregates.
 
     `within` another query the group keys are visible, but its calls of `sum` and other aggregates are its own.
@@ -134,16 +134,16 @@ def _lift(resolver: Resolver, expr: plan.Expr, query: plan.Query, within: bool =
             _refuse_star_within(resolver, expr)
             kind = GROUPS[name].type_of_group(argument.type)
             if not query.group:  # there may be no row
-                kind = union((kind, type_of(GROUPS[name].nothing)))
+                kind = unite((kind, type_of(GROUPS[name].nothing)))
             return plan.Aggregate(name, argument, kind, not query.group, span=expr.span)
         case plan.Call(function=plan.Function(collects=True), arguments=(argument, *others)) if not within:
             _refuse_star_within(resolver, expr)
             kind = GROUPS["collect"].type_of_group(argument.type)
             collected = plan.Aggregate("collect", argument, kind, not query.group, span=expr.span)
-            beside = (_lift(resolver, other, query) for other in others)
+            beside = (_lift_aggregates(resolver, other, query) for other in others)
             return _update_type(resolver, replace(expr, arguments=(collected, *beside)))
     within = within or isinstance(expr, plan.Query)
-    lifted = rebuild(expr, lambda part: _lift(resolver, part, query, within))
+    lifted = rebuild_node(expr, lambda part: _lift_aggregates(resolver, part, query, within))
     return lifted if lifted is expr else _update_type(resolver, lifted)
 
 
@@ -151,11 +151,11 @@ def _update_type(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
     """The expression with its type computed again, since an aggregate's type differs from a list's."""
     match expr:
         case plan.Call(function=function, arguments=arguments) if function.builtin:
-            return resolver.call(function.name, arguments, expr.span, expr.place)
+            return resolver.make_call(function.name, arguments, expr.span, expr.place)
         case plan.Call():
-            return resolver.inliner.typed(expr)
+            return resolver.inliner.refine_type(expr)
         case plan.If():
-            return replace(expr, type=union((expr.then[-1].type, expr.otherwise[-1].type)))
+            return replace(expr, type=unite((expr.then[-1].type, expr.otherwise[-1].type)))
         case plan.MakeList(items=items):
             return replace(expr, type=make_list_type([item.type for item in items]))
         case plan.Assign(value=value):
@@ -164,7 +164,9 @@ def _update_type(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
 
 
 def _reads_rows(node: object, query: plan.Query, within: bool = False) -> bool:
-    """Whether the node reads the query's own elements or state outside its aggregates; `within` as in `_lift`."""
+    """Whether the node reads the query's own elements or state outside its aggregates; `within` as in
+    `_lift_aggregates`.
+    """
     own = {source.id for source in query.sources}
     match node:
         case plan.Aggregate() if not within:

@@ -28,7 +28,7 @@ def add_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:
     """The query with its representation's columns. Rows of searches and groups belong to no single element."""
     query = _resolve_labels(resolver, query)
     form = query.representation
-    wanted = resolver.catalog.asked.get(form.name)
+    wanted = resolver.catalog.hidden_columns.get(form.name)
     if wanted is None or (query.search and not query.last) or query.aggregated or not query.sources:
         return query
     hidden: list[plan.Expr] = []

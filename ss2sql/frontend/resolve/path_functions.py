@@ -24,7 +24,7 @@ from ss2sql.frontend.resolve.scope import Scope
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, make_list_type
-from ss2sql.language.plan_traversal import is_volatile, list_sources, rebuild, walk
+from ss2sql.language.plan_traversal import is_volatile, list_sources, rebuild_node, walk
 from ss2sql.language.rows import make_unique_name
 
 if TYPE_CHECKING:
@@ -97,7 +97,9 @@ def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, 
 
 def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | None) -> plan.Expr:
     """The plan of a call of one of these functions."""
-    own = next((level for level in scope.outwards() if level.path_functions is not None), None) if scope else None
+    own = (
+        next((level for level in scope.iterate_outwards() if level.path_functions is not None), None) if scope else None
+    )
     usage = USAGE.get(tree.function, f"{tree.function}(x)")
     if own is None or own.path_functions is None:
         hint = "write it in a clause of a step of a query with CONNECT BY"
@@ -122,7 +124,8 @@ def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | Non
     match tree.function:
         case "root":
             return replace(
-                resolver.expression(_pick_first(tree.arguments[0], ast.Name(name, span=tree.span)), own), span=tree.span
+                resolver.resolve_expr(_pick_first(tree.arguments[0], ast.Name(name, span=tree.span)), own),
+                span=tree.span,
             )
         case "next":
             after: plan.Expr = replace(substitute_next(own, argument), span=tree.span)
@@ -131,19 +134,19 @@ def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | Non
             reached = argument
             if not list_sources(argument):
                 state, reached = _extend_path(resolver, state, argument, tree.span), substitute_next(own, argument)
-            values = resolver.call("path values", (state,), tree.span, tree.span)
-            return resolver.call("in", (reached, values), tree.span, tree.span)
+            values = resolver.make_call("path values", (state,), tree.span, tree.span)
+            return resolver.make_call("in", (reached, values), tree.span, tree.span)
         case _:
-            more = resolver.all(tree.arguments[1:], own)
+            more = resolver.resolve_all(tree.arguments[1:], own)
             cell = _extend_path(resolver, state, argument, tree.span)
             if more:
-                return resolver.call("path text", (cell, *more), tree.span, tree.span)
-            values = resolver.call("path values", (cell,), tree.span, tree.span)
+                return resolver.make_call("path text", (cell, *more), tree.span, tree.span)
+            values = resolver.make_call("path values", (cell,), tree.span, tree.span)
             return replace(values, type=make_any_list_type(argument.type))
 
 
 def make_any_list_type(item: Type) -> Type:
-    return Type(Kind.LIST, item=item, columns=item.columns if item.only(Kind.DICT) else None)
+    return Type(Kind.LIST, item=item, columns=item.columns if item.is_only(Kind.DICT) else None)
 
 
 def substitute_next(scope: Scope, expr: plan.Expr) -> Any:
@@ -153,14 +156,14 @@ def substitute_next(scope: Scope, expr: plan.Expr) -> Any:
         raise ResolveError("R014", "what CONNECT BY assigns is not known yet")
     values: dict[str, plan.Expr] = {}
 
-    def changed(node: Any) -> Any:
+    def substitute(node: Any) -> Any:
         if isinstance(node, plan.State) and node.query == scope.query:
             return values.get(node.name, node)
-        return rebuild(node, changed)
+        return rebuild_node(node, substitute)
 
     for name, value in scope.path_functions.search.connect:
-        values[name] = changed(value)
-    return changed(expr)
+        values[name] = substitute(value)
+    return substitute(expr)
 
 
 def reads_path(resolver: Resolver, tree: ast.Expr | ast.Named | ast.Star) -> bool:
@@ -187,7 +190,7 @@ def _check_place(tree: ast.Call, said: PathFunctions) -> None:
 
 def _resolve_argument(resolver: Resolver, tree: ast.Call, own: Scope) -> plan.Expr:
     """The argument, resolved in the search, even inside an inner query."""
-    argument = resolver.expression(tree.arguments[0], own)
+    argument = resolver.resolve_expr(tree.arguments[0], own)
     if is_volatile(argument):
         hint = "assign what it gives to a variable of START WITH in CONNECT BY"
         raise ResolveError("R014", f"{tree.function} does not go with what changes or is volatile", tree.span, (hint,))
@@ -200,26 +203,28 @@ def _resolve_leaf(resolver: Resolver, span: Span, own: Scope) -> plan.Expr:
     assert own.path_functions.search is not None
     search = own.path_functions.search
     numbers: dict[int, int] = {}
-    sources = tuple(substitute_next(own, _renumber(resolver, source, numbers)) for source in own.path_functions.sources)
-    where = None if search.made is None else substitute_next(own, _renumber(resolver, search.made, numbers))
+    sources = tuple(
+        substitute_next(own, _renumber_copy(resolver, source, numbers)) for source in own.path_functions.sources
+    )
+    where = None if search.made is None else substitute_next(own, _renumber_copy(resolver, search.made, numbers))
     one = plan.Constant(1, Type(Kind.INT, 1, 1), span=span)
     shown = (plan.Output("1", one),)
     form = plan.Representation("list")
-    query = plan.Query(resolver.number(), sources, shown, where, limit=one, representation=form, span=span)
+    query = plan.Query(resolver.make_number(), sources, shown, where, limit=one, representation=form, span=span)
     found = plan.Subquery(query, make_list_type([one.type]), span=span)
     nothing = plan.Constant([], Type(Kind.LIST), span=span)
-    none = resolver.call("eq", (replace(found, type=Type(Kind.LIST, item=one.type)), nothing), span, span)
+    none = resolver.make_call("eq", (replace(found, type=Type(Kind.LIST, item=one.type)), nothing), span, span)
     return none if search.stop is None else plan.Or((search.stop, none), BOOL, span=span)
 
 
-def _renumber(resolver: Resolver, node: Any, numbers: dict[int, int]) -> Any:
+def _renumber_copy(resolver: Resolver, node: Any, numbers: dict[int, int]) -> Any:
     """A copy of sources, or of what reads them, with numbers of its own for sources and queries inside."""
     for part in walk(node):
         if isinstance(part, (*plan.SOURCES, plan.Query)) and part.id not in numbers:
-            numbers[part.id] = resolver.number()
+            numbers[part.id] = resolver.make_number()
 
-    def changed(part: Any) -> Any:
-        new = rebuild(part, changed)
+    def renumber_part(part: Any) -> Any:
+        new = rebuild_node(part, renumber_part)
         match new:
             case plan.Element(source=number) | plan.Column(source=number) if number in numbers:
                 return replace(new, source=numbers[number])
@@ -231,11 +236,11 @@ def _renumber(resolver: Resolver, node: Any, numbers: dict[int, int]) -> Any:
                 return replace(new, id=numbers[new.id])
         return new
 
-    return changed(node)
+    return renumber_part(node)
 
 
 def _extend_path(resolver: Resolver, state: plan.Expr, argument: plan.Expr, span: Span) -> plan.Expr:
-    return resolver.call("path cell", (state, argument), argument.span, span)
+    return resolver.make_call("path cell", (state, argument), argument.span, span)
 
 
 def _make_assignment(name: str, value: ast.Expr) -> ast.Assign:
@@ -261,7 +266,7 @@ def _iterate_nodes(tree: Any) -> Iterator[Any]:
 
 def _list_children(tree: Any) -> Iterator[Any]:
     """The nodes directly below a node; searches inside have calls of their own."""
-    return (part for part in ast.children(tree) if not (isinstance(part, ast.Query) and part.searches))
+    return (part for part in ast.list_children(tree) if not (isinstance(part, ast.Query) and part.searches))
 
 
 def _measure_nesting(resolver: Resolver, tree: Any) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from ss2sql.errors import ResolveError, Span, did_you_mean, suggest
+from ss2sql.errors import ResolveError, Span, suggest_names, suggest_similar
 from ss2sql.frontend.resolve.from_clause import resolve_sources, resolve_value_source
 from ss2sql.frontend.resolve.grouping import is_count_of_rows, resolve_groups
 from ss2sql.frontend.resolve.hidden_columns import add_hidden_columns
@@ -17,7 +17,7 @@ from ss2sql.frontend.resolve.world_references import is_function_of_this
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.tokenizer import shorten_text
 from ss2sql.language import plan
-from ss2sql.language.kinds import ANY, NONE, Kind, Type, cut_depth, make_list_type, union
+from ss2sql.language.kinds import ANY, NONE, Kind, Type, cut_depth, make_list_type, unite
 from ss2sql.language.plan_traversal import is_volatile, join_conditions, split_and, walk
 from ss2sql.language.rows import make_unique_name
 
@@ -29,20 +29,20 @@ SYNONYMS = {"val": "value"}
 
 def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> plan.Subquery:
     """The plan of a query; errors of its clauses are collected."""
-    scope = Scope(outer, resolver.number())
+    scope = Scope(outer, resolver.make_number())
     scope.shown = {name: expr.span.text for name, expr in map(_split_name, tree.columns) if name and expr}
     search, joins = _resolve_search(resolver, tree, scope, outer)
     sources = tuple(scope.sources)
     where = _resolve_optional(resolver, tree.where, scope, "WHERE")
     where = _join_conditions(joins, where) if search is None else where
-    scope.enter("GROUP BY")
+    scope.enter_clause("GROUP BY")
     group = _resolve_group(resolver, tree, scope)
     counted = is_count_of_rows(tree.columns)
     scope.grouped = bool(group) or counted
-    scope.enter("SELECT")
+    scope.enter_clause("SELECT")
     columns = _resolve_columns(resolver, tree, scope)
     scope.columns = _name_columns(resolver, tree, scope, columns)
-    scope.enter("ORDER BY")
+    scope.enter_clause("ORDER BY")
     order = tuple(_resolve_order_key(resolver, tree, key, scope, columns) for key in tree.order)
     having = _resolve_optional(resolver, tree.having, scope, "HAVING")
     if having is not None and tree.having is not None:
@@ -85,8 +85,8 @@ def _check_distinct(resolver: Resolver, tree: ast.Query) -> None:
 
 
 def _resolve_optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope, clause: str) -> plan.Expr | None:
-    scope.enter(clause)
-    return None if tree is None else resolver.guarded(resolver.expression, tree, scope)
+    scope.enter_clause(clause)
+    return None if tree is None else resolver.record_errors(resolver.resolve_expr, tree, scope)
 
 
 # --- the search ----------------------------------------------------------------------------------------
@@ -109,16 +109,16 @@ def _resolve_search(
         _refuse_without_search(resolver, tree)
         return None, resolve_sources(resolver, tree, scope)
     tree, scope.path_functions = add_path_variables(resolver, tree)
-    scope.enter("START WITH")
+    scope.enter_clause("START WITH")
     start, each = _resolve_start(resolver, tree, scope)
     unset = _report_unset_states(tree, scope)
-    scope.enter("FROM")
+    scope.enter_clause("FROM")
     infer_state_types(resolver, tree, scope, dict(start))
     joins = resolve_sources(resolver, tree, scope)
     resolver.errors.extend(_make_unset_error(assign, tree, scope) for assign in unset)
     _check_names(resolver, tree, scope)
-    scope.enter("CONNECT BY")
-    connect = tuple((a.name, resolver.guarded(resolver.expression, a.value, scope)) for a in tree.connect)
+    scope.enter_clause("CONNECT BY")
+    connect = tuple((a.name, resolver.record_errors(resolver.resolve_expr, a.value, scope)) for a in tree.connect)
     search = plan.Search(start, connect, None, states=tuple(scope.states.items()), each=each)
     scope.path_functions.sources, scope.path_functions.search = tuple(scope.sources), search
     made = _join_conditions(joins, _resolve_optional(resolver, tree.made, scope, "the condition of CONNECT BY"))
@@ -127,7 +127,7 @@ def _resolve_search(
     stop = _resolve_optional(resolver, tree.stop, scope, "STOP WITH")
     scope.path_functions.search = search = replace(search, made=made, first=first, stop=stop)
     scope.path_functions.search = search = resolve_search_options(resolver, tree, scope, outer, search)
-    scope.enter("ORDER SIBLINGS BY")
+    scope.enter_clause("ORDER SIBLINGS BY")
     keys = (plan.OrderKey(_resolve_key(resolver, key.expr, scope), key.descending) for key in tree.siblings)
     return replace(search, siblings=tuple(keys)), joins
 
@@ -135,8 +135,8 @@ def _resolve_search(
 def _refuse_without_search(resolver: Resolver, tree: ast.Query) -> None:
     """Refuses clauses of a search in a query without CONNECT BY."""
     parts = (("START WITH", (*tree.start, tree.first)), ("STOP WITH", (tree.stop,)))
-    for clause, given in (*parts, ("ORDER SIBLINGS BY", tuple(key.expr for key in tree.siblings))):
-        place = next((part.span for part in given if part is not None), None)
+    for clause, parts_of_clause in (*parts, ("ORDER SIBLINGS BY", tuple(key.expr for key in tree.siblings))):
+        place = next((part.span for part in parts_of_clause if part is not None), None)
         if place is not None:
             hint = "add CONNECT BY with a condition, or with name = expr"
             resolver.errors.append(ResolveError("R012", f"{clause} needs CONNECT BY", place, (hint,)))
@@ -156,7 +156,9 @@ def _resolve_start(
         if item.name in scope.states:
             message = f"START WITH sets '{item.name}' twice"
             resolver.errors.append(ResolveError("R013", message, item.name_span, ("keep one of them",)))
-        value = resolver.guarded(resolver.expression, item.values if isinstance(item, ast.Each) else item.value, scope)
+        value = resolver.record_errors(
+            resolver.resolve_expr, item.values if isinstance(item, ast.Each) else item.value, scope
+        )
         if isinstance(item, ast.Each):
             source = resolve_value_source(resolver, item.name, value, item.span)
             each.append(source)
@@ -178,7 +180,7 @@ def _make_unset_error(assign: ast.Assign, tree: ast.Query, scope: Scope) -> Reso
     """The error for such an assignment, perhaps meant as a comparison."""
     name = assign.name
     message = f"CONNECT BY sets '{name}', which START WITH does not"
-    hints = did_you_mean(name, [item.name for item in tree.start]) or (f"add START WITH {name} = ...",)
+    hints = suggest_names(name, [item.name for item in tree.start]) or (f"add START WITH {name} = ...",)
     if any(name == column for source in scope.sources for column, _ in source.columns or ()):
         hints = (f"write {name} == {shorten_text(assign.value.span.text)} to compare",)
     return ResolveError("R001", message, assign.name_span, hints)
@@ -204,16 +206,16 @@ def _resolve_group(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[p
     """The values of GROUP BY, which may be columns of SELECT by their names."""
     named = {name: expr for name, expr in map(_split_name, reversed(tree.columns)) if name and expr}
 
-    def column(name: str) -> plan.Expr | None:
+    def resolve_output(name: str) -> plan.Expr | None:
         if name not in named:
             return None
         scope.later = None  # it does not mean itself
         try:
             return _resolve_key(resolver, named[name], scope)
         finally:
-            scope.later = column
+            scope.later = resolve_output
 
-    scope.later = column
+    scope.later = resolve_output
     group = tuple(_resolve_key(resolver, key, scope) for key in tree.group)
     scope.later = None
     return group
@@ -285,7 +287,7 @@ def _make_labelled_column(resolver: Resolver, value: ast.Expr, label: ast.Expr, 
         case ast.Name(name=name) | ast.Literal(value=str(name)):
             return plan.Output(name, expr)
         case _:
-            text = resolver.guarded(resolver.expression, label, scope)
+            text = resolver.record_errors(resolver.resolve_expr, label, scope)
             return plan.Output(_derive_column_name(value), expr, text)
 
 
@@ -307,13 +309,13 @@ def _resolve_key(resolver: Resolver, tree: ast.Expr, scope: Scope) -> plan.Expr:
     """A SELECT column, GROUP BY or ORDER BY key: a bare function name is applied to `this`."""
     if isinstance(tree, ast.Name) and is_function_of_this(resolver, tree.name, scope):
         try:
-            found = resolver.bound(tree.name, scope, tree.span) or resolver.variable(tree.name, tree.span)
+            found = resolver.find_bound(tree.name, scope, tree.span) or resolver.find_variable(tree.name, tree.span)
         except ResolveError as error:
             resolver.errors.append(error)
             return plan.Constant(None, ANY, span=tree.span)
         if found is None:
             tree = ast.Call(tree.name, (ast.This(None, span=tree.span),), span=tree.span)
-    return resolver.guarded(resolver.expression, tree, scope)
+    return resolver.record_errors(resolver.resolve_expr, tree, scope)
 
 
 def _resolve_order_key(
@@ -369,13 +371,15 @@ def _resolve_form(resolver: Resolver, tree: ast.Representation | None, outer: Sc
     if name not in known:
         every = f"the forms are {', '.join(sorted(known))}; session.representation registers others"
         hints = (
-            did_you_mean(name, known) if suggest(name, known) and name not in ("table", "tuple", "tuples") else (every,)
+            suggest_names(name, known)
+            if suggest_similar(name, known) and name not in ("table", "tuple", "tuples")
+            else (every,)
         )
-        if not suggest(name, known) and not (tree.arguments or tree.named):
+        if not suggest_similar(name, known) and not (tree.arguments or tree.named):
             hints += (f"to name a source write FROM {tree.name} = ...",)
         resolver.errors.append(ResolveError("R006", f"unknown representation '{tree.name}'", tree.span, hints))
-    arguments = resolver.all(tree.arguments, outer)
-    named = tuple((a.name, resolver.guarded(resolver.expression, a.value, outer)) for a in tree.named)
+    arguments = resolver.resolve_all(tree.arguments, outer)
+    named = tuple((a.name, resolver.record_errors(resolver.resolve_expr, a.value, outer)) for a in tree.named)
     return plan.Representation(name, arguments, named, tree.span)
 
 
@@ -395,7 +399,7 @@ def _infer_value_type(query: plan.Query) -> Type:
         case "value":
             cut = query.search or query.group or query.having or query.limit or query.offset
             one = query.aggregated and not cut  # one group, even without rows
-            rows = union((kinds[0],) if one else (kinds[0], NONE)) if kinds else NONE
+            rows = unite((kinds[0],) if one else (kinds[0], NONE)) if kinds else NONE
         case "void":
             return NONE
         case _:
@@ -403,5 +407,5 @@ def _infer_value_type(query: plan.Query) -> Type:
     if query.group and not query.aggregated:
         return Type(Kind.DICT)
     if query.gives_paths:
-        return Type(Kind.LIST, item=rows, columns=() if not rows.may(Kind.DICT) else None)
+        return Type(Kind.LIST, item=rows, columns=() if not rows.may_be(Kind.DICT) else None)
     return rows

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, assert_never
 
-from ss2sql.errors import ResolveError, Span, combine_errors, did_you_mean, suggest
+from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names, suggest_similar
 from ss2sql.frontend.inlining.inliner import Inliner
 from ss2sql.frontend.resolve.catalog import Catalog
 from ss2sql.frontend.resolve.grouping import is_count_of_rows, resolve_count_distinct, resolve_count_star
@@ -33,7 +33,7 @@ from ss2sql.frontend.resolve.suggestions import Place, explain_function, explain
 from ss2sql.frontend.resolve.world_references import replace_by_keys, resolve_world_call
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
-from ss2sql.language.kinds import ANY, BOOL, NONE, Kind, Type, make_list_type, type_of, union
+from ss2sql.language.kinds import ANY, BOOL, NONE, Kind, Type, make_list_type, type_of, unite
 from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.language.plan_traversal import is_volatile, walk
 
@@ -46,8 +46,8 @@ def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
     Raises ResolveError with every unknown name, wrong call and misplaced construct that was found.
     """
     resolver = Resolver(catalog)
-    statements = tuple(resolver.statement(statement) for statement in script.statements)
-    resolver.finish()
+    statements = tuple(resolver.resolve_statement(statement) for statement in script.statements)
+    resolver.raise_errors()
     return plan.Program(statements, tuple(resolver.parameters))
 
 
@@ -56,11 +56,11 @@ FIRST_EVAL_ID = 1_000_000  # the first number in strings of `eval`; scripts have
 
 def resolve_eval(script: ast.Script, scope: Scope | None, catalog: Catalog) -> tuple[plan.Expr, ...]:
     """The statements of a string given to `eval`, resolved in its place; they see a row, never its group."""
-    levels = list(scope.outwards()) if scope else []
+    levels = list(scope.iterate_outwards()) if scope else []
     around = [number for level in levels for number in (level.query, *(source.id for source in level.sources))]
     resolver, scope = Resolver(catalog, max(FIRST_EVAL_ID, *around, 0)), scope and replace(scope, grouped=False)
-    expressions = tuple(resolver.statement(statement, scope).expr for statement in script.statements)
-    resolver.finish()
+    expressions = tuple(resolver.resolve_statement(statement, scope).expr for statement in script.statements)
+    resolver.raise_errors()
     return expressions
 
 
@@ -80,16 +80,16 @@ class Resolver:
         self.numbers = base
         self.inliner = Inliner()
 
-    def number(self) -> int:
+    def make_number(self) -> int:
         """A new number for a source or query, larger than all that are visible."""
         self.numbers += 1
         return self.numbers
 
-    def finish(self) -> None:
+    def raise_errors(self) -> None:
         if self.errors:
             raise combine_errors(self.errors)
 
-    def guarded(
+    def record_errors(
         self, function: Callable[[ast.Expr, Scope | None], plan.Expr], tree: ast.Expr, scope: Scope | None
     ) -> plan.Expr:
         """`function(tree, scope)`; a ResolveError is recorded and a placeholder returned."""
@@ -99,7 +99,7 @@ class Resolver:
             self.errors.append(error)
             return plan.Constant(None, ANY, span=tree.span)
 
-    def statement(self, tree: ast.Expr, scope: Scope | None = None) -> plan.Statement:
+    def resolve_statement(self, tree: ast.Expr, scope: Scope | None = None) -> plan.Statement:
         """The plan of a statement; later statements know what it assigns."""
         self.reads, self.tables, self.tentative = {}, {}, False
         nested = [node.name for node in _find_assignments(tree) if node is not tree]
@@ -107,7 +107,7 @@ class Resolver:
             # Its value changes while the statement runs, so its type is unknown.
             self.assigned[name] = ANY
             self.late.pop(name, None)
-        expr = self.guarded(self.expression, tree, scope)
+        expr = self.record_errors(self.resolve_expr, tree, scope)
         if isinstance(expr, plan.Assign):
             self.assigned[expr.name] = ANY if expr.name in nested else expr.value.type
             self.late.pop(expr.name, None)
@@ -117,59 +117,63 @@ class Resolver:
 
     # --- expressions -----------------------------------------------------------------------------------
 
-    def expression(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
+    def resolve_expr(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
         """The plan of an expression. Raises its first own ResolveError, records those of its parts."""
         span = tree.span
         match tree:
             case ast.Literal(value=value):
                 return plan.Constant(value, type_of(value), span=span)
             case ast.Name(name=name):
-                return self.name(name, scope, span)
+                return self.resolve_name(name, scope, span)
             case ast.This():
-                return self.this(tree, scope)
+                return self.resolve_this(tree, scope)
             case ast.Attribute(source=source, name=name):
                 if source is not None and (row := find_value(scope, source, span)) is not None:
-                    return self.call("item", (row, plan.Constant(name, type_of(name), span=span)), span, span)
-                owner = find_first_source(scope, span) if source is None else self.source(tree, source, scope)
-                return self.element_call(name, owner, scope, span) or make_column(owner, name, span)
+                    return self.make_call("item", (row, plan.Constant(name, type_of(name), span=span)), span, span)
+                owner = find_first_source(scope, span) if source is None else self.find_source(tree, source, scope)
+                return self.resolve_element_call(name, owner, scope, span) or make_column(owner, name, span)
             case ast.ListLiteral():
                 return self.list_literal(tree, scope)
             case ast.Call():
                 return self.call_tree(tree, scope)
             case ast.Index(value=value, index=index):
-                return self.call("item", self.all((value, index), scope), span, index.span)
+                return self.make_call("item", self.resolve_all((value, index), scope), span, index.span)
             case ast.Slice(value=value, lower=lower, upper=upper):
                 bounds = (bound or ast.Literal(None, span=span) for bound in (lower, upper))
-                return self.call("slice", self.all((value, *bounds), scope), span, span)
+                return self.make_call("slice", self.resolve_all((value, *bounds), scope), span, span)
             case ast.Operator(function=function, operands=operands, place=place):
                 if function in ("in", "not_in"):
-                    arguments = self.values(operands[:1], scope) + self.operands((wrap_as_list(operands[1]),), scope)
+                    arguments = self.resolve_values(operands[:1], scope) + self.resolve_operands(
+                        (wrap_as_list(operands[1]),), scope
+                    )
                 else:
-                    arguments = self.values(operands, scope)
+                    arguments = self.resolve_values(operands, scope)
                 compared = function in ("eq", "ne") and self.catalog.functions[function].builtin
-                return self.call(function, replace_by_keys(arguments, scope) if compared else arguments, span, place)
+                return self.make_call(
+                    function, replace_by_keys(arguments, scope) if compared else arguments, span, place
+                )
             case ast.Between():
-                return self.between(tree, scope)
+                return self.resolve_between(tree, scope)
             case ast.And(parts=parts):
-                return plan.And(self.all(parts, scope), span=span)
+                return plan.And(self.resolve_all(parts, scope), span=span)
             case ast.Or(parts=parts):
-                return plan.Or(self.all(parts, scope), span=span)
+                return plan.Or(self.resolve_all(parts, scope), span=span)
             case ast.Xor(left=left, right=right):
-                one, other = self.all((left, right), scope)
+                one, other = self.resolve_all((left, right), scope)
                 return plan.Xor(one, other, span=span)
             case ast.Not(operand=operand):
-                return plan.Not(self.guarded(self.expression, operand, scope), span=span)
+                return plan.Not(self.record_errors(self.resolve_expr, operand, scope), span=span)
             case ast.If():
-                return self.conditional(tree, scope)
+                return self.resolve_if(tree, scope)
             case ast.Assign():
-                return self.assign(tree, scope)
+                return self.resolve_assignment(tree, scope)
             case ast.TemporalAssign(name=name, keep=keep, value=value):
-                kept, new = self.all((keep, value), scope)
+                kept, new = self.resolve_all((keep, value), scope)
                 self.assigned[name] = ANY
                 self.late.pop(name, None)
                 return plan.TemporalAssign(name, kept, new, new.type, span=span)
             case ast.Temporal(name=name, when=when):
-                return self.temporal(name, when, scope, span)
+                return self.resolve_temporal(name, when, scope, span)
             case ast.Query():
                 from ss2sql.frontend.resolve.query_clauses import resolve_query
 
@@ -177,40 +181,41 @@ class Resolver:
             case _:
                 assert_never(tree)
 
-    def all(self, trees: Iterable[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
-        return tuple(self.guarded(self.expression, tree, scope) for tree in trees)
+    def resolve_all(self, trees: Iterable[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
+        return tuple(self.record_errors(self.resolve_expr, tree, scope) for tree in trees)
 
-    def operands(self, trees: Iterable[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
+    def resolve_operands(self, trees: Iterable[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
         """Operands, or the arguments of a call."""
         return tuple(
-            self.guarded(self.operand if isinstance(tree, ast.Name) else self.expression, tree, scope) for tree in trees
+            self.record_errors(self.resolve_operand if isinstance(tree, ast.Name) else self.resolve_expr, tree, scope)
+            for tree in trees
         )
 
-    def values(self, trees: Sequence[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
+    def resolve_values(self, trees: Sequence[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
         """Operands of an operator; a query without AS is one value, see `wrap_as_value`."""
-        pairs = list(zip(trees, self.operands(map(wrap_as_value, trees), scope), strict=True))
-        lists = any(value.type.only(Kind.LIST) for tree, value in pairs if not is_value(tree))
+        pairs = list(zip(trees, self.resolve_operands(map(wrap_as_value, trees), scope), strict=True))
+        lists = any(value.type.is_only(Kind.LIST) for tree, value in pairs if not is_value(tree))
         for tree in filter(is_value, trees if lists else ()):
             text = tree.span.text if len(tree.span.text) <= 60 else "SELECT ..."
             message = "this query is one value here, and it meets a list"
             self.errors.append(ResolveError("R014", message, tree.span, (f"write ({text} AS list)",)))
-        return tuple(self.single(value) if is_value(tree) else value for tree, value in pairs)
+        return tuple(self.unwrap_single(value) if is_value(tree) else value for tree, value in pairs)
 
-    def single(self, value: plan.Expr) -> plan.Expr:
+    def unwrap_single(self, value: plan.Expr) -> plan.Expr:
         """A query's list as one value: its only element, None of an empty list."""
         if not isinstance(value, plan.Subquery) or value.query.representation.name == "value":
             return value
         row = OPERATIONS["single"]
         kind = row.result((value.type,))
-        return plan.Call(row.function((value.type,)), (value,), kind, span=value.span, place=value.span)
+        return plan.Call(row.make_function((value.type,)), (value,), kind, span=value.span, place=value.span)
 
-    def operand(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
+    def resolve_operand(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
         """An operand; an unknown name may be meant as a string without quotes."""
         assert isinstance(tree, ast.Name)
-        return self.name(tree.name, scope, tree.span, operand=True)
+        return self.resolve_name(tree.name, scope, tree.span, operand=True)
 
-    def name(self, name: str, scope: Scope | None, span: Span, operand: bool = False) -> plan.Expr:
-        meaning = self.bound(name, scope, span) or self.variable(name, span)
+    def resolve_name(self, name: str, scope: Scope | None, span: Span, operand: bool = False) -> plan.Expr:
+        meaning = self.find_bound(name, scope, span) or self.find_variable(name, span)
         if meaning is not None:
             return meaning
         dynamic = find_open_source(scope, name, span)
@@ -220,32 +225,32 @@ class Resolver:
             self.parameters[name] = None
             self.reads[name] = ANY
             return plan.Variable(name, ANY, span=span)
-        sources = tuple(source for level in scope.outwards() for source in level.sources) if scope else ()
-        for level in scope.outwards() if scope else ():
+        sources = tuple(source for level in scope.iterate_outwards() for source in level.sources) if scope else ()
+        for level in scope.iterate_outwards() if scope else ():
             if name in level.shown:
                 hint = f"'{name}' is a column that SELECT makes; write {level.shown[name]} here"
                 raise ResolveError("R001", f"unknown name '{name}'", span, (hint,))
-        known = [*list_visible_names(scope), *self.variables(), *self.parameters]
+        known = [*list_visible_names(scope), *self.list_variables(), *self.parameters]
         searches = (
-            (level.path_functions.search for level in scope.outwards() if level.path_functions is not None)
+            (level.path_functions.search for level in scope.iterate_outwards() if level.path_functions is not None)
             if scope
             else ()
         )
         key = next((search.key[0].span.text for search in searches if search is not None and search.key), "key")
         raise explain_name(name, span, self.catalog, known, Place(scope is not None, operand, sources, key))
 
-    def bound(self, name: str, scope: Scope | None, span: Span) -> plan.Expr | None:
+    def find_bound(self, name: str, scope: Scope | None, span: Span) -> plan.Expr | None:
         """The START WITH variable or column that a bare name means, as far as columns are known."""
         found = find_bound_name(scope, name, span)
         if not is_settled(scope, found):
             self.tentative = True
         return found
 
-    def variables(self) -> list[str]:
+    def list_variables(self) -> list[str]:
         """The names of all script variables and attached sources."""
         return [*self.assigned, *self.catalog.variables]
 
-    def variable(self, name: str, span: Span) -> plan.Variable | None:
+    def find_variable(self, name: str, span: Span) -> plan.Variable | None:
         """The script variable of this name, if there is one."""
         if name in self.late:
             raise ResolveError(
@@ -265,60 +270,64 @@ class Resolver:
             return plan.Variable(name, self.reads[name], span=span)
         return None
 
-    def source(self, tree: ast.Attribute, name: str, scope: Scope | None) -> plan.Source:
+    def find_source(self, tree: ast.Attribute, name: str, scope: Scope | None) -> plan.Source:
         """The source that a column belongs to."""
         try:
             return find_source(scope, name, tree.span)
         except ResolveError as error:
-            if name in self.variables() and (meant := self.variable(name, tree.span)) is not None:
-                if meant.type.only(Kind.DICT | Kind.OBJECT):
+            if name in self.list_variables() and (meant := self.find_variable(name, tree.span)) is not None:
+                if meant.type.is_only(Kind.DICT | Kind.OBJECT):
                     keys = [key for key, _ in meant.type.columns or ()] or [tree.name]
-                    key = (suggest(tree.name, keys) or keys)[0]
+                    key = (suggest_similar(tree.name, keys) or keys)[0]
                     error.hints = (f'write {name}["{key}"]',)
                 elif scope is None:
                     error.hints = (f"write SELECT {tree.name} FROM {name} AS list",)
             raise
 
-    def this(self, tree: ast.This, scope: Scope | None) -> plan.Expr:
+    def resolve_this(self, tree: ast.This, scope: Scope | None) -> plan.Expr:
         if tree.source is not None:
             return make_element(find_source(scope, tree.source, tree.span), tree.span)
         return make_element(find_first_source(scope, tree.span), tree.span)
 
     def list_literal(self, tree: ast.ListLiteral, scope: Scope | None) -> plan.Expr:
-        items = self.all(tree.items, scope)
+        items = self.resolve_all(tree.items, scope)
         if all(isinstance(item, plan.Constant) for item in items):
             value = [item.value for item in items if isinstance(item, plan.Constant)]
             return plan.Constant(value, type_of(value), span=tree.span)
         return plan.MakeList(items, make_list_type([item.type for item in items]), span=tree.span)
 
-    def between(self, tree: ast.Between, scope: Scope | None) -> plan.Expr:
+    def resolve_between(self, tree: ast.Between, scope: Scope | None) -> plan.Expr:
         """`low <= value AND value <= high`; a value that must be evaluated once becomes the source of a query."""
-        value, low, high = self.values((tree.value, tree.low, tree.high), scope)
+        value, low, high = self.resolve_values((tree.value, tree.low, tree.high), scope)
         if not is_volatile(value) and not any(isinstance(node, plan.Query) for node in walk(value)):
-            return self._within(value, low, high, tree)
-        source, span = self.number(), tree.value.span
+            return self._make_range_test(value, low, high, tree)
+        source, span = self.make_number(), tree.value.span
         items = plan.MakeList((value,), make_list_type([value.type]), span=span)
         one = plan.ValueSource(source, "value", items, value.type, (), span=span)
-        column = plan.Output("value", self._within(plan.Element(source, value.type, span=span), low, high, tree))
+        column = plan.Output(
+            "value", self._make_range_test(plan.Element(source, value.type, span=span), low, high, tree)
+        )
         form = plan.Representation("value")
         return plan.Subquery(
-            plan.Query(self.number(), (one,), (column,), representation=form, span=span), BOOL, span=span
+            plan.Query(self.make_number(), (one,), (column,), representation=form, span=span), BOOL, span=span
         )
 
-    def _within(self, value: plan.Expr, low: plan.Expr, high: plan.Expr, tree: ast.Between) -> plan.Expr:
+    def _make_range_test(self, value: plan.Expr, low: plan.Expr, high: plan.Expr, tree: ast.Between) -> plan.Expr:
         ends = ("ge", low), ("le", high)
-        parts = tuple(self.call(name, (value, end), tree.span, tree.place) for name, end in ends)
+        parts = tuple(self.make_call(name, (value, end), tree.span, tree.place) for name, end in ends)
         return plan.And(parts, span=tree.span)
 
-    def conditional(self, tree: ast.If, scope: Scope | None) -> plan.Expr:
-        condition = self.guarded(self.expression, tree.condition, scope)
+    def resolve_if(self, tree: ast.If, scope: Scope | None) -> plan.Expr:
+        condition = self.record_errors(self.resolve_expr, tree.condition, scope)
         default = {True: tree.then, False: tree.otherwise}
-        branches = [self.all(default[value] or (ast.Literal(value, span=tree.span),), scope) for value in (True, False)]
-        kind = union(branch[-1].type for branch in branches)
+        branches = [
+            self.resolve_all(default[value] or (ast.Literal(value, span=tree.span),), scope) for value in (True, False)
+        ]
+        kind = unite(branch[-1].type for branch in branches)
         return plan.If(condition, branches[0], branches[1], kind, span=tree.span)
 
-    def assign(self, tree: ast.Assign, scope: Scope | None) -> plan.Expr:
-        for level in scope.outwards() if scope else ():
+    def resolve_assignment(self, tree: ast.Assign, scope: Scope | None) -> plan.Expr:
+        for level in scope.iterate_outwards() if scope else ():
             if tree.name in level.states:
                 raise ResolveError(
                     "R007",
@@ -329,15 +338,15 @@ class Resolver:
         if scope is None and isinstance(tree.value, ast.ListLiteral) and _mentions_sources(tree.value):
             self.late[tree.name] = tree.value
             return plan.AssignLate(tree.name, tree.value, NONE, span=tree.span)
-        value = self.guarded(self.expression, tree.value, scope)
+        value = self.record_errors(self.resolve_expr, tree.value, scope)
         return plan.Assign(tree.name, value, value.type, span=tree.span)
 
-    def temporal(self, name: str, when: ast.Expr | None, scope: Scope | None, span: Span) -> plan.Expr:
-        if self.variable(name, span) is None:
+    def resolve_temporal(self, name: str, when: ast.Expr | None, scope: Scope | None, span: Span) -> plan.Expr:
+        if self.find_variable(name, span) is None:
             known = [*self.assigned, *self.catalog.variables]
-            hints = (*did_you_mean(name, known), f"store a value with {name}{{5.0}} = ...")
+            hints = (*suggest_names(name, known), f"store a value with {name}{{5.0}} = ...")
             raise ResolveError("R001", f"unknown temporal variable '{name}'", span, hints)
-        moment = None if when is None else self.guarded(self.expression, when, scope)
+        moment = None if when is None else self.record_errors(self.resolve_expr, when, scope)
         return plan.Temporal(name, moment, ANY, span=span)
 
     # --- calls -----------------------------------------------------------------------------------------
@@ -351,59 +360,61 @@ class Resolver:
         function = self.catalog.functions.get(name)
         known: tuple[plan.Expr, ...] | None = None  # resolved once: nested calls would double the work with every level
         if name in self.catalog.world_functions and (function is None or function.builtin):
-            known = (self.all if function is None else self.operands)(tree.arguments, scope)
-            if function is None or any(a.type.may(Kind.OBJECT) or a.type.only(Kind.STR) for a in known):  # or its name
+            known = (self.resolve_all if function is None else self.resolve_operands)(tree.arguments, scope)
+            if function is None or any(
+                a.type.may_be(Kind.OBJECT) or a.type.is_only(Kind.STR) for a in known
+            ):  # or its name
                 return resolve_world_call(self, name, known, scope, span)
         if function is None:
-            raise explain_function(tree, self.catalog, self.variables())
+            raise explain_function(tree, self.catalog, self.list_variables())
         if function.builtin and name == "to":
             hint = "write it around a whole column of SELECT, and the expression itself here"
             raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span, (hint,))
         grouped = scope is not None and scope.grouped
         if tree.star:
             return resolve_count_star(function, grouped, span)
-        arguments = self.operands(tree.arguments, scope) if known is None else known
+        arguments = self.resolve_operands(tree.arguments, scope) if known is None else known
         if tree.distinct:
             return resolve_count_distinct(function, grouped, arguments[0], span)
         if function.builtin and name == "eval":
             self.check_arity(function, len(arguments), span)
-            return self.eval(arguments[0], scope, span)
+            return self.resolve_eval(arguments[0], scope, span)
         of_a_list = len(arguments) == 1 or (function.collects and arguments)
-        if is_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may(Kind.LIST):
+        if is_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may_be(Kind.LIST):
             hint = AGGREGATE_HINT.format(query=write_over_rows(tree, scope))
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
-        for level in scope.outwards() if scope else ():
+        for level in scope.iterate_outwards() if scope else ():
             self.inliner.sources.update((source.id, source) for source in level.sources)
-        return self.inliner.typed(self.call(name, arguments, span, span))
+        return self.inliner.refine_type(self.make_call(name, arguments, span, span))
 
-    def element_call(self, name: str, source: plan.Source, scope: Scope | None, span: Span) -> plan.Expr | None:
+    def resolve_element_call(self, name: str, source: plan.Source, scope: Scope | None, span: Span) -> plan.Expr | None:
         """`source.name`, where the elements are objects without columns, perhaps those of a world."""
         if source.columns or source.columns is None or name not in self.catalog.world_functions:
             return None
         element = make_element(source, span)
-        return resolve_world_call(self, name, (element,), scope, span) if element.type.may(Kind.OBJECT) else None
+        return resolve_world_call(self, name, (element,), scope, span) if element.type.may_be(Kind.OBJECT) else None
 
     def call_of_world(self, tree: ast.Call, owner: str, scope: Scope | None) -> plan.Expr:
         """`owner.function(arguments)`."""
         world = self.catalog.worlds.get(owner)
         if world is None or tree.function not in world.list_callable_names():
-            raise explain_method(tree, self.catalog, [*list_visible_names(scope), *self.variables()])
+            raise explain_method(tree, self.catalog, [*list_visible_names(scope), *self.list_variables()])
         own = f"{owner}.{tree.function}"
         name = own if own in self.catalog.world_functions else tree.function
-        return resolve_world_call(self, name, self.all(tree.arguments, scope), scope, tree.span)
+        return resolve_world_call(self, name, self.resolve_all(tree.arguments, scope), scope, tree.span)
 
-    def call(self, name: str, arguments: tuple[plan.Expr, ...], span: Span, place: Span) -> plan.Call:
+    def make_call(self, name: str, arguments: tuple[plan.Expr, ...], span: Span, place: Span) -> plan.Call:
         """The call of a function that exists, with the type of its result."""
         function = self.catalog.functions[name]
         self.check_arity(function, len(arguments), place)
         kind = ANY
         if function.builtin:
             types = tuple(argument.type for argument in arguments)
-            kind, function = OPERATIONS[name].result(types), OPERATIONS[name].function(types)
+            kind, function = OPERATIONS[name].result(types), OPERATIONS[name].make_function(types)
         return plan.Call(function, arguments, kind, span=span, place=place)
 
-    def check_arity(self, function: plan.Function, given: int, span: Span) -> None:
-        if given >= function.minimum and (function.maximum is None or given <= function.maximum):
+    def check_arity(self, function: plan.Function, number: int, span: Span) -> None:
+        if number >= function.minimum and (function.maximum is None or number <= function.maximum):
             return
         low, high = function.minimum, function.maximum
         if low == high:
@@ -414,15 +425,15 @@ class Resolver:
         if function.builtin:
             rows = ", or count(*) for the rows of a group" if function.name == "count" else ""
             hint = (f"it is called as {OPERATIONS[function.name].call}{rows}",)
-        raise ResolveError("R005", f"'{function.name}' takes {wanted}, not {given}", span, hint)
+        raise ResolveError("R005", f"'{function.name}' takes {wanted}, not {number}", span, hint)
 
-    def eval(self, text: plan.Expr, scope: Scope | None, span: Span) -> plan.Expr:
+    def resolve_eval(self, text: plan.Expr, scope: Scope | None, span: Span) -> plan.Expr:
         sources: list[int] = []
         states: list[tuple[int, str]] = []
-        for level in scope.outwards() if scope else ():
+        for level in scope.iterate_outwards() if scope else ():
             sources.extend(source.id for source in level.sources)
             states.extend((level.query, name) for name in level.states)
-        kept = scope.copy() if scope else None
+        kept = scope.copy_scopes() if scope else None
         return plan.Eval(text, kept, tuple(sources), tuple(states), ANY, span=span)
 
 
@@ -447,7 +458,7 @@ def _find_assignments(tree: Any) -> list[ast.Assign]:
         elif hasattr(type(node), "__dataclass_fields__") and not isinstance(node, Span):
             if isinstance(node, ast.Assign):
                 found.append(node)
-            stack.extend(ast.children(node))
+            stack.extend(ast.list_children(node))
     return found
 
 
@@ -459,7 +470,7 @@ def _mentions_sources(tree: ast.Expr) -> bool:
         case ast.Query():
             return False
         case _:
-            return any(_mentions_sources(part) for part in ast.children(tree))
+            return any(_mentions_sources(part) for part in ast.list_children(tree))
 
 
 def is_value(tree: ast.Expr) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import field
 from typing import TYPE_CHECKING
 
-from ss2sql.errors import ResolveError, Span, did_you_mean
+from ss2sql.errors import ResolveError, Span, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
@@ -35,30 +35,30 @@ class Scope:
     shown: dict[str, str] = field(default_factory=dict)  # the texts of these columns
     path_functions: PathFunctions | None = None  # of a search: its path functions
 
-    def enter(self, clause: str) -> str:
+    def enter_clause(self, clause: str) -> str:
         """Sets the clause of a search that is resolved next, for the path functions; gives the one before."""
         if self.path_functions is None:
             return ""
         before, self.path_functions.clause = self.path_functions.clause, clause
         return before
 
-    def outwards(self) -> Iterator[Scope]:
+    def iterate_outwards(self) -> Iterator[Scope]:
         """This scope and those around it, innermost first."""
         scope: Scope | None = self
         while scope is not None:
             yield scope
             scope = scope.parent
 
-    def copy(self) -> Scope:
+    def copy_scopes(self) -> Scope:
         """A copy of the scope and those around it, which `eval` keeps for its string."""
-        parent = None if self.parent is None else self.parent.copy()
+        parent = None if self.parent is None else self.parent.copy_scopes()
         found = Scope(parent, self.query, list(self.sources), dict(self.states), self.grouped, dict(self.columns))
         found.path_functions = self.path_functions
         return found
 
     @property
     def depth(self) -> int:
-        return sum(1 for _ in self.outwards())
+        return sum(1 for _ in self.iterate_outwards())
 
 
 def make_element(source: plan.Source, span: Span) -> plan.Element:
@@ -71,7 +71,7 @@ def make_element(source: plan.Source, span: Span) -> plan.Element:
 
 def find_first_source(scope: Scope | None, span: Span) -> plan.Source:
     """The source that `this` belongs to: the first one of the innermost query that has any."""
-    for level in scope.outwards() if scope else ():
+    for level in scope.iterate_outwards() if scope else ():
         if level.sources:
             return level.sources[0]
     raise ResolveError("R014", "'this' has a meaning inside a query only", span, ("write SELECT ... FROM ...",))
@@ -80,12 +80,12 @@ def find_first_source(scope: Scope | None, span: Span) -> plan.Source:
 def find_source(scope: Scope | None, name: str, span: Span) -> plan.Source:
     """The innermost source with this name."""
     known: list[str] = []
-    for level in scope.outwards() if scope else ():
+    for level in scope.iterate_outwards() if scope else ():
         for source in level.sources:
             if source.name == name:
                 return source
             known.append(source.name)
-    hints = did_you_mean(name, known) or (f"name a source in FROM: FROM {name} = ...",)
+    hints = suggest_names(name, known) or (f"name a source in FROM: FROM {name} = ...",)
     raise ResolveError("R003", f"there is no source named '{name}' here", span, hints)
 
 
@@ -98,7 +98,7 @@ def make_column(source: plan.Source, name: str, span: Span) -> plan.Column:
         if column == name:
             return plan.Column(source.id, name, kind, span=span)
     known = [column for column, _ in source.columns]
-    hints = did_you_mean(name, known) or (
+    hints = suggest_names(name, known) or (
         (f"its columns: {', '.join(known)}",) if known else (f"its elements have no columns; write {source.name}.this",)
     )
     raise ResolveError("R001", f"the source '{source.name}' has no column '{name}'", span, hints)
@@ -106,7 +106,7 @@ def make_column(source: plan.Source, name: str, span: Span) -> plan.Column:
 
 def find_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
     """The START WITH variable, column or column of SELECT that a bare name means, from the innermost query outwards."""
-    for level in scope.outwards() if scope else ():
+    for level in scope.iterate_outwards() if scope else ():
         if name in level.columns:
             return level.columns[name]
         if name in level.states:
@@ -126,7 +126,7 @@ def find_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | N
 
 def find_value(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
     """The column or search variable before a dot, where it is no source: `address` in `address.city`."""
-    levels = scope.outwards() if scope else ()
+    levels = scope.iterate_outwards() if scope else ()
     if any(source.name == name for level in levels for source in level.sources):
         return None
     return find_bound_name(scope, name, span)
@@ -142,7 +142,7 @@ def find_open_source(scope: Scope | None, name: str, span: Span) -> plan.Source 
 
     Raises ResolveError R004 where there are several that no variable can distinguish.
     """
-    for level in scope.outwards() if scope else ():
+    for level in scope.iterate_outwards() if scope else ():
         candidates = [source for source in level.sources if is_open(source)]
         if len(candidates) > 1 and not any(map(_reads_variable, candidates)):
             choices = " or ".join(f"{source.name}.{name}" for source in candidates)
@@ -158,7 +158,7 @@ def is_settled(scope: Scope | None, found: plan.Expr | None) -> bool:
 
     A source whose columns depend on a variable may have one of this name at run time, and then that one comes first.
     """
-    for level in scope.outwards() if scope else ():
+    for level in scope.iterate_outwards() if scope else ():
         if found is not None and any(found is column for column in level.columns.values()):
             return True
         if isinstance(found, plan.State) and found.query == level.query:
@@ -177,7 +177,7 @@ def _reads_variable(source: plan.Source) -> bool:
 def list_visible_names(scope: Scope | None) -> list[str]:
     """All names that a bare name could mean here, for suggestions."""
     names: list[str] = []
-    for level in scope.outwards() if scope else ():
+    for level in scope.iterate_outwards() if scope else ():
         names.extend((*level.columns, *filter(str.isidentifier, level.states)))
         for source in level.sources:
             names.extend(column for column, _ in source.columns or ())

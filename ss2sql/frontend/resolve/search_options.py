@@ -29,15 +29,15 @@ def resolve_search_options(
         if option.keyword in options:
             _contradict(resolver, option, options[option.keyword], f"{option.keyword} is given twice", "write it once")
         options.setdefault(option.keyword, option)
-    _check(resolver, options)
+    _check_options(resolver, options)
 
-    def argument(keyword: str, visible: Scope | None) -> plan.Expr | None:
+    def resolve_argument(keyword: str, visible: Scope | None) -> plan.Expr | None:
         option = options.get(keyword)
         if option is None or option.argument is None:
             return None
         if visible is outer:
             return resolve_outside(resolver, option.argument, outer, keyword)
-        return resolver.guarded(resolver.expression, option.argument, visible)
+        return resolver.record_errors(resolver.resolve_expr, option.argument, visible)
 
     order: plan.Order = "depth first"
     if "HEURISTIC" in options:
@@ -52,20 +52,20 @@ def resolve_search_options(
     for word, rule in RULES:
         if word in options:
             repeats, by = rule, options[word].by
-    scope.enter("BY")
-    key = tuple(resolver.guarded(resolver.expression, part, scope) for part in by)
+    scope.enter_clause("BY")
+    key = tuple(resolver.record_errors(resolver.resolve_expr, part, scope) for part in by)
     own = {source.id for source in scope.sources}
-    scope.enter("COST")
+    scope.enter_clause("COST")
     return replace(
         search,
         key=key,
         by="row" if not key else "step" if any(list_sources(part) & own for part in key) else "state",
         order=order,
         repeats=repeats,
-        weight=argument("COST", scope) or argument("PROBABILITY", scope),
-        heuristic=argument("HEURISTIC", scope),
-        bound=argument("MEMORIZE", outer),
-        maximum=argument("MAXIMUM", outer),
+        weight=resolve_argument("COST", scope) or resolve_argument("PROBABILITY", scope),
+        heuristic=resolve_argument("HEURISTIC", scope),
+        bound=resolve_argument("MEMORIZE", outer),
+        maximum=resolve_argument("MAXIMUM", outer),
     )
 
 
@@ -91,9 +91,9 @@ def drop_path_columns(resolver: Resolver, tree: ast.Query, query: plan.Query) ->
 
 def _check_memorize(resolver: Resolver, tree: ast.Query) -> None:
     """Refuses path functions beside MEMORIZE outside the result: a step belongs to many paths."""
-    asked = [tree.made, tree.first, tree.stop, tree.where, *(option.argument for option in tree.options)]
-    asked += [*(assign.value for assign in tree.connect), *(key.expr for key in tree.siblings)]
-    for expr in asked:
+    evaluated = [tree.made, tree.first, tree.stop, tree.where, *(option.argument for option in tree.options)]
+    evaluated += [*(assign.value for assign in tree.connect), *(key.expr for key in tree.siblings)]
+    for expr in evaluated:
         if expr is not None and reads_path(resolver, expr):
             message = "with MEMORIZE a step belongs to many paths, so only what is shown can ask for its path"
             hint = "write it in SELECT, GROUP BY, HAVING or ORDER BY, or write NO CYCLE in place of MEMORIZE"
@@ -103,7 +103,7 @@ def _check_memorize(resolver: Resolver, tree: ast.Query) -> None:
 def resolve_outside(resolver: Resolver, tree: ast.Expr, outer: Scope | None, what: str) -> plan.Expr:
     """An expression that is evaluated once for the query, such as LIMIT; it sees none of its elements and columns."""
     before = len(resolver.errors)
-    found = resolver.guarded(resolver.expression, tree, outer)
+    found = resolver.record_errors(resolver.resolve_expr, tree, outer)
     for error in resolver.errors[before:]:
         once = f"{what} is read once, before there is an element"
         if error.code == "R014":
@@ -113,7 +113,7 @@ def resolve_outside(resolver: Resolver, tree: ast.Expr, outer: Scope | None, wha
     return found
 
 
-def _check(resolver: Resolver, options: dict[str, ast.Option]) -> None:
+def _check_options(resolver: Resolver, options: dict[str, ast.Option]) -> None:
     orders = [options[word] for word in ORDERS if word in options]
     for option in orders[1:]:
         reason = f"{orders[0].keyword} and {option.keyword} are two orders of the same search"

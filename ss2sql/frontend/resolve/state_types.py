@@ -25,7 +25,7 @@ from ss2sql.language.implied_bounds import (
     restrict_by_order,
     restrict_to_interval,
 )
-from ss2sql.language.kinds import ANY, NOTHING, Kind, Type, covers, drop_bounds, make_list_type, union
+from ss2sql.language.kinds import ANY, NOTHING, Kind, Type, drop_bounds, is_covering, make_list_type, unite
 from ss2sql.language.plan_traversal import list_states
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ class _Attempt:
     scope: Scope
     connect: tuple[tuple[str, plan.Expr], ...]
 
-    def following(self, name: str) -> list[plan.Expr]:
+    def list_assigned(self, name: str) -> list[plan.Expr]:
         """The expression that is assigned to a variable."""
         return [value for assigned, value in self.connect if assigned == name]
 
@@ -74,15 +74,15 @@ def _discard_findings(resolver: Resolver) -> Iterator[None]:
 
 
 def _resolve_attempt(resolver: Resolver, tree: ast.Query, scope: Scope, types: Types) -> _Attempt:
-    attempt = scope.copy()
+    attempt = scope.copy_scopes()
     attempt.states.update(types)
     with _discard_findings(resolver):
         resolve_sources(resolver, tree, attempt)
-        before = attempt.enter("CONNECT BY")
-        values = ((a.name, resolver.guarded(resolver.expression, a.value, attempt)) for a in tree.connect)
+        before = attempt.enter_clause("CONNECT BY")
+        values = ((a.name, resolver.record_errors(resolver.resolve_expr, a.value, attempt)) for a in tree.connect)
         # A proof sees through the user's functions.
-        connect = tuple((name, resolver.inliner.expr(value)) for name, value in values)
-        attempt.enter(before)
+        connect = tuple((name, resolver.inliner.inline_calls(value)) for name, value in values)
+        attempt.enter_clause(before)
     return _Attempt(attempt, connect)
 
 
@@ -97,18 +97,18 @@ def _prove_types(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types
     for _ in range(_ROUNDS[scope.depth]):
         assumed = {name: set_slots(kind, _assume_type(slots, name)) for name, kind in types.items()}
         attempt = _resolve_attempt(resolver, tree, scope, assumed)
-        stable, bounds = _follow(slots, first, attempt)
+        stable, bounds = _keep_bounded(slots, first, attempt)
         settled = stable == slots
         for name, kind in assumed.items():
-            for value in attempt.following(name):
+            for value in attempt.list_assigned(name):
                 # The numbers in slots have a proof of their own.
                 grown = set_slots(value.type, _assume_type(slots, name))
-                if not covers(kind, grown):
-                    types[name] = drop_bounds(union((types[name], value.type)))
+                if not is_covering(kind, grown):
+                    types[name] = drop_bounds(unite((types[name], value.type)))
                     settled = False
         if settled:
             return {name: set_slots(kind, [b for b in bounds if b[0].name == name]) for name, kind in assumed.items()}
-        slots = [slot for slot in stable if slot.part(types[slot.name]) is not None]
+        slots = [slot for slot in stable if slot.find_part(types[slot.name]) is not None]
     return dict.fromkeys(first, ANY)
 
 
@@ -116,16 +116,16 @@ def _assume_type(slots: Sequence[Slot], name: str) -> list[tuple[Slot, Type]]:
     return [(slot, slot.assumed_type) for slot in slots if slot.name == name]
 
 
-def _follow(slots: Sequence[Slot], first: Types, attempt: _Attempt) -> tuple[list[Slot], list[tuple[Slot, Type]]]:
+def _keep_bounded(slots: Sequence[Slot], first: Types, attempt: _Attempt) -> tuple[list[Slot], list[tuple[Slot, Type]]]:
     """The slots that stay numbers, with all their kinds, and the types of those with proved bounds."""
     stable: list[Slot] = []
     bounds: list[tuple[Slot, Type]] = []
     for slot in slots:
-        (value,) = attempt.following(slot.name)
-        before, after = slot.part(first[slot.name]), slot.part(value.type)
+        (value,) = attempt.list_assigned(slot.name)
+        before, after = slot.find_part(first[slot.name]), slot.find_part(value.type)
         if before is None or after is None:
             continue
-        if not after.only(slot.kinds):
+        if not after.is_only(slot.kinds):
             stable.append(replace(slot, kinds=slot.kinds | after.kinds))
         elif (bound := widen_number(slot, before, value)) is not None:
             stable.append(slot)
@@ -142,13 +142,13 @@ def _settle_bounds(resolver: Resolver, tree: ast.Query, scope: Scope, first: Typ
         name
         for name, kind in proved.items()
         for slot in get_slots(scope.query, name, kind)
-        if (part := slot.part(kind)) is None or not part.bounded(slot.limit / 2)
+        if (part := slot.find_part(kind)) is None or not part.is_bounded(slot.limit / 2)
     ]
     types = {name: first[name] if name in unknown else kind for name, kind in proved.items()}
     for _ in range(_SETTLING if unknown else 0):
         attempt = _resolve_attempt(resolver, tree, scope, types)
-        wider = {name: union((types[name], *(value.type for value in attempt.following(name)))) for name in unknown}
-        if all(covers(types[name], kind) for name, kind in wider.items()):
+        wider = {name: unite((types[name], *(value.type for value in attempt.list_assigned(name)))) for name in unknown}
+        if all(is_covering(types[name], kind) for name, kind in wider.items()):
             return types
         types |= wider
     return proved
@@ -162,10 +162,10 @@ def _narrow_types(resolver: Resolver, tree: ast.Query, scope: Scope, first: Type
     for clause, truth in ((tree.stop, False), (tree.made if tree.first is None else None, True)):
         if clause is not None:
             with _discard_findings(resolver):
-                entered = attempt.scope.enter("WHERE")
-                condition = resolver.guarded(resolver.expression, clause, attempt.scope)
-                attempt.scope.enter(entered)
-                facts += collect_comparisons(resolver.inliner.expr(condition), truth)
+                entered = attempt.scope.enter_clause("WHERE")
+                condition = resolver.record_errors(resolver.resolve_expr, clause, attempt.scope)
+                attempt.scope.enter_clause(entered)
+                facts += collect_comparisons(resolver.inliner.inline_calls(condition), truth)
     before = {name: _clamp_state_type(scope.query, name, kind, facts) for name, kind in types.items()}
     closer = attempt if before == dict(types) else _resolve_attempt(resolver, tree, scope, before)
     found = dict(first)
@@ -174,7 +174,7 @@ def _narrow_types(resolver: Resolver, tree: ast.Query, scope: Scope, first: Type
         # The facts are about the state before the step; an earlier assignment has changed what a name means.
         changed = any(read == (scope.query, other) for read in list_states(value) for other in assigned)
         kind = value.type if changed else _intersect_types(_clamp_type(value, facts), close.type)
-        found[name] = union((found.get(name, NOTHING), kind))
+        found[name] = unite((found.get(name, NOTHING), kind))
         assigned.add(name)
     return {name: found[name] for name in first}  # an unknown name is an error elsewhere
 
@@ -191,7 +191,7 @@ def _clamp_state_type(query: int, name: str, kind: Type, facts: Sequence[Compari
     for slot in get_slots(query, name, kind):
         for fact in facts:
             if is_slot(fact.left, slot):
-                part = slot.part(kind)
+                part = slot.find_part(kind)
                 assert part is not None
                 kind = set_slots(kind, [(slot, restrict_by_order(part, fact.sign, fact.right.type))])
     return kind
@@ -199,9 +199,9 @@ def _clamp_state_type(query: int, name: str, kind: Type, facts: Sequence[Compari
 
 def _intersect_types(a: Type, b: Type) -> Type:
     """The intersection of two types of the same values, element by element for short lists."""
-    if a.only(NUMBER) and b.only(NUMBER):
+    if a.is_only(NUMBER) and b.is_only(NUMBER):
         return restrict_to_interval(a, b.low, b.high)
     one, other = a.positions or (), b.positions or ()
-    if not one or len(one) != len(other) or not a.only(Kind.LIST) or not b.only(Kind.LIST):
+    if not one or len(one) != len(other) or not a.is_only(Kind.LIST) or not b.is_only(Kind.LIST):
         return a
     return make_list_type([_intersect_types(left, right) for left, right in zip(one, other, strict=True)])

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from ss2sql.language import plan
-from ss2sql.language.plan_traversal import rebuild, walk
+from ss2sql.language.plan_traversal import rebuild_node, walk
 
 
 def is_structurally_equal(one: plan.Expr, other: plan.Expr) -> bool:
@@ -15,7 +15,7 @@ def is_structurally_equal(one: plan.Expr, other: plan.Expr) -> bool:
     if type(one) is not type(other) or one == other:
         return one == other
     ones, others = _collect_inner_ids(one), _collect_inner_ids(other)
-    return 0 < len(ones) == len(others) and _renumber(other, dict(zip(others, ones, strict=True))) == one
+    return 0 < len(ones) == len(others) and _renumber_node(other, dict(zip(others, ones, strict=True))) == one
 
 
 def _collect_inner_ids(node: plan.Expr) -> list[int]:
@@ -23,9 +23,9 @@ def _collect_inner_ids(node: plan.Expr) -> list[int]:
     return [part.id for part in walk(node) if isinstance(part, (plan.Query, *plan.SOURCES))]
 
 
-def _renumber(node: Any, numbers: Mapping[int, int]) -> Any:
+def _renumber_node(node: Any, numbers: Mapping[int, int]) -> Any:
     """The node with the numbers of queries and sources replaced by `numbers`, as far as that names them."""
-    node = rebuild(node, lambda part: _renumber(part, numbers))
+    node = rebuild_node(node, lambda part: _renumber_node(part, numbers))
     match node:
         case plan.Query(id=number) | plan.TableSource(id=number) | plan.ValueSource(id=number):
             return replace(node, id=numbers.get(number, number))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
-from ss2sql.errors import ResolveError, Span, did_you_mean, suggest
+from ss2sql.errors import ResolveError, Span, suggest_names, suggest_similar
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.expression_builder import COMMENT_HINT
@@ -73,7 +73,7 @@ class Place:
     sources: tuple[plan.Source, ...]
     key: str = "key"
 
-    def quoted(self) -> str | None:
+    def get_quoted_name(self) -> str | None:
         """The name of a source that is a string, a table's name in other languages."""
         values = (source.value for source in self.sources if isinstance(source, plan.ValueSource))
         return next((one.value for one in values if isinstance(one, plan.Constant) and type(one.value) is str), None)
@@ -89,7 +89,7 @@ def explain_function(tree: ast.Call, catalog: Catalog, variables: Collection[str
     elif same := [one for one in known if one.lower() == name.lower()]:
         hints = (_MEAN.format(same[0]),)
     else:
-        hints = _find_equivalent(name, tree.arguments) or did_you_mean(name, known)
+        hints = _find_equivalent(name, tree.arguments) or suggest_names(name, known)
     hints = hints or ("register it with session.function; help() lists the known ones",)
     return ResolveError("R002", f"unknown function '{name}'", read_leading_name(tree.span, name), hints)
 
@@ -101,8 +101,8 @@ def _find_equivalent(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, ...
         return (f"session.function('{name}', {PYTHON_FUNCTIONS[lowered]}) registers Python's",)
     if lowered not in FOREIGN_FUNCTIONS:
         return ()
-    given = [argument.span.text for argument in arguments]
-    texts = [text if len(text) <= 40 else "..." for text in given[:4]]
+    whole = [argument.span.text for argument in arguments[:4]]
+    texts = [text if len(text) <= 40 else "..." for text in whole]
     bare = bool(arguments) and isinstance(arguments[0], ast.Query) and arguments[0].representation is None
     listed = f"{texts[0]} AS list" if bare else "SELECT ... AS list"
     match arguments:
@@ -120,13 +120,15 @@ def explain_method(tree: ast.Call, catalog: Catalog, variables: Collection[str])
         if name in world.tables:
             hints: tuple[str, ...] = (f"{owner}.{name} is a table: write FROM {owner}.{name}(...)",)
         else:
-            hints = did_you_mean(name, world.list_callable_names()) or (f"help({owner}) lists what it has",)
+            hints = suggest_names(name, world.list_callable_names()) or (f"help({owner}) lists what it has",)
         return ResolveError("R002", f"the world '{owner}' has no function '{name}'", place, hints)
     if owner in variables:
-        return ResolveError("R002", f"values have no methods, and '{owner}' is no world", place, _call(tree, catalog))
+        return ResolveError(
+            "R002", f"values have no methods, and '{owner}' is no world", place, _suggest_call(tree, catalog)
+        )
     message = f"there is no world '{owner}' with a function '{name}'"
-    if suggest(owner, catalog.worlds):
-        hints = did_you_mean(owner, catalog.worlds)
+    if suggest_similar(owner, catalog.worlds):
+        hints = suggest_names(owner, catalog.worlds)
     elif name in catalog.functions:
         hints = (f"'{name}' is a function by itself: write {name}(...)",)
     else:
@@ -134,7 +136,7 @@ def explain_method(tree: ast.Call, catalog: Catalog, variables: Collection[str])
     return ResolveError("R002", message, place, hints)
 
 
-def _call(tree: ast.Call, catalog: Catalog) -> tuple[str, ...]:
+def _suggest_call(tree: ast.Call, catalog: Catalog) -> tuple[str, ...]:
     """The call that replaces a method of a value."""
     owner, name = tree.owner or "", tree.function
     subject = ast.Name(owner, span=read_leading_name(tree.span, owner))
@@ -156,16 +158,16 @@ def explain_name(name: str, span: Span, catalog: Catalog, known: Sequence[str], 
         hints = (f"write {_ORACLE[name.upper()]}".format(key=place.key),)
     elif name.upper() in ("NULL", "NIL"):
         hints = ("write None",)
-    elif (table := place.quoted()) is not None and not suggest(name, known):
+    elif (table := place.get_quoted_name()) is not None and not suggest_similar(name, known):
         hints = (f"a source in quotes is a text; write FROM {table if table.isidentifier() else 'name'}",)
         if not table.isidentifier():
             hints += ("a file is read in Python and attached: session.attach('name', data)",)
     elif span.source.text[: span.start].rstrip(" ").endswith("--"):
         hints = (f"-- does not start a comment: {COMMENT_HINT}",)
     else:
-        given = f"assign it before, or give it from Python: run(script, {name}=...)"
-        hints = did_you_mean(name, known) or (given,)
-        if place.operand and not suggest(name, known):
+        cure = f"assign it before, or give it from Python: run(script, {name}=...)"
+        hints = suggest_names(name, known) or (cure,)
+        if place.operand and not suggest_similar(name, known):
             hints += (f"a text stands in quotes: '{name}'",)
     return ResolveError("R001", f"unknown name '{name}'", span, hints)
 

@@ -42,26 +42,26 @@ class Slot:
     def assumed_type(self) -> Type:
         return Type(self.kinds, -self.limit, self.limit)
 
-    def part(self, variable: Type) -> Type | None:
+    def find_part(self, variable: Type) -> Type | None:
         """The type of the number within a type of its variable; None where the variable may hold something else."""
         if self.position is None:
-            return variable if variable.only(NUMBER) else None
-        if not variable.only(Kind.LIST) or variable.positions is None or self.position >= len(variable.positions):
+            return variable if variable.is_only(NUMBER) else None
+        if not variable.is_only(Kind.LIST) or variable.positions is None or self.position >= len(variable.positions):
             return None
         part = variable.positions[self.position]
-        return part if part.only(NUMBER) else None
+        return part if part.is_only(NUMBER) else None
 
 
 def get_slots(query: int, name: str, first: Type) -> Iterator[Slot]:
     """The numbers in a START WITH variable, found by the type of its first value."""
     candidates = [Slot(query, name, None, first.kinds)]
     candidates += [Slot(query, name, at, part.kinds) for at, part in enumerate(first.positions or ())]
-    return (slot for slot in candidates if slot.part(first) is not None)
+    return (slot for slot in candidates if slot.find_part(first) is not None)
 
 
 def set_slots(variable: Type, types: Sequence[tuple[Slot, Type]]) -> Type:
     """The type of a variable with other types for the numbers in it."""
-    changed = {slot.position: kind for slot, kind in types if slot.part(variable) is not None}
+    changed = {slot.position: kind for slot, kind in types if slot.find_part(variable) is not None}
     if None in changed:
         return changed[None]
     if not changed:
@@ -105,7 +105,7 @@ def widen_number(slot: Slot, first: Type, following: plan.Expr) -> Type | None:
 
 def _make_interval(kind: Type) -> Interval | None:
     """The bounds of the numbers of a type, None if there are none."""
-    return bound_floats(kind) if kind.may(Kind.FLOAT) else bound_integers(kind)
+    return bound_floats(kind) if kind.may_be(Kind.FLOAT) else bound_integers(kind)
 
 
 def _derive_variable_change(expr: plan.Expr, slot: Slot) -> _Change:
@@ -120,7 +120,7 @@ def _derive_variable_change(expr: plan.Expr, slot: Slot) -> _Change:
         case plan.If(then=then, otherwise=otherwise):
             return _join_changes(_derive_variable_change(branch[-1], slot) for branch in (then, otherwise))
         case _:
-            part = slot.part(expr.type)
+            part = slot.find_part(expr.type)
             return _Change() if part is None else _Change(fixed=_make_interval(part))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import ResolveError, Span, did_you_mean
+from ss2sql.errors import ResolveError, Span, suggest_names
 from ss2sql.frontend.resolve.scope import Scope, make_column
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
@@ -24,7 +24,7 @@ def find_world(resolver: Resolver, name: str) -> Any:
 def make_world_source(
     resolver: Resolver, table: Any, name: str, arguments: tuple[plan.Expr, ...], span: Span
 ) -> plan.WorldSource:
-    source = plan.WorldSource(resolver.number(), name, table, arguments, table.element, table.columns, span=span)
+    source = plan.WorldSource(resolver.make_number(), name, table, arguments, table.element, table.columns, span=span)
     resolver.tables[source.id] = source
     return source
 
@@ -43,18 +43,18 @@ def resolve_function_source(resolver: Resolver, tree: ast.Call, name: str, scope
 
     world = find_world(resolver, tree.owner or "")
     if world is None or (tree.function not in world.tables and tree.function in world.functions):
-        return resolve_value_source(resolver, name, resolver.expression(tree, scope), tree.span)
+        return resolve_value_source(resolver, name, resolver.resolve_expr(tree, scope), tree.span)
     table = _find_table(world, tree.function, tree.span)
     arguments = order_arguments(tree, table.schema.parameters)
     if not table.schema.required <= len(arguments) <= len(table.schema.parameters):
         _refuse_call(table, arguments, tree.span)
-    return make_world_source(resolver, table, name, resolver.all(arguments, scope), tree.span)
+    return make_world_source(resolver, table, name, resolver.resolve_all(arguments, scope), tree.span)
 
 
 def _find_table(world: Any, word: str, span: Span) -> Any:
     table = world.tables.get(word)
     if table is None:
-        hints = did_you_mean(word, world.tables) or (f"its tables: {', '.join(world.tables)}",)
+        hints = suggest_names(word, world.tables) or (f"its tables: {', '.join(world.tables)}",)
         raise ResolveError("R003", f"the world '{world.name}' has no table '{word}'", span, hints)
     return table
 
@@ -78,7 +78,7 @@ def resolve_world_call(
         if len(arguments) == 1:
             return make_column(source, name, span)
         if _is_item(resolver, source, name, arguments[1:]):
-            return resolver.call("item", (make_column(source, name, span), arguments[1]), span, span)
+            return resolver.make_call("item", (make_column(source, name, span), arguments[1]), span, span)
     function = resolver.catalog.world_functions[name]
     resolver.check_arity(function, len(arguments), span)
     return plan.Call(function, arguments, ANY, span=span, place=span)
@@ -90,7 +90,7 @@ def _is_item(resolver: Resolver, source: plan.WorldSource, name: str, following:
     length = dict(source.columns)[name].size
     match following:
         case (plan.Constant(value=int(index), type=kind),):
-            return note.indexed and length is not None and kind.only(Kind.INT) and 0 <= index < length
+            return note.indexed and length is not None and kind.is_only(Kind.INT) and 0 <= index < length
         case _:
             return False
 
@@ -99,7 +99,7 @@ def _find_walked_source(expr: plan.Expr, scope: Scope | None) -> plan.WorldSourc
     """The source whose current element the expression is, if that is one of a world."""
     if not isinstance(expr, plan.Element) or scope is None:
         return None
-    source = next((one for level in scope.outwards() for one in level.sources if one.id == expr.source), None)
+    source = next((one for level in scope.iterate_outwards() for one in level.sources if one.id == expr.source), None)
     return source if isinstance(source, plan.WorldSource) else None
 
 
@@ -125,4 +125,4 @@ def is_function_of_this(resolver: Resolver, name: str, scope: Scope) -> bool:
         return True
     if name not in resolver.catalog.world_functions:
         return False
-    return not any(source.columns is None for level in scope.outwards() for source in level.sources)
+    return not any(source.columns is None for level in scope.iterate_outwards() for source in level.sources)

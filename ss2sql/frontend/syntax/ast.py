@@ -294,7 +294,7 @@ Expr: TypeAlias = (
 )  # fmt: skip
 
 
-def children(tree: Any) -> Iterator[Any]:
+def list_children(tree: Any) -> Iterator[Any]:
     """The nodes directly below a node."""
     for name in type(tree).__dataclass_fields__:
         value = getattr(tree, name)
@@ -322,5 +322,5 @@ def collect_column_names(*trees: ast.Script | ast.Expr) -> frozenset[str] | None
                 return None
             case ast.Name(name=name) | ast.Attribute(name=name):
                 names.add(name)
-        waiting.extend(ast.children(node))
+        waiting.extend(ast.list_children(node))
     return frozenset(names)

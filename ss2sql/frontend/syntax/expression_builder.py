@@ -62,11 +62,11 @@ class ExpressionBuilder:
         self._too_large: dict[int, ParseError] = {}
         self._number: Expr | None = None
 
-    def actions(self, table: Table) -> list[Callable[..., Any] | None]:
+    def list_actions(self, table: Table) -> list[Callable[..., Any] | None]:
         """The method of each rule of `table`; None for rules that make no node."""
         return [getattr(self, rule.action) if rule.action else None for rule in table.rules]
 
-    def errors(self) -> list[ParseError]:
+    def list_errors(self) -> list[ParseError]:
         """The errors found so far."""
         return [*self._errors, *self._too_large.values()]
 
@@ -86,76 +86,76 @@ class ExpressionBuilder:
     # Assignments and operators
 
     def assign(self, span: Span, name: Token, value: Expr) -> Expr:
-        node = ast.Assign(name.text, value.node, span=span, name_span=self._span(name))
-        return self._part(node, value, query=value.query)
+        node = ast.Assign(name.text, value.node, span=span, name_span=self._find_span(name))
+        return self._make_part(node, value, query=value.query)
 
     def temporal_assign(self, span: Span, target: Part[ast.Temporal], value: Expr) -> Expr:
         name, keep = target.node.name, target.node.when
         if keep is None:
-            self._error("P001", f"'{name}{{}} =' does not say how many seconds to keep", target.node.span,
+            self._make_error("P001", f"'{name}{{}} =' does not say how many seconds to keep", target.node.span,
                         f"write '{name}{{5.0}} =' to keep what was in force during the last five seconds")  # fmt: skip
             return value
-        return self._part(ast.TemporalAssign(name, keep, value.node, span=span), target, value, query=value.query)
+        return self._make_part(ast.TemporalAssign(name, keep, value.node, span=span), target, value, query=value.query)
 
     def disjunction(self, span: Span, *parts: Expr) -> Expr:
-        return self._part(ast.Or(self._operands(parts, "OR"), span=span), *parts, query=parts[-1].query)
+        return self._make_part(ast.Or(self._list_operands(parts, "OR"), span=span), *parts, query=parts[-1].query)
 
     def conjunction(self, span: Span, *parts: Expr) -> Expr:
-        return self._part(ast.And(self._operands(parts, "AND"), span=span), *parts, query=parts[-1].query)
+        return self._make_part(ast.And(self._list_operands(parts, "AND"), span=span), *parts, query=parts[-1].query)
 
     def exclusive(self, span: Span, *parts: Expr) -> Expr:
-        left, right = self._operands(parts, "XOR")
-        return self._part(ast.Xor(left, right, span=span), *parts, query=parts[-1].query)
+        left, right = self._list_operands(parts, "XOR")
+        return self._make_part(ast.Xor(left, right, span=span), *parts, query=parts[-1].query)
 
     def negated(self, span: Span, operand: Expr) -> Expr:
-        return self._part(ast.Not(operand.node, span=span), operand, query=operand.query)
+        return self._make_part(ast.Not(operand.node, span=span), operand, query=operand.query)
 
     def calculated(self, span: Span, left: Expr, sign: Token, right: Expr) -> Expr:
-        operands = self._operands((left, right), sign.kind, self._span(sign))
-        node = ast.Operator(OPERATORS[sign.kind], operands, span=span, place=self._span(sign))
-        return self._part(node, left, right, query=right.query)
+        operands = self._list_operands((left, right), sign.kind, self._find_span(sign))
+        node = ast.Operator(OPERATORS[sign.kind], operands, span=span, place=self._find_span(sign))
+        return self._make_part(node, left, right, query=right.query)
 
     def excluded(self, span: Span, left: Expr, sign: Token, last: Token, right: Expr) -> Expr:
         place = Span(self.script_source, sign.start, last.end)
-        node = ast.Operator("not_in", self._operands((left, right), "NOT IN", place), span=span, place=place)
-        return self._part(node, left, right, query=right.query)
+        node = ast.Operator("not_in", self._list_operands((left, right), "NOT IN", place), span=span, place=place)
+        return self._make_part(node, left, right, query=right.query)
 
     def is_none(self, span: Span, value: Expr, *words: Token) -> Expr:
         place = Span(self.script_source, words[0].start, words[-1].end)
-        none = ast.Literal(None, span=self._span(words[-1]))
+        none = ast.Literal(None, span=self._find_span(words[-1]))
         function = "eq" if len(words) == 2 else "ne"
-        (operand, _) = self._operands((value, Part(none)), "IS", place)
-        return self._part(ast.Operator(function, (operand, none), span=span, place=place), value)
+        (operand, _) = self._list_operands((value, Part(none)), "IS", place)
+        return self._make_part(ast.Operator(function, (operand, none), span=span, place=place), value)
 
     def between(self, span: Span, value: Expr, *parts: Expr | Token) -> Expr:
         operands = [value, *(part for part in parts if isinstance(part, Part))]
         words = [part for part in parts if isinstance(part, Token)]
         place = Span(self.script_source, words[0].start, words[-2].end)
-        tested, low, high = self._operands(operands, "BETWEEN", place)
+        tested, low, high = self._list_operands(operands, "BETWEEN", place)
         node = ast.Between(tested, low, high, span=span, place=place)
-        return self._negate_if(len(words) == 3, self._part(node, *operands, query=operands[-1].query))
+        return self._negate_if(len(words) == 3, self._make_part(node, *operands, query=operands[-1].query))
 
     def like(self, span: Span, value: Expr, *parts: Expr | Token) -> Expr:
         words, (pattern,) = [part for part in parts if isinstance(part, Token)], parts[-1:]
         assert isinstance(pattern, Part)
         place = Span(self.script_source, words[0].start, words[-1].end)
-        node = ast.Operator("like", self._operands((value, pattern), "LIKE", place), span=span, place=place)
-        return self._negate_if(len(words) == 2, self._part(node, value, pattern, query=pattern.query))
+        node = ast.Operator("like", self._list_operands((value, pattern), "LIKE", place), span=span, place=place)
+        return self._negate_if(len(words) == 2, self._make_part(node, value, pattern, query=pattern.query))
 
     def _negate_if(self, negated: bool, test: Expr) -> Expr:
-        return self._part(ast.Not(test.node, span=test.node.span), test, query=test.query) if negated else test
+        return self._make_part(ast.Not(test.node, span=test.node.span), test, query=test.query) if negated else test
 
     def prior(self, span: Span, word: Token, value: Expr) -> Expr:
         """`PRIOR x` is `prior(x)`."""
-        return self._part(ast.Call("prior", (value.node,), span=span), value)
+        return self._make_part(ast.Call("prior", (value.node,), span=span), value)
 
     def minus(self, span: Span, sign: Token, operand: Expr) -> Expr:
         node = operand.node
         if operand is self._number and isinstance(node, ast.Literal) and isinstance(node.value, int | float):
             self._too_large.pop(node.span.start, None)
             return Part(ast.Literal(-node.value, span=span))
-        negative = ast.Operator("neg", (node,), span=span, place=self._span(sign))
-        return self._part(negative, operand, query=operand.query)
+        negative = ast.Operator("neg", (node,), span=span, place=self._find_span(sign))
+        return self._make_part(negative, operand, query=operand.query)
 
     # Atoms
 
@@ -189,13 +189,13 @@ class ExpressionBuilder:
     def float_(self, span: Span, number: Token) -> Expr:
         value = float(number.text)
         if value == float("inf"):
-            self._error("P007", "this number is too large for a float", span, "floats go up to about 1.8e308")
+            self._make_error("P007", "this number is too large for a float", span, "floats go up to about 1.8e308")
         self._number = Part(ast.Literal(value, span=span))
         return self._number
 
     def string(self, span: Span, token: Token) -> Expr:
         try:
-            return Part(ast.Literal(tokenizer.unescape(self.script_source, token), span=span))
+            return Part(ast.Literal(tokenizer.unescape_string(self.script_source, token), span=span))
         except ParseError as error:
             self._errors.append(error)
             return Part(ast.Literal("", span=span))
@@ -213,21 +213,21 @@ class ExpressionBuilder:
         return Part(value.node, value.depth)
 
     def list_(self, span: Span, *items: Expr) -> Expr:
-        return self._part(ast.ListLiteral(tuple(item.node for item in items), span=span), *items)
+        return self._make_part(ast.ListLiteral(tuple(item.node for item in items), span=span), *items)
 
     def call(self, span: Span, function: Token, *arguments: Expr) -> Expr:
         node = ast.Call(function.text, tuple(argument.node for argument in arguments), span=span)
-        return self._part(node, *arguments)
+        return self._make_part(node, *arguments)
 
     def call_of(self, span: Span, owner: Token, function: Token, *arguments: Expr) -> Expr:
         nodes = tuple(argument.node for argument in arguments)
-        return self._part(ast.Call(function.text, nodes, owner=owner.text, span=span), *arguments)
+        return self._make_part(ast.Call(function.text, nodes, owner=owner.text, span=span), *arguments)
 
     def call_star(self, span: Span, function: Token) -> Expr:
         return Part(ast.Call(function.text, (), span=span, star=True))
 
     def call_distinct(self, span: Span, function: Token, argument: Expr) -> Expr:
-        return self._part(ast.Call(function.text, (argument.node,), span=span, distinct=True), argument)
+        return self._make_part(ast.Call(function.text, (argument.node,), span=span, distinct=True), argument)
 
     def when(self, span: Span, condition: Expr, value: Expr) -> tuple[Expr, Expr]:
         return condition, value
@@ -237,15 +237,15 @@ class ExpressionBuilder:
         branches = [part for part in parts if isinstance(part, tuple)]
         whole: Expr = parts[-1] if len(parts) > len(branches) else Part(ast.Literal(None, span=span))
         for condition, value in reversed(branches):
-            node = ast.If(self._condition(condition, "CASE WHEN"), (value.node,), (whole.node,), span=span)
-            whole = self._part(node, condition, value, whole)
+            node = ast.If(self._check_condition(condition, "CASE WHEN"), (value.node,), (whole.node,), span=span)
+            whole = self._make_part(node, condition, value, whole)
         return whole
 
     def if_(self, span: Span, condition: Expr, *branches: Sequence[Expr]) -> Expr:
         then, otherwise = (*branches, (), ())[:2]
-        test = self._condition(condition, "IF")
+        test = self._check_condition(condition, "IF")
         node = ast.If(test, tuple(part.node for part in then), tuple(part.node for part in otherwise), span=span)
-        return self._part(node, condition, *then, *otherwise)
+        return self._make_part(node, condition, *then, *otherwise)
 
     def branch(self, span: Span, *values: Expr) -> tuple[Expr, ...]:
         return values
@@ -253,21 +253,23 @@ class ExpressionBuilder:
     def temporal(self, span: Span, name: Token, when: Expr | None = None) -> Part[ast.Temporal]:
         if when is None:
             return Part(ast.Temporal(name.text, None, span=span))
-        return self._part(ast.Temporal(name.text, when.node, span=span), when)
+        return self._make_part(ast.Temporal(name.text, when.node, span=span), when)
 
     def indexed(self, span: Span, value: Expr, *subscripts: Expr | tuple[Expr | None, Expr | None]) -> Expr:
         for subscript in subscripts:
             if isinstance(subscript, Part):
-                value = self._part(ast.Index(value.node, subscript.node, span=span), value, subscript)
+                value = self._make_part(ast.Index(value.node, subscript.node, span=span), value, subscript)
             else:
                 lower, upper = (part.node if part else None for part in subscript)
                 bounds = [part for part in subscript if part is not None]
-                value = self._part(ast.Slice(value.node, lower, upper, span=span), value, *bounds)
+                value = self._make_part(ast.Slice(value.node, lower, upper, span=span), value, *bounds)
         return value
 
     def member(self, span: Span, value: Expr, name: Token) -> Expr:
         """`p.address.city` is `p.address["city"]`."""
-        return self._part(ast.Index(value.node, ast.Literal(name.text, span=self._span(name)), span=span), value)
+        return self._make_part(
+            ast.Index(value.node, ast.Literal(name.text, span=self._find_span(name)), span=span), value
+        )
 
     def slice_(self, span: Span, *parts: Expr | Token) -> tuple[Expr | None, Expr | None]:
         lower = upper = None
@@ -278,46 +280,46 @@ class ExpressionBuilder:
 
     # Shared by all methods
 
-    def _span(self, token: Token) -> Span:
+    def _find_span(self, token: Token) -> Span:
         return Span(self.script_source, token.start, token.end)
 
-    def _part(self, node: Any, *parts: HasDepth, query: ast.Query | None = None) -> Part[Any]:
+    def _make_part(self, node: Any, *parts: HasDepth, query: ast.Query | None = None) -> Part[Any]:
         """A node with its depth. Raises ParseError (P005) for a tree that is too deep for later stages."""
         depth = 1 + max([part.depth for part in parts], default=0)
         if depth > MAX_DEPTH:
             raise _make_depth_error(node)
         return Part(node, depth, query)
 
-    def _error(self, code: str, message: str, span: Span, *hints: str) -> ParseError:
+    def _make_error(self, code: str, message: str, span: Span, *hints: str) -> ParseError:
         error = ParseError(code, message, span, hints)
         self._errors.append(error)
         return error
 
-    def _operands(self, parts: Sequence[Expr], sign: str, place: Span | None = None) -> tuple[ast.Expr, ...]:
+    def _list_operands(self, parts: Sequence[Expr], sign: str, place: Span | None = None) -> tuple[ast.Expr, ...]:
         """The operands of `sign`. A bare query on its left must end with AS; a comparison refuses it."""
         for query in [part.query for part in parts[:-1] if part.query is not None]:
             shape = query.representation
             if shape is None and sign in COMPARISONS and _ends_in_comparison(query):
-                self._error("P001", f"a comparison does not go on with {sign}", place or query.span, CHAIN_HINT)
+                self._make_error("P001", f"a comparison does not go on with {sign}", place or query.span, CHAIN_HINT)
             elif shape is None and place is not None and place.source.text.startswith("--", place.start):
                 comment = Span(place.source, place.start, place.start + 2)
-                self._error("P006", "-- does not start a comment", comment, COMMENT_HINT)
+                self._make_error("P006", "-- does not start a comment", comment, COMMENT_HINT)
             elif shape is None:
                 bare = sign not in LOGIC and query.span.end == query.sources[-1].span.end
                 hints = (f"a source with {sign} in it stands in parentheses: FROM (a {sign} b)",) if bare else ()
                 if bare and sign == "IN":
                     hints = (f"to name a source write FROM {query.sources[-1].span.text} = ...",)
-                self._error("P009", f"the query to the left of {sign} is not ended", query.span, *hints, *END_HINT)
+                self._make_error("P009", f"the query to the left of {sign} is not ended", query.span, *hints, *END_HINT)
             elif sign in COMPARISONS:
-                self._error("P009", f"a query to the left of {sign} stands in parentheses", query.span,
+                self._make_error("P009", f"a query to the left of {sign} stands in parentheses", query.span,
                             f"write (SELECT ... AS {shape.name}) {sign} ...")  # fmt: skip
         return tuple(part.node for part in parts)
 
-    def _condition(self, part: Expr, keyword: str) -> ast.Expr:
+    def _check_condition(self, part: Expr, keyword: str) -> ast.Expr:
         """The condition after `keyword`; an assignment is refused, unless in parentheses."""
         node = part.node
         if isinstance(node, ast.Assign):
-            self._error("P006", f"= assigns, but {keyword} needs a condition", node.span,
+            self._make_error("P006", f"= assigns, but {keyword} needs a condition", node.span,
                         f"write {node.name} == {tokenizer.shorten_text(node.value.span.text)} to compare")  # fmt: skip
         return node
 

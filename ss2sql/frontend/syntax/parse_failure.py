@@ -53,20 +53,20 @@ class ParseFailure:
         """The token after it; after the last one the last itself."""
         return self.tokens[min(self.index + 1, len(self.tokens) - 1)]
 
-    def before(self, distance: int = 1) -> Token:
+    def peek(self, distance: int = 1) -> Token:
         """The token `distance` places ahead of it; before the first one an empty `;`."""
         return self.tokens[self.index - distance] if self.index >= distance else Token(";", "", 0, 0)
 
-    def back(self) -> ParseFailure:
+    def step_back(self) -> ParseFailure:
         """The failure with the token before it, which was only read, as the one that does not fit."""
         return ParseFailure(self.source, self.table, self.tokens, self.index - 1, self.states[:-1], self.values[:-1])
 
     @cached_property
     def expected(self) -> frozenset[str]:
         """The kinds of token that would fit."""
-        return frozenset(kind for kind in self.table.rows[self.states[-1]] if self._fits(kind))
+        return frozenset(kind for kind in self.table.rows[self.states[-1]] if self._is_expected(kind))
 
-    def _fits(self, kind: str) -> bool:
+    def _is_expected(self, kind: str) -> bool:
         """Whether the parser can take a token of this kind, once it has completed the rules that end here."""
         states = list(self.states)
         while (target := self.table.rows[states[-1]].get(kind)) is not None:
@@ -85,12 +85,12 @@ class ParseFailure:
         return "NAME" in self.expected and "INTEGER" in self.expected
 
     @cached_property
-    def _open(self) -> list[int]:
+    def _open_positions(self) -> list[int]:
         """The positions in `values` of tokens outside of closed brackets, the last one first."""
         found: list[int] = []
         depth = 0
         for position in range(len(self.values) - 1, -1, -1):
-            kind = self._kind(position)
+            kind = self._get_kind(position)
             depth += kind in CLOSING
             if kind and not depth:
                 found.append(position)
@@ -108,7 +108,7 @@ class ParseFailure:
     @property
     def brackets(self) -> list[Token]:
         """The open brackets, the innermost one first."""
-        return [self.values[position] for position in self._open if self._kind(position) in OPENING]
+        return [self.values[position] for position in self._open_positions if self._get_kind(position) in OPENING]
 
     @property
     def bracket(self) -> Token | None:
@@ -122,14 +122,14 @@ class ParseFailure:
         `WHERE`, `START WITH`, `COST`, `ON`, `WHEN`; `IF(`, `f(` for a call, `(`, `[`, `x[` for an index, `v{`; or
         nothing.
         """
-        for position in self._open:
-            kind = self._kind(position)
+        for position in self._open_positions:
+            kind = self._get_kind(position)
             if kind in ("ON", "WHEN"):
                 return kind
             if kind in CLAUSES or kind in OPTIONS:
                 return f"{kind} {PAIRS[kind]}" if kind in PAIRS and kind in CLAUSES else kind
             if kind in OPENING:
-                owner = self._kind(position - 1)
+                owner = self._get_kind(position - 1)
                 if kind == "[":
                     return "x[" if self._ends_operand(position - 1) else "["
                 return {"IF": "IF(", "NAME": "v{" if kind == "{" else "f("}.get(owner, kind)
@@ -138,19 +138,19 @@ class ParseFailure:
     @property
     def option(self) -> str:
         """The words of the option that is being read: `COST`, `NO CYCLE BY`."""
-        first = next(position for position in self._open if self._kind(position) in OPTIONS)
-        kinds = (self._kind(position) for position in range(first, len(self.values)))
+        first = next(position for position in self._open_positions if self._get_kind(position) in OPTIONS)
+        kinds = (self._get_kind(position) for position in range(first, len(self.values)))
         return " ".join(kind for kind in kinds if kind in (*OPTIONS, "CYCLE", "FIRST", "BY"))
 
-    def _kind(self, position: int) -> str:
+    def _get_kind(self, position: int) -> str:
         value = self.values[position] if position >= 0 else None
         return value.kind if isinstance(value, Token) else ""
 
     def _ends_operand(self, position: int) -> bool:
-        kind = self._kind(position)
+        kind = self._get_kind(position)
         return position >= 0 and (not kind or kind in VALUES or kind in CLOSING)
 
-    def operand(self) -> str:
+    def read_operand(self) -> str:
         """The text of the name, call, literal or bracket that ends before the failure."""
         index = self.index - 1
         while index > 0:
@@ -167,9 +167,9 @@ class ParseFailure:
                 index -= 2
             else:
                 break
-        return self.text(self.tokens[max(index, 0)].start, self.before().end)
+        return self.cut_text(self.tokens[max(index, 0)].start, self.peek().end)
 
-    def side(self, forward: bool = False) -> str:
+    def read_side(self, forward: bool = False) -> str:
         """The text of the side of a comparison that ends before the failure, or with `forward` of the one after it."""
         index, depth, step = self.index + (1 if forward else -1), 0, 1 if forward else -1
         first = index
@@ -184,17 +184,17 @@ class ParseFailure:
             return "..."
         return self.source.text[self.tokens[low].start : self.tokens[high].end]
 
-    def column(self) -> str:
+    def read_column(self) -> str:
         """The text of the column of SELECT that ends before the failure."""
         ahead = [v.end for v in self.values if isinstance(v, Token) and v.kind in ("SELECT", ",")]
-        return self.text(ahead[-1], self.before().end)
+        return self.cut_text(ahead[-1], self.peek().end)
 
-    def error(self, code: str, message: str, *hints: str, at: Token | None = None) -> ParseError:
+    def explain(self, code: str, message: str, *hints: str, at: Token | None = None) -> ParseError:
         """The error with this message, at the token that does not fit or at another one."""
         token = at or self.found
         return ParseError(code, message, Span(self.source, token.start, token.end), hints)
 
-    def text(self, start: int, end: int) -> str:
+    def cut_text(self, start: int, end: int) -> str:
         """A stretch of the script, cut to the length of a message."""
         return tokenizer.shorten_text(self.source.text[start:end])
 

@@ -54,7 +54,7 @@ def load_table() -> Table:
         data = json.loads(_read_resource(TABLE))
     except OSError:
         data = {}
-    if data.get("format") != FORMAT or data.get("grammar") != _fingerprint():
+    if data.get("format") != FORMAT or data.get("grammar") != _hash_grammar():
         data = build_table()
     symbols = data["symbols"]
     rows = [
@@ -80,7 +80,7 @@ def _read_grammar() -> str:
     return _read_resource(GRAMMAR).decode().replace("\r\n", "\n")
 
 
-def _fingerprint() -> int:
+def _hash_grammar() -> int:
     return crc32(_read_grammar().encode())
 
 
@@ -107,7 +107,7 @@ def build_table() -> dict[str, Any]:
         for row in (actions[state] for state in order)
     ]
     return _pack_table(rows, rules, order[table["end_states"]["script"]]) | {
-        "format": FORMAT, "grammar": _fingerprint(), "lark": lark.__version__,
+        "format": FORMAT, "grammar": _hash_grammar(), "lark": lark.__version__,
     }  # fmt: skip
 
 

@@ -38,7 +38,7 @@ def parse(source: Source) -> ast.Script:
     while position < len(tokens) and len(errors) < MAX_ERRORS:
         outcome = run_automaton(table, builder, tokens, position, len(tokens))
         if isinstance(outcome, ast.Script):
-            errors += builder.errors()
+            errors += builder.list_errors()
             if not errors:
                 return outcome
             break
@@ -53,7 +53,7 @@ def parse(source: Source) -> ast.Script:
             errors.append(syntax_errors.explain_failure(failure))
         position = find_resume_point(failure)
     else:
-        errors += builder.errors()
+        errors += builder.list_errors()
     raise combine_errors(sorted(errors, key=lambda error: error.span.start if error.span else 0)[:MAX_ERRORS])
 
 
@@ -63,7 +63,7 @@ def run_automaton(
     """Parses `tokens[position:halt]`; gives the script, or the state before the first token that does not fit."""
     source = builder.script_source
     rows, end_state = table.rows, table.end
-    rules = list(zip(table.rules, builder.actions(table), strict=True))
+    rules = list(zip(table.rules, builder.list_actions(table), strict=True))
     states, values, starts = [table.start], list[Any](), list[int]()
     end = tokens[position].start
     for index in range(position, halt):

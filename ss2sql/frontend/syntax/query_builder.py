@@ -45,7 +45,7 @@ class Builder(ExpressionBuilder):
             seen.setdefault(clause.keyword, clause)
             fields |= clause.fields
         node = ast.Query(**fields, span=span)
-        return self._part(node, *clauses, query=node)
+        return self._make_part(node, *clauses, query=node)
 
     def _check_order(self, clause: Clause, seen: dict[str, Clause]) -> bool:
         """Refuses a clause that occurs twice, or after one that it must precede; False if it does."""
@@ -55,10 +55,10 @@ class Builder(ExpressionBuilder):
         if keyword in seen:
             cures = {"WHERE": "join the conditions with AND", "STOP WITH": "join the conditions with OR"}
             cure = cures.get(keyword, "keep one of them" if keyword == "LIMIT" else "write one list, with commas")
-            error = self._error("P001", f"{keyword} stands twice in this query", clause.span, cure)
+            error = self._make_error("P001", f"{keyword} stands twice in this query", clause.span, cure)
             error.related = ((seen[keyword].span, "the first one"),)
         elif wrong is not None:
-            error = self._error("P001", f"{keyword} stands before {wrong}, not after it", clause.span,
+            error = self._make_error("P001", f"{keyword} stands before {wrong}, not after it", clause.span,
                                 f"the order is {ORDER}")  # fmt: skip
             error.related = ((seen[wrong].span, "this comes later"),)
         return keyword not in seen and wrong is None
@@ -73,66 +73,68 @@ class Builder(ExpressionBuilder):
         return Clause("SELECT", {"columns": (ast.Star(span=span),)}, 1, span)
 
     def columns(self, span: Span, *columns: Expr) -> Clause:
-        return self._clause("SELECT", span, columns, columns=self._nodes(columns))
+        return self._make_clause("SELECT", span, columns, columns=self._list_nodes(columns))
 
     def named(self, span: Span, column: Expr, name: Token) -> Part[ast.Named]:
-        (expr,) = self._nodes((column,))
-        return self._part(ast.Named(expr, name.text, span=span), column)
+        (expr,) = self._list_nodes((column,))
+        return self._make_part(ast.Named(expr, name.text, span=span), column)
 
     def sources(self, span: Span, *sources: Part[ast.From]) -> Clause:
-        return self._clause("FROM", span, sources, sources=tuple(source.node for source in sources))
+        return self._make_clause("FROM", span, sources, sources=tuple(source.node for source in sources))
 
     def source(self, span: Span, *parts: Any) -> Part[ast.From]:
         name = parts[0].text if len(parts) == 2 else None
-        (expr,) = self._nodes(parts[-1:])
-        return self._part(ast.From(name, expr, span=span), parts[-1])
+        (expr,) = self._list_nodes(parts[-1:])
+        return self._make_part(ast.From(name, expr, span=span), parts[-1])
 
     def joined(self, span: Span, source: Part[ast.From], condition: Expr, optional: bool = False) -> Part[ast.From]:
-        self._nodes((condition,))
-        on = self._condition(condition, "ON")
-        return self._part(replace(source.node, on=on, optional=optional), source, condition)
+        self._list_nodes((condition,))
+        on = self._check_condition(condition, "ON")
+        return self._make_part(replace(source.node, on=on, optional=optional), source, condition)
 
     def left_joined(self, span: Span, source: Part[ast.From], condition: Expr) -> Part[ast.From]:
         return self.joined(span, source, condition, True)
 
     def where(self, span: Span, condition: Expr) -> Clause:
-        self._nodes((condition,))
-        return self._clause("WHERE", span, (condition,), where=self._condition(condition, "WHERE"))
+        self._list_nodes((condition,))
+        return self._make_clause("WHERE", span, (condition,), where=self._check_condition(condition, "WHERE"))
 
     def start(self, span: Span, *parts: Part[Any]) -> Clause:
-        start = tuple(node for node in self._nodes(parts) if isinstance(node, ast.Assign | ast.Each))
-        return self._clause("START WITH", span, parts, start=start, first=self._only_condition(parts, "START WITH"))
+        start = tuple(node for node in self._list_nodes(parts) if isinstance(node, ast.Assign | ast.Each))
+        return self._make_clause(
+            "START WITH", span, parts, start=start, first=self._find_only_condition(parts, "START WITH")
+        )
 
     def each(self, span: Span, name: Token, values: Expr) -> Part[ast.Each]:
-        (node,) = self._nodes((values,))
-        return self._part(ast.Each(name.text, node, span=span, name_span=self._span(name)), values)
+        (node,) = self._list_nodes((values,))
+        return self._make_part(ast.Each(name.text, node, span=span, name_span=self._find_span(name)), values)
 
     def connect(self, span: Span, *parts: Part[Any]) -> Clause:
-        nodes = self._nodes(parts)
+        nodes = self._list_nodes(parts)
         for option, value in pairwise(nodes):
             between = self.script_source.text[option.span.end : value.span.start]
             unbounded = isinstance(option, ast.Option) and option == ast.Option("MEMORIZE", None, span=option.span)
             if unbounded and isinstance(value, ast.Name | ast.Literal) and "," not in between:
-                self._error("P001", f"{MEMORIZE_HINT}, not {value.span.text}", value.span,
+                self._make_error("P001", f"{MEMORIZE_HINT}, not {value.span.text}", value.span,
                             f"write MEMORIZE ({value.span.text})")  # fmt: skip
         fields = {
             "options": tuple(node for node in nodes if isinstance(node, ast.Option)),
             "connect": tuple(node for node in nodes if isinstance(node, ast.Assign)),
-            "made": self._only_condition(parts, "CONNECT BY"),
+            "made": self._find_only_condition(parts, "CONNECT BY"),
         }
-        return self._clause("CONNECT BY", span, parts, **fields)
+        return self._make_clause("CONNECT BY", span, parts, **fields)
 
-    def _only_condition(self, parts: Sequence[Part[Any]], keyword: str) -> ast.Expr | None:
+    def _find_only_condition(self, parts: Sequence[Part[Any]], keyword: str) -> ast.Expr | None:
         """The condition among the assignments and options of a clause."""
         found = [part.node for part in parts if not isinstance(part.node, ast.Assign | ast.Each | ast.Option)]
         each = next((part.node for part in parts if isinstance(part.node, ast.Each)), None)
         if each and found and all(isinstance(node, ast.Literal) for node in found):
             values = ", ".join(node.span.text for node in (each.values, *found))
-            self._error("P006", "EACH goes through a list", found[0].span, f"write EACH {each.name} IN [{values}]")
+            self._make_error("P006", "EACH goes through a list", found[0].span, f"write EACH {each.name} IN [{values}]")
             return None
         for other in found[1:]:
             text = f"{found[0].span.text} AND {other.span.text}"
-            error = self._error("P001", f"{keyword} has two conditions", other.span, f"write {shorten_text(text)}")
+            error = self._make_error("P001", f"{keyword} has two conditions", other.span, f"write {shorten_text(text)}")
             error.related = ((found[0].span, "the first one"),)
         return found[0] if found else None
 
@@ -141,57 +143,59 @@ class Builder(ExpressionBuilder):
             (place for place, part in enumerate(parts) if isinstance(part, Token) and part.kind == "BY"), len(parts)
         )
         words = [part.kind for part in parts[:by] if isinstance(part, Token)]
-        argument, key = (self._nodes([p for p in some if isinstance(p, Part)]) for some in (parts[:by], parts[by:]))
+        argument, key = (
+            self._list_nodes([p for p in some if isinstance(p, Part)]) for some in (parts[:by], parts[by:])
+        )
         values = [part for part in parts if isinstance(part, Part)]
         node = ast.Option(" ".join(words), argument[0] if argument else None, key, span=span)
-        return self._part(node, *values)
+        return self._make_part(node, *values)
 
     def stop(self, span: Span, condition: Expr) -> Clause:
-        self._nodes((condition,))
-        return self._clause("STOP WITH", span, (condition,), stop=self._condition(condition, "STOP WITH"))
+        self._list_nodes((condition,))
+        return self._make_clause("STOP WITH", span, (condition,), stop=self._check_condition(condition, "STOP WITH"))
 
     def group(self, span: Span, *parts: Any) -> Clause:
         keys = [part for part in parts if isinstance(part, Part)]
-        fields: dict[str, Any] = {"group": self._nodes(keys)}
+        fields: dict[str, Any] = {"group": self._list_nodes(keys)}
         for having in parts[len(keys) :]:
             fields |= having.fields
-        return self._clause("GROUP BY", span, parts, **fields)
+        return self._make_clause("GROUP BY", span, parts, **fields)
 
     def having(self, span: Span, condition: Expr) -> Clause:
-        self._nodes((condition,))
-        return self._clause("HAVING", span, (condition,), having=self._condition(condition, "HAVING"))
+        self._list_nodes((condition,))
+        return self._make_clause("HAVING", span, (condition,), having=self._check_condition(condition, "HAVING"))
 
     def siblings(self, span: Span, *keys: Part[ast.OrderKey]) -> Clause:
-        return self._clause("ORDER SIBLINGS BY", span, keys, siblings=tuple(key.node for key in keys))
+        return self._make_clause("ORDER SIBLINGS BY", span, keys, siblings=tuple(key.node for key in keys))
 
     def order(self, span: Span, *keys: Part[ast.OrderKey]) -> Clause:
-        return self._clause("ORDER BY", span, keys, order=tuple(key.node for key in keys))
+        return self._make_clause("ORDER BY", span, keys, order=tuple(key.node for key in keys))
 
     def order_key(self, span: Span, expr: Expr, direction: Token | None = None) -> Part[ast.OrderKey]:
-        (node,) = self._nodes((expr,))
-        return self._part(ast.OrderKey(node, direction is not None and direction.kind == "DESC", span=span), expr)
+        (node,) = self._list_nodes((expr,))
+        return self._make_part(ast.OrderKey(node, direction is not None and direction.kind == "DESC", span=span), expr)
 
     def limit(self, span: Span, number: Expr, *offset: Expr) -> Clause:
-        limit, *first = self._nodes((number, *offset))
-        return self._clause("LIMIT", span, (number, *offset), limit=limit, offset=first[0] if first else None)
+        limit, *first = self._list_nodes((number, *offset))
+        return self._make_clause("LIMIT", span, (number, *offset), limit=limit, offset=first[0] if first else None)
 
     def representation(self, span: Span, name: Token, *arguments: Expr) -> Clause:
         named = tuple(part.node for part in arguments if isinstance(part.node, ast.Assign))
         positional = tuple(part.node for part in arguments if not isinstance(part.node, ast.Assign))
         if named and positional and named[0].span.start < positional[-1].span.start:
-            self._error("P001", "this argument has no name, but stands after one that has", positional[-1].span,
+            self._make_error("P001", "this argument has no name, but stands after one that has", positional[-1].span,
                         "positional arguments come first, named ones after them")  # fmt: skip
         shape = ast.Representation(name.text, positional, named, span=span)
-        return self._clause("AS", span, arguments, representation=shape)
+        return self._make_clause("AS", span, arguments, representation=shape)
 
-    def _clause(self, keyword: str, span: Span, parts: Sequence[HasDepth], **fields: Any) -> Clause:
+    def _make_clause(self, keyword: str, span: Span, parts: Sequence[HasDepth], **fields: Any) -> Clause:
         words = keyword.split()
         place = Span(self.script_source, span.start, span.start + len(words[0]))
         return Clause(keyword, fields, max([part.depth for part in parts], default=0), place)
 
-    def _nodes(self, parts: Sequence[Part[Any]]) -> tuple[Any, ...]:
+    def _list_nodes(self, parts: Sequence[Part[Any]]) -> tuple[Any, ...]:
         """The nodes of parts that belong to a query: a query inside it must be ended by AS or parentheses."""
         for part in parts:
             if part.query is not None and part.query.representation is None:
-                self._error("P009", "this query inside another is not ended", part.query.span, *END_HINT)
+                self._make_error("P009", "this query inside another is not ended", part.query.span, *END_HINT)
         return tuple(part.node for part in parts)

@@ -65,33 +65,35 @@ def explain_sql(t: ParseFailure) -> ParseError | None:
 
 def _explain_comment(t: ParseFailure) -> ParseError | None:
     """`-- comment` reads as two minus signs; parsing fails later on the same line, or right after it."""
-    line = t.source.text.rfind("\n", 0, t.before().start) + 1
+    line = t.source.text.rfind("\n", 0, t.peek().start) + 1
     for index in range(t.index, 0, -1):
         first, second = t.tokens[index - 1], t.tokens[index]
         if first.start < line:
             return None
         if first.kind == second.kind == "-" and first.end == second.start:
             both = Token("--", "--", first.start, second.end)
-            return t.error("P006", "-- does not start a comment", COMMENT_HINT, at=both)
+            return t.explain("P006", "-- does not start a comment", COMMENT_HINT, at=both)
     return None
 
 
 def _explain_sign(t: ParseFailure) -> ParseError | None:
     """Two signs side by side that are one operator elsewhere."""
-    for first, second in ((t.before(), t.found), (t.found, t.next)):
+    for first, second in ((t.peek(), t.found), (t.found, t.next)):
         sign = first.text + second.text
         if first.end == second.start and sign in _SIGNS:
-            name = t.before(2) if second is t.found else t.before()
+            name = t.peek(2) if second is t.found else t.peek()
             both = Token(sign, sign, first.start, second.end)
             hint = _SIGNS[sign].format(x=name.text if name.kind == "NAME" else "x")
-            return t.error("P006", f"there is no operator {sign}", hint, at=both)
+            return t.explain("P006", f"there is no operator {sign}", hint, at=both)
     return None
 
 
 def _explain_concatenation(t: ParseFailure) -> ParseError | None:
     if t.found.text != "||":
         return None
-    return t.error("P006", "there is no operator ||", f"write {t.operand()} + {_read_value_after(t)} to join strings")
+    return t.explain(
+        "P006", "there is no operator ||", f"write {t.read_operand()} + {_read_value_after(t)} to join strings"
+    )
 
 
 _TYPES = {"TEXT": "str", "VARCHAR": "str", "CHAR": "str", "STRING": "str", "INT": "int", "INTEGER": "int",
@@ -106,8 +108,8 @@ def _explain_cast(t: ParseFailure) -> ParseError | None:
     if t.tokens[call].text.upper() != "CAST":
         return None
     function = _TYPES.get(t.next.text.upper(), "str")
-    hint = f"write {function}({t.text(t.bracket.end, t.before().end)})"
-    return t.error("P006", "there is no CAST in SelectScript", hint, at=t.tokens[call])
+    hint = f"write {function}({t.cut_text(t.bracket.end, t.peek().end)})"
+    return t.explain("P006", "there is no CAST in SelectScript", hint, at=t.tokens[call])
 
 
 # Set operations of two queries; ALL keeps equal rows.
@@ -126,13 +128,13 @@ def _explain_set_operation(t: ParseFailure) -> ParseError | None:
         return None
     start = next((i for i in range(t.index, -1, -1) if t.tokens[i].kind == "SELECT"), t.index)
     ends = (token.start for token in t.tokens[behind:] if token.kind in (";", END, ")"))
-    texts = [t.source.text[t.tokens[start].start : t.before().end], t.source.text[t.tokens[behind].start : next(ends)]]
+    texts = [t.source.text[t.tokens[start].start : t.peek().end], t.source.text[t.tokens[behind].start : next(ends)]]
     parts = [" ".join(text.split()) if len(text) <= 60 else "SELECT ..." for text in texts]
     shapes = [re.search(r"\bFROM\b.*( AS \w+)\Z", part, re.IGNORECASE) for part in parts]
     form = next((shape[1] for shape in shapes if shape), " AS dict")
     lists = [f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True)]
     cure = _SETS[f"{word} ALL" if every else word].format(*lists)
-    return t.error("P006", f"there is no {word} in SelectScript", f"write {cure}")
+    return t.explain("P006", f"there is no {word} in SelectScript", f"write {cure}")
 
 
 def _explain_siblings(t: ParseFailure) -> ParseError | None:
@@ -145,14 +147,14 @@ def _explain_siblings(t: ParseFailure) -> ParseError | None:
     hints = [f"write ORDER SIBLINGS BY {key}"]
     if order == "BREADTH":
         hints.append("BREADTH FIRST stands right after CONNECT BY")
-    return t.error("P006", "there is no SEARCH in SelectScript", *hints)
+    return t.explain("P006", "there is no SEARCH in SelectScript", *hints)
 
 
 def _explain_each(t: ParseFailure) -> ParseError | None:
     """`START WITH EACH town = list`."""
     if t.found.kind != "=" or t.expected != {"IN"}:
         return None
-    return t.error("P006", "EACH goes through a list", f"write EACH {t.before().text} IN {t.side(forward=True)}")
+    return t.explain("P006", "EACH goes through a list", f"write EACH {t.peek().text} IN {t.read_side(forward=True)}")
 
 
 # Other names for options of searches.
@@ -168,22 +170,22 @@ def _explain_option(t: ParseFailure) -> ParseError | None:
     begin = max((i for i in range(t.index) if t.tokens[i].kind == "CONNECT"), default=t.index) + 2
     for index in range(begin, t.index + 1):
         token, behind = t.tokens[index], t.tokens[min(index + 1, len(t.tokens) - 1)]
-        word, value = token.text.upper(), t.text(behind.end, t.before().end).strip()
+        word, value = token.text.upper(), t.cut_text(behind.end, t.peek().end).strip()
         if word in OPTIONS and behind.kind == "=" and index + 1 < t.index and t.found.kind == "NAME":
-            return t.error("P006", f"{word} is an option, and takes no =", f"write {word} {value}", at=token)
+            return t.explain("P006", f"{word} is an option, and takes no =", f"write {word} {value}", at=token)
         starts = index == begin and (word != "A" or behind.kind == "*")
         if starts and word in _OPTIONS and behind.kind in ("*", *VALUES):
             number = f" {behind.text}" if behind.kind == "INTEGER" else ""
-            return t.error("P006", f"there is no option {token.text}{'*' if word == 'A' else ''}",
+            return t.explain("P006", f"there is no option {token.text}{'*' if word == 'A' else ''}",
                            f"write {_OPTIONS[word]}{number}", at=token)  # fmt: skip
     return None
 
 
 def _explain_unpacking(t: ParseFailure) -> ParseError | None:
     """`a, b = [1, 2]`."""
-    if t.found.kind != "," or t.clause or t.before().kind != "NAME" or t.before(2).kind not in (";", END):
+    if t.found.kind != "," or t.clause or t.peek().kind != "NAME" or t.peek(2).kind not in (";", END):
         return None
-    index, names = t.index, [t.before().text]
+    index, names = t.index, [t.peek().text]
     while t.tokens[index].kind == "," and t.tokens[index + 1].kind == "NAME":
         names.append(t.tokens[index + 1].text)
         index += 2
@@ -191,8 +193,8 @@ def _explain_unpacking(t: ParseFailure) -> ParseError | None:
         return None
     end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
     parts = "; ".join(f"{name} = both[{number}]" for number, name in enumerate(names))
-    value = t.text(t.tokens[index].end, end).strip()
-    return t.error("P006", "one name is assigned at a time", f"write both = {value}; {parts}")
+    value = t.cut_text(t.tokens[index].end, end).strip()
+    return t.explain("P006", "one name is assigned at a time", f"write both = {value}; {parts}")
 
 
 def _explain_assignment(t: ParseFailure) -> ParseError | None:
@@ -200,27 +202,27 @@ def _explain_assignment(t: ParseFailure) -> ParseError | None:
     if t.found.kind != "=" or "+" not in t.expected:
         return None
     tested = t.clause in ("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN")
-    left, right = t.side() if tested else t.operand(), _read_value_after(t)
+    left, right = t.read_side() if tested else t.read_operand(), _read_value_after(t)
     compare = f"write {left} == {right} to compare"
     if tested:
-        return t.error("P006", f"= assigns, but {t.clause.rstrip('(')} needs a condition", compare)
+        return t.explain("P006", f"= assigns, but {t.clause.rstrip('(')} needs a condition", compare)
     if t.clause == "SELECT":
-        return t.error("P006", "a column is not assigned", f"write {right} AS {left} to name a column", compare)
+        return t.explain("P006", "a column is not assigned", f"write {right} AS {left} to name a column", compare)
     ahead = t.values[-2] if len(t.values) > 1 else None
     if isinstance(ahead, Token) and ahead.kind == "PRIOR":
-        return t.error(
+        return t.explain(
             "P006", "= assigns, but PRIOR stands in a condition", f"write PRIOR {left} == {right} to compare"
         )
     if t.clause in OPTIONS:
-        return t.error(
+        return t.explain(
             "P001", f"{t.clause} needs a value in front of the assignments", f"write {t.clause} 1 {left} = ..."
         )
-    if t.clause in ("START WITH", "CONNECT BY") and t.before(2).kind == "AND":
+    if t.clause in ("START WITH", "CONNECT BY") and t.peek(2).kind == "AND":
         begin = max(i for i in range(t.index) if t.tokens[i].kind in ("START", "CONNECT"))
-        ahead_of_it = t.source.text[t.tokens[begin].start : t.before(2).start].strip()
-        return t.error("P006", f"the assignments of {t.clause} are separated by commas",
-                       f"write {ahead_of_it}, {left} = {right}", at=t.before(2))  # fmt: skip
-    return t.error("P001", f"only a name can be assigned here, not {left}", compare)
+        ahead_of_it = t.source.text[t.tokens[begin].start : t.peek(2).start].strip()
+        return t.explain("P006", f"the assignments of {t.clause} are separated by commas",
+                       f"write {ahead_of_it}, {left} = {right}", at=t.peek(2))  # fmt: skip
+    return t.explain("P001", f"only a name can be assigned here, not {left}", compare)
 
 
 def _read_value_after(t: ParseFailure) -> str:
@@ -230,7 +232,7 @@ def _read_value_after(t: ParseFailure) -> str:
         last += 2
     if t.next.kind not in VALUES or t.tokens[last + 1].kind in ("(", "[", "{", "."):
         return "..."
-    text = t.text(t.next.start, t.tokens[last].end)
+    text = t.cut_text(t.next.start, t.tokens[last].end)
     return "None" if text.upper() == "NULL" else text
 
 
@@ -239,8 +241,8 @@ def _explain_missing_as(t: ParseFailure) -> ParseError | None:
     if t.clause != "SELECT" or "FROM" not in t.expected or "," not in t.expected:
         return None
     if t.found.kind == "NAME" and not t.found.keyword and t.next.kind in (",", "FROM"):
-        return t.error("P006", f"expected ',' or FROM between {spell(t.before())} and {spell(t.found)}",
-                       f"write {t.column()} AS {t.found.text} to name a column")  # fmt: skip
+        return t.explain("P006", f"expected ',' or FROM between {spell(t.peek())} and {spell(t.found)}",
+                       f"write {t.read_column()} AS {t.found.text} to name a column")  # fmt: skip
     return None
 
 
@@ -249,9 +251,9 @@ def _explain_after_as(t: ParseFailure) -> ParseError | None:
     ahead = t.values[-2] if len(t.values) > 1 else None
     if not isinstance(ahead, Token) or ahead.kind != "AS" or t.found.text.upper() in _POSTFIX_HINTS:
         return None
-    shape, word = t.before(), t.found.keyword or t.found.kind
+    shape, word = t.peek(), t.found.keyword or t.found.kind
     if word in ("[", ".", "^", "{"):
-        return t.error("P009", f"a query to the left of {spell(t.found)} stands in parentheses",
+        return t.explain("P009", f"a query to the left of {spell(t.found)} stands in parentheses",
                        f"write (SELECT ... AS {shape.text}){t.found.text} ...")  # fmt: skip
     if word not in (
         "WHERE",
@@ -268,24 +270,25 @@ def _explain_after_as(t: ParseFailure) -> ParseError | None:
         "LEFT",
     ):
         return None
-    return t.error("P006", f"AS ends the query, {spell(t.found)} cannot follow it",
+    return t.explain("P006", f"AS ends the query, {spell(t.found)} cannot follow it",
                    "AS says the form of the result and is the last clause",
                    f"to name a source write FROM {shape.text} = ...")  # fmt: skip
 
 
 def _explain_statement(t: ParseFailure) -> ParseError | None:
     """Statements that write, and WITH in front of a query."""
-    word = t.before()
-    if word.kind != "NAME" or t.before(2).kind != ";" or t.bracket:
+    word = t.peek()
+    if word.kind != "NAME" or t.peek(2).kind != ";" or t.bracket:
         return None
     upper = word.text.upper()
     if upper in _WRITING:
-        return t.error("P006", f"a script only reads, there is no {upper}",
+        return t.explain("P006", f"a script only reads, there is no {upper}",
                        "change data from Python or with SQLite itself", at=word)  # fmt: skip
     if upper == "WITH" and (cure := _explain_with(t)) is not None:
-        return t.error("P006", "there is no WITH in front of a query", cure, at=word)
+        return t.explain("P006", "there is no WITH in front of a query", cure, at=word)
     if upper == "WITH":
-        return t.error("P006", "there is no WITH in front of a query", "assign the inner query to a variable first",
+        return t.explain("P006", "there is no WITH in front of a query",
+            "assign the inner query to a variable first",
                        "a recursive query is written SELECT ... START WITH ... CONNECT BY ...", at=word)  # fmt: skip
     return None
 
@@ -310,15 +313,15 @@ def _explain_with(t: ParseFailure) -> str | None:
 
 def _explain_modifier(t: ParseFailure) -> ParseError | None:
     """Words in front of an expression: DISTINCT, CASE, PRIOR."""
-    word = t.before()
+    word = t.peek()
     upper = word.text.upper()
     if word.kind != "NAME" or upper not in _PREFIX_HINTS or t.values[-1:] != [word]:
         return None
-    hint = _PREFIX_HINTS[upper].format(x=t.text(t.found.start, t.found.end))
+    hint = _PREFIX_HINTS[upper].format(x=t.cut_text(t.found.start, t.found.end))
     if upper == "CASE" and t.next.keyword == "WHEN":
         value = t.tokens[t.index + 2]
-        hint = f"write CASE WHEN {t.found.text} == {t.text(value.start, value.end)}"
-    return t.error("P006", f"there is no {upper} in SelectScript", hint, at=word)
+        hint = f"write CASE WHEN {t.found.text} == {t.cut_text(value.start, value.end)}"
+    return t.explain("P006", f"there is no {upper} in SelectScript", hint, at=word)
 
 
 def _explain_word(t: ParseFailure) -> ParseError | None:
@@ -327,47 +330,47 @@ def _explain_word(t: ParseFailure) -> ParseError | None:
     if (
         t.found.kind not in ("NAME", upper)
         or upper not in _POSTFIX_HINTS
-        or t.before().text.upper() == "NO"
+        or t.peek().text.upper() == "NO"
         or t.wants_operand
         or t.expected == {"="}
     ):
         return None
-    spelling, hint, x, y = upper, _POSTFIX_HINTS[upper], t.operand(), _read_value_after(t)
-    if t.before().kind == "NOT":
-        spelling, x, hint = f"NOT {upper}", t.back().operand(), hint.replace(" LIKE ", " NOT LIKE ")
-    return t.error("P006", f"there is no {spelling} in SelectScript", hint.format(x=x, y=y))
+    spelling, hint, x, y = upper, _POSTFIX_HINTS[upper], t.read_operand(), _read_value_after(t)
+    if t.peek().kind == "NOT":
+        spelling, x, hint = f"NOT {upper}", t.step_back().read_operand(), hint.replace(" LIKE ", " NOT LIKE ")
+    return t.explain("P006", f"there is no {spelling} in SelectScript", hint.format(x=x, y=y))
 
 
 def _explain_star(t: ParseFailure) -> ParseError | None:
-    if t.found.kind == "*" and t.before().kind == "." and t.before(2).kind == "NAME":
-        source = t.before(2).text
-        return t.error("P006", f"there is no {source}.* in SelectScript",
+    if t.found.kind == "*" and t.peek().kind == "." and t.peek(2).kind == "NAME":
+        source = t.peek(2).text
+        return t.explain("P006", f"there is no {source}.* in SelectScript",
                        f"write {source}.this for the element, {source}.x for a column, SELECT * for all")  # fmt: skip
-    alone = t.found.kind == "," and t.before().kind == "*" and "FROM" in t.expected
-    if t.clause == "SELECT" and (alone or (t.found.kind == "*" and t.before().kind == ",")):
-        return t.error("P006", "* is the only column, or none", "write SELECT *, or name the columns")
+    alone = t.found.kind == "," and t.peek().kind == "*" and "FROM" in t.expected
+    if t.clause == "SELECT" and (alone or (t.found.kind == "*" and t.peek().kind == ",")):
+        return t.explain("P006", "* is the only column, or none", "write SELECT *, or name the columns")
     return None
 
 
 def _explain_dot(t: ParseFailure) -> ParseError | None:
     """`p.name.upper()`."""
-    if t.found.kind == "(" and t.before(2).kind == "." and "+" in t.expected:
-        owner, _, name = t.operand().rpartition(".")
-        return t.error("P001", f"values have no functions of their own, such as {name}", f"write {name}({owner})")
+    if t.found.kind == "(" and t.peek(2).kind == "." and "+" in t.expected:
+        owner, _, name = t.read_operand().rpartition(".")
+        return t.explain("P001", f"values have no functions of their own, such as {name}", f"write {name}({owner})")
     return None
 
 
 def _explain_list(t: ParseFailure) -> ParseError | None:
     """Lists without square brackets, dicts, parameters with a colon."""
     if t.found.kind == "," and t.clause in ("(", "") and not t.wants_operand:
-        return t.error("P006", "a list stands in square brackets", f"write [{_spell_items(t)}]", *_hint_decimal(t))
+        return t.explain("P006", "a list stands in square brackets", f"write [{_spell_items(t)}]", *_hint_decimal(t))
     if t.found.kind == "," and t.clause == "LIMIT":
-        number = t.text(t.next.start, t.next.end)
-        return t.error("P006", "LIMIT has one number", f"write LIMIT {number} OFFSET {t.operand()}")
+        number = t.cut_text(t.next.start, t.next.end)
+        return t.explain("P006", "LIMIT has one number", f"write LIMIT {number} OFFSET {t.read_operand()}")
     if t.found.kind == "{" and t.wants_operand:
-        return t.error("P001", "a dict cannot be written in a script", "give it to the session from Python")
+        return t.explain("P001", "a dict cannot be written in a script", "give it to the session from Python")
     if t.found.kind == ":" and t.wants_operand and t.clause != "x[":
-        return t.error("P006", "a parameter has no sign", f"write {t.next.text or 'its name'} alone")
+        return t.explain("P006", "a parameter has no sign", f"write {t.next.text or 'its name'} alone")
     return None
 
 
@@ -378,11 +381,11 @@ def _spell_items(t: ParseFailure) -> str:
         depth += (token.kind in OPENING) - (token.kind in CLOSING)
         if depth < 0 and t.bracket is not None and token.start - t.bracket.end <= 40:
             return t.source.text[t.bracket.end : token.start].strip().rstrip(",")
-    return f"{t.operand()}, ..."
+    return f"{t.read_operand()}, ..."
 
 
 def _hint_decimal(t: ParseFailure) -> list[str]:
-    first, second = t.before(), t.next
+    first, second = t.peek(), t.next
     if first.kind == second.kind == "INTEGER" and first.end == t.found.start and t.found.end == second.start:
         return [f"a fraction has a point: {first.text}.{second.text}"]
     return []
@@ -390,8 +393,8 @@ def _hint_decimal(t: ParseFailure) -> list[str]:
 
 def _explain_quotes(t: ParseFailure) -> ParseError | None:
     """`'it''s'` reads as two strings."""
-    before = t.before()
+    before = t.peek()
     if t.found.kind == before.kind == "STRING" and before.end == t.found.start:
         quote = before.text[0]
-        return t.error("P006", "two strings stand side by side", f"a quote inside a string is written \\{quote}")
+        return t.explain("P006", "two strings stand side by side", f"a quote inside a string is written \\{quote}")
     return None

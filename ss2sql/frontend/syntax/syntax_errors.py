@@ -50,48 +50,51 @@ def explain_failure(t: ParseFailure) -> ParseError:
     if error := tokenizer.explain_unreadable(t.source, t.found):
         return error
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _pair, _keyword_as_name, _reserved, python_spellings.explain_python, sql_spellings.explain_sql,
-        _misspelling, _closing_bracket, _search, _missing, _chain, _missing_from, _open_bracket, _clause, _descending,
+        _explain_pair, _explain_keyword_as_name, _explain_reserved_word, python_spellings.explain_python,
+        sql_spellings.explain_sql, _explain_misspelling, _explain_closing_bracket, _explain_search_clause,
+        _explain_missing, _explain_chain, _explain_missing_from, _open_bracket, _explain_clause, _explain_descending,
     )  # fmt: skip
-    return next((error for check in checks if (error := check(t))), None) or _between(t)
+    return next((error for check in checks if (error := check(t))), None) or _explain_rest(t)
 
 
-def _pair(t: ParseFailure) -> ParseError | None:
+def _explain_pair(t: ParseFailure) -> ParseError | None:
     """`STOP level == 7`: the second word of a keyword is missing."""
-    first = t.before()
+    first = t.peek()
     if first.kind not in PAIRS:
         return None
     second = PAIRS[first.kind]
-    return t.error(_choose_code(t), f"expected {second} after {first.kind}, found {spell(t.found)}",
+    return t.explain(_choose_code(t), f"expected {second} after {first.kind}, found {spell(t.found)}",
                    f"the keyword is {first.kind} {second}")  # fmt: skip
 
 
-def _keyword_as_name(t: ParseFailure) -> ParseError | None:
+def _explain_keyword_as_name(t: ParseFailure) -> ParseError | None:
     """`FROM a, WHERE b`: the keyword was read as a name, because what should stand before it is missing."""
-    word = t.before()
+    word = t.peek()
     if word.kind != "NAME" or word.keyword not in CLAUSES or t.values[-1:] != [word]:
         return None
-    if word.keyword == "LIMIT" and t.before(2).kind == "BY":
+    if word.keyword == "LIMIT" and t.peek(2).kind == "BY":
         return None  # an option by another name
     meant = t.found.keyword == PAIRS[word.keyword] if word.keyword in PAIRS else t.found.kind in (*VALUES, *OPENING)
     if not meant:
         return None
-    if t.before(2).kind == ";" and not t.bracket:
-        return t.error("P001", f"a query starts with SELECT, not with {spell(word)}", f"the order is {ORDER}", at=word)
-    return _missing(t.back())
+    if t.peek(2).kind == ";" and not t.bracket:
+        return t.explain(
+            "P001", f"a query starts with SELECT, not with {spell(word)}", f"the order is {ORDER}", at=word
+        )
+    return _explain_missing(t.step_back())
 
 
-def _misspelling(t: ParseFailure) -> ParseError | None:
+def _explain_misspelling(t: ParseFailure) -> ParseError | None:
     """A word that is nearly a keyword that would fit in its place."""
     places: list[tuple[Token, frozenset[str]]] = []
     if t.found.kind == "NAME" and not t.wants_operand:
         places.append((t.found, t.expected))
-    if t.before().kind == "NAME" and t.values[-1:] == [t.before()]:
-        places.append((t.before(), t.back().expected & {"SELECT", *OPTIONS}))
+    if t.peek().kind == "NAME" and t.values[-1:] == [t.peek()]:
+        places.append((t.peek(), t.step_back().expected & {"SELECT", *OPTIONS}))
     for token, fitting in places:
         if close := _find_similar_keywords(token.text.upper(), fitting):
             hint = f"did you mean {join_or(close)}?"
-            return t.error("P001", f"'{tokenizer.shorten_text(token.text)}' is not a keyword", hint, at=token)
+            return t.explain("P001", f"'{tokenizer.shorten_text(token.text)}' is not a keyword", hint, at=token)
     return None
 
 
@@ -113,36 +116,38 @@ def _find_similar_keywords(word: str, fitting: frozenset[str]) -> list[str]:
     return list(dict.fromkeys(spelt[close] for close in longer + get_close_matches(word, spelt, n=2, cutoff=0.7)))
 
 
-def _closing_bracket(t: ParseFailure) -> ParseError | None:
+def _explain_closing_bracket(t: ParseFailure) -> ParseError | None:
     """A closing bracket that does not belong to the innermost open one."""
     closing = t.found.kind
     if closing not in CLOSING:
         return None
     if t.bracket is None:
-        return t.error("P001", f"'{closing}' closes nothing", f"leave it out, or open it with '{CLOSING[closing]}'")
+        return t.explain("P001", f"'{closing}' closes nothing", f"leave it out, or open it with '{CLOSING[closing]}'")
     if t.bracket.kind == CLOSING[closing]:
         return None
     right = OPENING[t.bracket.kind]
-    return _opened(t, t.error("P001", f"expected '{right}', found '{closing}'", f"'{t.bracket.kind}' needs '{right}'"))
+    return _add_bracket_place(
+        t, t.explain("P001", f"expected '{right}', found '{closing}'", f"'{t.bracket.kind}' needs '{right}'")
+    )
 
 
-def _reserved(t: ParseFailure) -> ParseError | None:
+def _explain_reserved_word(t: ParseFailure) -> ParseError | None:
     """A reserved word where a name is meant."""
-    if t.before().kind == "NOT" and t.found.kind in ("=", "==") and not t.back().wants_operand:
-        left = t.back().operand()
-        return t.error("P001", f"NOT does not go with {t.found.text}", f"write {left} != ...", at=t.before())
-    word = t.before() if t.found.kind == "=" and t.before().kind in tokenizer.RESERVED else t.found
+    if t.peek().kind == "NOT" and t.found.kind in ("=", "==") and not t.step_back().wants_operand:
+        left = t.step_back().read_operand()
+        return t.explain("P001", f"NOT does not go with {t.found.text}", f"write {left} != ...", at=t.peek())
+    word = t.peek() if t.found.kind == "=" and t.peek().kind in tokenizer.RESERVED else t.found
     if word.kind not in tokenizer.RESERVED or (word is t.found and "NAME" not in t.expected):
         return None
-    if word is t.found and t.next.kind != "=" and t.before().kind not in (".", "AS"):
+    if word is t.found and t.next.kind != "=" and t.peek().kind not in (".", "AS"):
         return None
-    hint = f'write {t.back().operand()}["{word.text}"]' if t.before().kind == "." else "choose another name"
-    return t.error("P001", f"{word.kind} is a reserved word, not a name", hint, at=word)
+    hint = f'write {t.step_back().read_operand()}["{word.text}"]' if t.peek().kind == "." else "choose another name"
+    return t.explain("P001", f"{word.kind} is a reserved word, not a name", hint, at=word)
 
 
-def _missing(t: ParseFailure) -> ParseError | None:
+def _explain_missing(t: ParseFailure) -> ParseError | None:
     """Something is missing in front of the token: a value, a name, an assignment."""
-    found, before = t.found, t.before()
+    found, before = t.found, t.peek()
     clause = t.clause if before.kind in (",", "WITH", "BY", "(", "[") or before.kind == t.clause else ""
     if t.wants_operand:
         if before.kind in ("UNIQUE", "CYCLE", "FIRST", "MEMORIZE"):
@@ -151,8 +156,8 @@ def _missing(t: ParseFailure) -> ParseError | None:
         if t.clause in OPTIONS and before.kind == "BY":
             what, hint = "a key", "for instance UNIQUE BY town, or UNIQUE BY (town, day)"
         hint = "leave the + out" if found.kind == "+" else hint
-        if t.before(2).kind in ("MAXIMUM", "MEMORIZE") and found.kind in ("*", "/", "%", "+"):
-            hint = f"write {t.before(2).kind} ({before.text} {found.text} {t.text(t.next.start, t.next.end)})"
+        if t.peek(2).kind in ("MAXIMUM", "MEMORIZE") and found.kind in ("*", "/", "%", "+"):
+            hint = f"write {t.peek(2).kind} ({before.text} {found.text} {t.cut_text(t.next.start, t.next.end)})"
     elif "+" in t.expected or t.expected == {"="}:
         return None
     elif before.kind == "IF":
@@ -165,60 +170,60 @@ def _missing(t: ParseFailure) -> ParseError | None:
         what, hint = _WANTED["CONNECT BY" if t.clause in OPTIONS and before.kind != "MAXIMUM" else t.clause]
     else:
         return None
-    ahead = f"{t.before(2).kind} {before.kind}" if before.kind in ("WITH", "BY", "FIRST") else spell(before)
+    ahead = f"{t.peek(2).kind} {before.kind}" if before.kind in ("WITH", "BY", "FIRST") else spell(before)
     after = "" if before.kind == ";" and not t.bracket else f" after {ahead}"
     word = f"{spell(found)} {PAIRS[found.keyword]}" if found.keyword in PAIRS else spell(found)
     hint = _COMMA if before.kind == "," else hint
     if before.kind == "MAXIMUM" and found.kind in VALUES:
         hint = f"write MAXIMUM ({found.text})"
-    error = t.error(_choose_code(t), f"expected {what}{after}, found {word}", hint)
-    return _opened(t, error) if found.kind in (END, ";") else error
+    error = t.explain(_choose_code(t), f"expected {what}{after}, found {word}", hint)
+    return _add_bracket_place(t, error) if found.kind in (END, ";") else error
 
 
-def _search(t: ParseFailure) -> ParseError | None:
+def _explain_search_clause(t: ParseFailure) -> ParseError | None:
     """In START WITH and CONNECT BY: assignments without =, options with commas or after the assignments."""
-    name, word = t.before(), t.found.keyword or t.found.kind
-    late = name if t.before(2).kind == "," and name.keyword in OPTIONS else t.found if word in OPTIONS else None
+    name, word = t.peek(), t.found.keyword or t.found.kind
+    late = name if t.peek(2).kind == "," and name.keyword in OPTIONS else t.found if word in OPTIONS else None
     if t.clause == "CONNECT BY" and late is not None:
-        return t.error("P001", f"{spell(late)} stands after an assignment",
+        return t.explain("P001", f"{spell(late)} stands after an assignment",
                        "options stand right after CONNECT BY, without commas", at=late)  # fmt: skip
     if t.clause in OPTIONS and t.found.kind in COMPARISONS and "," in t.expected:
-        option, value = t.option, t.operand()
-        return t.error("P001", f"{option} takes a value, and {spell(t.found)} makes a condition of it",
+        option, value = t.option, t.read_operand()
+        return t.explain("P001", f"{option} takes a value, and {spell(t.found)} makes a condition of it",
                        f"a comma stands between {option} and the condition of CONNECT BY; a whole comparison is put "
                        f"into parentheses: {option} ({value} {t.found.text} ...)")  # fmt: skip
     if t.expected == {"="}:
         clause = "CONNECT BY" if t.clause in OPTIONS else t.clause
         hint = f"{clause} takes assignments such as level = 1"
-        if t.found.kind in COMPARISONS and t.before(2).kind != ",":
+        if t.found.kind in COMPARISONS and t.peek(2).kind != ",":
             first = max((i for i in range(t.index) if t.tokens[i].kind in OPTIONS), default=0)
-            hint = f"write {t.source.text[t.tokens[first].start : t.before(2).end]}, {name.text}"
-        return t.error(_choose_code(t), f"expected '=' after {spell(name)}, found {spell(t.found)}", hint)
+            hint = f"write {t.source.text[t.tokens[first].start : t.peek(2).end]}, {name.text}"
+        return t.explain(_choose_code(t), f"expected '=' after {spell(name)}, found {spell(t.found)}", hint)
     return None
 
 
-def _chain(t: ParseFailure) -> ParseError | None:
+def _explain_chain(t: ParseFailure) -> ParseError | None:
     if t.found.kind not in COMPARISONS or "AND" not in t.expected:
         return None
-    return t.error("P001", f"a comparison does not go on with {spell(t.found)}", CHAIN_HINT)
+    return t.explain("P001", f"a comparison does not go on with {spell(t.found)}", CHAIN_HINT)
 
 
-def _missing_from(t: ParseFailure) -> ParseError | None:
+def _explain_missing_from(t: ParseFailure) -> ParseError | None:
     """The columns of SELECT are complete, but no FROM follows."""
     word = t.found.keyword or t.found.kind
     if t.clause == "SELECT" and "FROM" in t.expected and word == "NAME":
         follows = t.next.keyword or t.next.kind
         if follows in CLAUSES or follows in (";", END, ")"):
-            source = t.text(t.found.start, t.found.end)
-            return t.error("P001", f"expected FROM between {spell(t.before())} and {spell(t.found)}",
+            source = t.cut_text(t.found.start, t.found.end)
+            return t.explain("P001", f"expected FROM between {spell(t.peek())} and {spell(t.found)}",
                            f"write FROM {source}")  # fmt: skip
     if t.clause != "SELECT" or "FROM" not in t.expected or (word not in CLAUSES and word not in (";", END, ")", "]")):
         return None
-    what = "*" if t.before().kind == "*" else "the columns"
+    what = "*" if t.peek().kind == "*" else "the columns"
     hints = ["a query has a source: SELECT ... FROM source"]
     if what != "*" and word in (";", END):
-        hints.append(f"a value alone needs no SELECT: write {t.column()}")
-    return t.error(_choose_code(t), f"expected FROM after {what}, found {spell(t.found)}", *hints)
+        hints.append(f"a value alone needs no SELECT: write {t.read_column()}")
+    return t.explain(_choose_code(t), f"expected FROM after {what}, found {spell(t.found)}", *hints)
 
 
 def _open_bracket(t: ParseFailure) -> ParseError | None:
@@ -228,41 +233,43 @@ def _open_bracket(t: ParseFailure) -> ParseError | None:
     opening, closing = t.bracket.kind, OPENING[t.bracket.kind]
     hint = f"write the missing '{closing}'"
     if t.found.kind == END:
-        return _opened(t, t.error("P002", f"the script ends before '{opening}' is closed", hint))
+        return _add_bracket_place(t, t.explain("P002", f"the script ends before '{opening}' is closed", hint))
     if t.clause == "IF(" and t.found.kind in (";", ","):
         hint = "IF has a condition and two branches, commas separate the values of a branch: IF(a; b, c; d)"
-        return t.error("P001", f"{spell(t.found)} does not fit here in IF", hint)
+        return t.explain("P001", f"{spell(t.found)} does not fit here in IF", hint)
     if t.found.kind == ";" and opening == "[" and (t.next.kind in VALUES or t.next.kind in OPENING):
-        return _opened(t, t.error("P001", "expected ']' before ';'", "the elements of a list are separated by commas"))
+        return _add_bracket_place(
+            t, t.explain("P001", "expected ']' before ';'", "the elements of a list are separated by commas")
+        )
     if t.found.kind == ";" or t.found.kind in CLAUSES or t.found.keyword in CLAUSES:
-        return _opened(t, t.error("P001", f"expected '{closing}' before {spell(t.found)}", hint))
+        return _add_bracket_place(t, t.explain("P001", f"expected '{closing}' before {spell(t.found)}", hint))
     return None
 
 
-def _clause(t: ParseFailure) -> ParseError | None:
+def _explain_clause(t: ParseFailure) -> ParseError | None:
     """A clause where none can stand."""
     word = t.found.keyword or t.found.kind
     if word == "HAVING":
-        return t.error("P001", "HAVING stands right after GROUP BY",
+        return t.explain("P001", "HAVING stands right after GROUP BY",
                        "write GROUP BY key HAVING condition, or use WHERE")  # fmt: skip
     if word in ("WITH", "BY"):
         firsts = [f"{first} {word}" for first in CLAUSES if PAIRS.get(first) == word]
-        return t.error("P001", f"{word} does not fit here", f"the keywords are {join_or(firsts)}")
+        return t.explain("P001", f"{word} does not fit here", f"the keywords are {join_or(firsts)}")
     if word in CLAUSES and word != "SELECT":
-        return t.error("P001", f"{word} does not fit here", f"the order of a query is {ORDER}")
+        return t.explain("P001", f"{word} does not fit here", f"the order of a query is {ORDER}")
     return None
 
 
-def _descending(t: ParseFailure) -> ParseError | None:
+def _explain_descending(t: ParseFailure) -> ParseError | None:
     """`ORDER BY DESC x`."""
-    word = t.before()
-    first = t.before(2).kind in ("BY", ",")
+    word = t.peek()
+    first = t.peek(2).kind in ("BY", ",")
     if t.clause != "ORDER BY" or not first or word.keyword not in ("ASC", "DESC") or t.found.kind not in VALUES:
         return None
-    return t.error("P001", f"{spell(word)} stands after the value", f"write {t.found.text} {spell(word)}", at=word)
+    return t.explain("P001", f"{spell(word)} stands after the value", f"write {t.found.text} {spell(word)}", at=word)
 
 
-def _between(t: ParseFailure) -> ParseError:
+def _explain_rest(t: ParseFailure) -> ParseError:
     """Something follows a complete expression: what could stand between the two?"""
     fitting = []
     if "+" in t.expected and t.clause != "FROM":
@@ -274,40 +281,40 @@ def _between(t: ParseFailure) -> ParseError:
         fitting.append("a clause")
     if ";" in t.expected:
         fitting.append("';'")
-    message = f"expected {join_or(fitting or sorted(t.expected))} between {spell(t.before())} and {spell(t.found)}"
+    message = f"expected {join_or(fitting or sorted(t.expected))} between {spell(t.peek())} and {spell(t.found)}"
     if t.clause == "FROM":
-        return t.error(_choose_code(t), message, *_hint_at_source(t))
+        return t.explain(_choose_code(t), message, *_hint_at_source(t))
     if t.found.kind == "IF":
-        return t.error("P001", message, "IF stands in front: IF(condition; then; else)")
+        return t.explain("P001", message, "IF stands in front: IF(condition; then; else)")
     if not t.clause and (t.found.kind in VALUES or t.found.kind in tokenizer.RESERVED):
-        bare = t.before().kind == "NAME" and t.found.kind in ("NAME", "STRING", "INTEGER", "FLOAT")
+        bare = t.peek().kind == "NAME" and t.found.kind in ("NAME", "STRING", "INTEGER", "FLOAT")
         bare = (
             bare
             and t.next.kind != "="
             and not t.found.text.startswith(".")
-            and "\n" not in t.source.text[t.before().end : t.found.start]
+            and "\n" not in t.source.text[t.peek().end : t.found.start]
         )
-        call = [f"a call has parentheses: {t.before().text}({t.text(t.found.start, t.found.end)})"] if bare else []
-        return t.error("P001", message, *call, f"write ; in front of {t.text(t.found.start, t.found.end)}")
-    if t.clause == "CONNECT BY" and t.before(2).kind in ("UNIQUE", "CYCLE") and t.found.kind in VALUES:
-        option = "UNIQUE" if t.before(2).kind == "UNIQUE" else "NO CYCLE"
-        return t.error("P001", message, f"write {option} BY {t.before().text},")
-    if t.before(2).kind == "AS" and ";" in t.expected and t.found.kind in (*VALUES, "SELECT"):
-        return t.error("P001", message, f"write ; in front of {t.text(t.found.start, t.found.end)}")
+        call = [f"a call has parentheses: {t.peek().text}({t.cut_text(t.found.start, t.found.end)})"] if bare else []
+        return t.explain("P001", message, *call, f"write ; in front of {t.cut_text(t.found.start, t.found.end)}")
+    if t.clause == "CONNECT BY" and t.peek(2).kind in ("UNIQUE", "CYCLE") and t.found.kind in VALUES:
+        option = "UNIQUE" if t.peek(2).kind == "UNIQUE" else "NO CYCLE"
+        return t.explain("P001", message, f"write {option} BY {t.peek().text},")
+    if t.peek(2).kind == "AS" and ";" in t.expected and t.found.kind in (*VALUES, "SELECT"):
+        return t.explain("P001", message, f"write ; in front of {t.cut_text(t.found.start, t.found.end)}")
     hint = _BETWEEN.get((t.clause, t.found.kind)) or _BETWEEN.get(("", t.found.kind))
     if hint is None and t.clause == "[":
         hint = "the elements of a list are separated by commas"
     hint = hint or "write what should stand between them, or leave one of them out"
-    return _opened(t, t.error(_choose_code(t), message, hint))
+    return _add_bracket_place(t, t.explain(_choose_code(t), message, hint))
 
 
 def _hint_at_source(t: ParseFailure) -> list[str]:
     if t.found.kind == "SELECT" or (t.found.kind == "NAME" and t.next.kind == "="):
         return [f"write ; in front of {t.found.text}"]
     if t.found.kind == "NAME":
-        return [f"write {t.found.text} = {t.operand()} to name the source"]
+        return [f"write {t.found.text} = {t.read_operand()} to name the source"]
     if "ON" in t.expected:
-        return [f"write JOIN {t.operand()} ON condition; a comma in place of JOIN gives all pairs"]
+        return [f"write JOIN {t.read_operand()} ON condition; a comma in place of JOIN gives all pairs"]
     return ["a source that is more than a name, a call or a list stands in parentheses"]
 
 
@@ -315,7 +322,7 @@ def _choose_code(t: ParseFailure) -> str:
     return "P002" if t.found.kind == END else "P001"
 
 
-def _opened(t: ParseFailure, error: ParseError) -> ParseError:
+def _add_bracket_place(t: ParseFailure, error: ParseError) -> ParseError:
     """Adds the place where the innermost bracket was opened."""
     if t.bracket is not None:
         error.related = ((Span(t.source, t.bracket.start, t.bracket.end), "opened here"),)

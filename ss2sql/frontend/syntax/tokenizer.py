@@ -308,7 +308,7 @@ _PLAIN = {"\\": "\\", "'": "'", '"': '"', "a": "\a", "b": "\b", "f": "\f", "n": 
 _FORMS = {"x": "\\x41", "u": "\\u0041", "U": "\\U00000041", "N": "\\N{LATIN CAPITAL LETTER A}"}
 
 
-def unescape(source: Source, token: Token) -> str:
+def unescape_string(source: Source, token: Token) -> str:
     """The value of a string token, its escapes read as Python reads them.
 
     Raises ParseError (P003) for a malformed escape and for one that is not a character.
@@ -316,7 +316,7 @@ def unescape(source: Source, token: Token) -> str:
     if "\\" not in token.text:
         return token.text[1:-1]
 
-    def value(match: re.Match[str]) -> str:
+    def decode_escape(match: re.Match[str]) -> str:
         kind, text = match.lastgroup, match[match.lastgroup or 0]
         span = Span(source, token.start + match.start(), token.start + match.end())
         if kind == "line":
@@ -337,4 +337,4 @@ def unescape(source: Source, token: Token) -> str:
             raise ParseError("P003", f"{match[0]} is not a character", span, ["characters go up to \\U0010ffff"])
         return chr(code)
 
-    return _ESCAPE.sub(value, token.text)[1:-1]
+    return _ESCAPE.sub(decode_escape, token.text)[1:-1]

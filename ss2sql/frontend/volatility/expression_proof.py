@@ -49,12 +49,12 @@ class ExpressionProof(ABC):
         self.scope = self.frame.root
 
     @abstractmethod
-    def body(self, node: FunctionNode) -> None:
+    def check_body(self, node: FunctionNode) -> None:
         """Walks the body of a function or lambda, in its own scope."""
 
     @contextmanager
-    def inside(self, owner: Owner) -> Iterator[None]:
-        outer, self.scope = self.scope, self.frame.scope_of(owner, self.scope)
+    def within_scope(self, owner: Owner) -> Iterator[None]:
+        outer, self.scope = self.scope, self.frame.open_scope(owner, self.scope)
         try:
             yield
         finally:
@@ -63,13 +63,13 @@ class ExpressionProof(ABC):
     def check_all(self, nodes: Iterable[ast.expr | None], allowed: ResultKind) -> None:
         for node in nodes:
             if node is not None:
-                self.check(node, allowed)
+                self.check_expr(node, allowed)
 
-    def check(self, node: ast.expr, allowed: ResultKind) -> None:
+    def check_expr(self, node: ast.expr, allowed: ResultKind) -> None:
         """Checks an expression whose value may be of the `allowed` kinds."""
         try:
-            self.expression(node, allowed)
-            excess = self.frame.kind(node, self.scope) & ~allowed
+            self.check_node(node, allowed)
+            excess = self.frame.infer_kind(node, self.scope) & ~allowed
         except Unproven as error:
             if error.line is None:
                 error.line = node.lineno
@@ -81,40 +81,40 @@ class ExpressionProof(ABC):
             what = "a function" if excess & CODE else "an iterator, view or exception"
             raise Unproven(f"keeps or passes on '{text}', {what}", node.lineno)
 
-    def expression(self, node: ast.expr, allowed: ResultKind) -> None:
+    def check_node(self, node: ast.expr, allowed: ResultKind) -> None:
         match node:
             case ast.Constant() | ast.Name(ctx=ast.Load()):
-                if isinstance(node, ast.Name) and self.scope.find(node.id) is None:
-                    self.frame.outside(node.id)
+                if isinstance(node, ast.Name) and self.scope.find_bindings(node.id) is None:
+                    self.frame.find_outside(node.id)
             case ast.Call():
-                self.call(node)
+                self.check_call(node)
             case ast.Attribute(value=value, attr=name):
-                if self.frame.static(node, self.scope) is UNKNOWN:
-                    self.check(value, ANY)
+                if self.frame.find_object(node, self.scope) is UNKNOWN:
+                    self.check_expr(value, ANY)
                     raise Unproven(f"reads the attribute '{name}' of an object")
             case ast.BinOp(left=left, op=op, right=right):
                 self.check_all([left, right], VALUE | SET | OBJECT if isinstance(op, SET_OPERATORS) else VALUE)
             case ast.BoolOp(values=values):
                 self.check_all(values, allowed)
             case ast.UnaryOp(op=op, operand=operand):
-                self.check(operand, ANY if isinstance(op, ast.Not) else VALUE)
+                self.check_expr(operand, ANY if isinstance(op, ast.Not) else VALUE)
             case ast.IfExp(test=test, body=body, orelse=orelse):
-                self.check(test, ANY)
+                self.check_expr(test, ANY)
                 self.check_all([body, orelse], allowed)
             case ast.NamedExpr(value=value):
                 # Values computed by a comprehension are not traced to the names around it.
                 computed = not isinstance(self.scope.owner, ast.FunctionDef | ast.Lambda)
-                self.check(value, VALUE if computed else allowed)
+                self.check_expr(value, VALUE if computed else allowed)
             case ast.Compare():
-                self.compare(node)
+                self.check_comparison(node)
             case ast.Subscript(value=value, slice=index):
-                self.check(value, VALUE | OBJECT)
-                self.check(index, VALUE)
+                self.check_expr(value, VALUE | OBJECT)
+                self.check_expr(index, VALUE)
             case ast.Slice(lower=lower, upper=upper, step=step):
                 self.check_all([lower, upper, step], VALUE)
             case ast.List(elts=parts) | ast.Tuple(elts=parts) | ast.Set(elts=parts):
                 for part in parts:
-                    self.element(part, SET if isinstance(node, ast.Set) else NOTHING)
+                    self.check_element(part, SET if isinstance(node, ast.Set) else NOTHING)
             case ast.Dict(keys=keys, values=values):
                 self.check_all([*keys, *values], VALUE)
             case ast.JoinedStr(values=values):
@@ -122,114 +122,114 @@ class ExpressionProof(ABC):
             case ast.FormattedValue(value=value, format_spec=spec):
                 self.check_all([value, spec], VALUE)
             case ast.Lambda():
-                self.nested(node)
+                self.check_nested(node)
             case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
-                self.comprehension(node, unordered=isinstance(node, ast.SetComp))
+                self.check_comprehension(node, unordered=isinstance(node, ast.SetComp))
             case _:
                 raise Unproven(f"uses '{type(node).__name__.lower()}'")
 
-    def element(self, node: ast.expr, also: ResultKind) -> None:
+    def check_element(self, node: ast.expr, also: ResultKind) -> None:
         """Checks an element of a display or an argument; a starred one is iterated."""
         if isinstance(node, ast.Starred):
-            self.check(node.value, VALUE | OBJECT | also)
+            self.check_expr(node.value, VALUE | OBJECT | also)
         else:
-            self.check(node, VALUE)
+            self.check_expr(node, VALUE)
 
-    def compare(self, node: ast.Compare) -> None:
+    def check_comparison(self, node: ast.Compare) -> None:
         operands = [node.left, *node.comparators]
         for left, op, right in zip(operands, node.ops, node.comparators, strict=False):
             if isinstance(op, ast.Is | ast.IsNot):
                 single = isinstance(left, ast.Constant) and any(left.value is one for one in _SINGLES)
                 single |= isinstance(right, ast.Constant) and any(right.value is one for one in _SINGLES)
-                if not single and not (self.kind_of(left) | self.kind_of(right)) & CODE:
+                if not single and not (self.find_kind(left) | self.find_kind(right)) & CODE:
                     raise Unproven(f"compares identities in '{ast.unparse(node)[:40]}'")
         self.check_all(operands, ANY)
 
-    def kind_of(self, node: ast.expr) -> ResultKind:
-        return self.frame.kind(node, self.scope)
+    def find_kind(self, node: ast.expr) -> ResultKind:
+        return self.frame.infer_kind(node, self.scope)
 
-    def comprehension(self, node: Comprehension, unordered: bool) -> None:
+    def check_comprehension(self, node: Comprehension, unordered: bool) -> None:
         read_through = VALUE | OBJECT | (SET if unordered else NOTHING)
         # The first source is read outside the comprehension, everything else inside.
-        self.check(node.generators[0].iter, read_through)
-        with self.inside(node):
+        self.check_expr(node.generators[0].iter, read_through)
+        with self.within_scope(node):
             for number, generator in enumerate(node.generators):
                 if number:
-                    self.check(generator.iter, read_through)
-                self.target(generator.target)
+                    self.check_expr(generator.iter, read_through)
+                self.check_target(generator.target)
                 self.check_all(generator.ifs, ANY)
             self.check_all([node.key, node.value] if isinstance(node, ast.DictComp) else [node.elt], VALUE)
 
-    def target(self, node: ast.expr) -> None:
+    def check_target(self, node: ast.expr) -> None:
         match node:
             case ast.Name():
                 pass
             case ast.Tuple(elts=parts) | ast.List(elts=parts):
                 for part in parts:
-                    self.target(part)
+                    self.check_target(part)
             case ast.Starred(value=value):
-                self.target(value)
+                self.check_target(value)
             case ast.Subscript(value=value, slice=index):
                 self.frame.findings.changes = True
-                self.check(value, VALUE | OBJECT)
-                self.check(index, VALUE)
+                self.check_expr(value, VALUE | OBJECT)
+                self.check_expr(index, VALUE)
             case _:
                 assert isinstance(node, ast.Attribute), "Python assigns to nothing else"
                 raise Unproven(f"changes the attribute '{node.attr}'")
 
-    def nested(self, node: FunctionNode) -> None:
+    def check_nested(self, node: FunctionNode) -> None:
         arguments = node.args
         self.check_all([*arguments.defaults, *arguments.kw_defaults], VALUE)
         if isinstance(node, ast.FunctionDef):
             if node.decorator_list:
                 raise Unproven(f"decorates the inner function '{node.name}'")
             for annotation in (node.returns, *(parameter.annotation for parameter in list_parameters(arguments))):
-                self.annotation(annotation)
-        with self.inside(node):
-            self.body(node)
+                self.check_annotation(annotation)
+        with self.within_scope(node):
+            self.check_body(node)
 
-    def annotation(self, node: ast.expr | None) -> None:
+    def check_annotation(self, node: ast.expr | None) -> None:
         match node:
             case None | ast.Constant():
                 pass
             case ast.Name():
-                self.builtin_class(node)
+                self.check_builtin_class(node)
             case ast.Subscript(value=left, slice=right) | ast.BinOp(left=left, op=ast.BitOr(), right=right):
-                self.annotation(left)
-                self.annotation(right)
+                self.check_annotation(left)
+                self.check_annotation(right)
             case ast.Tuple(elts=parts):
                 for part in parts:
-                    self.annotation(part)
+                    self.check_annotation(part)
             case _:
                 raise Unproven(f"computes the annotation '{ast.unparse(node)[:40]}'")
 
-    def builtin_class(self, node: ast.expr) -> None:
-        value = self.frame.static(node, self.scope)
+    def check_builtin_class(self, node: ast.expr) -> None:
+        value = self.frame.find_object(node, self.scope)
         if not any(value is owner for owner in CLASSES):
             raise Unproven(f"asks whether a value is a '{ast.unparse(node)[:40]}'")
 
     # Calls
 
-    def call(self, node: ast.Call) -> None:
+    def check_call(self, node: ast.Call) -> None:
         func = node.func
-        if isinstance(func, ast.Attribute) and self.frame.static(func, self.scope) is UNKNOWN:
-            self.method(node, func)
+        if isinstance(func, ast.Attribute) and self.frame.find_object(func, self.scope) is UNKNOWN:
+            self.check_method(node, func)
             return
         if isinstance(func, ast.Lambda | ast.IfExp):
-            self.check(func, CODE)
+            self.check_expr(func, CODE)
         text = ast.unparse(func)
-        for target in self.frame.targets(func, self.scope):
+        for target in self.frame.find_targets(func, self.scope):
             entry = None if isinstance(target, LocalFunction) else find_known(target)
             if entry is not None:
-                self.known_call(node, entry)
+                self.check_known_call(node, entry)
                 continue
             if not isinstance(target, LocalFunction):
                 self.follow(target, text)
             for argument in node.args:
-                self.element(argument, NOTHING)
+                self.check_element(argument, NOTHING)
             self.check_all([keyword.value for keyword in node.keywords], VALUE)
 
-    def known_call(self, node: ast.Call, entry: KnownFunction) -> None:
+    def check_known_call(self, node: ast.Call, entry: KnownFunction) -> None:
         self.frame.findings.changes |= entry.changes
         if len(node.args) > entry.most:
             raise Unproven(f"calls {entry.name} with more arguments than are known")
@@ -240,47 +240,47 @@ class ExpressionProof(ABC):
             if starred and (entry.most < 99 or (entry.function is not None and position <= entry.function)):
                 raise Unproven(f"calls {entry.name} with arguments that are not counted")
             if position == entry.function:
-                self.function_argument(argument)
+                self.check_callable(argument)
             elif entry.target is isinstance and position == 1:
                 for part in argument.elts if isinstance(argument, ast.Tuple) else [argument]:
-                    self.builtin_class(part)
+                    self.check_builtin_class(part)
             elif position not in reads or starred:
-                self.element(argument, NOTHING)
+                self.check_element(argument, NOTHING)
             elif entry.generated and not keyed and isinstance(argument, ast.GeneratorExp):
-                self.comprehension(argument, unordered=True)
+                self.check_comprehension(argument, unordered=True)
             else:
-                self.check(argument, VALUE | OBJECT | (SET if entry.unordered and not keyed else NOTHING))
-        self.keywords(node, entry.name, entry.keywords)
+                self.check_expr(argument, VALUE | OBJECT | (SET if entry.unordered and not keyed else NOTHING))
+        self.check_keywords(node, entry.name, entry.keywords)
 
-    def keywords(self, node: ast.Call, name: str, accepted: tuple[str, ...]) -> None:
+    def check_keywords(self, node: ast.Call, name: str, accepted: tuple[str, ...]) -> None:
         for keyword in node.keywords:
             if keyword.arg == "key" and "key" in accepted:
-                self.function_argument(keyword.value)
+                self.check_callable(keyword.value)
             elif keyword.arg in accepted or "*" in accepted:
-                self.check(keyword.value, VALUE)
+                self.check_expr(keyword.value, VALUE)
             else:
                 raise Unproven(f"calls {name} with the argument '{keyword.arg or '**'}', which is not known to be pure")
 
-    def function_argument(self, node: ast.expr) -> None:
+    def check_callable(self, node: ast.expr) -> None:
         """Checks an argument that is called: it must be proven, and give plain values."""
         if isinstance(node, ast.Constant):
             return
-        if isinstance(node, ast.Attribute) and self.frame.static(node, self.scope) is UNKNOWN:
+        if isinstance(node, ast.Attribute) and self.frame.find_object(node, self.scope) is UNKNOWN:
             method = METHODS.get(node.attr)
             if method is None or method.gives != VALUE or node.attr in ("copy", "format", "pop"):
                 raise Unproven(f"uses the method '{node.attr}', which is not known to be pure")
             self.frame.findings.changes |= method.changes
-            self.check(node.value, VALUE | SET | OBJECT)
+            self.check_expr(node.value, VALUE | SET | OBJECT)
             return
         if isinstance(node, ast.Call):
-            entry = find_known(self.frame.static(node.func, self.scope))
+            entry = find_known(self.frame.find_object(node.func, self.scope))
             if entry is None or entry.gives != CODE or entry.target is type:
                 raise Unproven(f"calls the result of '{ast.unparse(node)[:40]}'")
-            self.check(node, CODE)
+            self.check_expr(node, CODE)
             return
         if isinstance(node, ast.Lambda | ast.IfExp):
-            self.check(node, CODE)
-        for target in self.frame.targets(node, self.scope):
+            self.check_expr(node, CODE)
+        for target in self.frame.find_targets(node, self.scope):
             self.check_callback(target, ast.unparse(node))
 
     def check_callback(self, target: Target, text: str) -> None:
@@ -289,20 +289,20 @@ class ExpressionProof(ABC):
             self.frame.findings.changes |= entry.changes
         elif not isinstance(target, LocalFunction):
             self.follow(target, text)
-        if self.frame.given(target) & ~VALUE or (entry is not None and entry.function is not None):
+        if self.frame.infer_result_kind(target) & ~VALUE or (entry is not None and entry.function is not None):
             raise Unproven(f"uses {text} as a function, which does not give plain values")
 
-    def method(self, node: ast.Call, func: ast.Attribute) -> None:
+    def check_method(self, node: ast.Call, func: ast.Attribute) -> None:
         name = func.attr
         method = METHODS.get(name)
-        receiver = self.kind_of(func.value)
+        receiver = self.find_kind(func.value)
         if receiver & CODE:
             raise Unproven(f"calls {ast.unparse(func)}, which is not known to be pure")
-        self.check(func.value, VALUE | SET | OBJECT)
+        self.check_expr(func.value, VALUE | SET | OBJECT)
         if method is None:
             raise Unproven(f"calls the method '{name}', which is not known to be pure")
         if name == "format":
-            self.template(func.value)
+            self.check_template(func.value)
         if receiver & SET and name == "pop":
             raise Unproven("takes an element of a set, which may be any")
         spread = any(isinstance(argument, ast.Starred) for argument in node.args)
@@ -313,14 +313,14 @@ class ExpressionProof(ABC):
         allowed = VALUE | (OBJECT if method.reads else NOTHING) | (SET if unordered else NOTHING)
         for argument in node.args:
             if isinstance(argument, ast.Starred):
-                self.element(argument, NOTHING)
+                self.check_element(argument, NOTHING)
             else:
-                self.check(argument, allowed)
-        self.keywords(node, f"the method '{name}'", method.keywords)
+                self.check_expr(argument, allowed)
+        self.check_keywords(node, f"the method '{name}'", method.keywords)
 
-    def template(self, node: ast.expr) -> None:
+    def check_template(self, node: ast.expr) -> None:
         """Checks that a format string is constant and reads no attributes: the text of a method has an address."""
-        text = node.value if isinstance(node, ast.Constant) else self.frame.static(node, self.scope)
+        text = node.value if isinstance(node, ast.Constant) else self.frame.find_object(node, self.scope)
         if not isinstance(text, str):
             raise Unproven("formats with a text that is not constant")
         if _ATTRIBUTE.search(text):

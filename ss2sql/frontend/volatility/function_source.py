@@ -66,7 +66,7 @@ class Module:
     rebound: frozenset[str]  # names that some function declares global
     imports: tuple[ast.stmt, ...]  # a statement that imports all names that the module imports
 
-    def settled(self, name: str) -> bool:
+    def is_bound_once(self, name: str) -> bool:
         """Whether the file gives this global name a value exactly once (or by one import, repeated)."""
         return name not in self.rebound and _is_settled(name, self.names.get(name, ()))
 
@@ -80,7 +80,7 @@ class Located:
     module: Module
     whole: bool  # whether the file is that of the function's module, so that it shows every assignment
 
-    def closure_settled(self, name: str) -> bool:
+    def is_closure_bound_once(self, name: str) -> bool:
         """Whether a name of an enclosing function is given its value exactly once."""
         for owner in reversed(self.around):
             places = find_bindings(owner).get(name)
@@ -108,11 +108,11 @@ def read_module(filename: str, namespace: dict[str, Any]) -> Module | None:
     """The contents of a Python file; None where it is missing or has a syntax error."""
     linecache.checkcache(filename)
     text = "".join(linecache.getlines(filename, namespace))
-    return _parse(text) if text else None
+    return _parse_module(text) if text else None
 
 
 @lru_cache(maxsize=4)
-def _parse(text: str) -> Module | None:
+def _parse_module(text: str) -> Module | None:
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError):

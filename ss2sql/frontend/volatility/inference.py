@@ -77,26 +77,26 @@ class Proof:
     findings: Findings = field(default_factory=Findings)
     depth: int = 0
 
-    def prove(self, function: FunctionType) -> None:
+    def prove_immutable(self, function: FunctionType) -> None:
         """Returns when the function is proven immutable, else raises `Unproven`."""
-        self.frame_of(function)
+        self.find_names(function)
         if self.findings.cached is not None and self.findings.changes:
             raise Unproven(f"calls {self.findings.cached}, whose remembered values it may change")
 
-    def frame_of(self, function: FunctionType) -> FunctionNames:
+    def find_names(self, function: FunctionType) -> FunctionNames:
         """The names of a function; its body is walked at the first request."""
         if id(function) not in self.frames:
             if self.depth >= _MOST_DEPTH or len(self.frames) >= _MOST_FUNCTIONS:
                 raise Unproven("calls more functions than are followed")
-            frame = self._open(function)
+            frame = self._read_names(function)
             # A recursive call counts as proven: if the function is not, the walk fails anyway.
             self.frames[id(function)] = frame
             self.depth += 1
-            FunctionProof(frame, self.follow).run()
+            FunctionProof(frame, self.prove_called).check_function()
             self.depth -= 1
         return self.frames[id(function)]
 
-    def _open(self, function: FunctionType) -> FunctionNames:
+    def _read_names(self, function: FunctionType) -> FunctionNames:
         code = function.__code__
         if code.co_flags & (inspect.CO_GENERATOR | inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR):
             raise Unproven("is a generator or coroutine", code.co_firstlineno)
@@ -108,9 +108,9 @@ class Proof:
         defaults = (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values())
         if not all(is_constant(default) for default in defaults):
             raise Unproven("has a default argument that may change", code.co_firstlineno)
-        return FunctionNames(function, located, self.frame_of, self.findings)
+        return FunctionNames(function, located, self.find_names, self.findings)
 
-    def follow(self, value: Any, text: str) -> None:
+    def prove_called(self, value: Any, text: str) -> None:
         """Proves a Python object that is called as `text`."""
         # The functions of `random` are methods of an object of it.
         home = getattr(value, "__module__", None) or type(getattr(value, "__self__", None)).__module__
@@ -120,14 +120,14 @@ class Proof:
             return
         if type(value) is FunctionType:
             try:
-                self.frame_of(value)
+                self.find_names(value)
             except Unproven as error:
                 raise Unproven(f"calls {text}, which {error.reason}") from None
         elif type(value) is CACHE_TYPE:
             self.findings.cached = text
-            self.follow(unwrap_callable(value), text)
+            self.prove_called(unwrap_callable(value), text)
         elif type(value) is functools.partial and _check_bound_arguments(value):
-            self.follow(value.func, text)
+            self.prove_called(value.func, text)
         elif text in EFFECTS:
             raise Unproven(f"calls {text}, which has effects or reads more than its arguments")
         else:
@@ -169,7 +169,7 @@ def _prove_callable(function: Any) -> tuple[str, bool]:
         return _prove_callable(unwrap_callable(function))
     if type(function) is FunctionType:
         proof = Proof()
-        proof.prove(function)
+        proof.prove_immutable(function)
         if not proof.findings.constants:
             return "has a source that uses only its arguments", proof.findings.changes
         names = ", ".join(f"'{name}'" for name in proof.findings.constants)

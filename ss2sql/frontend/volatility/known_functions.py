@@ -81,12 +81,12 @@ def find_known(value: object) -> KnownFunction | None:
     if found is None and _LATE and isinstance(value, FunctionType):
         for name in [name for name in _LATE if name in sys.modules]:
             functions, keywords = _LATE.pop(name)
-            _add(sys.modules[name], functions, keywords=keywords)
+            _declare(sys.modules[name], functions, keywords=keywords)
         found = _KNOWN.get(id(value))
     return found
 
 
-def _add(module: ModuleType, names: str, **facts: Any) -> None:
+def _declare(module: ModuleType, names: str, **facts: Any) -> None:
     for name in names.split():
         target: Any = module
         for part in name.split("."):
@@ -105,52 +105,54 @@ def _make_methods(names: str, fewest: int, most: int, **facts: Any) -> None:
 
 _SET, _OBJECT, _CODE = ResultKind.SET, ResultKind.OBJECT, ResultKind.CODE
 
-_add(builtins, "abs ascii bin chr divmod float format hex int oct ord range repr round str")
-_add(builtins, "pow", keywords=("mod", "exp", "base"))
-_add(builtins, "bool len", reads=FIRST, unordered=True, most=1)
-_add(builtins, "any all", reads=FIRST, unordered=True, generated=True, most=1)
-_add(builtins, "set frozenset", reads=FIRST, unordered=True, generated=True, gives=_SET, most=1)
-_add(builtins, "sorted", reads=FIRST, unordered=True, generated=True, keywords=("key", "reverse"), most=1)
-_add(builtins, "min max", reads=FIRST, alone=True, unordered=True, generated=True, keywords=("key", "default"))
+_declare(builtins, "abs ascii bin chr divmod float format hex int oct ord range repr round str")
+_declare(builtins, "pow", keywords=("mod", "exp", "base"))
+_declare(builtins, "bool len", reads=FIRST, unordered=True, most=1)
+_declare(builtins, "any all", reads=FIRST, unordered=True, generated=True, most=1)
+_declare(builtins, "set frozenset", reads=FIRST, unordered=True, generated=True, gives=_SET, most=1)
+_declare(builtins, "sorted", reads=FIRST, unordered=True, generated=True, keywords=("key", "reverse"), most=1)
+_declare(builtins, "min max", reads=FIRST, alone=True, unordered=True, generated=True, keywords=("key", "default"))
 # The sum of floats depends on their order: a set of numbers has the same order under every hash seed, but numbers
 # computed from a set of strings do not.
-_add(builtins, "sum", reads=FIRST, unordered=True, keywords=("start",))
-_add(builtins, "list tuple next", reads=FIRST)
-_add(builtins, "dict", reads=FIRST, keywords=("*",), most=1)
-_add(builtins, "dict.fromkeys", reads=FIRST)
-_add(builtins, "enumerate", reads=FIRST, keywords=("start",), gives=_OBJECT)
-_add(builtins, "reversed iter", reads=FIRST, gives=_OBJECT, most=1)
-_add(builtins, "zip", reads=ALL, keywords=("strict",), gives=_OBJECT)
-_add(builtins, "map filter", reads=REST, function=0, gives=_OBJECT)
-_add(builtins, "isinstance", reads=FIRST, unordered=True, most=2)
-_add(builtins, "type", gives=_CODE, most=1)
-_add(math, " ".join(name for name in vars(math) if callable(vars(math)[name])), keywords=("rel_tol", "abs_tol"))
-_add(math, "prod fsum", reads=FIRST, keywords=("start",))
-_add(
+_declare(builtins, "sum", reads=FIRST, unordered=True, keywords=("start",))
+_declare(builtins, "list tuple next", reads=FIRST)
+_declare(builtins, "dict", reads=FIRST, keywords=("*",), most=1)
+_declare(builtins, "dict.fromkeys", reads=FIRST)
+_declare(builtins, "enumerate", reads=FIRST, keywords=("start",), gives=_OBJECT)
+_declare(builtins, "reversed iter", reads=FIRST, gives=_OBJECT, most=1)
+_declare(builtins, "zip", reads=ALL, keywords=("strict",), gives=_OBJECT)
+_declare(builtins, "map filter", reads=REST, function=0, gives=_OBJECT)
+_declare(builtins, "isinstance", reads=FIRST, unordered=True, most=2)
+_declare(builtins, "type", gives=_CODE, most=1)
+_declare(math, " ".join(name for name in vars(math) if callable(vars(math)[name])), keywords=("rel_tol", "abs_tol"))
+_declare(math, "prod fsum", reads=FIRST, keywords=("start",))
+_declare(
     operator,
     "abs add and_ concat contains countOf eq floordiv ge getitem gt index indexOf inv invert le lshift lt matmul mod "
     "mul ne neg not_ or_ pos pow rshift sub truediv truth xor",
 )
-_add(operator, "delitem setitem", changes=True)
-_add(operator, "itemgetter", gives=_CODE)
-_add(functools, "reduce", reads=SECOND, function=0)
-_add(functools, "cmp_to_key", function=0, gives=_CODE)
-_add(itertools, "chain zip_longest", reads=ALL, keywords=("fillvalue",), gives=_OBJECT)
-_add(itertools, "product", reads=ALL, keywords=("repeat",), gives=_OBJECT)
-_add(itertools, "chain.from_iterable compress pairwise", reads=FIRST, gives=_OBJECT)
-_add(itertools, "combinations combinations_with_replacement permutations", reads=FIRST, keywords=("r",), gives=_OBJECT)
-_add(itertools, "cycle islice", reads=FIRST, gives=_OBJECT)
-_add(itertools, "count repeat", gives=_OBJECT)
-_add(itertools, "accumulate", reads=FIRST, function=1, keywords=("initial",), gives=_OBJECT)
-_add(itertools, "dropwhile filterfalse starmap takewhile", reads=REST, function=0, gives=_OBJECT)
-_add(heapq, "heapify heappop heappush heappushpop heapreplace", changes=True)
-_add(heapq, "nlargest nsmallest", reads=SECOND, keywords=("key",), most=2)
-_add(bisect, "bisect bisect_left bisect_right", keywords=("key", "lo", "hi"))
-_add(bisect, "insort insort_left insort_right", keywords=("key", "lo", "hi"), changes=True)
-_add(collections, "deque", reads=FIRST, keywords=("maxlen",), gives=_OBJECT)
-_add(collections, "defaultdict", reads=REST, function=0, keywords=("*",))
-_add(collections, "Counter OrderedDict", reads=FIRST)
-_add(copy, "copy deepcopy", most=1)
+_declare(operator, "delitem setitem", changes=True)
+_declare(operator, "itemgetter", gives=_CODE)
+_declare(functools, "reduce", reads=SECOND, function=0)
+_declare(functools, "cmp_to_key", function=0, gives=_CODE)
+_declare(itertools, "chain zip_longest", reads=ALL, keywords=("fillvalue",), gives=_OBJECT)
+_declare(itertools, "product", reads=ALL, keywords=("repeat",), gives=_OBJECT)
+_declare(itertools, "chain.from_iterable compress pairwise", reads=FIRST, gives=_OBJECT)
+_declare(
+    itertools, "combinations combinations_with_replacement permutations", reads=FIRST, keywords=("r",), gives=_OBJECT
+)
+_declare(itertools, "cycle islice", reads=FIRST, gives=_OBJECT)
+_declare(itertools, "count repeat", gives=_OBJECT)
+_declare(itertools, "accumulate", reads=FIRST, function=1, keywords=("initial",), gives=_OBJECT)
+_declare(itertools, "dropwhile filterfalse starmap takewhile", reads=REST, function=0, gives=_OBJECT)
+_declare(heapq, "heapify heappop heappush heappushpop heapreplace", changes=True)
+_declare(heapq, "nlargest nsmallest", reads=SECOND, keywords=("key",), most=2)
+_declare(bisect, "bisect bisect_left bisect_right", keywords=("key", "lo", "hi"))
+_declare(bisect, "insort insort_left insort_right", keywords=("key", "lo", "hi"), changes=True)
+_declare(collections, "deque", reads=FIRST, keywords=("maxlen",), gives=_OBJECT)
+_declare(collections, "defaultdict", reads=REST, function=0, keywords=("*",))
+_declare(collections, "Counter OrderedDict", reads=FIRST)
+_declare(copy, "copy deepcopy", most=1)
 
 # Modules that are read once they are loaded: their functions, and the keywords that these accept.
 _LATE = {

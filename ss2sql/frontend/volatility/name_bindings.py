@@ -1,7 +1,8 @@
 """The bindings of a Python function's names: locals by scope, and the settled values of outer names.
 
 `FunctionNames` answers three questions for one function, without judging: which object a name or dotted name is
-(`static`), which functions a call may reach (`targets`), and of what kind the value of an expression is (`kind`).
+(`find_object`), which functions a call may reach (`find_targets`), and of what kind the value of an expression is
+(`infer_kind`).
 """
 
 from __future__ import annotations
@@ -71,7 +72,7 @@ class Scope:
     names: Names
     parent: Scope | None
 
-    def find(self, name: str) -> tuple[list[Binding], Scope] | None:
+    def find_bindings(self, name: str) -> tuple[list[Binding], Scope] | None:
         scope: Scope | None = self
         while scope is not None:
             if name in scope.names:
@@ -114,7 +115,7 @@ def is_code(value: object) -> bool:
 
 @dataclass(slots=True, eq=False)
 class FunctionNames:
-    """The names of one Python function. `frame_of` gives those of another function, where calls are followed."""
+    """The names of one Python function. `Proof.find_names` gives those of another one, where calls are followed."""
 
     function: FunctionType
     located: Located
@@ -124,15 +125,15 @@ class FunctionNames:
     _scopes: dict[ast.AST, Scope] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.root = self.scope_of(self.located.node, None)
+        self.root = self.open_scope(self.located.node, None)
 
-    def scope_of(self, owner: Owner, parent: Scope | None) -> Scope:
+    def open_scope(self, owner: Owner, parent: Scope | None) -> Scope:
         """The scope that a function, lambda or comprehension opens."""
         if owner not in self._scopes:
             self._scopes[owner] = Scope(owner, find_bindings(owner), parent)
         return self._scopes[owner]
 
-    def outside(self, name: str) -> Any:
+    def find_outside(self, name: str) -> Any:
         """The value of a name that is not local.
 
         Raises `Unproven` when it has no value, or one that may be replaced or changed later.
@@ -144,7 +145,7 @@ class FunctionNames:
                 value = (self.function.__closure__ or ())[code.co_freevars.index(name)].cell_contents
             except ValueError:
                 raise Unproven(f"reads {what}, which has no value yet") from None
-            if not self.located.closure_settled(name):
+            if not self.located.is_closure_bound_once(name):
                 raise Unproven(f"reads {what}, which may change")
             return self._check_lasting(value, name, what)
         module = self.located.module if self.located.whole else None
@@ -158,7 +159,7 @@ class FunctionNames:
         if module is None:
             if is_constant(value):
                 raise Unproven(f"reads {what}, which may change")
-        elif not module.settled(name) and (is_constant(value) or name in module.names or name in module.rebound):
+        elif not module.is_bound_once(name) and (is_constant(value) or name in module.names or name in module.rebound):
             raise Unproven(f"reads {what}, which may change")
         return self._check_lasting(value, name, what)
 
@@ -169,8 +170,8 @@ class FunctionNames:
             raise Unproven(f"reads {what}, " + ("an object with state" if callable(value) else "which may change"))
         return value
 
-    def _member(self, module: ModuleType, name: str) -> Any:
-        """A module's value of a name; see `outside`."""
+    def _find_member(self, module: ModuleType, name: str) -> Any:
+        """A module's value of a name; see `find_outside`."""
         namespace = vars(module)
         what = f"'{module.__name__}.{name}'"
         if name not in namespace:
@@ -182,41 +183,41 @@ class FunctionNames:
         fixed = module.__name__ == "math" or what == "'sys.maxsize'"
         if (is_constant(value) and not fixed) or type(value) is FunctionType:
             source = read_module(file, namespace) if isinstance(file, str) and file.endswith(".py") else None
-            if source is None or not source.settled(name):
+            if source is None or not source.is_bound_once(name):
                 raise Unproven(f"reads {what}, which may change")
         return self._check_lasting(value, f"{module.__name__}.{name}", what)
 
-    def static(self, node: ast.expr, scope: Scope, active: Active = frozenset()) -> Any:
+    def find_object(self, node: ast.expr, scope: Scope, active: Active = frozenset()) -> Any:
         """The one object that a name or dotted name stands for, or `UNKNOWN` for a local value and its attributes."""
         match node:
             case ast.Name(id=name):
-                found = scope.find(name)
+                found = scope.find_bindings(name)
                 if found is None:
-                    return self.outside(name)
+                    return self.find_outside(name)
                 (places, inner), key = found, (id(found[1]), name)
                 if len(places) == 1 and key not in active:
                     match places[0]:
                         case Binding("import", ast.Import() | ast.ImportFrom() as statement):
                             return resolve_import(statement, name)
                         case Binding("value", ast.Name() | ast.Attribute() as value):
-                            return self.static(value, inner, active | {key})
+                            return self.find_object(value, inner, active | {key})
             case ast.Attribute(value=value, attr=name):
-                base = self.static(value, scope, active)
+                base = self.find_object(value, scope, active)
                 if type(base) is ModuleType:
-                    return self._member(base, name)
+                    return self._find_member(base, name)
                 if any(base is owner for owner in CLASSES):
                     return vars(base).get(name, UNKNOWN)
         return UNKNOWN
 
-    def targets(self, node: ast.expr, scope: Scope, active: Active = frozenset()) -> Iterator[Target]:
+    def find_targets(self, node: ast.expr, scope: Scope, active: Active = frozenset()) -> Iterator[Target]:
         """Every function that a call of `node` may reach. Raises `Unproven` where that is unknown."""
         match node:
             case ast.Lambda():
                 yield LocalFunction(node, scope)
             case ast.IfExp(body=body, orelse=orelse):
-                yield from self.targets(body, scope, active)
-                yield from self.targets(orelse, scope, active)
-            case ast.Name(id=name) if (found := scope.find(name)) is not None:
+                yield from self.find_targets(body, scope, active)
+                yield from self.find_targets(orelse, scope, active)
+            case ast.Name(id=name) if (found := scope.find_bindings(name)) is not None:
                 places, inner = found
                 if (id(inner), name) in active:
                     raise Unproven(f"calls '{name}', which is not known")
@@ -225,7 +226,7 @@ class FunctionNames:
                         case Binding("function", ast.FunctionDef() as definition):
                             yield LocalFunction(definition, inner)
                         case Binding("value", ast.expr() as value):
-                            yield from self.targets(value, inner, active | {(id(inner), name)})
+                            yield from self.find_targets(value, inner, active | {(id(inner), name)})
                         case Binding("import", ast.Import() | ast.ImportFrom() as statement):
                             yield resolve_import(statement, name)
                         case Binding("parameter"):
@@ -233,30 +234,30 @@ class FunctionNames:
                         case _:
                             raise Unproven(f"calls '{name}', which is not known")
             case _:
-                value = self.static(node, scope)
+                value = self.find_object(node, scope)
                 if value is UNKNOWN:
                     raise Unproven(f"calls '{ast.unparse(node)[:40]}', which is not known")
                 yield value
 
-    def kind(self, node: ast.expr, scope: Scope, active: Active = frozenset()) -> ResultKind:
+    def infer_kind(self, node: ast.expr, scope: Scope, active: Active = frozenset()) -> ResultKind:
         """The kinds of an expression's value. A name has the kinds of all its values in the function."""
         self.findings.steps += 1
         if self.findings.steps > _MOST_STEPS:
             raise Unproven("is too long to be followed")
         match node:
             case ast.Name(id=name):
-                found = scope.find(name)
+                found = scope.find_bindings(name)
                 if found is None:
-                    return VALUE if is_constant(self.outside(name)) else CODE
+                    return VALUE if is_constant(self.find_outside(name)) else CODE
                 places, inner = found
                 if (id(inner), name) in active:
                     return NOTHING
                 active |= {(id(inner), name)}
                 return functools.reduce(
-                    ResultKind.__or__, (self._bound_kind(name, place, inner, active) for place in places)
+                    ResultKind.__or__, (self._infer_bound_kind(name, place, inner, active) for place in places)
                 )
             case ast.Attribute():
-                value = self.static(node, scope)
+                value = self.find_object(node, scope)
                 return VALUE if value is UNKNOWN or is_constant(value) else CODE
             case ast.Call():
                 return self._call_kind(node, scope, active)
@@ -267,22 +268,22 @@ class FunctionNames:
             case ast.Lambda():
                 return CODE
             case ast.NamedExpr(value=value):
-                return self.kind(value, scope, active)
+                return self.infer_kind(value, scope, active)
             case ast.IfExp(body=body, orelse=orelse):
-                return self.kind(body, scope, active) | self.kind(orelse, scope, active)
+                return self.infer_kind(body, scope, active) | self.infer_kind(orelse, scope, active)
             case ast.BoolOp(values=values):
-                return functools.reduce(ResultKind.__or__, (self.kind(value, scope, active) for value in values))
+                return functools.reduce(ResultKind.__or__, (self.infer_kind(value, scope, active) for value in values))
             case ast.BinOp(left=left, op=op, right=right) if isinstance(op, SET_OPERATORS):
-                return _join_set_kinds(self.kind(left, scope, active) | self.kind(right, scope, active))
+                return _join_set_kinds(self.infer_kind(left, scope, active) | self.infer_kind(right, scope, active))
             case _:
                 return VALUE
 
-    def _bound_kind(self, name: str, place: Binding, scope: Scope, active: Active) -> ResultKind:
+    def _infer_bound_kind(self, name: str, place: Binding, scope: Scope, active: Active) -> ResultKind:
         match place:
             case Binding("value", ast.expr() as value):
-                return self.kind(value, scope, active)
+                return self.infer_kind(value, scope, active)
             case Binding("update", ast.AugAssign(op=op, value=value)) if isinstance(op, SET_OPERATORS):
-                return _join_set_kinds(self.kind(value, scope, active))
+                return _join_set_kinds(self.infer_kind(value, scope, active))
             case Binding("import", ast.Import() | ast.ImportFrom() as statement):
                 return VALUE if is_constant(resolve_import(statement, name)) else CODE
             case Binding("function"):
@@ -293,33 +294,33 @@ class FunctionNames:
                 return VALUE
 
     def _call_kind(self, node: ast.Call, scope: Scope, active: Active) -> ResultKind:
-        if isinstance(node.func, ast.Attribute) and self.static(node.func, scope) is UNKNOWN:
+        if isinstance(node.func, ast.Attribute) and self.find_object(node.func, scope) is UNKNOWN:
             if node.func.attr == "copy":
-                return self.kind(node.func.value, scope, active)
+                return self.infer_kind(node.func.value, scope, active)
             method = METHODS.get(node.func.attr)
             return method.gives if method else VALUE
         result = NOTHING
-        for target in self.targets(node.func, scope):
-            result |= self.given(target, active)
+        for target in self.find_targets(node.func, scope):
+            result |= self.infer_result_kind(target, active)
         return result
 
-    def given(self, target: Target, active: Active = frozenset()) -> ResultKind:
+    def infer_result_kind(self, target: Target, active: Active = frozenset()) -> ResultKind:
         """The kinds of the value of a call of one of the `targets`."""
         if isinstance(target, LocalFunction):
             key = (id(target.node), "")
-            inner = self.scope_of(target.node, target.scope)
+            inner = self.open_scope(target.node, target.scope)
             if key in active:
                 return NOTHING
-            kinds = (self.kind(value, inner, active | {key}) for value in find_returned_expressions(target.node))
+            kinds = (self.infer_kind(value, inner, active | {key}) for value in find_returned_expressions(target.node))
             return functools.reduce(ResultKind.__or__, kinds, NOTHING)
         if (entry := find_known(target)) is not None:
             return entry.gives
         if type(target) is CACHE_TYPE or type(target) is functools.partial:
-            return self.given(unwrap_callable(target), active)
+            return self.infer_result_kind(unwrap_callable(target), active)
         if type(target) is FunctionType:
             assert self.frame_of is not None
             frame = self.frame_of(target)
-            return frame.given(LocalFunction(frame.located.node, frame.root), active)
+            return frame.infer_result_kind(LocalFunction(frame.located.node, frame.root), active)
         return OBJECT if is_exception_class(target) else VALUE
 
 

@@ -10,10 +10,10 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language.cancellation import iterate_checked
-from ss2sql.language.kinds import FLOAT, NONE, NOTHING, Kind, Type, union
+from ss2sql.language.kinds import FLOAT, NONE, NOTHING, Kind, Type, unite
 from ss2sql.language.operations.argument_checks import check_list, check_number, check_numbers, misuse
-from ss2sql.language.operations.intervals import INTEGER, bound_integers, fits, is_nonnegative, make_numbers
-from ss2sql.language.operations.lists import LENGTH, are_not_lists, length_type
+from ss2sql.language.operations.intervals import INTEGER, bound_integers, do_fit, is_nonnegative, make_numbers
+from ss2sql.language.operations.lists import LENGTH, are_not_lists, infer_length
 from ss2sql.language.operations.operation import (
     Check,
     Form,
@@ -21,11 +21,11 @@ from ss2sql.language.operations.operation import (
     Operation,
     Types,
     When,
-    aggregate,
+    declare,
+    declare_aggregate,
     each,
-    element,
+    element_type,
     exactly,
-    operation,
 )
 from ss2sql.language.value_messages import CURES, check_arithmetic, format_value
 from ss2sql.language.values import make_hashable
@@ -54,16 +54,16 @@ def _sum_of_floats(values: list[float]) -> float:
     try:
         return math.fsum(values)
     except OverflowError:  # perhaps of an intermediate sum only
-        return _float(_exact_sum(values))
+        return _convert_to_float(_sum_exactly(values))
 
 
-def _exact_sum(values: Iterable[float]) -> Fraction:
+def _sum_exactly(values: Iterable[float]) -> Fraction:
     from fractions import Fraction  # rarely needed, and slow to import
 
     return sum(map(Fraction, iterate_checked(values)), Fraction())
 
 
-def _float(value: Fraction) -> float:
+def _convert_to_float(value: Fraction) -> float:
     try:
         return float(value)
     except OverflowError:
@@ -75,54 +75,54 @@ def _sum_of_kind(kind: Type) -> Type:
     return FLOAT if kind.kinds == Kind.FLOAT else Type(Kind.INT | (kind.kinds & Kind.FLOAT))
 
 
-def _small_integers(types: Types) -> bool:
-    return types[0].kinds & ~Kind.NONE == Kind.INT and types[0].bounded(2**31)
+def _are_small_integers(types: Types) -> bool:
+    return types[0].kinds & ~Kind.NONE == Kind.INT and types[0].is_bounded(2**31)
 
 
-def _bounded_floats(types: Types) -> bool:
+def _are_bounded_floats(types: Types) -> bool:
     """Floats so small that every sum is finite; SQLite's own sum is compensated, too."""
-    return types[0].kinds == Kind.FLOAT and types[0].bounded(1e280)
+    return types[0].kinds == Kind.FLOAT and types[0].is_bounded(1e280)
 
 
-def _items(kinds: Kind) -> When:
+def _all_items_are(kinds: Kind) -> When:
     """Lists with elements of these kinds, at least one of them not empty."""
 
-    def when(types: Types) -> bool:
+    def check_types(types: Types) -> bool:
         item = types[0].item
-        return types[0].only(Kind.LIST) and item is not None and item != NOTHING and item.only(kinds)
+        return types[0].is_only(Kind.LIST) and item is not None and item != NOTHING and item.is_only(kinds)
 
-    return when
+    return check_types
 
 
-def _may_sum_floats(types: Types) -> bool:
+def _can_sum_floats(types: Types) -> bool:
     """Whether the values are floats: the sum of none is an integer."""
-    return _items(Kind.FLOAT)(types) and bool(types[0].positions)
+    return _all_items_are(Kind.FLOAT)(types) and bool(types[0].positions)
 
 
 def _sum_of_list(types: Types) -> Type:
-    item = element(types[0])
+    item = element_type(types[0])
     kinds = Kind.INT | (item.kinds & Kind.FLOAT)
-    if (sums := _known_sums(types[0])) is not None:
+    if (sums := _bound_known_sums(types[0])) is not None:
         return make_numbers(kinds, sums)
-    negative = item.may(Kind.NUMBER) and not is_nonnegative(item)
-    positive = item.may(Kind.NUMBER) and (item.high is None or item.high > 0)
+    negative = item.may_be(Kind.NUMBER) and not is_nonnegative(item)
+    positive = item.may_be(Kind.NUMBER) and (item.high is None or item.high > 0)
     return Type(kinds, None if negative else 0, None if positive else 0)
 
 
 def _sum_can_fail(types: Types) -> bool:
-    item = element(types[0])
+    item = element_type(types[0])
     if are_not_lists(types):
         return True
-    if (sums := _known_sums(types[0])) is not None:
-        return not fits(Kind.INT, sums)
+    if (sums := _bound_known_sums(types[0])) is not None:
+        return not do_fit(Kind.INT, sums)
     # So small that even the longest list stays within 64 bits.
-    return not (item.only(INTEGER) and (item.bounded(512) or item == NOTHING))
+    return not (item.is_only(INTEGER) and (item.is_bounded(512) or item == NOTHING))
 
 
-def _known_sums(kind: Type) -> tuple[int, int] | None:
+def _bound_known_sums(kind: Type) -> tuple[int, int] | None:
     """The bounds of the sums of lists whose elements are known one by one as integers."""
     limits = [bound_integers(part) for part in kind.positions or ()]
-    if not limits or None in limits or not all(part.only(INTEGER) for part in kind.positions or ()):
+    if not limits or None in limits or not all(part.is_only(INTEGER) for part in kind.positions or ()):
         return None
     known = [limit for limit in limits if limit is not None]
     return sum(low for low, _ in known), sum(high for _, high in known)
@@ -137,12 +137,12 @@ def compute_mean(values: list[Any]) -> float:
     try:
         return math.fsum(values) / len(values)
     except OverflowError:
-        return _float(_exact_sum(values) / len(values))
+        return _convert_to_float(_sum_exactly(values) / len(values))
 
 
 def _is_averaged_exactly(types: Types) -> bool:
     """Integers so small that a float holds the sum of 2^32 of them."""
-    return types[0].kinds & ~Kind.NONE == Kind.INT and types[0].bounded(2**21)
+    return types[0].kinds & ~Kind.NONE == Kind.INT and types[0].is_bounded(2**21)
 
 
 # --- counts --------------------------------------------------------------------------------------------
@@ -157,7 +157,7 @@ def _accept_kinds(*kinds: Kind) -> When:
     return lambda types: types[0].kinds & ~Kind.NONE in kinds
 
 
-def _variance(values: list[Any]) -> float | None:
+def _compute_variance(values: list[Any]) -> float | None:
     """The variance of a sample; None for fewer than two values."""
     if len(values) < 2:
         return None
@@ -166,19 +166,19 @@ def _variance(values: list[Any]) -> float | None:
     return float(check_arithmetic(_sum_of_floats(squares) / (len(values) - 1)))
 
 
-def _deviation(values: list[Any]) -> float | None:
-    found = _variance(values)
+def _compute_deviation(values: list[Any]) -> float | None:
+    found = _compute_variance(values)
     return None if found is None else math.sqrt(found)
 
 
-def _median(values: list[Any]) -> float:
+def _compute_median(values: list[Any]) -> float:
     """The middle number, or the mean of the two in the middle."""
     ordered = sorted(values)
     half = len(ordered) // 2
     return float(ordered[half]) if len(ordered) % 2 else compute_mean(ordered[half - 1 : half + 1])
 
 
-def _percentile(values: Any, part: Any) -> float | None:
+def _compute_percentile(values: Any, part: Any) -> float | None:
     """The number that has this part of the others below it, interpolated between two of them."""
     check_numbers("percentile", check_list("percentile", values))
     if not 0 <= check_number("percentile", part) <= 1:
@@ -195,12 +195,12 @@ def _percentile(values: Any, part: Any) -> float | None:
 def _make_end_aggregate(name: str, place: int, about: str, example: str) -> Operation:
     """The row of `first` or `last`: an end of a list, None of an empty one."""
 
-    def value(values: Any) -> Any:
+    def take_end(values: Any) -> Any:
         return check_list(name, values)[place] if values or type(values) is not list else None
 
-    value.__name__ = name
-    return operation(
-        name, 1, value, lambda types: union((element(types[0]), NONE)), are_not_lists,
+    take_end.__name__ = name
+    return declare(
+        name, 1, take_end, lambda types: unite((element_type(types[0]), NONE)), are_not_lists,
         call=f"{name}(list)", about=about, example=example, collects=True,
         python=(Form(f"{{0}}[{place}] if {{0}} else None", each(Kind.LIST)),),
     )  # fmt: skip
@@ -209,63 +209,64 @@ def _make_end_aggregate(name: str, place: int, about: str, example: str) -> Oper
 def _make_collect() -> Group:
     """The row of `collect`: the values of a group as a list, for functions that need their order or more arguments."""
 
-    def result(kind: Type) -> Type:
+    def infer_type(kind: Type) -> Type:
         return Type(Kind.LIST, item=kind, columns=kind.columns)
 
-    return Group(list, [], result, lambda kind: False, lambda kind: False, python=(Form(list),))
+    return Group(list, [], infer_type, lambda kind: False, lambda kind: False, python=(Form(list),))
 
 
 COLLECT = _make_collect()
 
 OPERATIONS: tuple[Operation, ...] = (
-    aggregate(
+    declare_aggregate(
         "count", len, Type(Kind.INT, 0, LENGTH), nothing=0, about="the number of elements of a list",
         example="count([4, None, 5])", accepts=None, can_fail=lambda kind: False, in_sql=lambda kind: True,
         sqlite=(Form("count({0})"),), python=(Form(len),), portable=(Form("count({0})"),),
-        of_list={"result": length_type, "python": (Form("len({0})", each(Kind.LIST)),)},
+        of_list={"result": infer_length, "python": (Form("len({0})", each(Kind.LIST)),)},
     ),
-    aggregate(
+    declare_aggregate(
         "count_distinct", _count_distinct, Type(Kind.INT, 0, LENGTH), nothing=0,
         about="the number of different elements of a list; of a group count(DISTINCT x)",
         example="SELECT count(DISTINCT this) FROM [4, 4.0, None, 5] AS value", accepts=None,
         can_fail=lambda kind: False, in_sql=lambda kind: True,
         sqlite=(Form("count(DISTINCT {0})", _accept_kinds(Kind.INT, Kind.FLOAT, Kind.STR)),),
-        portable=(Form("count(DISTINCT {0})", _accept_kinds(Kind.INT, Kind.STR)),), of_list={"result": length_type},
+        portable=(Form("count(DISTINCT {0})", _accept_kinds(Kind.INT, Kind.STR)),), of_list={"result": infer_length},
     ),
-    aggregate(
+    declare_aggregate(
         "sum", compute_sum, _sum_of_kind, nothing=0, about="the sum of a list of numbers, 0 if it is empty",
         example="[sum([1, 2.5]), sum([])]", can_fail=lambda kind: True,
-        sqlite=(Form("sum({0})", _bounded_floats),),
+        sqlite=(Form("sum({0})", _are_bounded_floats),),
         python=(Form(sum_floats, exactly(Kind.FLOAT)), Form(sum_integers, each(INTEGER))),
-        portable=(Form("coalesce(cast(sum({0}) AS BIGINT), 0)", _small_integers),),
+        portable=(Form("coalesce(cast(sum({0}) AS BIGINT), 0)", _are_small_integers),),
         of_floats=lambda values, count: math.fsum(values),
         of_list={
             "result": _sum_of_list, "can_fail": _sum_can_fail,
             "python": (
-                Form(sum_integers, _items(INTEGER), Check.ITSELF),
-                Form(sum_floats, _may_sum_floats, Check.ITSELF),
+                Form(sum_integers, _all_items_are(INTEGER), Check.ITSELF),
+                Form(sum_floats, _can_sum_floats, Check.ITSELF),
             ),
         },
     ),
-    aggregate(
+    declare_aggregate(
         "average", compute_mean, FLOAT, about="the mean of a list of numbers", example="average([1, 2, 6])",
         portable=(Form("cast(sum({0}) AS DOUBLE) / count({0})", _is_averaged_exactly),),
         of_floats=lambda values, count: math.fsum(values) / count,
     ),
-    aggregate(
-        "median", _median, FLOAT, about="the middle of a list of numbers, a float",
+    declare_aggregate(
+        "median", _compute_median, FLOAT, about="the middle of a list of numbers, a float",
         example="[median([5, 1, 3]), median([1, 2])]",
     ),
-    aggregate(
-        "stddev", _deviation, union((FLOAT, NONE)), about="the standard deviation of a sample",
+    declare_aggregate(
+        "stddev", _compute_deviation, unite((FLOAT, NONE)), about="the standard deviation of a sample",
         example="stddev([2, 4, 4, 4, 5, 5, 7, 9])", can_fail=lambda kind: True,
     ),
-    aggregate(
-        "variance", _variance, union((FLOAT, NONE)), about="the variance of a sample", example="variance([1, 2, 3, 4])",
+    declare_aggregate(
+        "variance", _compute_variance, unite((FLOAT, NONE)), about="the variance of a sample",
+        example="variance([1, 2, 3, 4])",
         can_fail=lambda kind: True,
     ),
-    operation(
-        "percentile", 2, _percentile, union((FLOAT, NONE)), True, call="percentile(list, part)", collects=True,
+    declare(
+        "percentile", 2, _compute_percentile, unite((FLOAT, NONE)), True, call="percentile(list, part)", collects=True,
         about="the number below which this part of the others lies", example="percentile([1, 2, 3, 4], 0.5)",
     ),
     _make_end_aggregate("first", 0, "the first element of a list, None of an empty one", "first([3, 1, 2])"),

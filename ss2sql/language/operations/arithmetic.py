@@ -10,7 +10,7 @@ from datetime import date, timedelta
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.language.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type, union
+from ss2sql.language.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type, unite
 from ss2sql.language.operations import intervals
 from ss2sql.language.operations.argument_checks import INTEGERS
 from ss2sql.language.operations.intervals import (
@@ -18,7 +18,7 @@ from ss2sql.language.operations.intervals import (
     apply_bounds,
     bound_floats,
     bound_integers,
-    fits,
+    do_fit,
     is_nonnegative,
     keep_lists,
     make_numbers,
@@ -30,11 +30,11 @@ from ss2sql.language.operations.operation import (
     Operation,
     Types,
     When,
+    are_integers,
+    are_numbers,
+    declare,
     each,
     exactly,
-    operation,
-    sql_integers,
-    sql_numbers,
 )
 from ss2sql.language.ordering import NUMBERS
 from ss2sql.language.value_messages import build_complex_error, build_overflow_error, check_arithmetic, format_value
@@ -86,7 +86,7 @@ def _make_zero_division_error(left: Any, symbol: str, right: Any) -> ExecutionEr
 def _make_binary_operator(name: str, symbol: str, compute: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """The value of an operator on two numbers."""
 
-    def value(left: Any, right: Any) -> Any:
+    def apply_operator(left: Any, right: Any) -> Any:
         if type(left) in NUMBERS and type(right) in NUMBERS:
             try:
                 return check_arithmetic(compute(left, right))
@@ -94,26 +94,26 @@ def _make_binary_operator(name: str, symbol: str, compute: Callable[[Any, Any], 
                 raise _make_zero_division_error(left, symbol, right) from None
         return compute_with_times(left, symbol, right, compute)
 
-    value.__name__ = name  # in tracebacks and in generated code
-    return value
+    apply_operator.__name__ = name  # in tracebacks and in generated code
+    return apply_operator
 
 
 def are_sql_integers(types: Types) -> bool:
     """Integers within 64 bits: BIGINT."""
-    return all(kind.kinds == Kind.INT and kind.bounded(2**63 - 1) for kind in types)
+    return all(kind.kinds == Kind.INT and kind.is_bounded(2**63 - 1) for kind in types)
 
 
-def reals(types: Types) -> bool:
+def are_reals(types: Types) -> bool:
     """Numbers that are equal as floats, integers or not: DOUBLE."""
-    return all(kind.kinds == Kind.FLOAT or (kind.kinds == Kind.INT and kind.bounded(EXACT)) for kind in types)
+    return all(kind.kinds == Kind.FLOAT or (kind.kinds == Kind.INT and kind.is_bounded(EXACT)) for kind in types)
 
 
-def integers_or_reals(types: Types) -> bool:
-    return are_sql_integers(types) or reals(types)
+def are_integers_or_reals(types: Types) -> bool:
+    return are_sql_integers(types) or are_reals(types)
 
 
-def have_numbers(types: Types) -> bool:
-    return all(kind.may(Kind.INT | Kind.FLOAT) for kind in types)
+def can_be_numbers(types: Types) -> bool:
+    return all(kind.may_be(Kind.INT | Kind.FLOAT) for kind in types)
 
 
 def _are_numbers(types: Types) -> bool:
@@ -126,20 +126,22 @@ def _are_numbers(types: Types) -> bool:
 def _make_operator(name: str, symbol: str, compute: intervals.Operation, about: str, example: str) -> Operation:
     """The row of an operator that is monotonic, so that its extremes lie at the ends of the intervals."""
 
-    def result(types: Types) -> Type:
-        times = Type(Kind.OBJECT) if name != "mul" and all(kind.may(Kind.OBJECT) for kind in types) else NOTHING
-        return union((times, *(make_numbers(kind, corners) for kind, corners in apply_bounds(compute, types))))
+    def infer_type(types: Types) -> Type:
+        times = Type(Kind.OBJECT) if name != "mul" and all(kind.may_be(Kind.OBJECT) for kind in types) else NOTHING
+        return unite((times, *(make_numbers(kind, corners) for kind, corners in apply_bounds(compute, types))))
 
     def can_fail(types: Types) -> bool:
-        return not _are_numbers(types) or not all(fits(kind, corners) for kind, corners in apply_bounds(compute, types))
+        return not _are_numbers(types) or not all(
+            do_fit(kind, corners) for kind, corners in apply_bounds(compute, types)
+        )
 
     text = f"{{0}} {symbol} {{1}}"
-    return operation(
-        name, 2, _make_binary_operator(name, symbol, compute), result, can_fail,
+    return declare(
+        name, 2, _make_binary_operator(name, symbol, compute), infer_type, can_fail,
         symbol=symbol, call=f"a {symbol} b", about=about, example=example, cheap=True,
-        sqlite=(Form(text, sql_numbers, Check.SIZE),),
-        python=(Form(text, _are_numbers, Check.SIZE), Form(text, have_numbers, Check.NUMBERS)),
-        portable=(Form(text, integers_or_reals),),
+        sqlite=(Form(text, are_numbers, Check.SIZE),),
+        python=(Form(text, _are_numbers, Check.SIZE), Form(text, can_be_numbers, Check.NUMBERS)),
+        portable=(Form(text, are_integers_or_reals),),
     )  # fmt: skip
 
 
@@ -158,34 +160,34 @@ def _make_addition() -> Operation:
                       "[2 + 3, 'ab' + 'c', [1] + [2]]")  # fmt: skip
     strings, lists = exactly(Kind.STR), exactly(Kind.LIST)
 
-    def result(types: Types) -> Type:
+    def infer_type(types: Types) -> Type:
         a, b = types
-        joined = union((keep_lists(a), keep_lists(b))) if a.may(Kind.LIST) and b.may(Kind.LIST) else NOTHING
-        return union((row.result(types), make_text_type(types), joined))
+        joined = unite((keep_lists(a), keep_lists(b))) if a.may_be(Kind.LIST) and b.may_be(Kind.LIST) else NOTHING
+        return unite((row.result(types), make_text_type(types), joined))
 
     def can_fail(types: Types) -> bool:
         return not any(each(kind)(types) for kind in (Kind.STR, Kind.LIST)) and row.can_fail(types)
 
     text = "{0} + {1}"
     return replace(
-        row, value=add_values, result=result, can_fail=can_fail, grows=True,
+        row, value=add_values, result=infer_type, can_fail=can_fail, grows=True,
         sqlite=(Form("{0} || {1}", strings), *row.sqlite),
         python=(Form(text, strings, Check.ROOM), Form(text, lists, Check.ROOM), *row.python),
         portable=(Form("{0} || {1}", strings), Form("list_concat({0}, {1})", lists), *row.portable),
     )  # fmt: skip
 
 
-def _negate(value: Any) -> Any:
+def _negate_number(value: Any) -> Any:
     if type(value) in NUMBERS:
         return check_arithmetic(-value)
     raise ExecutionError("X001", f"cannot compute -{format_value(value)}", hints=("- works on numbers",))
 
 
-def _negated_type(types: Types) -> Type:
-    return union(make_numbers(kind, (-low, -high)) for kind, low, high in split_type(types[0]))
+def _infer_negated(types: Types) -> Type:
+    return unite(make_numbers(kind, (-low, -high)) for kind, low, high in split_type(types[0]))
 
 
-def sign_can_fail(types: Types) -> bool:
+def can_sign_fail(types: Types) -> bool:
     """Whether unary minus or `abs` can fail: there is one integer more below zero than above."""
     return not _are_numbers(types) or any(kind is Kind.INT and low == INT_MIN for kind, low, _ in split_type(types[0]))
 
@@ -195,7 +197,7 @@ def split_type(t: Type) -> list[tuple[Kind, float, float]]:
     found: list[tuple[Kind, float, float]] = []
     if bounds := bound_integers(t):
         found.append((Kind.INT, *bounds))
-    if t.may(Kind.FLOAT):
+    if t.may_be(Kind.FLOAT):
         found.append((Kind.FLOAT, *bound_floats(t)))
     return found
 
@@ -203,7 +205,7 @@ def split_type(t: Type) -> list[tuple[Kind, float, float]]:
 # --- quotients -----------------------------------------------------------------------------------------
 
 
-def _quotients(types: Types) -> list[float] | None:
+def _bound_quotients(types: Types) -> list[float] | None:
     """The corners of `/`; None if the divisor may be zero."""
     a, b = types
     corners: list[float] = []
@@ -211,7 +213,7 @@ def _quotients(types: Types) -> list[float] | None:
         if second[0] <= 0 <= second[1]:
             return None
         corners += [x / y for x in first for y in second]
-    if a.may(Kind.FLOAT) or b.may(Kind.FLOAT):
+    if a.may_be(Kind.FLOAT) or b.may_be(Kind.FLOAT):
         low, high = bound_floats(b)
         if low <= 0 <= high:
             return None
@@ -219,12 +221,12 @@ def _quotients(types: Types) -> list[float] | None:
     return corners
 
 
-def _quotient(types: Types) -> Type:
-    if all(t.may(Kind.OBJECT) for t in types):  # the ratio of two timedeltas
+def _infer_quotient(types: Types) -> Type:
+    if all(t.may_be(Kind.OBJECT) for t in types):  # the ratio of two timedeltas
         return Type(Kind.FLOAT)
-    if not all(t.may(Kind.NUMBER) for t in types):
+    if not all(t.may_be(Kind.NUMBER) for t in types):
         return NOTHING
-    corners = _quotients(types)
+    corners = _bound_quotients(types)
     return (
         make_numbers(Kind.FLOAT, corners)
         if corners
@@ -232,22 +234,22 @@ def _quotient(types: Types) -> Type:
     )
 
 
-def _quotient_can_fail(types: Types) -> bool:
-    corners = _quotients(types) if _are_numbers(types) else None
-    return not corners or not fits(Kind.FLOAT, corners)
+def _can_quotient_fail(types: Types) -> bool:
+    corners = _bound_quotients(types) if _are_numbers(types) else None
+    return not corners or not do_fit(Kind.FLOAT, corners)
 
 
-def _remainder(types: Types) -> Type:
+def _infer_remainder(types: Types) -> Type:
     a, b = types
     found = []
     if (first := bound_integers(a)) and (second := bound_integers(b)):
-        found.append(make_numbers(Kind.INT, _remainders(first, second, 1)))
-    if a.may(Kind.NUMBER) and b.may(Kind.NUMBER) and (a.may(Kind.FLOAT) or b.may(Kind.FLOAT)):
-        found.append(make_numbers(Kind.FLOAT, _remainders(bound_floats(a), bound_floats(b), 0)))
-    return union(found)
+        found.append(make_numbers(Kind.INT, _bound_remainders(first, second, 1)))
+    if a.may_be(Kind.NUMBER) and b.may_be(Kind.NUMBER) and (a.may_be(Kind.FLOAT) or b.may_be(Kind.FLOAT)):
+        found.append(make_numbers(Kind.FLOAT, _bound_remainders(bound_floats(a), bound_floats(b), 0)))
+    return unite(found)
 
 
-def _remainders(a: tuple[float, float], b: tuple[float, float], gap: int) -> tuple[float, float]:
+def _bound_remainders(a: tuple[float, float], b: tuple[float, float], gap: int) -> tuple[float, float]:
     """The bounds of `a % b`: the remainder stays `gap` away from the divisor and has its sign."""
     low = min(0, b[0] + gap) if b[0] < 0 else 0
     high = max(0, b[1] - gap) if b[1] > 0 else 0
@@ -258,39 +260,39 @@ def _remainders(a: tuple[float, float], b: tuple[float, float], gap: int) -> tup
     return low, high
 
 
-def _remainder_can_fail(types: Types) -> bool:
-    return not _are_numbers(types) or _quotients(types) is None
+def _can_remainder_fail(types: Types) -> bool:
+    return not _are_numbers(types) or _bound_quotients(types) is None
 
 
 def _is_exact(kind: Type) -> bool:
-    return kind.bounded(EXACT) or not kind.may(Kind.INT)
+    return kind.is_bounded(EXACT) or not kind.may_be(Kind.INT)
 
 
 def _can_divide(*exact: bool, whole_divisor: bool = False) -> When:
     """Tests that floats hold the operands exactly; otherwise SQLite would round twice."""
 
-    def when(types: Types) -> bool:
-        whole = types[1].only(INTEGER | Kind.NONE)
+    def check_types(types: Types) -> bool:
+        whole = types[1].is_only(INTEGER | Kind.NONE)
         fit = all(_is_exact(kind) for kind, needed in zip(types, exact, strict=True) if needed)
-        return sql_numbers(types) and fit and whole >= whole_divisor
+        return are_numbers(types) and fit and whole >= whole_divisor
 
-    return when
+    return check_types
 
 
-def _between(what: str, limit: float) -> str:
+def _write_between(what: str, limit: float) -> str:
     return f"{what} BETWEEN {-limit!r} AND {limit!r}"
 
 
-def _nonnegative(types: Types) -> bool:
-    return sql_integers(types) and types[0].at_least(0) and types[1].at_least(1)
+def _are_nonnegative(types: Types) -> bool:
+    return are_integers(types) and types[0].is_at_least(0) and types[1].is_at_least(1)
 
 
-_INSIDE = _between("{value}", 1e308)
+_INSIDE = _write_between("{value}", 1e308)
 
 # --- powers --------------------------------------------------------------------------------------------
 
 
-def _power(base: Any, exponent: Any) -> Any:
+def _compute_power(base: Any, exponent: Any) -> Any:
     """An integer for integers and an exponent of at least 0, else a float."""
     if type(base) not in NUMBERS or type(exponent) not in NUMBERS:
         raise make_operand_error(base, "^", exponent)
@@ -309,29 +311,29 @@ def _power(base: Any, exponent: Any) -> Any:
     return check_arithmetic(result)
 
 
-def _power_type(types: Types) -> Type:
+def _infer_power(types: Types) -> Type:
     base, exponent = types
     found = []
     least: float | None = 0 if is_nonnegative(base) or _is_even(exponent) else None
     if bound_integers(base) and (times := bound_integers(exponent)):
         if times[1] >= 0:
-            corners = _powers(types)
+            corners = _bound_powers(types)
             found.append(make_numbers(Kind.INT, corners) if corners else Type(Kind.INT, least))
         if times[0] < 0:
             found.append(Type(Kind.FLOAT, -1 if least is None else 0, 1))
-    if all(t.may(Kind.NUMBER) for t in types) and any(t.may(Kind.FLOAT) for t in types):
-        bounds = _float_powers(types)
+    if all(t.may_be(Kind.NUMBER) for t in types) and any(t.may_be(Kind.FLOAT) for t in types):
+        bounds = _bound_float_powers(types)
         found.append(make_numbers(Kind.FLOAT, bounds) if bounds else Type(Kind.FLOAT, least))
-    return union(found)
+    return unite(found)
 
 
 def _is_even(exponent: Type) -> bool:
     """Whether the exponent is one even integer."""
     times = bound_integers(exponent)
-    return exponent.only(INTEGER) and times is not None and times[0] == times[1] and times[0] % 2 == 0
+    return exponent.is_only(INTEGER) and times is not None and times[0] == times[1] and times[0] % 2 == 0
 
 
-def _powers(types: Types) -> list[int] | None:
+def _bound_powers(types: Types) -> list[int] | None:
     """Bounds of integers raised to exponents that are not negative; None if they are beyond all values."""
     base, exponent = bound_integers(types[0]), bound_integers(types[1])
     if base is None or exponent is None or exponent[1] > 63:
@@ -345,7 +347,7 @@ def _powers(types: Types) -> list[int] | None:
     return [base[0] ** max(exponent[0], 0), base[0] ** highest, base[1] ** highest, 1]
 
 
-def _float_powers(types: Types) -> list[float] | None:
+def _bound_float_powers(types: Types) -> list[float] | None:
     """Bounds of floats raised to a known power: a whole one, or a root of numbers from 0; else None.
 
     Python leaves powers to the C library, which rounds them nearly, not exactly.
@@ -354,7 +356,7 @@ def _float_powers(types: Types) -> list[float] | None:
     if not _are_numbers(types) or exponent.low is None or exponent.low != exponent.high:
         return None
     times, (low, high) = exponent.low, bound_floats(base)
-    is_whole = exponent.only(INTEGER) and times >= 0
+    is_whole = exponent.is_only(INTEGER) and times >= 0
     if not is_whole and not (low >= 0 and 0 <= times <= 1):
         return None
     try:
@@ -364,16 +366,16 @@ def _float_powers(types: Types) -> list[float] | None:
     return [0 if low >= 0 or _is_even(exponent) else -size, size]
 
 
-def _power_can_fail(types: Types) -> bool:
+def _can_power_fail(types: Types) -> bool:
     if not _are_numbers(types):
         return True
-    if all(t.may(INTEGER) for t in types):
-        corners = _powers(types) if is_nonnegative(types[1]) else None
-        if not corners or not fits(Kind.INT, corners):
+    if all(t.may_be(INTEGER) for t in types):
+        corners = _bound_powers(types) if is_nonnegative(types[1]) else None
+        if not corners or not do_fit(Kind.INT, corners):
             return True
-    if any(t.may(Kind.FLOAT) for t in types):
-        bounds = _float_powers(types)
-        return not bounds or not fits(Kind.FLOAT, bounds)
+    if any(t.may_be(Kind.FLOAT) for t in types):
+        bounds = _bound_float_powers(types)
+        return not bounds or not do_fit(Kind.FLOAT, bounds)
     return False
 
 
@@ -396,44 +398,44 @@ OPERATIONS = (
     _make_addition(),
     _make_operator("sub", "-", operator.sub, "a - b: the difference", "5 - 7"),
     _make_operator("mul", "*", operator.mul, "a * b: the product", "1.5 * 4"),
-    operation(
-        "div", 2, _make_binary_operator("div", "/", operator.truediv), _quotient, _quotient_can_fail,
+    declare(
+        "div", 2, _make_binary_operator("div", "/", operator.truediv), _infer_quotient, _can_quotient_fail,
         symbol="/", call="a / b", about="a / b: the quotient, a float", example="7 / 2", cheap=True,
         sqlite=(
             Form("cast({0} AS REAL) / {1}", _can_divide(True, True, whole_divisor=True), Check.NOT_NULL),  # 1 or more
             Form("cast({0} AS REAL) / {1}", _can_divide(True, True), _INSIDE),
             *(Form("cast({0} AS REAL) / {1}", _can_divide(*exact),
-                   only=" AND ".join([_INSIDE, *(_between(f"{{{n}}}", EXACT) for n in (0, 1) if not exact[n])]))
+                   only=" AND ".join([_INSIDE, *(_write_between(f"{{{n}}}", EXACT) for n in (0, 1) if not exact[n])]))
               for exact in ((True, False), (False, True), (False, False))),
         ),
         python=(
             Form("{0} / {1}", _WHOLE, "{1}"),  # a quotient of integers is finite
             Form("{0} / {1}", _are_numbers, f"{{1}} and {FINITE}"),
         ),
-        portable=(Form("cast({0} AS DOUBLE) / {1}", reals),),
+        portable=(Form("cast({0} AS DOUBLE) / {1}", are_reals),),
     ),
-    operation(
-        "mod", 2, _make_binary_operator("mod", "%", operator.mod), _remainder, _remainder_can_fail,
+    declare(
+        "mod", 2, _make_binary_operator("mod", "%", operator.mod), _infer_remainder, _can_remainder_fail,
         symbol="%", call="a % b", about="a % b: the remainder, with the sign of b", example="[-7 % 3, 7 % -3]",
         cheap=True,
         sqlite=(
             # SQL's remainder has the sign of the dividend.
-            Form("{0} % {1}", _nonnegative),
-            Form("({0} % {1} + {1}) % {1}", lambda types: sql_integers(types) and types[1].bounded(2**62)),
-            Form("({0} % {1} + {1}) % {1}", sql_integers,
+            Form("{0} % {1}", _are_nonnegative),
+            Form("({0} % {1} + {1}) % {1}", lambda types: are_integers(types) and types[1].is_bounded(2**62)),
+            Form("({0} % {1} + {1}) % {1}", are_integers,
                  only="{1} BETWEEN 1 AND 4611686018427387904 AND {0} IS NOT NULL"),
         ),
         python=(Form("{0} % {1}", _are_numbers, "{1}"),),
         portable=(
-            Form("{0} % {1}", lambda types: are_sql_integers(types) and _nonnegative(types)),
-            Form("({0} % {1} + {1}) % {1}", lambda types: are_sql_integers(types) and types[1].bounded(2**61)),
+            Form("{0} % {1}", lambda types: are_sql_integers(types) and _are_nonnegative(types)),
+            Form("({0} % {1} + {1}) % {1}", lambda types: are_sql_integers(types) and types[1].is_bounded(2**61)),
         ),
     ),
-    operation(
-        "pow", 2, _power, _power_type, _power_can_fail,
+    declare(
+        "pow", 2, _compute_power, _infer_power, _can_power_fail,
         symbol="^", call="a ^ b", about="a ^ b: a to the power of b", example="[2 ^ 10, 2 ^ -1]",
         sqlite=(
-            *(Form(_write_product(n), _match_power(n, sql_integers), Check.SIZE) for n in range(1, MOST_FACTORS + 1)),
+            *(Form(_write_product(n), _match_power(n, are_integers), Check.SIZE) for n in range(1, MOST_FACTORS + 1)),
             # Of floats the function of C that Python calls, too: a product may round otherwise.
             *(Form("pow({0}, {1})", _match_power(n, each(Kind.FLOAT)), Check.SIZE) for n in range(2, MOST_FACTORS + 1)),
         ),
@@ -447,13 +449,13 @@ OPERATIONS = (
         ),
         portable=tuple(Form(_write_product(n), _match_power(n, are_sql_integers)) for n in range(1, MOST_FACTORS + 1)),
     ),
-    operation(
-        "neg", 1, _negate, _negated_type, sign_can_fail,
+    declare(
+        "neg", 1, _negate_number, _infer_negated, can_sign_fail,
         call="neg(a)", about="-a: the number with the other sign", example="-(3)", cheap=True,
         # Subtracting from 0 gives 0.0 for 0.0 in place of -0.0; a product has the right sign.
         sqlite=(
-            Form("-{0}", lambda types: sql_integers(types) and not types[0].may(Kind.NONE)),
-            Form("{0} * -1", sql_numbers, Check.SIZE),
+            Form("-{0}", lambda types: are_integers(types) and not types[0].may_be(Kind.NONE)),
+            Form("{0} * -1", are_numbers, Check.SIZE),
         ),
         python=(Form("-{0}", _are_numbers, Check.SIZE),),
         portable=(Form("-{0}", are_sql_integers), Form("{0} * cast(-1 AS DOUBLE)", exactly(Kind.FLOAT))),

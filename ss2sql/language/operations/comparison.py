@@ -8,18 +8,18 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.kinds import BOOL, Kind
-from ss2sql.language.operations.arithmetic import have_numbers, integers_or_reals
+from ss2sql.language.operations.arithmetic import are_integers_or_reals, can_be_numbers
 from ss2sql.language.operations.intervals import are_comparable
 from ss2sql.language.operations.operation import (
     Check,
     Form,
     Operation,
     Types,
+    are_orderable,
+    declare,
     each,
     exactly,
-    one_sql_class,
-    operation,
-    ordered,
+    have_one_sql_class,
 )
 from ss2sql.language.ordering import find_deciding_pair
 from ss2sql.language.value_messages import format_value
@@ -32,7 +32,7 @@ def _make_equality(name: str, symbol: str, negated: str, about: str, example: st
         "eq": lambda left, right: bool(left == right),
         "ne": lambda left, right: not left == right,  # noqa: SIM201 - an object may have no !=
     }
-    return operation(
+    return declare(
         name, 2, values[name], BOOL, False,
         symbol=symbol, call=f"a {symbol} b", about=about, example=example, cheap=True, negated=negated, mirrored=name,
         python=(Form(f"{{0}} {symbol} {{1}}"),), by_hand=frozenset({"sqlite", "portable"}),
@@ -44,26 +44,26 @@ def _make_order(
 ) -> Operation:
     """The row of `< <= > >=`, within numbers, within strings and within lists."""
 
-    def value(left: Any, right: Any) -> bool:
+    def compare_order(left: Any, right: Any) -> bool:
         return compute(*find_deciding_pair(left, right, symbol))
 
-    value.__name__ = name
+    compare_order.__name__ = name
     text = f"{{0}} {symbol} {{1}}"
-    return operation(
-        name, 2, value, BOOL, lambda types: not are_comparable(*types),
+    return declare(
+        name, 2, compare_order, BOOL, lambda types: not are_comparable(*types),
         symbol=symbol, call=f"a {symbol} b", about=f"a {symbol} b", example=example, cheap=True,
         negated=negated, mirrored=mirrored,
-        sqlite=(Form(text, one_sql_class, Check.NOT_NULL),),  # None has no order
-        python=(Form(text, ordered), Form(text, have_numbers, Check.NUMBERS)),
+        sqlite=(Form(text, have_one_sql_class, Check.NOT_NULL),),  # None has no order
+        python=(Form(text, are_orderable), Form(text, can_be_numbers, Check.NUMBERS)),
         portable=(Form(text, _can_be_ordered),),
     )  # fmt: skip
 
 
 def _can_be_ordered(types: Types) -> bool:
-    return any(exactly(kind)(types) for kind in (Kind.STR, Kind.INT, Kind.FLOAT)) or integers_or_reals(types)
+    return any(exactly(kind)(types) for kind in (Kind.STR, Kind.INT, Kind.FLOAT)) or are_integers_or_reals(types)
 
 
-def contains(item: Any, container: Any) -> bool:
+def contains_item(item: Any, container: Any) -> bool:
     """An element of a list, a key of a dict, a part of a string."""
     kind = type(container)
     if kind is list:
@@ -77,16 +77,16 @@ def contains(item: Any, container: Any) -> bool:
 
 
 def _lacks(item: Any, container: Any) -> bool:
-    return not contains(item, container)
+    return not contains_item(item, container)
 
 
 def _make_membership(
     name: str, symbol: str, value: Callable[..., bool], negated: str, text: str, **others: str
 ) -> Operation:
-    return operation(
-        name, 2, value, BOOL, lambda types: not types[1].only(Kind.LIST | Kind.DICT) and not each(Kind.STR)(types),
+    return declare(
+        name, 2, value, BOOL, lambda types: not types[1].is_only(Kind.LIST | Kind.DICT) and not each(Kind.STR)(types),
         symbol=symbol, call=f"a {symbol} b", negated=negated,
-        python=(Form(text, lambda types: types[1].only(Kind.LIST) or each(Kind.STR)(types)),),
+        python=(Form(text, lambda types: types[1].is_only(Kind.LIST) or each(Kind.STR)(types)),),
         by_hand=frozenset({"sqlite", "portable"}),  # lists are written out, walked or packed
         **others,
     )  # fmt: skip
@@ -100,7 +100,7 @@ OPERATIONS = (
     _make_order("ge", ">=", operator.ge, "lt", "le", "1 >= 2"),
     _make_order("gt", ">", operator.gt, "le", "lt", "'b' > 'a'"),
     _make_membership(
-        "in", "IN", contains, "not_in", "{0} in {1}",
+        "in", "IN", contains_item, "not_in", "{0} in {1}",
         about="a IN b: b is a list, a dict or a string", example="[2 IN [1, 2], 'b' IN 'abc']",
     ),
     _make_membership("not_in", "NOT IN", _lacks, "in", "{0} not in {1}", about="a NOT IN b", example="3 NOT IN [1, 2]"),

@@ -8,7 +8,7 @@ from typing import Any
 
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations.argument_checks import check_integer, check_number, misuse
-from ss2sql.language.operations.operation import Operation, operation
+from ss2sql.language.operations.operation import Operation, declare
 from ss2sql.language.value_messages import format_value
 
 OBJECT = Type(Kind.OBJECT)
@@ -32,7 +32,7 @@ def _parse_time(name: str, kind: Any, text: str) -> Any:
         raise misuse(f"{name} cannot read {format_value(text)}", f"{name}('{example}')") from None
 
 
-def _date(first: Any, *parts: Any) -> Any:
+def _make_date(first: Any, *parts: Any) -> Any:
     if parts or type(first) in (int, bool):
         return _make_time("date", datetime.date, [first, *parts])
     if isinstance(first, datetime.datetime):
@@ -44,7 +44,7 @@ def _date(first: Any, *parts: Any) -> Any:
     raise misuse(f"date of {format_value(first)}", "date('2024-05-31') or date(2024, 5, 31)")
 
 
-def _datetime(first: Any, *parts: Any) -> Any:
+def _make_datetime(first: Any, *parts: Any) -> Any:
     if parts or type(first) in (int, bool):
         return _make_time("datetime", datetime.datetime, [first, *parts])
     if isinstance(first, datetime.datetime):
@@ -56,7 +56,7 @@ def _datetime(first: Any, *parts: Any) -> Any:
     raise misuse(f"datetime of {format_value(first)}", "datetime('2024-05-31 12:30') or datetime(2024, 5, 31, 12, 30)")
 
 
-def _timedelta(days: Any, seconds: Any = 0) -> Any:
+def _make_timedelta(days: Any, seconds: Any = 0) -> Any:
     try:
         return datetime.timedelta(check_number("timedelta", days), check_number("timedelta", seconds))
     except OverflowError:
@@ -67,36 +67,36 @@ def _make_time_part(name: str, kinds: tuple[type, ...], low: int, high: int, abo
     """The row of a function that gives a part of a date or time."""
     what = "dates" if datetime.date in kinds else "times"
 
-    def value(given: Any) -> int:
-        if not isinstance(given, kinds):
+    def read(time: Any) -> int:
+        if not isinstance(time, kinds):
             hint = "date(...) and datetime(...) make one of a string" if what == "dates" else "datetime(...) makes one"
-            raise misuse(f"{name} works on {what}, not on {format_value(given)}", hint)
-        found = getattr(given, name)
+            raise misuse(f"{name} works on {what}, not on {format_value(time)}", hint)
+        found = getattr(time, name)
         return int(found() if callable(found) else found)
 
-    value.__name__ = name
-    return operation(
-        name, 1, value, lambda types: Type(Kind.INT, low, high), True, call=f"{name}(x)", about=about, example=example
+    read.__name__ = name
+    return declare(
+        name, 1, read, lambda types: Type(Kind.INT, low, high), True, call=f"{name}(x)", about=about, example=example
     )
 
 
 _DATES, _TIMES = (datetime.date,), (datetime.datetime, datetime.time)
 
 OPERATIONS = (
-    operation(
-        "date", (1, 3), _date, OBJECT, True, call="date(text) or date(year, month, day)",
+    declare(
+        "date", (1, 3), _make_date, OBJECT, True, call="date(text) or date(year, month, day)",
         about="a day, of a text or of numbers, or that of a time", example="str(date('2024-05-31') + timedelta(1))",
     ),
-    operation(
-        "datetime", (1, 6), _datetime, OBJECT, True,
+    declare(
+        "datetime", (1, 6), _make_datetime, OBJECT, True,
         call="datetime(text) or datetime(year, month, day, hour, minute, second)",
         about="a day and a time of day", example="str(datetime('2024-05-31 12:30'))",
     ),
-    operation(
-        "timedelta", (1, 2), _timedelta, OBJECT, True, call="timedelta(days) or timedelta(days, seconds)",
+    declare(
+        "timedelta", (1, 2), _make_timedelta, OBJECT, True, call="timedelta(days) or timedelta(days, seconds)",
         about="the time between two", example="(date('2024-05-31') - date('2024-05-01')) / timedelta(1)",
     ),
-    operation(
+    declare(
         "now", 0, datetime.datetime.now, OBJECT, False, volatility="stable", call="now()", example="",
         about="the time at which the query began, of the computer's clock",
     ),

@@ -5,65 +5,65 @@ from __future__ import annotations
 from typing import Any
 
 from ss2sql.language.cancellation import iterate_checked
-from ss2sql.language.kinds import BOOL, NONE, STR, Kind, Opaque, Type, union
+from ss2sql.language.kinds import BOOL, NONE, STR, Kind, Opaque, Type, unite
 from ss2sql.language.operations.argument_checks import check_list
 from ss2sql.language.operations.lists import are_not_lists
-from ss2sql.language.operations.operation import Form, Types, one_sql_class, operation, without_none
+from ss2sql.language.operations.operation import Form, Types, declare, have_one_sql_class, remove_none
 from ss2sql.language.values import get_truth
 
 
-def _coalesce(*values: Any) -> Any:
+def _find_first_known(*values: Any) -> Any:
     return next((value for value in values if value is not None), None)
 
 
-def _first_known(types: Types) -> Type:
+def _infer_coalesce(types: Types) -> Type:
     """The type of `coalesce`: arguments after one that is never None are ignored."""
     found: list[Type] = []
     for kind in types:
-        found.append(without_none(kind) if kind.may(Kind.NONE) else kind)
-        if not kind.may(Kind.NONE):
-            return union(found)
-    return union((*found, NONE))
+        found.append(remove_none(kind) if kind.may_be(Kind.NONE) else kind)
+        if not kind.may_be(Kind.NONE):
+            return unite(found)
+    return unite((*found, NONE))
 
 
 def _in_sql(types: Types) -> bool:
     """Whether all arguments are of one class in SQL; a bool is none: a flag alone, a handle beside None."""
-    return one_sql_class(types) and not any(kind.may(Kind.BOOL) for kind in types)
+    return have_one_sql_class(types) and not any(kind.may_be(Kind.BOOL) for kind in types)
 
 
-def _any(values: Any) -> bool:
+def _any_true(values: Any) -> bool:
     return any(map(get_truth, iterate_checked(check_list("any", values))))
 
 
-def _all(values: Any) -> bool:
+def _all_true(values: Any) -> bool:
     return all(map(get_truth, iterate_checked(check_list("all", values))))
 
 
-def _type(value: Any) -> str:
+def _name_type(value: Any) -> str:
     value = value.object if isinstance(value, Opaque) else value
     return "None" if value is None else type(value).__name__
 
 
 OPERATIONS = (
-    operation(
-        "coalesce", (1, None), _coalesce, _first_known, False, call="coalesce(a, b, ...)",
+    declare(
+        "coalesce", (1, None), _find_first_known, _infer_coalesce, False, call="coalesce(a, b, ...)",
         about="the first argument that is not None", example="coalesce(None, 0, 1)",
         sqlite=(Form("coalesce({0}, {1})", lambda types: len(types) == 2 and _in_sql(types)),),
         python=(
-            Form("{0}", lambda types: not types[0].may(Kind.NONE)),
+            Form("{0}", lambda types: not types[0].may_be(Kind.NONE)),
             Form("{0} if {0} is not None else {1}", lambda types: len(types) == 2),
         ),
     ),
-    operation(
-        "any", 1, _any, BOOL, are_not_lists, call="any(list)", about="whether an element of the list is true",
+    declare(
+        "any", 1, _any_true, BOOL, are_not_lists, call="any(list)", about="whether an element of the list is true",
         example="[any([0, 2]), any([])]",
     ),
-    operation(
-        "all", 1, _all, BOOL, are_not_lists, call="all(list)", about="whether all elements of the list are true",
+    declare(
+        "all", 1, _all_true, BOOL, are_not_lists, call="all(list)", about="whether all elements of the list are true",
         example="[all([0, 2]), all([])]",
     ),
-    operation(
-        "type", 1, _type, STR, False, call="type(x)", about="the name of a value's type",
+    declare(
+        "type", 1, _name_type, STR, False, call="type(x)", about="the name of a value's type",
         example="[type(1.5), type('a'), type(None)]",
     ),
 )  # fmt: skip

@@ -22,9 +22,9 @@ MAX = sys.float_info.max
 
 def bound_integers(t: Type) -> tuple[int, int] | None:
     """The least and the greatest integer that may be among the values; None if there can be none."""
-    if not t.may(INTEGER):
+    if not t.may_be(INTEGER):
         return None
-    low, high = (INT_MIN, INT_MAX) if t.may(Kind.INT) else (0, 1)
+    low, high = (INT_MIN, INT_MAX) if t.may_be(Kind.INT) else (0, 1)
     if t.low is not None:
         low = max(low, math.ceil(t.low))
     if t.high is not None:
@@ -34,7 +34,7 @@ def bound_integers(t: Type) -> tuple[int, int] | None:
 
 def bound_floats(t: Type) -> tuple[float, float]:
     """The bounds of the numbers, each turned into a float as float arithmetic does it; there must be numbers."""
-    if t.only(INTEGER):
+    if t.is_only(INTEGER):
         low, high = bound_integers(t) or (0, 0)
         return float(low), float(high)
     return -MAX if t.low is None else float(t.low), MAX if t.high is None else float(t.high)
@@ -47,7 +47,7 @@ def make_numbers(kinds: Kind, corners: Sequence[float]) -> Type:
     return Type(kinds, low if least < low <= greatest else None, high if least <= high < greatest else None)
 
 
-def fits(kinds: Kind, corners: Sequence[float]) -> bool:
+def do_fit(kinds: Kind, corners: Sequence[float]) -> bool:
     """Whether all numbers between the corners are values."""
     least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
     return all(least <= corner <= greatest for corner in corners)
@@ -55,27 +55,27 @@ def fits(kinds: Kind, corners: Sequence[float]) -> bool:
 
 def is_nonnegative(t: Type) -> bool:
     """Whether no number among the values is negative."""
-    return t.only(Kind.BOOL) if t.low is None else t.low >= 0
+    return t.is_only(Kind.BOOL) if t.low is None else t.low >= 0
 
 
 def keep_lists(t: Type) -> Type:
     """The lists among the values."""
-    return Type(Kind.LIST, item=t.item, columns=t.columns) if t.may(Kind.LIST) else NOTHING
+    return Type(Kind.LIST, item=t.item, columns=t.columns) if t.may_be(Kind.LIST) else NOTHING
 
 
 def make_text_type(types: Types) -> Type:
     """The type of text made of parts of the strings among the values."""
-    if not all(t.may(Kind.STR) for t in types):
+    if not all(t.may_be(Kind.STR) for t in types):
         return NOTHING
-    odd = any(t.may(Kind.OBJECT) for t in types)
+    odd = any(t.may_be(Kind.OBJECT) for t in types)
     return Type(Kind.STR | Kind.OBJECT if odd else Kind.STR)
 
 
 def are_comparable(a: Type, b: Type) -> bool:
     """Whether any two values of both types can be ordered."""
-    if any(a.only(kinds) and b.only(kinds) for kinds in (Kind.NUMBER, Kind.STR)):
+    if any(a.is_only(kinds) and b.is_only(kinds) for kinds in (Kind.NUMBER, Kind.STR)):
         return True
-    if not (a.only(Kind.LIST) and b.only(Kind.LIST)) or a.item is None or b.item is None:
+    if not (a.is_only(Kind.LIST) and b.is_only(Kind.LIST)) or a.item is None or b.item is None:
         return False
     return are_comparable(a.item, b.item)
 
@@ -89,7 +89,7 @@ def apply_bounds(operation: Operation, types: Types) -> list[tuple[Kind, list[fl
     found: list[tuple[Kind, list[float]]] = []
     if (first := bound_integers(a)) and (second := bound_integers(b)):
         found.append((Kind.INT, [operation(x, y) for x in first for y in second]))
-    if a.may(Kind.NUMBER) and b.may(Kind.NUMBER) and (a.may(Kind.FLOAT) or b.may(Kind.FLOAT)):
+    if a.may_be(Kind.NUMBER) and b.may_be(Kind.NUMBER) and (a.may_be(Kind.FLOAT) or b.may_be(Kind.FLOAT)):
         found.append((Kind.FLOAT, [operation(x, y) for x in bound_floats(a) for y in bound_floats(b)]))
     return found
 
@@ -99,7 +99,7 @@ def round_bounds(t: Type, operation: Callable[[float], int]) -> list[tuple[int, 
     parts = []
     if known := bound_integers(t):
         parts.append(known)
-    if t.may(Kind.FLOAT):
+    if t.may_be(Kind.FLOAT):
         low, high = bound_floats(t)
         parts.append((operation(low), operation(high)))
     return parts

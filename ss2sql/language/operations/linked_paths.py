@@ -9,7 +9,7 @@ from typing import Any
 
 from ss2sql.language.kinds import UNENCODABLE, Kind, Type
 from ss2sql.language.operations.argument_checks import misuse
-from ss2sql.language.operations.operation import operation
+from ss2sql.language.operations.operation import declare
 from ss2sql.language.value_messages import format_value
 
 
@@ -43,15 +43,15 @@ def join_path(cell: PathCell | None, between: Any) -> str:
 
 
 OPERATIONS = (
-    operation(
+    declare(
         "path cell", 2, PathCell, Type(Kind.OBJECT), False,
         call="path(x)", about="a step of path(x)", example="",
     ),
-    operation(
+    declare(
         "path values", 1, list_path, Type(Kind.LIST), False,
         call="path(x)", about="what x was on the path", example="",
     ),
-    operation(
+    declare(
         "path text", 2, join_path, UNENCODABLE, True,
         call='path(x, "/")', about="what x was on the path, as a text", example="", grows=True,
     ),

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from ss2sql.errors import ExecutionError, did_you_mean
+from ss2sql.errors import ExecutionError, suggest_names
 from ss2sql.language.cancellation import ITEMS_PER_CHECK, iterate_checked
 from ss2sql.language.element_columns import read_column
-from ss2sql.language.kinds import ANY, NONE, NOTHING, Kind, Type, make_list_type, union
+from ss2sql.language.kinds import ANY, NONE, NOTHING, Kind, Type, make_list_type, unite
 from ss2sql.language.operations import intervals
 from ss2sql.language.operations.argument_checks import INTEGERS, check_integer, check_list, misuse
 from ss2sql.language.operations.arithmetic import are_sql_integers
@@ -20,12 +20,12 @@ from ss2sql.language.operations.operation import (
     Operation,
     Types,
     When,
+    are_orderable,
+    declare,
     each,
-    element,
+    element_type,
     exactly,
-    operation,
-    ordered,
-    sql_class,
+    find_sql_class,
 )
 from ss2sql.language.ordering import NUMBERS, compare_values, sort_values
 from ss2sql.language.value_messages import format_value
@@ -48,7 +48,7 @@ def keep_element_type(types: Types) -> Type:
 # --- elements ------------------------------------------------------------------------------------------
 
 
-def _item(container: Any, index: Any) -> Any:
+def _get_item(container: Any, index: Any) -> Any:
     """An element of a list or string (negative: from the end), a dict's value, or an object's public data attribute."""
     kind = type(container)
     if kind is list or kind is str:
@@ -60,12 +60,12 @@ def _item(container: Any, index: Any) -> Any:
         try:
             return container[index]
         except IndexError:
-            raise _out_of_range(container, index) from None
+            raise _make_range_error(container, index) from None
     if kind is dict:
         key = make_dict_key(index)
         if has_key(container, key):
             return container[key]
-        hints = did_you_mean(str(index), map(str, container)) if container else ("the dict is empty",)
+        hints = suggest_names(str(index), map(str, container)) if container else ("the dict is empty",)
         raise ExecutionError("X003", f"{format_value(container)} has no key {format_value(index)}", hints=hints)
     if type(index) is str and kind not in SCALARS and kind is not bytes:
         return read_column(container, index)
@@ -73,7 +73,7 @@ def _item(container: Any, index: Any) -> Any:
     raise ExecutionError("X001", f"cannot take an element of {format_value(container)}", hints=(hint,))
 
 
-def _out_of_range(container: Any, index: int) -> ExecutionError:
+def _make_range_error(container: Any, index: int) -> ExecutionError:
     length = len(container)
     elements = "character" if type(container) is str else "element"
     message = (
@@ -83,32 +83,32 @@ def _out_of_range(container: Any, index: int) -> ExecutionError:
     return ExecutionError("X003", message, hints=(hint,))
 
 
-def _item_type(types: Types) -> Type:
+def _infer_item(types: Types) -> Type:
     container, index = types
     parts = []
-    if container.may(Kind.LIST) and index.may(INTEGER):
-        parts.append(_elements_at(container, index))
-    if index.may(INTEGER):
+    if container.may_be(Kind.LIST) and index.may_be(INTEGER):
+        parts.append(_infer_elements_at(container, index))
+    if index.may_be(INTEGER):
         parts.append(make_text_type([container]))
-    if container.may(Kind.DICT | Kind.OBJECT):
+    if container.may_be(Kind.DICT | Kind.OBJECT):
         parts.append(ANY)
-    return union(parts)
+    return unite(parts)
 
 
-def _elements_at(container: Type, index: Type) -> Type:
+def _infer_elements_at(container: Type, index: Type) -> Type:
     """The elements of the lists among the values that an index may mean."""
     places = bound_integers(index)
     if container.positions is None or places is None:
         return ANY if container.item is None else container.item
     length = len(container.positions)
     inside = range(max(places[0], -length), min(places[1], length - 1) + 1)
-    return union(container.positions[place] for place in inside)
+    return unite(container.positions[place] for place in inside)
 
 
-def _item_can_fail(types: Types) -> bool:
+def _can_item_fail(types: Types) -> bool:
     container, index = types
     places = bound_integers(index)
-    if not container.only(Kind.LIST) or container.size is None or not index.only(INTEGER) or places is None:
+    if not container.is_only(Kind.LIST) or container.size is None or not index.is_only(INTEGER) or places is None:
         return True
     return places[0] < -container.size or places[1] >= container.size
 
@@ -117,26 +117,24 @@ def _make_forms(kind: Kind, index: When, inside: str) -> tuple[Form, ...]:
     """The forms of `container[index]` for such indexes: for containers of this kind, and for those that may be."""
     name = "dict" if kind is Kind.DICT else "list"
     return (
-        Form("{0}[{1}]", lambda types: types[0].only(kind) and index(types[1:]), inside),
+        Form("{0}[{1}]", lambda types: types[0].is_only(kind) and index(types[1:]), inside),
         Form(
-            "{0}[{1}]",
-            lambda types: types[0].may(kind) and index(types[1:]),
-            f"type({{0}}) is {name} and {inside}",
+            "{0}[{1}]", lambda types: types[0].may_be(kind) and index(types[1:]), f"type({{0}}) is {name} and {inside}"
         ),
     )
 
 
-def _from_start(types: Types) -> bool:
-    return types[0].kinds == Kind.INT and types[0].at_least(0)
+def _is_index_from_start(types: Types) -> bool:
+    return types[0].kinds == Kind.INT and types[0].is_at_least(0)
 
 
-def _from_end(types: Types) -> bool:
+def _is_index_from_end(types: Types) -> bool:
     return types[0].kinds == Kind.INT and types[0].high is not None and types[0].high < 0
 
 
 def _are_places(types: Types) -> bool:
     """Tests for integers of at least 0: places counted from the start."""
-    return are_sql_integers(types) and all(kind.at_least(0) for kind in types)
+    return are_sql_integers(types) and all(kind.is_at_least(0) for kind in types)
 
 
 def _slice(container: Any, start: Any, stop: Any) -> Any:
@@ -151,42 +149,42 @@ def _slice(container: Any, start: Any, stop: Any) -> Any:
     return container[start:stop]
 
 
-def _slice_can_fail(types: Types) -> bool:
+def _can_slice_fail(types: Types) -> bool:
     container, *bounds = types
-    return not container.only(Kind.LIST | Kind.STR) or not each(INTEGER | Kind.NONE)(bounds)
+    return not container.is_only(Kind.LIST | Kind.STR) or not each(INTEGER | Kind.NONE)(bounds)
 
 
 # --- lengths -------------------------------------------------------------------------------------------
 
 
-def _length(value: Any) -> int:
+def _measure_length(value: Any) -> int:
     """The number of elements of a list, keys of a dict, characters of a string."""
     if type(value) in (list, dict, str):
         return len(value)
     raise misuse(f"{format_value(value)} has no length", "len works on lists, dicts and strings")
 
 
-def length_type(types: Types) -> Type:
-    known = types[0].size if types[0].only(Kind.LIST) else None
+def infer_length(types: Types) -> Type:
+    known = types[0].size if types[0].is_only(Kind.LIST) else None
     return Type(Kind.INT, 0, LENGTH) if known is None else Type(Kind.INT, known, known)
 
 
 # --- the least and the greatest ------------------------------------------------------------------------
 
 
-def have_one_kind(kind: Type) -> bool:
+def are_of_one_kind(kind: Type) -> bool:
     """Whether equal values are identical, unlike 1, 1.0 and True."""
-    return kind.kinds == Kind.BOOL or any(kind.only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
+    return kind.kinds == Kind.BOOL or any(kind.is_only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
 
 
-def _extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last: str, **others: str) -> Operation:
+def _make_extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last: str, **others: str) -> Operation:
     """The row of `min` or `max`. The first of equal values wins, as in SQLite's max; its min takes the last."""
 
-    def value(first: Any, *others: Any) -> Any:
+    def find_extreme(first: Any, *others: Any) -> Any:
         values = (first, *others) if others else check_list(name, first)
-        return of_values(values) if values else None
+        return find_extreme_of(values) if values else None
 
-    def of_values(values: Any) -> Any:
+    def find_extreme_of(values: Any) -> Any:
         kinds = set(map(type, values))
         if kinds <= NUMBERS or kinds == {str}:
             return pick(values)
@@ -196,44 +194,44 @@ def _extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last:
                 best = one
         return best
 
-    def result(types: Types) -> Type:
+    def infer_type(types: Types) -> Type:
         if len(types) == 1 and types[0].positions is None:
-            return union((element(types[0]), NONE))
+            return unite((element_type(types[0]), NONE))
         chosen = _list_candidate_types(types)
         if len(chosen) == 1:
             return chosen[0]
-        lists = union(map(intervals.keep_lists, chosen)) if all(kind.may(Kind.LIST) for kind in chosen) else NOTHING
-        times = Type(Kind.OBJECT) if all(kind.may(Kind.OBJECT) for kind in chosen) else NOTHING
-        return union((_bounds(chosen, smallest=sign < 0), make_text_type(chosen), lists, times))
+        lists = unite(map(intervals.keep_lists, chosen)) if all(kind.may_be(Kind.LIST) for kind in chosen) else NOTHING
+        times = Type(Kind.OBJECT) if all(kind.may_be(Kind.OBJECT) for kind in chosen) else NOTHING
+        return unite((_infer_extreme(chosen, smallest=sign < 0), make_text_type(chosen), lists, times))
 
     def can_fail(types: Types) -> bool:
-        if len(types) == 1 and not types[0].only(Kind.LIST):
+        if len(types) == 1 and not types[0].is_only(Kind.LIST):
             return True
         if len(types) == 1 and types[0].positions is None:
-            return not are_comparable(element(types[0]), element(types[0]))
+            return not are_comparable(element_type(types[0]), element_type(types[0]))
         chosen = _list_candidate_types(types)
-        return len(chosen) > 1 and not are_comparable(union(chosen), union(chosen))
+        return len(chosen) > 1 and not are_comparable(unite(chosen), unite(chosen))
 
-    value.__name__ = name
-    return operation(
-        name, (1, None), value, result, can_fail, call=f"{name}(list) or {name}(a, b, ...)", **others,
+    find_extreme.__name__ = name
+    return declare(
+        name, (1, None), find_extreme, infer_type, can_fail, call=f"{name}(list) or {name}(a, b, ...)", **others,
         sqlite=(
-            Form(f"{name}({{*}})", lambda types: _in_sql(types) and not union(types).may(Kind.FLOAT), spread=True),
+            Form(f"{name}({{*}})", lambda types: _in_sql(types) and not unite(types).may_be(Kind.FLOAT), spread=True),
             Form(f"{name}({last})", _in_sql, spread=True),
         ),
         python=(
-            Form("{0}", _have_equal_bounds(1, 1), spread=True),
-            Form(f"{{0}} if {{0}} {keeps} {{1}} else {{1}}", _have_equal_bounds(2, 2), spread=True),
-            Form(f"{name}({{*}})", _have_equal_bounds(3, 10**6), spread=True),
+            Form("{0}", _are_ordered_numbering(1, 1), spread=True),
+            Form(f"{{0}} if {{0}} {keeps} {{1}} else {{1}}", _are_ordered_numbering(2, 2), spread=True),
+            Form(f"{name}({{*}})", _are_ordered_numbering(3, 10**6), spread=True),
             Form(f"{name}({{0}}) if {{0}} else None", _list_of_alike),
         ),
-        portable=(Form(f"{'least' if sign < 0 else 'greatest'}({{*}})", _same_everywhere, spread=True),),
+        portable=(Form(f"{'least' if sign < 0 else 'greatest'}({{*}})", _are_equal_identical, spread=True),),
         group=Group(
-            of_values, None, result=lambda kind: kind, can_fail=lambda kind: not are_comparable(kind, kind),
-            in_sql=have_one_kind,
-            sqlite=(Form(f"{name}({{0}})", lambda types: types[0].kinds != Kind.BOOL and have_one_kind(types[0])),),
-            python=(Form(pick, ordered),),
-            portable=(Form(f"{name}({{0}})", _same_everywhere),),
+            find_extreme_of, None, result=lambda kind: kind, can_fail=lambda kind: not are_comparable(kind, kind),
+            in_sql=are_of_one_kind,
+            sqlite=(Form(f"{name}({{0}})", lambda types: types[0].kinds != Kind.BOOL and are_of_one_kind(types[0])),),
+            python=(Form(pick, are_orderable),),
+            portable=(Form(f"{name}({{0}})", _are_equal_identical),),
         ),
     )  # fmt: skip
 
@@ -245,27 +243,29 @@ def _list_candidate_types(types: Types) -> Types:
 
 def _in_sql(types: Types) -> bool:
     """Whether all have one form in SQL: a bool alone is a flag, beside a number a handle."""
-    return sql_class(union(types)) is not None
+    return find_sql_class(unite(types)) is not None
 
 
-def _have_equal_bounds(least: int, most: int) -> When:
-    return lambda types: least <= len(types) <= most and ordered(types)
+def _are_ordered_numbering(least: int, most: int) -> When:
+    return lambda types: least <= len(types) <= most and are_orderable(types)
 
 
 def _list_of_alike(types: Types) -> bool:
-    return len(types) == 1 and types[0].only(Kind.LIST) and types[0].item is not None and ordered([types[0].item])
+    return (
+        len(types) == 1 and types[0].is_only(Kind.LIST) and types[0].item is not None and are_orderable([types[0].item])
+    )
 
 
-def _same_everywhere(types: Types) -> bool:
+def _are_equal_identical(types: Types) -> bool:
     """Whether equal values are identical, so that their order is irrelevant: 0.0 and -0.0 differ."""
-    return union(types).kinds & ~Kind.NONE in (Kind.INT, Kind.STR)
+    return unite(types).kinds & ~Kind.NONE in (Kind.INT, Kind.STR)
 
 
-def _bounds(types: Types, smallest: bool) -> Type:
+def _infer_extreme(types: Types, smallest: bool) -> Type:
     """The type of the least or greatest number; the least of several is at most each one's upper bound."""
-    if not all(kind.may(Kind.NUMBER) for kind in types):
+    if not all(kind.may_be(Kind.NUMBER) for kind in types):
         return NOTHING
-    kinds = union(types).kinds & Kind.NUMBER
+    kinds = unite(types).kinds & Kind.NUMBER
     low, high = [kind.low for kind in types], [kind.high for kind in types]
     near, far, pick = (high, low, min) if smallest else (low, high, max)
     known = [bound for bound in near if bound is not None]
@@ -277,7 +277,7 @@ def _bounds(types: Types, smallest: bool) -> Type:
 # --- other lists ---------------------------------------------------------------------------------------
 
 
-def _unique(values: Any) -> list[Any]:
+def _remove_repeats(values: Any) -> list[Any]:
     """The first of equal elements, in their order."""
     found: dict[Any, Any] = {}
     for value in iterate_checked(check_list("uniq", values)):
@@ -285,13 +285,13 @@ def _unique(values: Any) -> list[Any]:
     return list(found.values())
 
 
-def _sorted(values: Any, descending: Any = False) -> list[Any]:
+def _sort_list(values: Any, descending: Any = False) -> list[Any]:
     """The sorted elements; the sort is stable."""
     return sort_values(check_list("sorted", values), get_truth(descending))
 
 
-def _sorting_can_fail(types: Types) -> bool:
-    return not types[0].only(Kind.LIST) or not are_comparable(element(types[0]), element(types[0]))
+def _can_sorting_fail(types: Types) -> bool:
+    return not types[0].is_only(Kind.LIST) or not are_comparable(element_type(types[0]), element_type(types[0]))
 
 
 def zip_lists(*lists: Any) -> list[list[Any]]:
@@ -312,7 +312,7 @@ def make_range(*bounds: Any) -> list[int]:
     return list(found)
 
 
-def _range_type(types: Types) -> Type:
+def _infer_range(types: Types) -> Type:
     limits = [bound_integers(t) for t in types]
     first, last = limits[0], limits[1] if len(limits) > 1 else limits[0]
     if first is None or last is None:
@@ -326,7 +326,7 @@ def _range_type(types: Types) -> Type:
     return Type(Kind.LIST, item=make_numbers(Kind.INT, bounds), columns=())
 
 
-def _range_can_fail(types: Types) -> bool:
+def _can_range_fail(types: Types) -> bool:
     limits = [bound_integers(t) for t in types]
     if not each(INTEGER)(types) or None in limits:
         return True
@@ -337,7 +337,7 @@ def _range_can_fail(types: Types) -> bool:
     return others[0][1] - low > RANGE_LIMIT or high - others[0][0] > RANGE_LIMIT or step[0] <= 0 <= step[1]
 
 
-def _reversed(value: Any) -> Any:
+def _reverse_value(value: Any) -> Any:
     return check_string_or_list("reverse", value)[::-1]
 
 
@@ -350,7 +350,7 @@ def check_string_or_list(function: str, value: Any) -> Any:
     )
 
 
-def _flat(values: Any) -> list[Any]:
+def _flatten_once(values: Any) -> list[Any]:
     found: list[Any] = []
     for value in iterate_checked(check_list("flat", values)):
         if type(value) is list:
@@ -360,16 +360,16 @@ def _flat(values: Any) -> list[Any]:
     return found
 
 
-def _flat_type(types: Types) -> Type:
-    if not types[0].may(Kind.LIST):
+def _infer_flattened(types: Types) -> Type:
+    if not types[0].may_be(Kind.LIST):
         return NOTHING
-    item = element(types[0])
-    inner = element(item) if item.may(Kind.LIST) else NOTHING
+    item = element_type(types[0])
+    inner = element_type(item) if item.may_be(Kind.LIST) else NOTHING
     others = replace(item, kinds=item.kinds & ~Kind.LIST, item=None, positions=None, length=None)
-    return Type(Kind.LIST, item=ANY if ANY in (item, inner) else union((inner, others if others.kinds else NOTHING)))
+    return Type(Kind.LIST, item=ANY if ANY in (item, inner) else unite((inner, others if others.kinds else NOTHING)))
 
 
-def _index(values: Any, wanted: Any) -> int | None:
+def _find_index(values: Any, wanted: Any) -> int | None:
     """The place of the first element that equals the value."""
     try:
         return check_list("index", values).index(wanted)
@@ -377,12 +377,12 @@ def _index(values: Any, wanted: Any) -> int | None:
         return None
 
 
-def _difference(left: Any, right: Any) -> list[Any]:
+def _subtract_lists(left: Any, right: Any) -> list[Any]:
     excluded = set(map(make_hashable, iterate_checked(check_list("difference", right))))
     return [value for value in iterate_checked(check_list("difference", left)) if make_hashable(value) not in excluded]
 
 
-def _single(values: Any) -> Any:
+def _take_single(values: Any) -> Any:
     """The only element of a list, None of an empty one: the value of a query as an operand."""
     found = check_list("single", values)
     if len(found) > 1:
@@ -392,19 +392,19 @@ def _single(values: Any) -> Any:
 
 
 OPERATIONS = (
-    operation(
-        "single", 1, _single, lambda types: union((element(types[0]), NONE)), True, call="single(list)",
+    declare(
+        "single", 1, _take_single, lambda types: unite((element_type(types[0]), NONE)), True, call="single(list)",
         about="the only element of a list, None of an empty one; so is (SELECT x FROM t) in a comparison",
         example="[single([4]), single([])]",
     ),
-    operation(
-        "item", 2, _item, _item_type, _item_can_fail, call="a[i]", cheap=True,
+    declare(
+        "item", 2, _get_item, _infer_item, _can_item_fail, call="a[i]", cheap=True,
         about="a[i]: of a list, a string or a dict", example="[[4, 5][-1], 'abc'[0]]",
         python=(
-            Form("{0}[{1}]", lambda types: types[0].only(Kind.LIST) and types[1].kinds == Kind.INT),
+            Form("{0}[{1}]", lambda types: types[0].is_only(Kind.LIST) and types[1].kinds == Kind.INT),
             *_make_forms(Kind.DICT, exactly(Kind.STR), "{1} in {0}"),
-            *_make_forms(Kind.LIST, _from_start, "len({0}) > {1}"),
-            *_make_forms(Kind.LIST, _from_end, "len({0}) >= -{1}"),
+            *_make_forms(Kind.LIST, _is_index_from_start, "len({0}) > {1}"),
+            *_make_forms(Kind.LIST, _is_index_from_end, "len({0}) >= -{1}"),
             *_make_forms(Kind.LIST, exactly(Kind.INT), "len({0}) > {1} > -1"),  # one from the end is left to the value
         ),
         portable=(
@@ -412,16 +412,16 @@ OPERATIONS = (
         ),
         by_hand=frozenset({"sqlite"}),  # lists that stay the same are packed
     ),
-    operation(
-        "slice", 3, _slice, lambda types: union((keep_element_type(types), make_text_type(types[:1]))), _slice_can_fail,
+    declare(
+        "slice", 3, _slice, lambda types: unite((keep_element_type(types), make_text_type(types[:1]))), _can_slice_fail,
         call="a[i:j]", about="a[i:j]: of a list or a string", example="[[1, 2, 3][1:], 'abcd'[:2]]",
         portable=(
             Form("substring({0}, {1} + 1, greatest({2} - {1}, 0))",
                  lambda types: types[0].kinds == Kind.STR and _are_places(types[1:])),
         ),
     ),
-    operation(
-        "len", 1, _length, length_type, lambda types: not types[0].only(Kind.STR | Kind.LIST | Kind.DICT),
+    declare(
+        "len", 1, _measure_length, infer_length, lambda types: not types[0].is_only(Kind.STR | Kind.LIST | Kind.DICT),
         call="len(x)", about="the length of a list, a dict or a string", example="[len([4, 5]), len('abc')]",
         # SQLite counts characters up to the first NUL only.
         sqlite=(Form("length({0})", exactly(Kind.STR), only="instr({0}, char(0)) = 0"),),
@@ -431,45 +431,46 @@ OPERATIONS = (
             Form("cast(len({0}) AS BIGINT)", exactly(Kind.LIST)),
         ),
     ),
-    _extreme("min", min, -1, "<=", "{reversed}", about="the least of a list, or of the arguments",
+    _make_extreme("min", min, -1, "<=", "{reversed}", about="the least of a list, or of the arguments",
              example="[min([3, 1, 2]), min(3, 1)]"),
-    _extreme("max", max, 1, ">=", "{*}", about="the greatest of a list or the arguments", example="max(['a', 'b'])"),
-    operation(
-        "uniq", 1, _unique, keep_element_type, are_not_lists,
+    _make_extreme("max", max, 1, ">=", "{*}", about="the greatest of a list or the arguments",
+                  example="max(['a', 'b'])"),
+    declare(
+        "uniq", 1, _remove_repeats, keep_element_type, are_not_lists,
         call="uniq(list)", about="the different elements of a list", example="uniq([2, 1, 2, 1.0])",
     ),
-    operation(
-        "sorted", (1, 2), _sorted, keep_element_type, _sorting_can_fail, call="sorted(list) or sorted(list, True)",
+    declare(
+        "sorted", (1, 2), _sort_list, keep_element_type, _can_sorting_fail, call="sorted(list) or sorted(list, True)",
         about="a list in order; sorted(x, True) falls", example="[sorted([2, 3, 1]), sorted([2, 3, 1], True)]",
     ),
-    operation(
+    declare(
         "zip", (1, None), zip_lists,
-        lambda types: Type(Kind.LIST, item=make_list_type([element(t) for t in types]), columns=()), are_not_lists,
+        lambda types: Type(Kind.LIST, item=make_list_type([element_type(t) for t in types]), columns=()), are_not_lists,
         grows=True, call="zip(list, list, ...)", example="zip([1, 2], ['a', 'b'])",
         about="the first elements of lists, the second, ...",
     ),
-    operation(
-        "range", (1, 3), make_range, _range_type, _range_can_fail, grows=True,
+    declare(
+        "range", (1, 3), make_range, _infer_range, _can_range_fail, grows=True,
         call="range(stop), range(start, stop) or range(start, stop, step)", about="range([start,] stop[, step])",
         example="[range(3), range(1, 3), range(6, 0, -2)]",
     ),
-    operation(
-        "reverse", 1, _reversed, lambda types: union((keep_element_type(types), make_text_type(types))),
-        lambda types: not types[0].only(Kind.LIST | Kind.STR), call="reverse(x)",
+    declare(
+        "reverse", 1, _reverse_value, lambda types: unite((keep_element_type(types), make_text_type(types))),
+        lambda types: not types[0].is_only(Kind.LIST | Kind.STR), call="reverse(x)",
         about="a list or a string backwards", example="[reverse([1, 2, 3]), reverse('abc')]",
         python=(Form("{0}[::-1]", each(Kind.LIST | Kind.STR)),), portable=(Form("reverse({0})", exactly(Kind.STR)),),
     ),
-    operation(
-        "flat", 1, _flat, _flat_type, are_not_lists, call="flat(list)", grows=True,
+    declare(
+        "flat", 1, _flatten_once, _infer_flattened, are_not_lists, call="flat(list)", grows=True,
         about="a list with the elements of its lists in their places", example="flat([[1, 2], 3, [[4]]])",
     ),
-    operation(
-        "index", 2, _index, Type(Kind.INT | Kind.NONE, 0, LENGTH), lambda types: are_not_lists(types[:1]),
+    declare(
+        "index", 2, _find_index, Type(Kind.INT | Kind.NONE, 0, LENGTH), lambda types: are_not_lists(types[:1]),
         call="index(list, x)", about="the place of the first element that equals x, None without one",
         example="[index(['a', 'b'], 'b'), index([], 1)]",
     ),
-    operation(
-        "difference", 2, _difference, keep_element_type, are_not_lists, call="difference(a, b)",
+    declare(
+        "difference", 2, _subtract_lists, keep_element_type, are_not_lists, call="difference(a, b)",
         about="the elements of the list a that are not in the list b", example="difference([1, 2, 3, 2], [2])",
     ),
 )  # fmt: skip

@@ -8,14 +8,14 @@ from itertools import chain
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.language.kinds import NOTHING, Kind, Type, union
+from ss2sql.language.kinds import NOTHING, Kind, Type, unite
 from ss2sql.language.operations.argument_checks import INTEGERS, check_number, check_numbers, misuse
-from ss2sql.language.operations.arithmetic import FINITE, integers_or_reals, reals, sign_can_fail, split_type
+from ss2sql.language.operations.arithmetic import FINITE, are_integers_or_reals, are_reals, can_sign_fail, split_type
 from ss2sql.language.operations.intervals import (
     INTEGER,
     bound_floats,
     bound_integers,
-    fits,
+    do_fit,
     is_nonnegative,
     keep_lists,
     make_numbers,
@@ -27,13 +27,13 @@ from ss2sql.language.operations.operation import (
     Form,
     Operation,
     Types,
+    are_integers,
+    are_numbers,
+    are_orderable,
+    declare,
     each,
     exactly,
-    operation,
-    ordered,
-    sql_class,
-    sql_integers,
-    sql_numbers,
+    find_sql_class,
 )
 from ss2sql.language.ordering import NUMBERS, compare_values
 from ss2sql.language.value_messages import CURES, build_overflow_error, check_arithmetic, format_value
@@ -44,26 +44,26 @@ SAFE = 2**62
 _NUMBERS = each(Kind.NUMBER)
 
 
-def not_numbers(types: Types) -> bool:
+def can_be_no_numbers(types: Types) -> bool:
     return not each(Kind.NUMBER)(types)
 
 
-def _absolute(value: Any) -> Any:
+def _compute_absolute(value: Any) -> Any:
     return check_arithmetic(abs(check_number("abs", value)), CURES["abs"])
 
 
-def _absolute_type(types: Types) -> Type:
-    return union(make_numbers(kind, _sizes(low, high)) for kind, low, high in split_type(types[0]))
+def _infer_absolute(types: Types) -> Type:
+    return unite(make_numbers(kind, _bound_absolute(low, high)) for kind, low, high in split_type(types[0]))
 
 
-def _sizes(low: float, high: float) -> tuple[float, ...]:
+def _bound_absolute(low: float, high: float) -> tuple[float, ...]:
     return (abs(low), abs(high)) if low > 0 or high < 0 else (0, abs(low), abs(high))
 
 
 # --- rounding ------------------------------------------------------------------------------------------
 
 
-def _rounded(value: Any, digits: Any = None) -> Any:
+def _round_number(value: Any, digits: Any = None) -> Any:
     """The nearest integer, or the nearest number with so many decimal places; halves go to the even neighbour."""
     check_number("round", value)
     try:
@@ -81,31 +81,31 @@ def _rounded(value: Any, digits: Any = None) -> Any:
     return check_arithmetic(round(int(value), places)) if places >= -20 else 0
 
 
-def _rounded_type(types: Types) -> Type:
+def _infer_rounded(types: Types) -> Type:
     value, *digits = types
     found = []
-    if not digits or digits[0].may(Kind.NONE):
+    if not digits or digits[0].may_be(Kind.NONE):
         found += [make_numbers(Kind.INT, bounds) for bounds in round_bounds(value, round)]
-    if digits and digits[0].may(INTEGER):
+    if digits and digits[0].may_be(INTEGER):
         if bounds := bound_integers(value):
             found.append(make_numbers(Kind.INT, bounds) if is_nonnegative(digits[0]) else Type(Kind.INT))
         found.append(Type(value.kinds & Kind.FLOAT))
-    return union(found)
+    return unite(found)
 
 
-def _rounding_can_fail(types: Types) -> bool:
+def _can_rounding_fail(types: Types) -> bool:
     value, *digits = types
-    if not value.only(Kind.NUMBER):
+    if not value.is_only(Kind.NUMBER):
         return True
     if digits:
-        return not digits[0].only(INTEGER) or not is_nonnegative(digits[0])
-    return not all(fits(Kind.INT, bounds) for bounds in round_bounds(value, round))
+        return not digits[0].is_only(INTEGER) or not is_nonnegative(digits[0])
+    return not all(do_fit(Kind.INT, bounds) for bounds in round_bounds(value, round))
 
 
 # --- roots, points -------------------------------------------------------------------------------------
 
 
-def _root(value: Any) -> float:
+def _compute_root(value: Any) -> float:
     if check_number("sqrt", value) < 0:
         raise misuse(
             f"sqrt of the negative number {format_value(value)}", "sqrt(abs(x)) takes the number without its sign"
@@ -113,14 +113,14 @@ def _root(value: Any) -> float:
     return math.sqrt(value)
 
 
-def _root_type(types: Types) -> Type:
+def _infer_root(types: Types) -> Type:
     low, high = bound_floats(types[0])
-    if not types[0].may(Kind.NUMBER) or high < 0:
+    if not types[0].may_be(Kind.NUMBER) or high < 0:
         return NOTHING
     return Type(Kind.FLOAT, math.sqrt(max(low, 0)), math.sqrt(high))
 
 
-def _distance(left: Any, right: Any) -> float:
+def _measure_distance(left: Any, right: Any) -> float:
     """The Euclidean distance of two numbers, or of two equally long lists of numbers."""
     if type(left) is not list and type(right) is not list:
         check_numbers("distance", (left, right))
@@ -138,69 +138,71 @@ def _distance(left: Any, right: Any) -> float:
     return float(check_arithmetic(math.dist(left, right)))
 
 
-def _norm(value: Any) -> float:
+def _measure_norm(value: Any) -> float:
     """The Euclidean length of a list of numbers; the absolute value of a number."""
     coordinates = value if type(value) is list else [value]
     check_numbers("norm", coordinates)
     return float(check_arithmetic(math.hypot(*coordinates)))
 
 
-def _size(types: Types) -> Type:
-    return Type(Kind.FLOAT, 0) if all(kind.may(Kind.NUMBER | Kind.LIST) for kind in types) else NOTHING
+def _infer_size(types: Types) -> Type:
+    return Type(Kind.FLOAT, 0) if all(kind.may_be(Kind.NUMBER | Kind.LIST) for kind in types) else NOTHING
 
 
-def _size_can_fail(types: Types) -> bool:
-    if all(kind.only(Kind.LIST) and kind.positions is not None for kind in types):
-        return _too_long([kind.positions or () for kind in types])
-    if not_numbers(types):
+def _can_size_fail(types: Types) -> bool:
+    if all(kind.is_only(Kind.LIST) and kind.positions is not None for kind in types):
+        return _can_be_too_long([kind.positions or () for kind in types])
+    if can_be_no_numbers(types):
         return True
     return len(types) > 1 and not all(-HALF <= bound <= HALF for kind in types for bound in bound_floats(kind))
 
 
-def _too_long(vectors: Sequence[tuple[Type, ...]]) -> bool:
+def _can_be_too_long(vectors: Sequence[tuple[Type, ...]]) -> bool:
     coordinates = list(chain.from_iterable(vectors))
-    if not_numbers(coordinates) or len(set(map(len, vectors))) > 1:
+    if can_be_no_numbers(coordinates) or len(set(map(len, vectors))) > 1:
         return True
     return not all(-SMALL <= bound <= SMALL for part in coordinates for bound in bound_floats(part))
 
 
-def _exact_difference(types: Types) -> bool:
+def _is_difference_exact(types: Types) -> bool:
     """Tests for integers, which SQLite subtracts exactly within 64 bits."""
-    return sql_numbers(types) and all(not kind.may(Kind.INT) or kind.bounded(2**61) for kind in types)
+    return are_numbers(types) and all(not kind.may_be(Kind.INT) or kind.is_bounded(2**61) for kind in types)
 
 
-def _points(types: Types) -> bool:
-    vectors = [kind.positions or () for kind in types if kind.only(Kind.LIST)]
+def _are_points(types: Types) -> bool:
+    vectors = [kind.positions or () for kind in types if kind.is_only(Kind.LIST)]
     if len(vectors) < len(types) or len(set(map(len, vectors))) != 1:
         return False
-    return bool(vectors[0]) and not not_numbers(list(chain.from_iterable(vectors)))
+    return bool(vectors[0]) and not can_be_no_numbers(list(chain.from_iterable(vectors)))
 
 
 # --- functions of one number ---------------------------------------------------------------------------
 
 
-def _rounding(name: str, compute: Callable[[float], int], about: str, example: str) -> Operation:
+def _make_round(name: str, compute: Callable[[float], int], about: str, example: str) -> Operation:
     """The row of `floor` or `ceil`, which give an integer."""
 
-    def value(given: Any) -> int:
-        return int(check_arithmetic(compute(check_number(name, given)), CURES["int"]))
+    def round_number(number: Any) -> int:
+        return int(check_arithmetic(compute(check_number(name, number)), CURES["int"]))
 
-    def result(types: Types) -> Type:
-        return union(make_numbers(Kind.INT, bounds) for bounds in round_bounds(types[0], compute))
+    def infer_type(types: Types) -> Type:
+        return unite(make_numbers(Kind.INT, bounds) for bounds in round_bounds(types[0], compute))
 
     def can_fail(types: Types) -> bool:
-        return not_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in round_bounds(types[0], compute))
+        return can_be_no_numbers(types) or not all(
+            do_fit(Kind.INT, bounds) for bounds in round_bounds(types[0], compute)
+        )
 
-    value.__name__ = name
-    return operation(
-        name, 1, value, result, can_fail, call=f"{name}(x)", about=about, example=example,
+    round_number.__name__ = name
+    return declare(
+        name, 1, round_number, infer_type, can_fail, call=f"{name}(x)", about=about, example=example,
         sqlite=(
-            Form("{0}", lambda types: sql_class(types[0]) is not None and sql_integers(types)),
-            Form(f"cast({name}({{0}}) AS INTEGER)", sql_numbers, f"{{0}} BETWEEN {-SAFE} AND {SAFE}"),
+            Form("{0}", lambda types: find_sql_class(types[0]) is not None and are_integers(types)),
+            Form(f"cast({name}({{0}}) AS INTEGER)", are_numbers, f"{{0}} BETWEEN {-SAFE} AND {SAFE}"),
         ),
         python=(Form(compute, _NUMBERS, Check.SIZE),),
         portable=(
-            Form("{0}", lambda types: integers_or_reals(types) and exactly(Kind.INT)(types)),
+            Form("{0}", lambda types: are_integers_or_reals(types) and exactly(Kind.INT)(types)),
             Form(f"cast({name}({{0}}) AS BIGINT)", exactly(Kind.FLOAT)),
         ),
     )  # fmt: skip
@@ -211,13 +213,13 @@ def _make_angle(
 ) -> Operation:
     """The row of a function of the C library. Engines round it differently, so Python always computes it."""
 
-    def value(*given: Any) -> float:
-        check_numbers(name, given)
+    def compute_angle(*numbers: Any) -> float:
+        check_numbers(name, numbers)
         try:
-            return float(check_arithmetic(compute(*given)))
+            return float(check_arithmetic(compute(*numbers)))
         except ValueError:
             raise misuse(
-                f"{name} of {' and '.join(map(format_value, given))} is no real number", _DOMAINS[name]
+                f"{name} of {' and '.join(map(format_value, numbers))} is no real number", _DOMAINS[name]
             ) from None
         except OverflowError:
             raise build_overflow_error() from None
@@ -225,19 +227,19 @@ def _make_angle(
     known = {"atan2": (2, 2), "log": (1, 2)}.get(name, (1, 1))
     call = {"atan2": "atan2(y, x)", "log": "log(x) or log(x, base)"}.get(name, f"{name}(x)")
     safe = name in ("sin", "cos", "tan", "atan2")
-    value.__name__ = name
-    return operation(
-        name, known, value, lambda types: Type(Kind.FLOAT, *bounds) if not _no_numbers(types) else NOTHING,
-        lambda types: not_numbers(types) or not safe, call=call, about=about, example=example,
+    compute_angle.__name__ = name
+    return declare(
+        name, known, compute_angle, lambda types: Type(Kind.FLOAT, *bounds) if not _has_no_numbers(types) else NOTHING,
+        lambda types: can_be_no_numbers(types) or not safe, call=call, about=about, example=example,
         python=(Form(compute, _NUMBERS),),
     )  # fmt: skip
 
 
-def _no_numbers(types: Types) -> bool:
-    return not all(kind.may(Kind.NUMBER) for kind in types)
+def _has_no_numbers(types: Types) -> bool:
+    return not all(kind.may_be(Kind.NUMBER) for kind in types)
 
 
-def _log(value: float, base: float = math.e) -> float:
+def _compute_log(value: float, base: float = math.e) -> float:
     if base == math.e:
         return math.log(value)
     try:
@@ -253,7 +255,7 @@ _DOMAINS = {
 }  # fmt: skip
 
 
-def _clamp(value: Any, low: Any, high: Any) -> Any:
+def _clamp_value(value: Any, low: Any, high: Any) -> Any:
     if compare_values(low, high) > 0:
         raise misuse(
             f"clamp between {format_value(low)} and {format_value(high)}",
@@ -262,37 +264,37 @@ def _clamp(value: Any, low: Any, high: Any) -> Any:
     return low if compare_values(value, low) < 0 else high if compare_values(value, high) > 0 else value
 
 
-def _clamped(types: Types) -> Type:
+def _infer_clamped(types: Types) -> Type:
     """The type of one of the three arguments that can be ordered."""
-    kinds = [kind for kind in (Kind.NUMBER, Kind.LIST, Kind.OBJECT) if all(t.may(kind) for t in types)]
+    kinds = [kind for kind in (Kind.NUMBER, Kind.LIST, Kind.OBJECT) if all(t.may_be(kind) for t in types)]
     found = [make_text_type(types)]
     if Kind.NUMBER in kinds:
-        found.append(union(Type(t.kinds & Kind.NUMBER, t.low, t.high) for t in types))
+        found.append(unite(Type(t.kinds & Kind.NUMBER, t.low, t.high) for t in types))
     if Kind.LIST in kinds:
-        found.append(union(map(keep_lists, types)))
-    return union((*found, Type(Kind.OBJECT) if Kind.OBJECT in kinds else NOTHING))
+        found.append(unite(map(keep_lists, types)))
+    return unite((*found, Type(Kind.OBJECT) if Kind.OBJECT in kinds else NOTHING))
 
 
 # --- conversions ---------------------------------------------------------------------------------------
 
 
-def _to_integer(value: Any) -> int:
+def _convert_to_integer(value: Any) -> int:
     """The integer that a string represents; of a number, its whole part."""
     if type(value) in NUMBERS:
         return int(check_arithmetic(int(value), CURES["int"]))
     try:
-        return int(check_arithmetic(int(_string("int", value)), CURES["int"]))
+        return int(check_arithmetic(int(_check_number_or_string("int", value)), CURES["int"]))
     except ValueError:
         hint = "int reads digits; int(float(...)) also reads fractions"
         raise misuse(f"int cannot read {format_value(value)}", hint) from None
 
 
-def _to_float(value: Any) -> float:
+def _convert_to_float(value: Any) -> float:
     """The float that a string represents, or that is nearest to a number."""
     if type(value) in NUMBERS:
         return float(value)
     try:
-        found = float(_string("float", value))
+        found = float(_check_number_or_string("float", value))
     except ValueError:
         hint = "float reads numbers with a point, such as '1.5' or '2e3'"
         raise misuse(f"float cannot read {format_value(value)}", hint) from None
@@ -302,7 +304,7 @@ def _to_float(value: Any) -> float:
     return found
 
 
-def _string(function: str, value: Any) -> str:
+def _check_number_or_string(function: str, value: Any) -> str:
     if type(value) is str:
         return value
     hint = (
@@ -313,74 +315,74 @@ def _string(function: str, value: Any) -> str:
     raise misuse(f"{function} works on numbers and strings, not on {format_value(value)}", hint)
 
 
-def _integer_type(types: Types) -> Type:
+def _infer_integer(types: Types) -> Type:
     found = [make_numbers(Kind.INT, bounds) for bounds in round_bounds(types[0], int)]
-    return union((*found, Type(Kind.INT) if types[0].may(Kind.STR) else NOTHING))
+    return unite((*found, Type(Kind.INT) if types[0].may_be(Kind.STR) else NOTHING))
 
 
-def _integer_can_fail(types: Types) -> bool:
-    return not_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in round_bounds(types[0], int))
+def _can_integer_fail(types: Types) -> bool:
+    return can_be_no_numbers(types) or not all(do_fit(Kind.INT, bounds) for bounds in round_bounds(types[0], int))
 
 
-def _float_type(types: Types) -> Type:
-    found = make_numbers(Kind.FLOAT, bound_floats(types[0])) if types[0].may(Kind.NUMBER) else NOTHING
-    return union((found, Type(Kind.FLOAT) if types[0].may(Kind.STR) else NOTHING))
+def _infer_float(types: Types) -> Type:
+    found = make_numbers(Kind.FLOAT, bound_floats(types[0])) if types[0].may_be(Kind.NUMBER) else NOTHING
+    return unite((found, Type(Kind.FLOAT) if types[0].may_be(Kind.STR) else NOTHING))
 
 
 OPERATIONS = (
-    operation(
-        "abs", 1, _absolute, _absolute_type, sign_can_fail,
+    declare(
+        "abs", 1, _compute_absolute, _infer_absolute, can_sign_fail,
         call="abs(x)", about="the number without its sign", example="abs(-3)",
         # SQLite's abs(-0.0) is -0.0; adding 0 makes it 0.0 and changes nothing else.
         sqlite=(
-            Form("abs({0})", lambda types: sql_class(types[0]) is not None and sql_integers(types)),
-            Form("abs({0}) + 0", sql_numbers, "{0} >= -9223372036854775807"),
+            Form("abs({0})", lambda types: find_sql_class(types[0]) is not None and are_integers(types)),
+            Form("abs({0}) + 0", are_numbers, "{0} >= -9223372036854775807"),
         ),
         python=(Form("abs({0})", _NUMBERS, Check.SIZE),),
-        portable=(Form("abs({0})", lambda types: integers_or_reals(types) or exactly(Kind.FLOAT)(types)),),
+        portable=(Form("abs({0})", lambda types: are_integers_or_reals(types) or exactly(Kind.FLOAT)(types)),),
     ),
-    operation(  # no form in SQL: databases round the last place by other rules
-        "round", (1, 2), _rounded, _rounded_type, _rounding_can_fail, call="round(x) or round(x, digits)",
+    declare(  # no form in SQL: databases round the last place by other rules
+        "round", (1, 2), _round_number, _infer_rounded, _can_rounding_fail, call="round(x) or round(x, digits)",
         about="the nearest number of so many digits", example="[round(2.567), round(2.567, 1)]",
     ),
-    operation(  # IEEE 754 demands the nearest float of a root, so all roots are the same
-        "sqrt", 1, _root, _root_type, lambda types: not_numbers(types) or bound_floats(types[0])[0] < 0,
+    declare(  # IEEE 754 demands the nearest float of a root, so all roots are the same
+        "sqrt", 1, _compute_root, _infer_root, lambda types: can_be_no_numbers(types) or bound_floats(types[0])[0] < 0,
         call="sqrt(x)", about="the square root", example="sqrt(2.25)",
-        sqlite=(Form("sqrt({0})", sql_numbers, "{0} >= 0"),), python=(Form(math.sqrt, _NUMBERS, "{0} >= 0"),),
-        portable=(Form("sqrt({0})", reals),),
+        sqlite=(Form("sqrt({0})", are_numbers, "{0} >= 0"),), python=(Form(math.sqrt, _NUMBERS, "{0} >= 0"),),
+        portable=(Form("sqrt({0})", are_reals),),
     ),
-    operation(
-        "int", 1, _to_integer, _integer_type, _integer_can_fail,
+    declare(
+        "int", 1, _convert_to_integer, _infer_integer, _can_integer_fail,
         call="int(x)", about="text or a number as an integer", example="[int('12'), int(3.9)]",
         sqlite=(
-            Form("{0}", lambda types: sql_class(types[0]) is not None and sql_integers(types)),
-            Form("cast({0} AS INTEGER)", sql_numbers, f"{{0}} BETWEEN {-SAFE} AND {SAFE}"),
+            Form("{0}", lambda types: find_sql_class(types[0]) is not None and are_integers(types)),
+            Form("cast({0} AS INTEGER)", are_numbers, f"{{0}} BETWEEN {-SAFE} AND {SAFE}"),
         ),
         python=(Form("int({0})", _NUMBERS, Check.SIZE),),
     ),
-    operation(
-        "float", 1, _to_float, _float_type, not_numbers,
+    declare(
+        "float", 1, _convert_to_float, _infer_float, can_be_no_numbers,
         call="float(x)", about="text or a number as a float", example="[float('1e3'), float(2)]",
-        sqlite=(Form("{0}", exactly(Kind.FLOAT)), Form("cast({0} AS REAL)", sql_numbers)),
+        sqlite=(Form("{0}", exactly(Kind.FLOAT)), Form("cast({0} AS REAL)", are_numbers)),
         python=(Form("float({0})", _NUMBERS),),
     ),
-    operation(
-        "distance", 2, _distance, _size, _size_can_fail, call="distance(a, b)",
+    declare(
+        "distance", 2, _measure_distance, _infer_size, _can_size_fail, call="distance(a, b)",
         about="the distance of two numbers or points", example="[distance([0, 0], [3, 4]), distance(1, 5)]",
-        sqlite=(Form("abs({0} - {1}) + 0.0", _exact_difference),),  # + 0.0 makes a float of an integer
-        python=(Form(math.dist, _points, FINITE.partition(" <= ")[2]),),
+        sqlite=(Form("abs({0} - {1}) + 0.0", _is_difference_exact),),  # + 0.0 makes a float of an integer
+        python=(Form(math.dist, _are_points, FINITE.partition(" <= ")[2]),),
     ),
-    operation(
-        "norm", 1, _norm, _size, _size_can_fail,
+    declare(
+        "norm", 1, _measure_norm, _infer_size, _can_size_fail,
         call="norm(list)", about="the length of a list of numbers", example="norm([3, 4])",
     ),
-    _rounding("floor", math.floor, "the greatest integer that is not above the number", "[floor(2.5), floor(-2.5)]"),
-    _rounding("ceil", math.ceil, "the least integer that is not below the number", "[ceil(2.5), ceil(-2.5)]"),
-    operation(
-        "clamp", 3, _clamp, _clamped, True, call="clamp(x, low, high)",
+    _make_round("floor", math.floor, "the greatest integer that is not above the number", "[floor(2.5), floor(-2.5)]"),
+    _make_round("ceil", math.ceil, "the least integer that is not below the number", "[ceil(2.5), ceil(-2.5)]"),
+    declare(
+        "clamp", 3, _clamp_value, _infer_clamped, True, call="clamp(x, low, high)",
         about="x, or the bound that it lies beyond", example="[clamp(7, 0, 5), clamp(3, 0, 5)]",
         sqlite=(Form("max({1}, min({0}, {2}))", exactly(Kind.INT), "{1} <= {2}"),),
-        python=(Form("{1} if {0} < {1} else {2} if {0} > {2} else {0}", ordered, "{1} <= {2}"),),
+        python=(Form("{1} if {0} < {1} else {2} if {0} > {2} else {0}", are_orderable, "{1} <= {2}"),),
     ),
     _make_angle("sin", math.sin, (-1, 1), "the sine of an angle in radians", "sin(pi() / 2)"),
     _make_angle("cos", math.cos, (-1, 1), "the cosine of an angle in radians", "cos(0)"),
@@ -389,8 +391,8 @@ OPERATIONS = (
     _make_angle("acos", math.acos, (0, 4), "the angle with this cosine, from 0 to pi()", "acos(1)"),
     _make_angle("atan2", math.atan2, (-4, 4), "the angle of the point (x, y), from -pi() to pi()", "atan2(0, 1)"),
     _make_angle("exp", math.exp, (0, None), "e to the power of x", "exp(0)"),
-    _make_angle("log", _log, (None, None), "the natural logarithm, or that to a base", "[log(1), log(8, 2)]"),
-    operation(
+    _make_angle("log", _compute_log, (None, None), "the natural logarithm, or that to a base", "[log(1), log(8, 2)]"),
+    declare(
         "pi", 0, lambda: math.pi, Type(Kind.FLOAT, math.pi, math.pi), False, call="pi()",
         about="the ratio of a circle's circumference to its diameter", example="pi()",
     ),

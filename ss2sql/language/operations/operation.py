@@ -23,7 +23,7 @@ from enum import Enum, auto
 from typing import Any, TypeAlias
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.kinds import ANY, FLOAT, NOTHING, Kind, Type, type_of, union
+from ss2sql.language.kinds import ANY, FLOAT, NOTHING, Kind, Type, type_of, unite
 from ss2sql.language.operations.argument_checks import check_list, check_numbers
 from ss2sql.language.plan import Function, Volatility
 
@@ -68,10 +68,10 @@ class Group:
 
     def type_of_group(self, kind: Type) -> Type:
         """The type for a group, which has a row, of values of this type, None among them perhaps."""
-        given = self.result(without_none(kind))
-        return union((given, type_of(self.nothing))) if kind.may(Kind.NONE) else given
+        known = self.result(remove_none(kind))
+        return unite((known, type_of(self.nothing))) if kind.may_be(Kind.NONE) else known
 
-    def of_group(self, values: Iterable[Any]) -> Any:
+    def aggregate_group(self, values: Iterable[Any]) -> Any:
         """The aggregate of the values of a group, where None is skipped."""
         kept = [value for value in values if value is not None]
         return self.value(kept) if kept else self.nothing
@@ -108,7 +108,7 @@ class Operation:
     group: Group | None = None
     collects: bool = False  # with GROUP BY the first argument is the list of the values of a group
 
-    def function(self, types: Types | None = None) -> Function:
+    def make_function(self, types: Types | None = None) -> Function:
         """The function as the plan knows it; with `types` those of one call."""
         raises = types is None or self.can_fail(types)
         return Function(
@@ -116,7 +116,7 @@ class Operation:
         )
 
 
-def operation(
+def declare(
     name: str,
     arity: int | tuple[int, int | None],
     value: Callable[..., Any] | None,
@@ -135,7 +135,7 @@ def operation(
     )
 
 
-def aggregate(
+def declare_aggregate(
     name: str,
     compute: Callable[..., Any],
     result: Type | Callable[[Type], Type],
@@ -165,31 +165,35 @@ def aggregate(
         **forms: those of the aggregate.
     """
 
-    def value(values: list[Any]) -> Any:
+    def check_and_compute(values: list[Any]) -> Any:
         if accepts is not None:
             accepts(name, values)
         return compute(values)
 
-    def value_of_list(argument: Any) -> Any:
+    def compute_of_list(argument: Any) -> Any:
         values = check_list(name, argument)
-        return value(values) if values else nothing
+        return check_and_compute(values) if values else nothing
 
     def type_of_list(types: Types) -> Type:
-        return union((type_of_value(element(types[0])), type_of(nothing))) if types[0].may(Kind.LIST) else NOTHING
+        return (
+            unite((type_of_value(element_type(types[0])), type_of(nothing))) if types[0].may_be(Kind.LIST) else NOTHING
+        )
 
-    def fails(types: Types) -> bool:
-        return not types[0].only(Kind.LIST) or may_fail(element(types[0]))
+    def can_fail_of(types: Types) -> bool:
+        return not types[0].is_only(Kind.LIST) or may_fail(element_type(types[0]))
 
     def type_of_value(kind: Type) -> Type:
         return result if isinstance(result, Type) else result(kind)
 
-    may_fail = can_fail or (lambda kind: not kind.only(Kind.NUMBER))
-    value_of_list.__name__ = name
-    if of_floats is None and type_of_value(FLOAT).only(Kind.FLOAT | Kind.NONE):
-        of_floats = lambda values, count: value(list(values))  # noqa: E731 - where there is nothing faster
-    group = Group(value, nothing, type_of_value, may_fail, in_sql or numbers_or_none, of_floats=of_floats, **forms)
-    row = operation(
-        name, 1, value_of_list, type_of_list, fails,
+    may_fail = can_fail or (lambda kind: not kind.is_only(Kind.NUMBER))
+    compute_of_list.__name__ = name
+    if of_floats is None and type_of_value(FLOAT).is_only(Kind.FLOAT | Kind.NONE):
+        of_floats = lambda values, count: check_and_compute(list(values))  # noqa: E731 - where there is nothing faster
+    group = Group(
+        check_and_compute, nothing, type_of_value, may_fail, in_sql or is_number_or_none, of_floats=of_floats, **forms
+    )
+    row = declare(
+        name, 1, compute_of_list, type_of_list, can_fail_of,
         call=f"{name}(list)", about=about, example=example, group=group,
     )  # fmt: skip
     return replace(row, **of_list) if of_list else row
@@ -200,7 +204,7 @@ def aggregate(
 
 def each(kinds: Kind) -> When:
     """Tests that all arguments are of these kinds."""
-    return lambda types: all(kind.only(kinds) for kind in types)
+    return lambda types: all(kind.is_only(kinds) for kind in types)
 
 
 def exactly(kind: Kind) -> When:
@@ -208,48 +212,48 @@ def exactly(kind: Kind) -> When:
     return lambda types: all(one.kinds == kind for one in types)
 
 
-def ordered(types: Types) -> bool:
+def are_orderable(types: Types) -> bool:
     """Tests that all are numbers, or all are strings."""
     return each(Kind.NUMBER)(types) or each(Kind.STR)(types)
 
 
-def sql_class(kind: Type, none: bool = False) -> str | None:
+def find_sql_class(kind: Type, none: bool = False) -> str | None:
     """`number` or `text` if all values are of that class in SQL, None apart if allowed.
 
     A bool alone is a number; beside other kinds it is a handle, which has no class.
     """
     allowed = Kind.NONE if none else Kind(0)
     real = Kind.INT | Kind.FLOAT
-    if kind.kinds == Kind.BOOL or (kind.only(real | allowed) and kind.may(real)):
+    if kind.kinds == Kind.BOOL or (kind.is_only(real | allowed) and kind.may_be(real)):
         return "number"
-    return "text" if kind.only(Kind.STR | allowed) and kind.may(Kind.STR) else None
+    return "text" if kind.is_only(Kind.STR | allowed) and kind.may_be(Kind.STR) else None
 
 
-def sql_numbers(types: Types) -> bool:
+def are_numbers(types: Types) -> bool:
     """Numbers in SQL, or None, which the check looks for."""
-    return all(sql_class(kind, none=True) == "number" for kind in types)
+    return all(find_sql_class(kind, none=True) == "number" for kind in types)
 
 
-def sql_integers(types: Types) -> bool:
-    return sql_numbers(types) and each(Kind.BOOL | Kind.INT | Kind.NONE)(types)
+def are_integers(types: Types) -> bool:
+    return are_numbers(types) and each(Kind.BOOL | Kind.INT | Kind.NONE)(types)
 
 
-def one_sql_class(types: Types) -> bool:
+def have_one_sql_class(types: Types) -> bool:
     """Tests that all are numbers or None in SQL, or all are text or None."""
-    classes = {sql_class(kind, none=True) for kind in types}
+    classes = {find_sql_class(kind, none=True) for kind in types}
     return len(classes) == 1 and None not in classes
 
 
-def numbers_or_none(kind: Type) -> bool:
-    return kind.only(Kind.NUMBER | Kind.NONE)
+def is_number_or_none(kind: Type) -> bool:
+    return kind.is_only(Kind.NUMBER | Kind.NONE)
 
 
-def element(kind: Type) -> Type:
+def element_type(kind: Type) -> Type:
     """The elements of the lists among the values."""
-    if not kind.may(Kind.LIST):
+    if not kind.may_be(Kind.LIST):
         return NOTHING
     return ANY if kind.item is None else kind.item
 
 
-def without_none(kind: Type) -> Type:
+def remove_none(kind: Type) -> Type:
     return replace(kind, kinds=kind.kinds & ~Kind.NONE)

@@ -8,11 +8,11 @@ from functools import lru_cache
 from typing import Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.language.kinds import BOOL, NOTHING, STR, UNENCODABLE, Kind, Type, union
+from ss2sql.language.kinds import BOOL, NOTHING, STR, UNENCODABLE, Kind, Type, unite
 from ss2sql.language.operations.argument_checks import check_list, check_string, misuse
 from ss2sql.language.operations.intervals import make_text_type
 from ss2sql.language.operations.lists import LENGTH
-from ss2sql.language.operations.operation import Form, Operation, Types, each, element, exactly, operation
+from ss2sql.language.operations.operation import Form, Operation, Types, declare, each, element_type, exactly
 from ss2sql.language.value_messages import format_value
 
 MOST_WIDTH = 1000  # characters of a value that `format` writes
@@ -22,28 +22,28 @@ _STRINGS, _STRING = each(Kind.STR), exactly(Kind.STR)
 _ASCII = "{0} NOT GLOB '*[^ -~]*' AND instr({0}, char(0)) = 0"
 
 
-def _not_strings(types: Types) -> bool:
+def _can_be_no_strings(types: Types) -> bool:
     return not _STRINGS(types)
 
 
 def _make_method(name: str, compute: Callable[..., Any], arity: int | tuple[int, int], **others: Any) -> Operation:
     """The row of a function that is a method of Python's strings."""
 
-    def value(*given: Any) -> Any:
-        return compute(*(check_string(name, one) for one in given))
+    def call_method(*strings: Any) -> Any:
+        return compute(*(check_string(name, one) for one in strings))
 
-    value.__name__ = name
-    others = {"result": make_text_type, "can_fail": _not_strings, "python": (Form(compute, _STRINGS),), **others}
-    return operation(name, arity, value, others.pop("result"), others.pop("can_fail"), **others)
+    call_method.__name__ = name
+    others = {"result": make_text_type, "can_fail": _can_be_no_strings, "python": (Form(compute, _STRINGS),), **others}
+    return declare(name, arity, call_method, others.pop("result"), others.pop("can_fail"), **others)
 
 
-def _split(value: str, separator: str | None = None) -> list[str]:
+def _split_string(value: str, separator: str | None = None) -> list[str]:
     if separator == "":
         raise misuse("split by an empty string", "the characters of a string are x[0], x[1], ...")
     return value.split(separator)
 
 
-def _parts(types: Types) -> Type:
+def _infer_parts(types: Types) -> Type:
     text = make_text_type(types[:1])
     return Type(Kind.LIST, item=text, columns=()) if text != NOTHING else NOTHING
 
@@ -53,13 +53,17 @@ def join_list(values: Any, separator: Any = "") -> str:
     return check_string("join", separator).join(map(str, check_list("join", values)))
 
 
-def _joined_type(types: Types) -> Type:
-    known = _PLAIN([element(types[0])]) and _STRINGS(types[1:])
-    return (STR if known else UNENCODABLE) if types[0].may(Kind.LIST) else NOTHING
+def _infer_join(types: Types) -> Type:
+    known = _PLAIN([element_type(types[0])]) and _STRINGS(types[1:])
+    return (STR if known else UNENCODABLE) if types[0].may_be(Kind.LIST) else NOTHING
 
 
-def _join_can_fail(types: Types) -> bool:
-    return not types[0].only(Kind.LIST) or element(types[0]).may(Kind.STRUCTURED) or _not_strings(types[1:])
+def _can_join_fail(types: Types) -> bool:
+    return (
+        not types[0].is_only(Kind.LIST)
+        or element_type(types[0]).may_be(Kind.STRUCTURED)
+        or _can_be_no_strings(types[1:])
+    )
 
 
 def replace_text(value: Any, old: Any, new: Any) -> str:
@@ -74,11 +78,11 @@ def replace_text(value: Any, old: Any, new: Any) -> str:
 _FIELD = re.compile(r"\{\{|\}\}|\{(\d*)(?::([^{}]*))?\}|[{}]")
 
 
-def _format(pattern: Any, *values: Any) -> str:
+def _format_pattern(pattern: Any, *values: Any) -> str:
     """Python's `format` with `{}`, `{0}` or `{:.2f}`; attributes and items of values are refused."""
     count = 0
 
-    def field(found: re.Match[str]) -> str:
+    def fill_field(found: re.Match[str]) -> str:
         nonlocal count
         whole, place, spec = found.group(), found.group(1), found.group(2) or ""
         if whole in ("{{", "}}"):
@@ -94,7 +98,7 @@ def _format(pattern: Any, *values: Any) -> str:
             raise misuse(message, "each {} takes one more argument")
         return _format_value(values[number], spec)
 
-    return _FIELD.sub(field, check_string("format", pattern))
+    return _FIELD.sub(fill_field, check_string("format", pattern))
 
 
 def _format_value(value: Any, spec: str) -> str:
@@ -135,12 +139,12 @@ def matches_pattern(value: Any, pattern: Any) -> bool:
     return at + tail <= len(value) and last.match(value, len(value) - tail) is not None
 
 
-def _does_not_match(value: Any, pattern: Any) -> bool:
+def _mismatches_pattern(value: Any, pattern: Any) -> bool:
     return not matches_pattern(value, pattern)
 
 
 def _make_like(name: str, symbol: str, value: Callable[..., bool], negated: str, about: str, example: str) -> Operation:
-    return operation(
+    return declare(
         name, 2, value, BOOL, lambda types: not each(Kind.STR)(types),
         symbol=symbol, call=f"a {symbol} b", about=about, example=example, negated=negated,
         by_hand=frozenset({"sqlite", "portable"}),  # a pattern that is known beforehand
@@ -152,10 +156,11 @@ OPERATIONS = (
         "like", "LIKE", matches_pattern, "not_like", "a LIKE b: % is any text, _ is any character",
         "['Oslo' LIKE 'O%', 'Oslo' LIKE 'o___']",
     ),
-    _make_like("not_like", "NOT LIKE", _does_not_match, "like", "a NOT LIKE b", "'Oslo' NOT LIKE 'A%'"),
-    operation(  # an object's own text may be anything
-        "str", 1, str, lambda types: STR if _PLAIN(types) else UNENCODABLE, lambda types: types[0].may(Kind.STRUCTURED),
-        call="str(x)", about="the value as text", example="str([1, 2.0])", grows=True,
+    _make_like("not_like", "NOT LIKE", _mismatches_pattern, "like", "a NOT LIKE b", "'Oslo' NOT LIKE 'A%'"),
+    declare(  # an object's own text may be anything
+        "str", 1, str, lambda types: STR if _PLAIN(types) else UNENCODABLE,
+        lambda types: types[0].may_be(Kind.STRUCTURED), call="str(x)", about="the value as text",
+        example="str([1, 2.0])", grows=True,
         # Integers have the same text everywhere; Python's floats, bools and None have their own.
         sqlite=(Form("{0}", _STRING), Form("cast({0} AS TEXT)", exactly(Kind.INT))),
         python=(Form("str({0})", _PLAIN),),
@@ -175,15 +180,15 @@ OPERATIONS = (
         example="[strip(' a b '), strip('--a-', '-')]", result=lambda types: make_text_type(types[:1]),
     ),
     _make_method(
-        "split", _split, (1, 2), call="split(s) or split(s, separator)", result=_parts, grows=True,
+        "split", _split_string, (1, 2), call="split(s) or split(s, separator)", result=_infer_parts, grows=True,
         about="the parts of a string between blanks or separators", example="[split('a b'), split('a,b', ',')]",
-        can_fail=lambda types: _not_strings(types) or len(types) > 1, python=(),
+        can_fail=lambda types: _can_be_no_strings(types) or len(types) > 1, python=(),
     ),
-    operation(
-        "join", (1, 2), join_list, _joined_type, _join_can_fail, call="join(list) or join(list, separator)", grows=True,
+    declare(
+        "join", (1, 2), join_list, _infer_join, _can_join_fail, call="join(list) or join(list, separator)", grows=True,
         about="the elements of a list as one string", example="[join(['a', 'b']), join([1, 2], '-')]",
     ),
-    operation(
+    declare(
         "replace", 3, replace_text, make_text_type, True, call="replace(s, old, new)", grows=True,
         about="the string with new in the place of each old", example="replace('a-b-c', '-', '+')",
         sqlite=(Form('"replace"({0}, {1}, {2})', _STRING,
@@ -202,9 +207,10 @@ OPERATIONS = (
         example="[find('abc', 'c'), find('abc', 'x')]", result=lambda types: Type(Kind.INT, -1, LENGTH),
         sqlite=(Form("instr({0}, {1}) - 1", _STRING),),
     ),
-    operation(
-        "format", (1, None), _format, lambda types: union((UNENCODABLE,)) if types[0].may(Kind.STR) else NOTHING,
-        True, call="format(s, a, b, ...)", about="the string with values in the places of {}, {0} or {:.2f}",
+    declare(
+        "format", (1, None), _format_pattern,
+        lambda types: unite((UNENCODABLE,)) if types[0].may_be(Kind.STR) else NOTHING, True,
+        call="format(s, a, b, ...)", about="the string with values in the places of {}, {0} or {:.2f}",
         example="format('{} is {:.2f}', 'pi', pi())", grows=True,
     ),
 )  # fmt: skip

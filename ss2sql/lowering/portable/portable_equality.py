@@ -34,7 +34,7 @@ def _are_comparable(left: Type, right: Type) -> bool:
 
 def _write_equality(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
     equal = call.function.name == "eq"
-    nodes = [of.value(argument, scope) for argument in call.arguments]
+    nodes = [of.lower_value(argument, scope) for argument in call.arguments]
     for known, other in (nodes, reversed(nodes)):
         if isinstance(known, exp.Null):
             test: Node = exp.Is(this=sql_builder.wrap_operand(other), expression=exp.Null())
@@ -51,7 +51,7 @@ def _write_membership(of: PortableExpressions, call: plan.Call, scope: PortableS
     item, container = call.arguments
     test: Node
     if item.type.kinds == Kind.STR == container.type.kinds:
-        text, part = of.value(container, scope), of.value(item, scope)
+        text, part = of.lower_value(container, scope), of.lower_value(item, scope)
         test = exp.Contains(this=text, expression=part)
     else:
         inner = container.type.item or NOTHING
@@ -62,12 +62,12 @@ def _write_membership(of: PortableExpressions, call: plan.Call, scope: PortableS
         if isinstance(container, plan.Subquery):
             if is_nullable(inner):
                 return None
-            rows = exp.Subquery(this=of.rows_of(container.query))
-            test = exp.In(this=sql_builder.wrap_operand(of.value(item, scope)), query=rows)
-        elif isinstance(values := of.value(container, scope), exp.Array):
-            test = exp.In(this=sql_builder.wrap_operand(of.value(item, scope)), expressions=values.expressions)
+            rows = exp.Subquery(this=of.write_rows(container.query))
+            test = exp.In(this=sql_builder.wrap_operand(of.lower_value(item, scope)), query=rows)
+        elif isinstance(values := of.lower_value(container, scope), exp.Array):
+            test = exp.In(this=sql_builder.wrap_operand(of.lower_value(item, scope)), expressions=values.expressions)
         else:
-            test = exp.ArrayContains(this=values, expression=of.value(item, scope))
+            test = exp.ArrayContains(this=values, expression=of.lower_value(item, scope))
     return test if call.function.name == "in" else exp.Not(this=sql_builder.wrap_operand(test))
 
 
@@ -76,7 +76,7 @@ def _write_like(of: PortableExpressions, call: plan.Call, scope: PortableScope) 
     pattern = call.arguments[1]
     if not isinstance(pattern, plan.Constant) or "\\" in pattern.value:
         return None
-    text, known = (of.value(argument, scope) for argument in call.arguments)
+    text, known = (of.lower_value(argument, scope) for argument in call.arguments)
     test = exp.Like(this=sql_builder.wrap_operand(text), expression=known)
     return test if call.function.name == "like" else exp.Not(this=sql_builder.wrap_operand(test))
 

@@ -50,7 +50,7 @@ class PortableExpressions:
         self.variable = variable
         self.parameters: dict[str, str] = {}
 
-    def value(self, expr: plan.Expr, scope: PortableScope) -> Node:
+    def lower_value(self, expr: plan.Expr, scope: PortableScope) -> Node:
         """The expression. Raises UnsupportedError where it could mean something else."""
         if isinstance(expr, plan.Call) and not expr.function.builtin:
             raise build_refusal(f"{expr.function.name} is a Python function", expr.span)
@@ -62,7 +62,7 @@ class PortableExpressions:
             case plan.Constant():
                 return write_constant(expr.value, expr.type, expr)
             case plan.Variable(name=name) if self.variable is not None:
-                return write_constant(self.known(name, expr.span), expr.type, expr)
+                return write_constant(self.get_constant(name, expr.span), expr.type, expr)
             case plan.Variable():
                 return self._make_parameter(expr)
             case plan.Element(source=source) | plan.Column(source=source) if source in scope.sources:
@@ -72,25 +72,27 @@ class PortableExpressions:
             case plan.GroupKey(query=query, index=index) if (query, index) in scope.groups:
                 return scope.groups[(query, index)].copy()
             case plan.And(parts=parts):
-                joined = sql_builder.conjunction([self.condition(part, scope) for part in parts])
+                joined = sql_builder.conjunction([self.lower_condition(part, scope) for part in parts])
                 assert joined is not None
                 return joined
             case plan.Or(parts=parts):
-                return sql_builder.disjunction([self.condition(part, scope) for part in parts])
+                return sql_builder.disjunction([self.lower_condition(part, scope) for part in parts])
             case plan.Xor(left=left, right=right):
-                return sql_builder.binary(exp.NEQ, self.condition(left, scope), self.condition(right, scope))
+                return sql_builder.binary(
+                    exp.NEQ, self.lower_condition(left, scope), self.lower_condition(right, scope)
+                )
             case plan.Not(operand=operand):
-                return exp.Not(this=sql_builder.wrap_operand(self.condition(operand, scope)))
+                return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(operand, scope)))
             case plan.If():
                 return self._write_conditional(expr, scope)
             case plan.MakeList(items=items):
-                return exp.Array(expressions=[self.value(item, scope) for item in items])
+                return exp.Array(expressions=[self.lower_value(item, scope) for item in items])
             case plan.Call():
-                return self.called(expr, scope)
+                return self.lower_call(expr, scope)
             case _:
                 raise build_refusal("this is not SQL that every database has", expr.span)
 
-    def called(self, expr: plan.Call, scope: PortableScope) -> Node:
+    def lower_call(self, expr: plan.Call, scope: PortableScope) -> Node:
         name, fails = expr.function.name, can_fail(replace(expr, arguments=()))
         written = SPECIAL_OPERATIONS.get(name, _write_form if OPERATIONS[name].portable else None)
         node = None if fails or written is None else written(self, expr, scope)
@@ -108,11 +110,11 @@ class PortableExpressions:
         """The call of a built-in function that has no form, where the database can call Python."""
         return None
 
-    def rows_of(self, query: plan.Query) -> Node:
+    def write_rows(self, query: plan.Query) -> Node:
         """The rows of a query in an expression, which reads nothing around it."""
         raise build_refusal("a query inside of an expression", query.span)
 
-    def known(self, name: str, span: Span) -> Any:
+    def get_constant(self, name: str, span: Span) -> Any:
         """The value that a script variable will have."""
         try:
             return None if self.variable is None else self.variable(name)
@@ -126,17 +128,17 @@ class PortableExpressions:
             return sql_builder.null()  # None, the only value of its type
         label = next((label for label, name in self.parameters.items() if name == expr.name), None)
         if label is None:
-            label = self.label(expr.name)
+            label = self.name_parameter(expr.name)
             self.parameters[label] = expr.name
         return cast_node(sql_builder.parameter(label), kind)
 
-    def label(self, name: str) -> str:
+    def name_parameter(self, name: str) -> str:
         """What a new parameter is called in SQL."""
         return f"value_{len(self.parameters) + 1}"
 
-    def condition(self, expr: plan.Expr, scope: PortableScope) -> Node:
+    def lower_condition(self, expr: plan.Expr, scope: PortableScope) -> Node:
         """The truth of an expression; never NULL."""
-        node, kind = self.value(expr, scope), expr.type
+        node, kind = self.lower_value(expr, scope), expr.type
         if kind.kinds == Kind.BOOL:
             return node
         plain = kind.kinds & ~Kind.NONE
@@ -157,8 +159,8 @@ class PortableExpressions:
         branches = expr.then[-1], expr.otherwise[-1]
         if any(can_fail(part) for branch in (expr.then, expr.otherwise) for part in branch[:-1]):
             raise build_refusal("what stands before the last value of a branch may fail", expr.span)
-        values = [self.value(branch, scope) for branch in branches]
-        return sql_builder.case([(self.condition(expr.condition, scope), values[0])], values[1])
+        values = [self.lower_value(branch, scope) for branch in branches]
+        return sql_builder.case([(self.lower_condition(expr.condition, scope), values[0])], values[1])
 
 
 def write_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
@@ -185,12 +187,12 @@ def write_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
 def _write_form(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
     """A call that cannot fail, by the first form that fits."""
     for form in OPERATIONS[call.function.name].portable:
-        given = list_choices(call) if form.spread else call.arguments
-        if not given or form.only is not None or not form.when([one.type for one in given]):
+        inputs = list_choices(call) if form.spread else call.arguments
+        if not inputs or form.only is not None or not form.when([one.type for one in inputs]):
             continue
-        operands = [of.value(one, scope) for one in given]
+        operands = [of.lower_value(one, scope) for one in inputs]
         if call.type.kinds == Kind.INT and not any(one.find(exp.Column) for one in operands[1:]):
             # literals alone would have the smallest type
-            operands[0] = cast_literal(operands[0], get_column_type(given[0].type))
+            operands[0] = cast_literal(operands[0], get_column_type(inputs[0].type))
         return fill_operands(str(form.text), operands, dialect="duckdb")
     return None

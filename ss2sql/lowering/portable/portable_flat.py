@@ -39,20 +39,22 @@ def write_flat(query: plan.Query, variable: Callable[[str], Any] | None = None) 
         variable: gives the values of script variables; without it a query that reads one is refused.
     """
     portable = GroupedExpressions(variable)
-    limit = None if query.limit is None else portable.value(query.limit, PortableScope())
-    return FlatWriter(query, portable, RemoteSources(query, portable).open).select(limit)
+    limit = None if query.limit is None else portable.lower_value(query.limit, PortableScope())
+    return FlatWriter(query, portable, RemoteSources(query, portable).open_source).write_select(limit)
 
 
 class GroupedExpressions(PortableExpressions):
     """The expressions of a query that may have aggregates, whose arguments are seen as its rows are."""
 
-    def value(self, expr: plan.Expr, scope: PortableScope) -> Node:
-        return self._aggregate(expr, scope) if isinstance(expr, plan.Aggregate) else super().value(expr, scope)
+    def lower_value(self, expr: plan.Expr, scope: PortableScope) -> Node:
+        return (
+            self._lower_aggregate(expr, scope) if isinstance(expr, plan.Aggregate) else super().lower_value(expr, scope)
+        )
 
-    def _aggregate(self, expr: plan.Aggregate, scope: PortableScope) -> Node:
+    def _lower_aggregate(self, expr: plan.Aggregate, scope: PortableScope) -> Node:
         if expr.argument is None:
             return exp.Count(this=exp.Star())
-        argument = self.value(expr.argument, scope)
+        argument = self.lower_value(expr.argument, scope)
         for form in GROUPS[expr.function].portable:
             if form.when([expr.argument.type]):
                 return fill_operands(str(form.text), [argument], dialect="duckdb")
@@ -69,28 +71,28 @@ class FlatWriter:
         self.items: list[Node] = []
         self.places: list[Node] = []  # what sorts the sources
 
-    def select(self, limit: Node | None) -> exp.Select:
+    def write_select(self, limit: Node | None) -> exp.Select:
         query = self.query
         if query.offset is not None:
             raise build_refusal("OFFSET", query.offset.span, "leave the engine to ss2sql")
         for source in query.sources:
-            self._open(source)
-        where = None if query.where is None else self.portable.condition(query.where, self.name_scope)
+            self._open_source(source)
+        where = None if query.where is None else self.portable.lower_condition(query.where, self.name_scope)
         if query.aggregated:
             return self._write_groups(where, limit)
         if query.group:
             raise build_refusal("GROUP BY that makes parts is no SQL", query.group[0].span)
         outputs = [self._write_output(output, self.name_scope) for output in query.columns]
-        order = [*self._order(self.name_scope), *((place.copy(), False) for place in self.places)]
+        order = [*self._write_order(self.name_scope), *((place.copy(), False) for place in self.places)]
         return sql_builder.select(outputs, self.items, where, _drop_constant_keys(order), limit)
 
-    def _open(self, source: plan.Source) -> None:
+    def _open_source(self, source: plan.Source) -> None:
         for node in walk(source):
             if isinstance(node, (plan.Element, plan.Column)) and node.source in self.name_scope.sources:
                 raise build_refusal("what stands in FROM depends on another source", source.span)
         if isinstance(source, plan.QuerySource) and source.optional:
             raise build_refusal("LEFT JOIN", source.span, "leave the engine to ss2sql")
-        label = self.labels.free(source.name, "source")
+        label = self.labels.claim(source.name, "source")
         opened = (
             self._write_subquery(source, label) if isinstance(source, plan.QuerySource) else self.open(source, label)
         )
@@ -106,15 +108,15 @@ class FlatWriter:
         one = query.representation.name == "list" and len(query.columns) == 1
         if not one and query.representation.name != "dict":
             raise build_refusal("the elements of this query are no rows of columns", source.span)
-        select = self.inner(query).select(write_inner_limit(query))
+        select = self.make_inner_writer(query).write_select(write_inner_limit(query))
         names, found, outputs = ColumnNames(), dict[str | None, str](), list[Node]()
         for output, node in zip(query.columns, select.expressions, strict=True):
-            name = names.free(output.name, "element")
+            name = names.claim(output.name, "element")
             found[None if one else output.name] = name
             outputs.append(sql_builder.alias(cast_literal(node.unalias(), get_column_type(output.expr.type)), name))
         keys = _build_sort_columns(query, select)
         places = dict(
-            zip((NUMBER_COLUMN, *(names.free(NUMBER_COLUMN, NUMBER_COLUMN) for _ in keys[1:])), keys, strict=False)
+            zip((NUMBER_COLUMN, *(names.claim(NUMBER_COLUMN, NUMBER_COLUMN) for _ in keys[1:])), keys, strict=False)
         )
         select.set("expressions", [*(sql_builder.alias(key, name) for name, key in places.items()), *outputs])
         if query.limit is None:
@@ -122,38 +124,38 @@ class FlatWriter:
         sorting = tuple(sql_builder.column(name, label) for name in places)
         return PortableSource(sql_builder.derived(select, label), sorting, partial(build_named_column, label, found))
 
-    def inner(self, query: plan.Query) -> FlatWriter:
+    def make_inner_writer(self, query: plan.Query) -> FlatWriter:
         """What writes a query in FROM."""
-        return FlatWriter(query, self.portable, RemoteSources(query, self.portable).open)
+        return FlatWriter(query, self.portable, RemoteSources(query, self.portable).open_source)
 
     def _write_output(self, output: plan.Output, scope: PortableScope) -> Node:
         if output.star or output.label is not None:
             raise build_refusal("the names of these columns are not known", output.expr.span)
-        return self._named(self.portable.value(output.expr, scope), output.name)
+        return self._write_alias(self.portable.lower_value(output.expr, scope), output.name)
 
-    def _named(self, node: Node, name: str) -> Node:
+    def _write_alias(self, node: Node, name: str) -> Node:
         return sql_builder.alias(node, name)
 
-    def _order(self, scope: PortableScope) -> list[tuple[Node, bool]]:
-        return [(self.portable.value(key.expr, scope), key.descending) for key in self.query.order]
+    def _write_order(self, scope: PortableScope) -> list[tuple[Node, bool]]:
+        return [(self.portable.lower_value(key.expr, scope), key.descending) for key in self.query.order]
 
     # --- GROUP BY ----------------------------------------------------------------------------------------
 
     def _write_groups(self, where: Node | None, limit: Node | None) -> exp.Select:
         """One row for each group, in the order in which the groups appear."""
         query = self.query
-        keys = [self._key_of(key) for key in query.group]
+        keys = [self._find_group_key(key) for key in query.group]
         shown = [self._write_group_value(key, expr) for key, expr in zip(keys, query.group, strict=True)]
         scope = replace(self.name_scope, groups={(query.id, n): key for n, key in enumerate(shown)})
         outputs = [self._write_output(output, scope) for output in query.columns]
-        order = self._order(scope) + [(place, False) for place in self._write_group_order()] if keys else []
+        order = self._write_order(scope) + [(place, False) for place in self._write_group_order()] if keys else []
         select = sql_builder.select(outputs, self.items, where, _drop_constant_keys(order), limit)
         if keys:
             select.set("group", exp.Group(expressions=[key.copy() for key in keys]))
         if query.having is not None:
             if query.having.type.kinds != Kind.BOOL:
                 raise build_refusal("the truth of such a value is not the same everywhere", query.having.span)
-            select.set("having", exp.Having(this=self.portable.value(query.having, scope)))
+            select.set("having", exp.Having(this=self.portable.lower_value(query.having, scope)))
         return select
 
     def _write_group_order(self) -> list[Node]:
@@ -165,12 +167,11 @@ class FlatWriter:
         return [exp.Min(this=place.copy()) for place in self.places]
 
     def _write_group_value(self, key: Node, expr: plan.Expr) -> Node:
-        """The value of a group that is shown."""
         return key
 
-    def _key_of(self, expr: plan.Expr) -> Node:
+    def _find_group_key(self, expr: plan.Expr) -> Node:
         """What is grouped by; a number alone would be the position of a column."""
-        node, kind = self.portable.value(expr, self.name_scope), get_column_type(expr.type)
+        node, kind = self.portable.lower_value(expr, self.name_scope), get_column_type(expr.type)
         return node if node.find(exp.Column) or kind is None else cast_node(node, kind)
 
 

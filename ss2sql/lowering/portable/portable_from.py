@@ -43,17 +43,17 @@ class RemoteSources:
     def __init__(self, query: plan.Query, portable: PortableExpressions) -> None:
         self.query, self.portable = query, portable
 
-    def open(self, source: plan.Source, label: str) -> PortableSource:
+    def open_source(self, source: plan.Source, label: str) -> PortableSource:
         match source:
             case plan.TableSource(table=table):
-                places = tuple(sql_builder.column(name, label) for name in self._key(source))
+                places = tuple(sql_builder.column(name, label) for name in self._choose_sort_columns(source))
                 return PortableSource(sql_builder.table(table, label), places, partial(_build_column, label))
             case plan.ValueSource():
-                return write_values(source, label, self._elements(source))
+                return write_values(source, label, self._list_elements(source))
             case _:
                 raise build_refusal("worlds are read by Python", source.span)
 
-    def _key(self, source: plan.TableSource) -> tuple[str, ...]:
+    def _choose_sort_columns(self, source: plan.TableSource) -> tuple[str, ...]:
         """The columns that sort the rows of a table: its primary key."""
         keys = (columns for columns, index in source.indexes if not index)
         order = next(keys, ()) if source.order == ("rowid",) else source.order
@@ -70,10 +70,10 @@ class RemoteSources:
         """Whether there is one group at the most, whatever the rows are: it needs no order."""
         return self.query.aggregated and not any(map(list_sources, self.query.group))
 
-    def _elements(self, source: plan.ValueSource) -> Iterable[tuple[int, Any]]:
+    def _list_elements(self, source: plan.ValueSource) -> Iterable[tuple[int, Any]]:
         value = source.value
         if isinstance(value, plan.Variable) and self.portable.variable is not None:
-            elements = self.portable.known(value.name, source.span)
+            elements = self.portable.get_constant(value.name, source.span)
         else:
             elements = get_literal_elements(value)
             if elements is None:
@@ -101,7 +101,7 @@ def write_values(source: plan.ValueSource, label: str, elements: Iterable[tuple[
         written = get_column_type(kind)
         if written is None:
             raise build_refusal(f"the kind of {source.name if key is None else key} is not known", source.span)
-        found[key] = names.free(source.name if key is None else key, "element")
+        found[key] = names.claim(source.name if key is None else key, "element")
         kinds[found[key]] = written
     rows = [
         exp.Tuple(expressions=[sql_builder.number(n), *_write_row(element, columns, source)]) for n, element in elements

@@ -29,7 +29,7 @@ class ColumnNames:
     def __init__(self) -> None:
         self.taken = set(OWN_COLUMNS)
 
-    def free(self, wanted: str, otherwise: str) -> str:
+    def claim(self, wanted: str, otherwise: str) -> str:
         """The wanted name where it can stand without quotes and is not taken, which goes without case; else another."""
         base = wanted.lower() if is_plain_name(wanted) else otherwise
         name, count = base, 1

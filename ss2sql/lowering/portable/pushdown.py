@@ -17,7 +17,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import GROUPS, OPERATIONS
-from ss2sql.language.operations.operation import without_none
+from ss2sql.language.operations.operation import remove_none
 from ss2sql.language.plan_traversal import can_fail
 from ss2sql.language.rows import make_unique_name
 from ss2sql.lowering import sql_builder
@@ -90,7 +90,7 @@ def write_pushdown(query: plan.Query, outside: Callable[[plan.ValueSource], Exte
     """
     sources = _SourceWriter(outside)
     portable = _ExactExpressions()
-    select = _PushdownWriter(query, portable, sources.open).select(_write_limit(query.limit))
+    select = _PushdownWriter(query, portable, sources.open_source).write_select(_write_limit(query.limit))
     # Keys of ORDER BY that sort nothing are left out, and so are parameters that only they have.
     bound = {node.this for node in select.find_all(exp.Placeholder)}
     parameters = {label: name for label, name in portable.parameters.items() if label in bound}
@@ -98,10 +98,7 @@ def write_pushdown(query: plan.Query, outside: Callable[[plan.ValueSource], Exte
 
 
 def filter_table(
-    outside: ExternalTable,
-    source: plan.ValueSource,
-    conditions: Sequence[plan.Expr],
-    variable: Callable[[str], Any],
+    outside: ExternalTable, source: plan.ValueSource, conditions: Sequence[plan.Expr], variable: Callable[[str], Any]
 ) -> ExternalTable:
     """A table with those rows alone that keep all conditions. Raises UnsupportedError where these could mean something
     else.
@@ -139,7 +136,7 @@ def join_tables(
     labels, scope, label_of = ColumnNames(), PortableScope(), dict[int, str]()
     items, places = list[Node](), list[Node]()
     for source, outside in tables:
-        label = label_of[source.id] = labels.free(source.name, "source")
+        label = label_of[source.id] = labels.claim(source.name, "source")
         items.append(_add_label(outside.item, label))
         places.append(_build_column(outside.number, label))
         scope = scope.with_source(source.id, partial(_read_external_column, label, outside.columns, source.name))
@@ -152,7 +149,7 @@ def _write_conjunction(
     conditions: Sequence[plan.Expr], variable: Callable[[str], Any], scope: PortableScope
 ) -> Node | None:
     portable = PortableExpressions(variable)
-    return sql_builder.conjunction([portable.condition(condition, scope) for condition in conditions])
+    return sql_builder.conjunction([portable.lower_condition(condition, scope) for condition in conditions])
 
 
 def choose_number_column(columns: Iterable[str]) -> str:
@@ -175,7 +172,7 @@ class _SourceWriter:
         self.names = ColumnNames()
         self.count = 0
 
-    def open(self, source: plan.Source, label: str) -> PortableSource:
+    def open_source(self, source: plan.Source, label: str) -> PortableSource:
         self.count += 1
         match source:
             case plan.TableSource(table=table):
@@ -192,24 +189,26 @@ class _SourceWriter:
             return write_values(source, label, enumerate(spelt))
         if self.count > 1 and can_fail(source.value):
             raise build_refusal("the sources before decide whether this is evaluated, and it may fail", source.span)
-        return self._load(source, label)
+        return self._load_source(source, label)
 
-    def _load(self, source: plan.ValueSource, label: str) -> PortableSource:
+    def _load_source(self, source: plan.ValueSource, label: str) -> PortableSource:
         table = LoadedTable(
-            self.names.free(f"{FUNCTION_PREFIX}{source.name}", f"{FUNCTION_PREFIX}source"), source.value
+            self.names.claim(f"{FUNCTION_PREFIX}{source.name}", f"{FUNCTION_PREFIX}source"), source.value
         )
         self.loaded.append(table)
         kinds, names = get_element_columns(source), ColumnNames()
 
-        def read(expr: plan.Element | plan.Column) -> Node:
+        def read_column(expr: plan.Element | plan.Column) -> Node:
             key = expr.name if isinstance(expr, plan.Column) else None
             if get_column_type(kinds[key]) is None:
                 raise build_refusal(f"the kind of {source.name if key is None else key} is not known", expr.span)
             if key not in table.columns:
-                table.columns[key] = (names.free(source.name if key is None else key, "element"), kinds[key])
+                table.columns[key] = (names.claim(source.name if key is None else key, "element"), kinds[key])
             return sql_builder.column(table.columns[key][0], label)
 
-        return PortableSource(sql_builder.table(table.name, label), (sql_builder.column(NUMBER_COLUMN, label),), read)
+        return PortableSource(
+            sql_builder.table(table.name, label), (sql_builder.column(NUMBER_COLUMN, label),), read_column
+        )
 
 
 class _ExactExpressions(GroupedExpressions):
@@ -225,21 +224,21 @@ class _ExactExpressions(GroupedExpressions):
     def __init__(self) -> None:
         super().__init__()
         self.names = ColumnNames()
-        self.names.free(LIMIT_PARAMETER, LIMIT_PARAMETER)
+        self.names.claim(LIMIT_PARAMETER, LIMIT_PARAMETER)
         self.functions: dict[str, plan.Call | None] = {}
 
-    def label(self, name: str) -> str:
-        return self.names.free(name, "value")
+    def name_parameter(self, name: str) -> str:
+        return self.names.claim(name, "value")
 
-    def value(self, expr: plan.Expr, scope: PortableScope) -> Node:
+    def lower_value(self, expr: plan.Expr, scope: PortableScope) -> Node:
         if isinstance(expr, plan.Subquery) and _has_one_row(expr.query):
-            return exp.Subquery(this=self.rows_of(expr.query))
-        return super().value(expr, scope)
+            return exp.Subquery(this=self.write_rows(expr.query))
+        return super().lower_value(expr, scope)
 
-    def rows_of(self, query: plan.Query) -> Node:
+    def write_rows(self, query: plan.Query) -> Node:
         if len(query.columns) > 1 or query.search is not None:
             raise build_refusal("the elements of this query are no single values", query.span)
-        select = self.writer.inner(query).select(write_inner_limit(query))
+        select = self.writer.make_inner_writer(query).write_select(write_inner_limit(query))
         if query.limit is None:
             select.set("order", None)
         return select
@@ -251,26 +250,26 @@ class _ExactExpressions(GroupedExpressions):
         if row.value is None or row.volatility != "immutable" or None in kinds or not kinds:
             return None
         known = (other for other, call in self.functions.items() if call is not None and _is_same_function(call, expr))
-        function = next(known, None) or self.names.free(f"{FUNCTION_PREFIX}{name}", name)
+        function = next(known, None) or self.names.claim(f"{FUNCTION_PREFIX}{name}", name)
         self.functions[function] = expr
-        return exp.Anonymous(this=function, expressions=[self.value(one, scope) for one in expr.arguments])
+        return exp.Anonymous(this=function, expressions=[self.lower_value(one, scope) for one in expr.arguments])
 
-    def _aggregate(self, expr: plan.Aggregate, scope: PortableScope) -> Node:
+    def _lower_aggregate(self, expr: plan.Aggregate, scope: PortableScope) -> Node:
         argument = expr.argument
         if argument is None:
-            return super()._aggregate(expr, scope)
-        kind = without_none(argument.type)
+            return super()._lower_aggregate(expr, scope)
+        kind = remove_none(argument.type)
         floats = kind.kinds == Kind.FLOAT
-        if expr.function in EXACT_AGGREGATES and (floats or _gives_floats(expr, kind)):
+        if expr.function in EXACT_AGGREGATES and (floats or _gives_float_only(expr, kind)):
             return self._write_exact(EXACT_AGGREGATES[expr.function], argument, scope)
         if expr.function in ("min", "max") and floats:
             return self._write_extreme(expr, argument, scope)
-        return super()._aggregate(expr, scope)
+        return super()._lower_aggregate(expr, scope)
 
     def _write_exact(self, function: str, argument: plan.Expr, scope: PortableScope) -> Node:
         self.functions[function] = None
-        node = self.value(argument, scope)
-        if not argument.type.may(Kind.FLOAT):
+        node = self.lower_value(argument, scope)
+        if not argument.type.may_be(Kind.FLOAT):
             node = cast_node(node, "DOUBLE")
         values: Node = exp.Anonymous(this="LIST", expressions=[node])
         if is_nullable(argument.type):
@@ -280,17 +279,17 @@ class _ExactExpressions(GroupedExpressions):
 
     def _write_extreme(self, expr: plan.Aggregate, argument: plan.Expr, scope: PortableScope) -> Node:
         """`min` or `max`."""
-        node, kind = self.value(argument, scope), argument.type
+        node, kind = self.lower_value(argument, scope), argument.type
         found = (exp.Min if expr.function == "min" else exp.Max)(this=node)
         if (kind.low is not None and kind.low > 0) or (kind.high is not None and kind.high < 0):
             return found
         # 0.0 and -0.0 are equal; the first of them counts.
         zero = sql_builder.binary(exp.EQ, node.copy(), sql_builder.number(0))
-        first = exp.Filter(this=self.first(node.copy()), expression=exp.Where(this=zero))
+        first = exp.Filter(this=self.take_first(node.copy()), expression=exp.Where(this=zero))
         nonzero = exp.Anonymous(this="NULLIF", expressions=[found, sql_builder.number(0)])
         return exp.Coalesce(this=nonzero, expressions=[first])
 
-    def first(self, node: Node) -> Node:
+    def take_first(self, node: Node) -> Node:
         """The value in the first row of a group."""
         return exp.ArgMin(this=node, expression=_write_row_order(self.places))
 
@@ -308,11 +307,11 @@ def _has_one_row(query: plan.Query) -> bool:
     return query.representation.name == "value" and (whole or first)
 
 
-def _gives_floats(expr: plan.Aggregate, kind: Type) -> bool:
+def _gives_float_only(expr: plan.Aggregate, kind: Type) -> bool:
     """Whether integers, which are floats as well, make a float for which there is no form."""
     row = GROUPS[expr.function]
     known = any(form.when([kind]) for form in row.portable)
-    return not known and is_exact_as_float(kind) and not row.result(kind).may(Kind.INT)
+    return not known and is_exact_as_float(kind) and not row.result(kind).may_be(Kind.INT)
 
 
 class _PushdownWriter(FlatWriter):
@@ -324,18 +323,18 @@ class _PushdownWriter(FlatWriter):
         super().__init__(query, portable, open)
         portable.places, portable.writer = self.places, self
 
-    def inner(self, query: plan.Query) -> FlatWriter:
+    def make_inner_writer(self, query: plan.Query) -> FlatWriter:
         return _PushdownWriter(query, copy(self.portable), self.open)
 
-    def _named(self, node: Node, name: str) -> Node:
-        return super()._named(node, name) if is_plain_name(name) else node
+    def _write_alias(self, node: Node, name: str) -> Node:
+        return super()._write_alias(node, name) if is_plain_name(name) else node
 
     def _write_group_order(self) -> list[Node]:
         return [exp.Min(this=_write_row_order(self.places))]
 
     def _write_group_value(self, key: Node, expr: plan.Expr) -> Node:
         # Of 0.0 and -0.0, which are equal, the first is shown.
-        return self.portable.first(key.copy()) if expr.type.may(Kind.FLOAT) else key
+        return self.portable.take_first(key.copy()) if expr.type.may_be(Kind.FLOAT) else key
 
 
 def _write_row_order(places: list[Node]) -> Node:

@@ -54,7 +54,7 @@ class StepSelect:
     goal: bool | None  # of every row; None: it depends on the row
     goes_on: bool | None  # likewise
 
-    def after(self, state: Sequence[Any] | None) -> dict[TypedColumn, Any]:
+    def match_columns(self, state: Sequence[Any] | None) -> dict[TypedColumn, Any]:
         """The columns that have a state, with their values; none where there is no state."""
         return {} if state is None else dict(zip(self.states, state, strict=True))
 
@@ -66,7 +66,7 @@ def write_steps(query: plan.Query, apart: bool = False) -> StepSelect:
         query: the search.
         apart: the states that are expanded have a table `frontier` of their own.
     """
-    return _StepWriter(query).written(apart)
+    return _StepWriter(query).write_steps(apart)
 
 
 class _StepWriter:
@@ -76,20 +76,22 @@ class _StepWriter:
         self.portable = PortableExpressions()
         self.reads: list[tuple[plan.Element | plan.Column, TypedColumn]] = []
         for source in query.sources:
-            self._check(source)
+            self._check_source(source)
         for node in walk(query):
             if isinstance(node, plan.Call) and not node.function.builtin:
                 raise build_refusal(f"{node.function.name} is a Python function", node.span)
         self.names, self.element_names = ColumnNames(), ColumnNames()
         assigned = {expr: name for name, expr in self.search.connect}
         self.rows = tuple(
-            TypedColumn(self.names.free(assigned.get(output.expr, output.name), "row"), self._get_sql_type(output.expr))
+            TypedColumn(
+                self.names.claim(assigned.get(output.expr, output.name), "row"), self._get_sql_type(output.expr)
+            )
             for output in query.columns
         )
-        self.states = self._states()
+        self.states = self._list_state_columns()
         scope = PortableScope()
         for source in query.sources:
-            scope = scope.with_source(source.id, partial(self._read, source))
+            scope = scope.with_source(source.id, partial(self._read_column, source))
         before = {(query.id, name): sql_builder.column(kept.name, "frontier") for name, kept in self.states}
         self.name_scope = PortableScope(scope.sources, before)
 
@@ -98,11 +100,11 @@ class _StepWriter:
         found = get_column_type(kind)
         if found is None or is_nullable(kind):
             raise build_refusal("the kind of this value is not known, or may be None", expr.span)
-        if kind.may(Kind.FLOAT) and self.search.repeats != "allowed":
+        if kind.may_be(Kind.FLOAT) and self.search.repeats != "allowed":
             raise build_refusal("rows with floats are not compared in the same way everywhere", expr.span)
         return found
 
-    def _states(self) -> list[tuple[str, TypedColumn]]:
+    def _list_state_columns(self) -> list[tuple[str, TypedColumn]]:
         """The column for each START WITH variable."""
         shown = {output.expr: column for output, column in zip(self.query.columns, self.rows, strict=True)}
         at_once, kinds = find_direct_assignments(self.query), dict(self.search.states)
@@ -114,11 +116,11 @@ class _StepWriter:
             column = shown.get(at_once[name]) if name in at_once else None
             # Two that are equal after each step can differ at the start.
             if column is None or column.type != kind or any(column == other for _, other in states):
-                column = TypedColumn(self.names.free(name, "state"), kind)
+                column = TypedColumn(self.names.claim(name, "state"), kind)
             states.append((name, column))
         return states
 
-    def _check(self, source: plan.Source) -> None:
+    def _check_source(self, source: plan.Source) -> None:
         """That the source has the same elements for all states."""
         own = {other.id for other in self.query.sources}
         for node in walk(source):
@@ -127,17 +129,17 @@ class _StepWriter:
             if isinstance(node, (plan.Element, plan.Column)) and node.source in own:
                 raise build_refusal("what stands in FROM depends on another source", source.span)
 
-    def _read(self, source: plan.Source, expr: plan.Element | plan.Column) -> Node:
+    def _read_column(self, source: plan.Source, expr: plan.Element | plan.Column) -> Node:
         for known, column in self.reads:
             if known == expr:
                 return sql_builder.column(column.name, "elements")
         kind = get_column_type(expr.type)
-        assert kind is not None, "`PortableExpressions.value` has looked"
+        assert kind is not None, "`PortableExpressions.lower_value` has looked"
         name = expr.name if isinstance(expr, plan.Column) else source.name
-        self.reads.append((expr, TypedColumn(self.element_names.free(name, "element"), kind)))
+        self.reads.append((expr, TypedColumn(self.element_names.claim(name, "element"), kind)))
         return sql_builder.column(self.reads[-1][1].name, "elements")
 
-    def _elements(self) -> plan.Query:
+    def _query_elements(self) -> plan.Query:
         """What is read of the sources, for each combination in their order."""
         columns = tuple(plan.Output(column.name, expr) for expr, column in self.reads)
         return replace(
@@ -156,16 +158,16 @@ class _StepWriter:
 
     # --- the statement -----------------------------------------------------------------------------------
 
-    def written(self, apart: bool) -> StepSelect:
+    def write_steps(self, apart: bool) -> StepSelect:
         goal, goes_on, kept = self._write_flags()
         place: Node = sqlglot.parse_one(f"frontier.step * {MAX_ELEMENTS} + elements.nth", read="duckdb")
         outputs: list[Node] = [sql_builder.alias(place, "place")]
         for output, column in zip(self.query.columns, self.rows, strict=True):
-            outputs.append(self._column(self.portable.value(output.expr, self.name_scope), column))
+            outputs.append(self._cast_column(self.portable.lower_value(output.expr, self.name_scope), column))
         outputs += [sql_builder.alias(goal, "goal"), sql_builder.alias(goes_on, "goes_on")]
-        following = self._following()
+        following = self._write_next_state()
         own = [(name, column) for name, column in self.states if column not in self.rows]
-        outputs += [self._column(following[name], column) for name, column in own]
+        outputs += [self._cast_column(following[name], column) for name, column in own]
         expanded: Node = sqlglot.parse_one("frontier.depth = :depth - 1 AND frontier.goes_on", read="duckdb")
         frontier = sql_builder.table("frontier", "frontier") if apart else sql_builder.table("steps", "frontier")
         where = sql_builder.conjunction(kept if apart else [expanded, *kept])
@@ -177,7 +179,7 @@ class _StepWriter:
             tuple(column for _, column in own),
             states,
             tuple(column for _, column in self.reads),
-            self._elements(),
+            self._query_elements(),
             self.portable.parameters,
             _get_constant_truth(goal),
             _get_constant_truth(goes_on),
@@ -186,22 +188,24 @@ class _StepWriter:
     def _write_flags(self) -> tuple[Node, Node, list[Node]]:
         """Whether a step is a goal, whether the search goes on from it, and the conditions of those that are kept."""
         where, stop = self.query.where, self.search.stop
-        goal = exp.true() if where is None else self.portable.condition(where, self.name_scope)
+        goal = exp.true() if where is None else self.portable.lower_condition(where, self.name_scope)
         if stop is None:
             return goal, exp.true(), []
-        goes_on = negate_condition(self.portable.condition(stop, self.name_scope))
+        goes_on = negate_condition(self.portable.lower_condition(stop, self.name_scope))
         if where is None:
             return goal, exp.true(), [goes_on]  # what stops leaves no trace
         return goal, goes_on, [sql_builder.disjunction([goes_on.copy(), goal.copy()])]
 
-    def _following(self) -> dict[str, Node]:
+    def _write_next_state(self) -> dict[str, Node]:
         """The state after a step; a later assignment sees an earlier one."""
         states = dict(self.name_scope.states)
         for name, expr in self.search.connect:
-            states[self.query.id, name] = self.portable.value(expr, PortableScope(self.name_scope.sources, states))
+            states[self.query.id, name] = self.portable.lower_value(
+                expr, PortableScope(self.name_scope.sources, states)
+            )
         return {name: states[self.query.id, name].copy() for name, _ in self.search.start}
 
-    def _column(self, node: Node, column: TypedColumn) -> Node:
+    def _cast_column(self, node: Node, column: TypedColumn) -> Node:
         return sql_builder.alias(cast_literal(node, column.type), column.name)
 
 

@@ -16,23 +16,23 @@ def get_column_type(kind: Type) -> str | None:
     plain = kind.kinds & ~Kind.NONE
     if plain in SCALARS:
         return SCALARS[plain]
-    if plain == Kind.LIST and kind.item is not None and not kind.item.may(Kind.NONE):
+    if plain == Kind.LIST and kind.item is not None and not kind.item.may_be(Kind.NONE):
         inner = get_column_type(kind.item)
-        return None if inner is None or kind.item.may(Kind.FLOAT) else f"{inner}[]"
+        return None if inner is None or kind.item.may_be(Kind.FLOAT) else f"{inner}[]"
     return None
 
 
 def is_nullable(kind: Type) -> bool:
-    return kind.may(Kind.NONE)
+    return kind.may_be(Kind.NONE)
 
 
 def is_integer(kind: Type) -> bool:
-    return kind.kinds == Kind.INT and kind.bounded(2**63 - 1)
+    return kind.kinds == Kind.INT and kind.is_bounded(2**63 - 1)
 
 
 def is_exact_as_float(kind: Type) -> bool:
     """Whether the values are numbers that are the same as floats, whichever of both they are."""
-    return kind.kinds == Kind.FLOAT or (kind.kinds == Kind.INT and kind.bounded(MAX_EXACT_INTEGER))
+    return kind.kinds == Kind.FLOAT or (kind.kinds == Kind.INT and kind.is_bounded(MAX_EXACT_INTEGER))
 
 
 def cast_node(node: exp.Expr, kind: str) -> exp.Expr:

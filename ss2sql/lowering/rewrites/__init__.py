@@ -100,8 +100,7 @@ REWRITES: dict[str, Rewrite] = {
         "what rows must equal is looked up, not found by trying all",
     ),
     "positions": Rewrite(
-        "reads this[0] of short lists as a column of their source",
-        "elements of short lists are read as columns",
+        "reads this[0] of short lists as a column of their source", "elements of short lists are read as columns"
     ),
     "cells": Rewrite(
         "finds grid[y][x], and [x, y] IN points, by its place in a BLOB",

@@ -11,7 +11,7 @@ from typing import Any
 
 from ss2sql.errors import Span
 from ss2sql.language import plan
-from ss2sql.language.plan_traversal import can_fail, rebuild, walk
+from ss2sql.language.plan_traversal import can_fail, rebuild_node, walk
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 
 _OF_GROUPS = (plan.Aggregate, plan.GroupKey)
@@ -21,7 +21,7 @@ def resolve_constant_string(node: plan.Eval, world: RewriteContext) -> plan.Expr
     """What a constant text stands for; None where that has to wait."""
     if not isinstance(node.text, plan.Constant) or not isinstance(node.text.value, str):
         return None
-    if node.scope is None or any(level.grouped for level in node.scope.outwards()):
+    if node.scope is None or any(level.grouped for level in node.scope.iterate_outwards()):
         return None
     expr = world.read(node.text.value, node.scope)
     if expr is None or can_fail(expr):
@@ -39,5 +39,5 @@ def resolve_constant_string(node: plan.Eval, world: RewriteContext) -> plan.Expr
 
 def move_to_span(node: Any, span: Span) -> Any:
     """The node with everything in it at one place of the script, where its text stands."""
-    node = rebuild(node, lambda part: move_to_span(part, span))
+    node = rebuild_node(node, lambda part: move_to_span(part, span))
     return replace(node, span=span, place=span) if isinstance(node, plan.Call) else replace(node, span=span)

@@ -15,7 +15,7 @@ from typing import Any
 
 from ss2sql.errors import Error
 from ss2sql.language import plan
-from ss2sql.language.kinds import covers
+from ss2sql.language.kinds import is_covering
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import is_volatile
 from ss2sql.lowering.rewrites.plan_nodes import is_true, make_bool, make_constant, rewrite_bottom_up
@@ -38,7 +38,7 @@ def fold_node(node: Any) -> Any:
         case plan.Not(operand=plan.Constant() as known):
             return make_constant(not is_true(known), node.span)
         case plan.If(condition=plan.Constant() as known):
-            return _take_branch(node, node.then if is_true(known) else node.otherwise)
+            return _keep_branch(node, node.then if is_true(known) else node.otherwise)
         case plan.MakeList(items=items) if all(isinstance(item, plan.Constant) for item in items):
             return _make_small_constant([item.value for item in items if isinstance(item, plan.Constant)], node)
         case plan.Query():
@@ -68,7 +68,7 @@ def _fold_call(call: plan.Call) -> plan.Expr:
     types = tuple(argument.type for argument in call.arguments)
     # What cannot fail where it stands, after a condition perhaps, never can.
     kind, raises = row.result(types), call.function.raises and row.can_fail(types)
-    if raises == call.function.raises and covers(kind, call.type):
+    if raises == call.function.raises and is_covering(kind, call.type):
         return call
     return replace(call, type=kind, function=replace(call.function, raises=raises))
 
@@ -114,7 +114,7 @@ def _fold_exclusive(node: plan.Xor, left: plan.Expr, right: plan.Expr) -> plan.E
     return node
 
 
-def _take_branch(node: plan.If, branch: tuple[plan.Expr, ...]) -> plan.Expr:
+def _keep_branch(node: plan.If, branch: tuple[plan.Expr, ...]) -> plan.Expr:
     """The value of the branch that is always taken."""
     return node if any(map(is_volatile, branch[:-1])) else branch[-1]
 

@@ -71,7 +71,7 @@ def _build_box(part: plan.Expr, number: Mapping[int, int], sources: Sources) -> 
             pass
         case _:
             return []
-    if not radius.type.only(_NUMBER):
+    if not radius.type.is_only(_NUMBER):
         return []
     places = _find_points(away, sources)
     if places is None:
@@ -113,7 +113,7 @@ def _find_point(expr: plan.Expr, sources: Sources) -> Point | None:
 
 def _get_coordinates(expr: plan.Expr) -> tuple[plan.Expr, ...]:
     positions = expr.type.positions
-    if not expr.type.only(Kind.LIST) or positions is None or len(positions) not in (2, 3):
+    if not expr.type.is_only(Kind.LIST) or positions is None or len(positions) not in (2, 3):
         return ()
     match expr:
         case plan.MakeList(items=items):
@@ -128,7 +128,7 @@ def _get_coordinates(expr: plan.Expr) -> tuple[plan.Expr, ...]:
 
 
 def _is_plain(expr: plan.Expr) -> bool:
-    return expr.type.only(_NUMBER) and expr.type.bounded(MAX_DISTANCE) and not can_fail(expr)
+    return expr.type.is_only(_NUMBER) and expr.type.is_bounded(MAX_DISTANCE) and not can_fail(expr)
 
 
 def _supports_ranges(source: plan.WorldSource, place: Point) -> bool:

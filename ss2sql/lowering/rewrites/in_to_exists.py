@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Any
 
 from ss2sql.language import plan
-from ss2sql.language.kinds import BOOL, NONE, union
+from ss2sql.language.kinds import BOOL, NONE, unite
 from ss2sql.language.plan_traversal import (
     has_query,
     is_exists,
@@ -52,7 +52,7 @@ def _rewrite_node(node: Any) -> Any:
                 representation=plan.Representation("value"),
             )
             assert is_exists(found)
-            question = plan.Subquery(found, union((BOOL, NONE)), span=node.span)
+            question = plan.Subquery(found, unite((BOOL, NONE)), span=node.span)
             return make_call("ne" if name == "in" else "eq", question, make_constant(None, node.span), span=node.span)
         case _:
             return node

@@ -37,7 +37,7 @@ def _inline_calls(query: plan.Query, inliner: Inliner) -> plan.Query:
         return query
     inliner.sources.update((node.id, node) for node in walk(query) if isinstance(node, plan.SOURCES))
 
-    def change(node: Any) -> Any:
-        return inliner.call(node) if isinstance(node, plan.Call) and node.function.body is not None else node
+    def inline_call(node: Any) -> Any:
+        return inliner.inline_call(node) if isinstance(node, plan.Call) and node.function.body is not None else node
 
-    return rewrite_bottom_up(query, change)
+    return rewrite_bottom_up(query, inline_call)

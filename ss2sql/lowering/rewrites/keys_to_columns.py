@@ -32,7 +32,7 @@ def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
         ):
             columns[source.id] = known
 
-    def change(node: Any) -> Any:
+    def replace_node(node: Any) -> Any:
         match node:
             case plan.Call(
                 function=plan.Function(name="item", builtin=True),
@@ -42,19 +42,19 @@ def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
             case plan.Call(
                 function=plan.Function(name="item", builtin=True),
                 arguments=(plan.Column(source=source, name=name), plan.Constant(value=int(index), type=kind)),
-            ) if source in worlds and kind.only(Kind.INT):
+            ) if source in worlds and kind.is_only(Kind.INT):
                 items = worlds[source].table.schema.items.get(name, ())
                 if -len(items) <= index < len(items):
                     return make_column(worlds[source], items[index], node.span)
         return node
 
-    return rewrite_bottom_up(query, change) if columns or worlds else query
+    return rewrite_bottom_up(query, replace_node) if columns or worlds else query
 
 
 def _find_common_columns(source: plan.TableSource | plan.ValueSource | plan.QuerySource) -> dict[str, Type]:
     """The columns that every element of a source has."""
     if isinstance(source, plan.TableSource):
         return dict(source.columns)
-    if not source.element.only(Kind.DICT) or source.columns is None:
+    if not source.element.is_only(Kind.DICT) or source.columns is None:
         return {}
-    return {name: kind for name, kind in source.columns if not kind.may(Kind.NONE)}
+    return {name: kind for name, kind in source.columns if not kind.may_be(Kind.NONE)}

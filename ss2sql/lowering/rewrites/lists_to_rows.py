@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
-from ss2sql.language.plan_traversal import can_fail, rebuild, walk
+from ss2sql.language.plan_traversal import can_fail, rebuild_node, walk
 from ss2sql.lowering.rewrites.plan_nodes import rewrite_bottom_up
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 
@@ -40,20 +40,20 @@ def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
             sources.pop(node.expr.source, None)
     names: dict[int, Names] = {number: {source.query.columns[0].expr: "this"} for number, source in sources.items()}
 
-    def read(node: Any) -> Any:
+    def read_row(node: Any) -> Any:
         number = _find_source_read(node)
         expr = None if number is None or number not in sources else _translate_read(node, sources[number])
         if number is None or expr is None:
-            return rebuild(node, read)
+            return rebuild_node(node, read_row)
         name = names[number].setdefault(expr, f"this_{len(names[number])}")
         return plan.Column(number, name, expr.type, span=node.span)
 
-    def change(node: Any) -> Any:
+    def replace_source(node: Any) -> Any:
         return (
             _make_row_source(node, names[node.id]) if isinstance(node, plan.QuerySource) and node.id in names else node
         )
 
-    return rewrite_bottom_up(read(query), change) if sources else query
+    return rewrite_bottom_up(read_row(query), replace_source) if sources else query
 
 
 def _is_list_query(query: plan.Query) -> bool:

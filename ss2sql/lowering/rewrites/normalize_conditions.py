@@ -154,7 +154,7 @@ def _merge_equalities(parts: list[plan.Expr], is_or: bool) -> list[plan.Expr]:
     values: list[Any] = []
     item: plan.Expr | None = None
 
-    def close() -> None:
+    def close_run() -> None:
         if item is not None and len(run) >= MIN_MEMBERS:
             span = run[0].span
             known = make_constant(list(values), span)
@@ -167,14 +167,14 @@ def _merge_equalities(parts: list[plan.Expr], is_or: bool) -> list[plan.Expr]:
     for part in parts:
         found = _get_constant_comparison(part, "eq" if is_or else "ne")
         if found is None or (run and found[0] != item):
-            close()
+            close_run()
         if found is None:
             result.append(part)
             continue
         item = found[0]
         run.append(part)
         values.append(found[1])
-    close()
+    close_run()
     return result
 
 
@@ -191,5 +191,5 @@ def _get_constant_comparison(expr: plan.Expr, operator: str) -> tuple[plan.Expr,
 def _can_share_membership(item: Type, known: Type) -> bool:
     """Whether IN compares them no slower than == does: of one class for SQLite, or not of one anyway."""
     classes = (Kind.INT | Kind.FLOAT, Kind.STR)
-    plain = any(item.only(kind | Kind.NONE) for kind in classes)
-    return not plain or any(item.only(kind) and known.only(kind) for kind in classes)
+    plain = any(item.is_only(kind | Kind.NONE) for kind in classes)
+    return not plain or any(item.is_only(kind) and known.is_only(kind) for kind in classes)

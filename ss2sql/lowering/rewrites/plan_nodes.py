@@ -14,7 +14,7 @@ from ss2sql.errors import Span
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, is_flag, type_of
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import rebuild
+from ss2sql.language.plan_traversal import rebuild_node
 from ss2sql.language.values import get_truth
 
 Node = TypeVar("Node")
@@ -29,7 +29,7 @@ def rewrite_bottom_up(node: Node, change: Callable[[Any], Any]) -> Node:
     Columns of queries in FROM, and group values, keep to a type that is bool alone, or is not: those who read them
     go by their type, and a bool travels in another form through SQL.
     """
-    new: Any = rebuild(node, lambda part: rewrite_bottom_up(part, change))
+    new: Any = rebuild_node(node, lambda part: rewrite_bottom_up(part, change))
     if new is not node and isinstance(new, plan.QuerySource) and isinstance(node, plan.QuerySource):
         pairs = zip(node.query.columns, new.query.columns, strict=True)
         columns = tuple(after if _has_same_form(before.expr, after.expr) else before for before, after in pairs)
@@ -54,7 +54,7 @@ def is_true(node: plan.Constant) -> bool:
 
 
 def make_bool(expr: plan.Expr) -> plan.Expr:
-    if expr.type.only(Kind.BOOL):
+    if expr.type.is_only(Kind.BOOL):
         return expr
     return plan.Not(plan.Not(expr, BOOL, span=expr.span), BOOL, span=expr.span)
 
@@ -75,7 +75,7 @@ def make_disjunction(parts: list[plan.Expr], span: Span) -> plan.Expr:
 
 def make_call(name: str, *arguments: plan.Expr, span: Span) -> plan.Call:
     row, types = OPERATIONS[name], tuple(argument.type for argument in arguments)
-    return plan.Call(row.function(types), arguments, row.result(types), span=span, place=span)
+    return plan.Call(row.make_function(types), arguments, row.result(types), span=span, place=span)
 
 
 def negate_expression(expr: plan.Expr) -> plan.Expr:

@@ -11,7 +11,7 @@ from typing import Any
 from ss2sql.errors import Error
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.kinds import Type, covers, type_of
+from ss2sql.language.kinds import Type, is_covering, type_of
 
 MAX_ELEMENTS = 1_000
 _PLAIN = frozenset({NoneType, bool, int, float, str})
@@ -37,7 +37,7 @@ class RewriteContext:
         known = self.lists[name] = fingerprint_list(value)
         return None if known is None else list(value)
 
-    def forget(self) -> None:
+    def forget_values(self) -> None:
         """Relies on no values: the query may change its variables itself.
 
         That a list is not known is still relied on: with its value, texts could be read that may change variables.
@@ -45,14 +45,14 @@ class RewriteContext:
         self.fixed = False
         self.lists = {name: None for name, known in self.lists.items() if known is None}
 
-    def holds(self, variable: Callable[[str], Any]) -> bool:
+    def is_still_valid(self, variable: Callable[[str], Any]) -> bool:
         """Whether all that the query relies on is so, with the values that `variable` gives."""
         for name, known in self.lists.items():
             if fingerprint_list(_get_value_or_none(variable, name)) != known:
                 return False
         for name, kind in self.types.items():
             try:
-                if not covers(kind, type_of(variable(name))):
+                if not is_covering(kind, type_of(variable(name))):
                     return False
             except (Error, KeyError):
                 return False

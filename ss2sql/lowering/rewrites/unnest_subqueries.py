@@ -17,7 +17,7 @@ from typing import Any, TypeAlias
 
 from ss2sql.errors import Span
 from ss2sql.language import plan
-from ss2sql.language.kinds import Kind, union
+from ss2sql.language.kinds import Kind, unite
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import can_fail, walk
 from ss2sql.lowering.rewrites.constant_eval import resolve_constant_string
@@ -46,14 +46,14 @@ def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
     asks = any(isinstance(node, (plan.Subquery, plan.Eval)) for node in walk(query))
     if not asks or not COMPARISONS.isdisjoint(world.replaced):
         return query
-    rewritten = SubqueryUnnester(world).query(query)
-    if _may_assign(rewritten, {*world.lists, *world.types}):
-        world.forget()
-        return SubqueryUnnester(world).query(query)
+    rewritten = SubqueryUnnester(world).unnest_query(query)
+    if _can_assign(rewritten, {*world.lists, *world.types}):
+        world.forget_values()
+        return SubqueryUnnester(world).unnest_query(query)
     return rewritten
 
 
-def _may_assign(query: plan.Query, names: Collection[str]) -> bool:
+def _can_assign(query: plan.Query, names: Collection[str]) -> bool:
     """Whether the query itself may change one of the variables while it runs."""
     return bool(names) and any(
         isinstance(node, (plan.Eval, plan.AssignLate))
@@ -68,39 +68,39 @@ class SubqueryUnnester:
     def __init__(self, world: RewriteContext) -> None:
         self.world = world
 
-    def query(self, query: plan.Query) -> plan.Query:
-        return rewrite_bottom_up(query, self.changed)
+    def unnest_query(self, query: plan.Query) -> plan.Query:
+        return rewrite_bottom_up(query, self.unnest_node)
 
-    def changed(self, node: Any) -> Any:
+    def unnest_node(self, node: Any) -> Any:
         """The node, whose parts are rewritten already, rewritten."""
         match node:
             case plan.Call(function=plan.Function(builtin=True)):
                 known = fold_node(node)  # a text that was read has told more of its type
-                return self.call(known) if isinstance(known, plan.Call) else known
+                return self.unnest_call(known) if isinstance(known, plan.Call) else known
             case plan.And(parts=parts) | plan.Or(parts=parts):
-                tested = tuple(map(self.tested, parts))
+                tested = tuple(map(self.unnest_test, parts))
                 return node if _are_identical(tested, parts) else fold_node(replace(node, parts=tested))
             case plan.Not(operand=operand):
-                test = self.tested(operand)
+                test = self.unnest_test(operand)
                 return node if test is operand else fold_node(replace(node, operand=test))
             case plan.If(condition=condition):
-                test = self.tested(condition)
+                test = self.unnest_test(condition)
                 return node if test is condition else fold_node(replace(node, condition=test))
             case plan.Query(where=where) if where is not None:
-                test = self.tested(where)
+                test = self.unnest_test(where)
                 return node if test is where else fold_node(replace(node, where=test))
             case plan.Search(stop=stop) if stop is not None:
-                test = self.tested(stop)
+                test = self.unnest_test(stop)
                 return node if test is stop else replace(node, stop=test)
             case plan.Eval():
                 return resolve_constant_string(node, self.world) or node
             case _:
                 return node
 
-    def rows(self, expr: plan.Expr) -> list[UnrolledRow] | None:
+    def unroll_subquery(self, expr: plan.Expr) -> list[UnrolledRow] | None:
         return unroll_rows(expr.query, self.world) if isinstance(expr, plan.Subquery) else None
 
-    def tested(self, expr: plan.Expr) -> plan.Expr:
+    def unnest_test(self, expr: plan.Expr) -> plan.Expr:
         """An expression of which only the truth counts: a list is true if it has elements."""
         found = self.rewrite_row_test(_get_counted_query(expr) or expr, True, expr.span)
         return expr if found is None else found
@@ -113,12 +113,12 @@ class SubqueryUnnester:
         if found is not None:
             item, values = found
             return make_call("in" if wanted else "not_in", item, values, span=span)
-        rows = self.rows(expr)
+        rows = self.unroll_subquery(expr)
         return None if rows is None else _make_some_row_test(rows, span) if wanted else _make_no_row_test(rows, span)
 
     # --- comparisons -----------------------------------------------------------------------------------
 
-    def call(self, call: plan.Call) -> plan.Expr:
+    def unnest_call(self, call: plan.Call) -> plan.Expr:
         """A comparison or membership with a nested query on one side, as conditions."""
         name = call.function.name
         new: plan.Expr | None = None
@@ -127,12 +127,12 @@ class SubqueryUnnester:
         elif name in MIRRORED_COMPARISONS:
             one, other = call.arguments
             if isinstance(other, plan.Constant):
-                new = self.comparison(name, one, other, call.span)
+                new = self.unnest_comparison(name, one, other, call.span)
             elif isinstance(one, plan.Constant):
-                new = self.comparison(MIRRORED_COMPARISONS[name], other, one, call.span)
+                new = self.unnest_comparison(MIRRORED_COMPARISONS[name], other, one, call.span)
         return new or call
 
-    def comparison(self, name: str, value: plan.Expr, known: plan.Constant, span: Span) -> plan.Expr | None:
+    def unnest_comparison(self, name: str, value: plan.Expr, known: plan.Constant, span: Span) -> plan.Expr | None:
         """`query == []`, `len(query) > 2`, `max(query) == 3` and their kin."""
         if known.value == [] and name in ("eq", "ne"):
             return self.rewrite_row_test(value, name == "ne", span)
@@ -140,22 +140,28 @@ class SubqueryUnnester:
         if counted is not None and type(known.value) is int:
             if (name, known.value) in (("eq", 0), ("lt", 1), ("le", 0), ("ne", 0), ("gt", 0), ("ge", 1)):
                 return self.rewrite_row_test(counted, name in ("ne", "gt", "ge"), span)
-            rows = self.rows(counted)
+            rows = self.unroll_subquery(counted)
             width = len(counted.query.columns) if counted.query.representation.name == "list" else 1
-            return None if rows is None else self.count(name, rows, width, known.value, span)
+            return None if rows is None else self.compare_count(name, rows, width, known.value, span)
         match value:
             case plan.Call(function=plan.Function(name="max" | "min" as extreme, builtin=True), arguments=(query,)):
                 return self.rewrite_extreme(name, extreme, query, known, span)
             case _:
                 return None
 
-    def count(self, name: str, rows: list[UnrolledRow], width: int, number: int, span: Span) -> plan.Expr | None:
+    def compare_count(
+        self, name: str, rows: list[UnrolledRow], width: int, number: int, span: Span
+    ) -> plan.Expr | None:
         """The number of rows, of `width` elements each, compared with a constant."""
         match name:
             case "eq" | "ne":
                 least, rest = divmod(number, width)
                 assert number, "whether there are rows is asked in another way"
-                return make_constant(name == "ne", span) if rest or least < 0 else self.total(name, rows, least, span)
+                return (
+                    make_constant(name == "ne", span)
+                    if rest or least < 0
+                    else self.compare_total(name, rows, least, span)
+                )
             case "lt" | "ge":
                 least = -(-number // width)
             case _:
@@ -165,14 +171,14 @@ class SubqueryUnnester:
             return make_constant(enough is (least <= 0), span)
         if least == 1:
             return _make_some_row_test(rows, span) if enough else _make_no_row_test(rows, span)
-        return self.total("ge" if enough else "lt", rows, least, span)
+        return self.compare_total("ge" if enough else "lt", rows, least, span)
 
-    def total(self, name: str, rows: list[UnrolledRow], number: int, span: Span) -> plan.Expr | None:
+    def compare_total(self, name: str, rows: list[UnrolledRow], number: int, span: Span) -> plan.Expr | None:
         """The number of rows that pass, as a sum, compared with a number."""
         if len(rows) > MAX_COUNTED:
             return None
         one, zero = make_constant(1, span), make_constant(0, span)
-        kind = union((one.type, zero.type))
+        kind = unite((one.type, zero.type))
         total: plan.Expr = zero
         for row in rows:
             counts = fold_node(plan.If(row.passes, (one,), (zero,), kind, span=span))
@@ -183,21 +189,21 @@ class SubqueryUnnester:
         self, name: str, extreme: str, query: plan.Expr, known: plan.Constant, span: Span
     ) -> plan.Expr | None:
         """The greatest or least value compared with a constant. Of no rows it is None, which has no order."""
-        rows = self.rows(query)
+        rows = self.unroll_subquery(query)
         if not rows or not isinstance(query, plan.Subquery) or query.query.representation.name != "list":
             return None
         compared = (known, *(value for row in rows for value in row.columns))
-        if not any(all(value.type.only(kind) for value in compared) for kind in (Kind.NUMBER, Kind.STR)):
+        if not any(all(value.type.is_only(kind) for value in compared) for kind in (Kind.NUMBER, Kind.STR)):
             return None
 
-        def against(operator: str) -> Test:
+        def compare_with(operator: str) -> Test:
             return lambda value: fold_node(make_call(operator, value, known, span=span))
 
         beyond = "gt" if extreme == "max" else "lt"
         if name in ("eq", "ne"):
             reached, exceeded = (
-                _make_some_row_test(rows, span, against("eq")),
-                _make_some_row_test(rows, span, against(beyond)),
+                _make_some_row_test(rows, span, compare_with("eq")),
+                _make_some_row_test(rows, span, compare_with(beyond)),
             )
             equal = _make_bool(
                 fold_node(plan.And((reached, _make_bool(fold_node(negate_expression(exceeded)))), span=span))
@@ -206,9 +212,9 @@ class SubqueryUnnester:
         if not all(isinstance(row.passes, plan.Constant) and is_true(row.passes) for row in rows):
             return None
         if name[0] == beyond[0]:
-            return _make_some_row_test(rows, span, against(name))
+            return _make_some_row_test(rows, span, compare_with(name))
         return _make_bool(
-            fold_node(negate_expression(_make_some_row_test(rows, span, against(NEGATED_COMPARISONS[name]))))
+            fold_node(negate_expression(_make_some_row_test(rows, span, compare_with(NEGATED_COMPARISONS[name]))))
         )
 
     def rewrite_membership(self, test: plan.Call) -> plan.Expr | None:
@@ -216,7 +222,7 @@ class SubqueryUnnester:
         item, query = test.arguments
         if can_fail(item) or not isinstance(query, plan.Subquery) or query.query.representation.name != "list":
             return None
-        rows = self.rows(query)
+        rows = self.unroll_subquery(query)
         if rows is None:
             return None
         found = _make_some_row_test(
@@ -252,7 +258,6 @@ def _make_some_row_test(rows: list[UnrolledRow], span: Span, test: Test | None =
 
 
 def _make_no_row_test(rows: list[UnrolledRow], span: Span) -> plan.Expr:
-    """Whether no row passes."""
     return _make_bool(fold_node(make_conjunction([negate_expression(row.passes) for row in rows], span)))
 
 

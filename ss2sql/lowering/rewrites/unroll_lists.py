@@ -6,7 +6,7 @@ from typing import Any
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.plan_traversal import can_fail, list_sources, list_states, rebuild, walk
+from ss2sql.language.plan_traversal import can_fail, list_sources, list_states, rebuild_node, walk
 from ss2sql.lowering.rewrites.constant_eval import resolve_constant_string
 from ss2sql.lowering.rewrites.constant_folding import fold_node
 from ss2sql.lowering.rewrites.plan_nodes import make_constant
@@ -92,8 +92,8 @@ def _get_items(value: plan.Expr, world: RewriteContext) -> list[plan.Expr] | Non
         case plan.Constant(value=list(values)) if is_plain_value(values):
             known = [make_constant(element, value.span) for element in values]
         case plan.Variable(name=name):
-            given = world.get_list(name)
-            known = None if given is None else [make_constant(element, value.span) for element in given]
+            listed = world.get_list(name)
+            known = None if listed is None else [make_constant(element, value.span) for element in listed]
         case _:
             return None
     return known if known is not None and len(known) <= MAX_ELEMENTS else None
@@ -104,13 +104,13 @@ def substitute_element(expr: Any, source: int, item: plan.Expr, world: RewriteCo
     if any(isinstance(node, (plan.Column, plan.Subquery)) and source in list_sources(node) for node in walk(expr)):
         return None
 
-    def put(node: Any) -> Any:
+    def put_element(node: Any) -> Any:
         if isinstance(node, plan.Element) and node.source == source:
             return item
-        node = fold_node(rebuild(node, put))
+        node = fold_node(rebuild_node(node, put_element))
         if isinstance(node, plan.Eval):
             meaning = resolve_constant_string(node, world)
-            return node if meaning is None else put(meaning)
+            return node if meaning is None else put_element(meaning)
         return node
 
-    return put(expr)
+    return put_element(expr)

@@ -34,7 +34,7 @@ from ss2sql.results.explain.sqlite_plan import describe_sqlite_plan
 from ss2sql.results.explain.termination import warn_of_endless_searches
 from ss2sql.results.explain.vocabulary import cut_script, describe_search
 from ss2sql.results.result_notes import find_notes
-from ss2sql.runtime.graph_cache.cache_policy import calls_user_functions
+from ss2sql.runtime.graph_cache.cache_policy import do_steps_call_user
 from ss2sql.runtime.run.run_state import Stats
 from ss2sql.runtime.run.search_paths import SearchPaths, measure_lengths
 from ss2sql.runtime.search.regression import find_regression
@@ -100,10 +100,10 @@ def _collect_plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | 
 
 
 def _collect_parameters(outlined: OutlinedQuery) -> Iterator[ParameterFacts]:
-    given = [(p.name, p.expr.span.text) for p in outlined.lowered.parameters] if outlined.lowered else []
+    parameters = [(p.name, p.expr.span.text) for p in outlined.lowered.parameters] if outlined.lowered else []
     if outlined.duck is not None:
-        given = list(outlined.duck.parameters.items())
-    for name, written in given:
+        parameters = list(outlined.duck.parameters.items())
+    for name, written in parameters:
         value = format_value(outlined.sql.parameters[name], MOST_TEXT) if name in outlined.sql.parameters else None
         yield ParameterFacts(name, cut_script(written, MOST_TEXT), value)
 
@@ -174,7 +174,7 @@ def _collect_notes(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[str
         yield f"DuckDB hands over the rows of {tables} with {conditions}"
     if outlined.lowered is not None or query.search is None or query.search.repeats != "memorize":
         return
-    remembered = outlined.host.graphs is not None and calls_user_functions(query)
+    remembered = outlined.host.graphs is not None and do_steps_call_user(query)
     yield from _explain_bidirectional(query, stats, remembered)
     if stats is not None and stats.graph is not None:
         steps = "1 step was" if stats.remembered_steps == 1 else f"{stats.remembered_steps:,} steps were"

@@ -31,18 +31,18 @@ class Explanation(str):
 
     def as_dict(self) -> dict[str, Any]:
         """Everything that the text says, and SQLite's own words, as dicts, lists, numbers, texts and None."""
-        made: dict[str, Any] = _with_lists(asdict(self.facts))
+        made: dict[str, Any] = _convert_tuples(asdict(self.facts))
         return made
 
 
-def _with_lists(value: Any) -> Any:
+def _convert_tuples(value: Any) -> Any:
     """The value with lists in place of tuples."""
     if isinstance(value, dict):
-        return {key: _with_lists(item) for key, item in value.items()}
-    return list(map(_with_lists, value)) if isinstance(value, tuple) else value
+        return {key: _convert_tuples(item) for key, item in value.items()}
+    return list(map(_convert_tuples, value)) if isinstance(value, tuple) else value
 
 
-def explain(
+def explain_run(
     outlined: Sequence[OutlinedStatement],
     result: Result | None = None,
     missing: Sequence[str] = (),

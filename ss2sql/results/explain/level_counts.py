@@ -34,7 +34,7 @@ def count_levels(result: Result) -> list[LevelCount] | str:
 
 
 def _find_obstacle(query: plan.Query) -> str | None:
-    if not ExpressionAnalysis((query,)).of(query).steady:
+    if not ExpressionAnalysis((query,)).facts(query).steady:
         return "what it calls or assigns is not to be done twice"
     if any(isinstance(node, plan.WorldSource) for node in walk(query)):
         return "it reads a world"
@@ -43,7 +43,7 @@ def _find_obstacle(query: plan.Query) -> str | None:
 
 def _count_again(query: plan.Query, run: Run) -> list[LevelCount]:
     run.by_level = LevelCounter(run.stats)
-    NativeQuery(query, by_level=True).rows(run)
-    run.by_level.settle()
+    NativeQuery(query, by_level=True).compute_rows(run)
+    run.by_level.add_counts()
     levels: list[LevelCount] = run.by_level.levels
     return levels

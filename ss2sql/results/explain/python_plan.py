@@ -52,24 +52,24 @@ def describe_table_plan(query: plan.Query, tables: LevelPlan) -> tuple[PlanLine,
 
 def describe_duckdb_plan(query: plan.Query, written: PushdownQuery) -> tuple[PlanLine, ...]:
     """The plan of a query that is one SELECT in DuckDB."""
-    given = {id(table.value) for table in written.loaded}
+    loaded = {id(table.value) for table in written.loaded}
     return (
         PlanLine(0, "finds the rows with one SELECT over"),
-        *(line for source in query.sources for line in _describe_duckdb_source(source, given, 1)),
+        *(line for source in query.sources for line in _describe_duckdb_source(source, loaded, 1)),
         *_describe_post_processing(query),
     )
 
 
-def _describe_duckdb_source(source: plan.Source, given: set[int], depth: int) -> Iterator[PlanLine]:
+def _describe_duckdb_source(source: plan.Source, loaded: set[int], depth: int) -> Iterator[PlanLine]:
     """The lines of a source, and of a query's sources."""
     if isinstance(source, plan.QuerySource):
         yield PlanLine(depth, f"the rows of ({cut_script(source.query.span.text, LONGEST)}), over")
         for inner in source.query.sources:
-            yield from _describe_duckdb_source(inner, given, depth + 1)
+            yield from _describe_duckdb_source(inner, loaded, depth + 1)
         return
     assert isinstance(source, plan.ValueSource), "others are refused"
     words = cut_script(source.value.span.text or source.name, LONGEST)
-    if id(source.value) in given:
+    if id(source.value) in loaded:
         yield PlanLine(depth, f"the elements of {words}, which it is given in a table")
     elif isinstance(source.value, plan.Variable):
         yield PlanLine(depth, f"{words}, which it reads itself")

@@ -45,13 +45,13 @@ def describe_sqlite_plan(outlined: OutlinedQuery) -> tuple[PlanLine, ...]:
     assert outlined.lowered is not None
     rows = _read_plan(outlined)
     names = _collect_names(outlined.lowered, describe_queue(outlined.query))
-    return tuple(_describe(_build_tree(rows, 0), names, 0))
+    return tuple(_describe_lines(_build_tree(rows, 0), names, 0))
 
 
 def _read_plan(outlined: OutlinedQuery) -> list[tuple[int, int, int, str]]:
     assert outlined.lowered is not None
-    asked = replace(outlined.lowered, text=f"EXPLAIN QUERY PLAN {outlined.lowered.text}")
-    cursor = outlined.host.database.open_cursor(asked, Interning(), lambda parameter: 0)
+    explaining = replace(outlined.lowered, text=f"EXPLAIN QUERY PLAN {outlined.lowered.text}")
+    cursor = outlined.host.database.open_cursor(explaining, Interning(), lambda parameter: 0)
     try:
         return list(cursor)
     finally:
@@ -62,7 +62,9 @@ def _build_tree(rows: list[tuple[int, int, int, str]], parent: int) -> tuple[Pla
     return tuple(PlanNode(text, _build_tree(rows, own)) for own, above, _, text in rows if above == parent)
 
 
-def _describe(lines: tuple[PlanNode, ...], names: PlanNames, depth: int, recursive: bool = False) -> list[PlanLine]:
+def _describe_lines(
+    lines: tuple[PlanNode, ...], names: PlanNames, depth: int, recursive: bool = False
+) -> list[PlanLine]:
     """The lines in words. Loops over tables are nested: a later one runs for each row of the one before."""
     made: list[PlanLine] = []
     loops = 0
@@ -72,7 +74,7 @@ def _describe(lines: tuple[PlanNode, ...], names: PlanNames, depth: int, recursi
             words = f"for each of them, {words}" if loops else words
             loops += 1
         made.append(PlanLine(depth, words, line.text))
-        made.extend(_describe(line.inner, names, depth + 1, recursive or line.text == "RECURSIVE STEP"))
+        made.extend(_describe_lines(line.inner, names, depth + 1, recursive or line.text == "RECURSIVE STEP"))
     return made
 
 
@@ -173,33 +175,33 @@ def _describe_scan(found: re.Match[str], names: PlanNames) -> str:
 
 def _describe_virtual(found: re.Match[str], names: PlanNames) -> str:
     """A virtual table; those of worlds list the adapter's filters in their plan."""
-    name, asked = found["name"], found["asked"]
-    if asked.startswith("each element"):
-        left_out = re.fullmatch(r"each element, (.*) IS NOT \?", asked)
+    name, demands = found["name"], found["asked"]
+    if demands.startswith("each element"):
+        left_out = re.fullmatch(r"each element, (.*) IS NOT \?", demands)
         but = f" but those whose {left_out[1]} is …" if left_out else ""
         return f"walks the elements of {names.walked.get(name, name)}{but}"
     table = names.tables.get(name, name)
-    if asked == "all":
+    if demands == "all":
         return f"reads every element of {table}"
-    parts = asked.split(", ")
-    given = [part.removesuffix(" := ?") for part in parts if part.endswith(" := ?")]
+    parts = demands.split(", ")
+    parameters = [part.removesuffix(" := ?") for part in parts if part.endswith(" := ?")]
     filters = [part for part in parts if not part.endswith(" := ?")]
     words = f"asks for the elements of {table}"
-    if given:
-        words += f" for a given {' and '.join(given)}"
+    if parameters:
+        words += f" for a given {' and '.join(parameters)}"
     return words + (f" with {_join_ranges(filters)}; the adapter uses these conditions" if filters else "")
 
 
 def _join_ranges(filters: list[str]) -> str:
     """`x >= ?` and `x <= ?` as one condition."""
-    asked: dict[str, list[str]] = {}
+    ranges: dict[str, list[str]] = {}
     for condition in filters:
         column, operator, _ = condition.rsplit(" ", 2)
-        asked.setdefault(column, []).append(operator)
-    both = {column: {operator[0] for operator in operators} == {"<", ">"} for column, operators in asked.items()}
+        ranges.setdefault(column, []).append(operator)
+    both = {column: {operator[0] for operator in operators} == {"<", ">"} for column, operators in ranges.items()}
     return " and ".join(
         f"{column} from … to …" if both[column] else " and ".join(f"{column} {operator} …" for operator in operators)
-        for column, operators in sorted(asked.items())
+        for column, operators in sorted(ranges.items())
     )
 
 
@@ -228,27 +230,30 @@ def _describe_sort(found: re.Match[str], names: PlanNames) -> str:
     return f"keeps rows in order, for {what}"
 
 
-def _always(words: str) -> Callable[[re.Match[str], PlanNames], str]:
+def _say_always(words: str) -> Callable[[re.Match[str], PlanNames], str]:
     return lambda found, names: words
 
 
 SENTENCES: tuple[tuple[str, Callable[[re.Match[str], PlanNames], str]], ...] = (
     (rf"SCAN {NAME} VIRTUAL TABLE INDEX \d+:(?P<asked>.*)", _describe_virtual),
-    (r"SCAN CONSTANT ROW|SCAN \d+ CONSTANT ROWS?", _always("makes a row of what is known")),
+    (r"SCAN CONSTANT ROW|SCAN \d+ CONSTANT ROWS?", _say_always("makes a row of what is known")),
     (rf"SCAN {NAME}(?: USING (?:COVERING )?INDEX (?P<index>\S+))?", _describe_scan),
     (rf"SEARCH {NAME} USING (?P<kind>.*?){WHERE}(?: LEFT-JOIN)?", _describe_search),
-    (rf"BLOOM FILTER ON {NAME}{WHERE}", _always("keeps a note of the values there, to skip lookups that find nothing")),
-    (r"CO-ROUTINE search", _always("searches step by step:")),
+    (
+        rf"BLOOM FILTER ON {NAME}{WHERE}",
+        _say_always("keeps a note of the values there, to skip lookups that find nothing"),
+    ),
+    (r"CO-ROUTINE search", _say_always("searches step by step:")),
     (rf"CO-ROUTINE {NAME}", lambda found, names: f"makes the rows of {_write_table(found, names)} on demand:"),
     (rf"MATERIALIZE {NAME}", lambda found, names: f"once, beforehand, and kept as {_write_table(found, names)}:"),
-    (r"SETUP|INITIAL RECURSIVE PART", _always("the start:")),
-    (r"RECURSIVE STEP", _always("the steps:")),
-    (r"CORRELATED SCALAR SUBQUERY \d+", _always("for each row, computes the value of a query of its own:")),
-    (r"SCALAR SUBQUERY \d+", _always("once, computes the value of a query of its own:")),
-    (r"CORRELATED LIST SUBQUERY \d+", _always("for each row, makes a list by a query of its own:")),
-    (r"(?:LIST|REUSE LIST) SUBQUERY \d+", _always("once, makes a list by a query of its own:")),
+    (r"SETUP|INITIAL RECURSIVE PART", _say_always("the start:")),
+    (r"RECURSIVE STEP", _say_always("the steps:")),
+    (r"CORRELATED SCALAR SUBQUERY \d+", _say_always("for each row, computes the value of a query of its own:")),
+    (r"SCALAR SUBQUERY \d+", _say_always("once, computes the value of a query of its own:")),
+    (r"CORRELATED LIST SUBQUERY \d+", _say_always("for each row, makes a list by a query of its own:")),
+    (r"(?:LIST|REUSE LIST) SUBQUERY \d+", _say_always("once, makes a list by a query of its own:")),
     (r"USE TEMP B-TREE FOR (?P<what>.*)", _describe_sort),
-    (r"COMPOUND QUERY", _always("puts the rows of several queries together:")),
-    (r"LEFT-MOST SUBQUERY", _always("the first query:")),
-    (r"UNION ALL", _always("the next query:")),
+    (r"COMPOUND QUERY", _say_always("puts the rows of several queries together:")),
+    (r"LEFT-MOST SUBQUERY", _say_always("the first query:")),
+    (r"UNION ALL", _say_always("the next query:")),
 )

@@ -29,10 +29,10 @@ def warn_of_endless_searches(query: plan.Query) -> Iterator[str]:
 def _is_bounded(query: plan.Query, search: plan.Search) -> bool:
     if search.maximum is not None or search.bound is not None:
         return True
-    if search.stop is not None and any(_counts_steps(part, query, search) for part in _split_certain(search.stop)):
+    if search.stop is not None and any(_is_step_bound(part, query, search) for part in _split_certain(search.stop)):
         return True
     made = split_and(search.made) if search.first is None else ()
-    if any(_counts_steps(negate_expression(part), query, search) for part in made):
+    if any(_is_step_bound(negate_expression(part), query, search) for part in made):
         return True
     if search.repeats == "allowed" or any(isinstance(node, CHANGING_NODES) for node in walk(query)):
         return False
@@ -53,19 +53,19 @@ def _split_certain(expr: plan.Expr) -> Sequence[plan.Expr]:
     return [part for inner in expr.parts for part in _split_certain(inner)] if isinstance(expr, plan.Or) else [expr]
 
 
-def _counts_steps(stop: plan.Expr, query: plan.Query, search: plan.Search) -> bool:
+def _is_step_bound(stop: plan.Expr, query: plan.Query, search: plan.Search) -> bool:
     """Whether a condition holds at the latest after so many steps."""
     match stop:
         case plan.Constant(value=value):
             return bool(value)
         case plan.Call(plan.Function(name="eq" | "ge" | "gt" as name, builtin=True), (plan.State() as state, limit)):
-            return _rises_to(state, limit, name, query, search)
+            return _does_rise_to(state, limit, name, query, search)
         case plan.Call(plan.Function(name="le" | "lt" as name, builtin=True), (limit, plan.State() as state)):
-            return _rises_to(state, limit, "ge" if name == "le" else "gt", query, search)
+            return _does_rise_to(state, limit, "ge" if name == "le" else "gt", query, search)
     return False
 
 
-def _rises_to(state: plan.State, limit: plan.Expr, name: str, query: plan.Query, search: plan.Search) -> bool:
+def _does_rise_to(state: plan.State, limit: plan.Expr, name: str, query: plan.Query, search: plan.Search) -> bool:
     """Whether a state variable grows with every step, and does not miss the limit."""
     step = _find_increment(find_direct_assignments(query).get(state.name), state)
     moving = (plan.State, plan.Element, plan.Column)

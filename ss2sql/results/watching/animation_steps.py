@@ -56,7 +56,7 @@ class TraceScene:
         lost = {n for n, event in self.last.items() if event in ("repeated", "stopped")}
         return lost - self.expanded.keys() - set(self.goals)
 
-    def path(self, n: int | None) -> list[int]:
+    def find_path(self, n: int | None) -> list[int]:
         """The steps from the start to this one."""
         found = []
         while n is not None:

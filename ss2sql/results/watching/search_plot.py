@@ -63,7 +63,7 @@ def _draw_map(scene: TraceScene, ax: Any) -> tuple[tuple[float, float], int]:
         if n in scene.expanded and len(cells) <= MOST_NUMBERS:
             ax.annotate(str(scene.expanded[n]), (x, y), ha="center", va="center", fontsize=8, color="white", zorder=5)
     for n in scene.goals[:1]:
-        line = [place for step in scene.path(n) if (place := scene.places[step]) is not None]
+        line = [place for step in scene.find_path(n) if (place := scene.places[step]) is not None]
         ax.plot(*zip(*line, strict=True), color=GREEN, lw=4, alpha=0.7, zorder=4)
     ends = {place for n in scene.goals if (place := scene.places[n]) is not None}
     if ends:
@@ -84,7 +84,7 @@ def _draw_tree(scene: TraceScene, ax: Any, most: int) -> tuple[tuple[float, floa
     made.add_nodes_from(kept)
     made.add_edges_from((parent, n) for n, parent in parents.items() if parent is not None)
     places = place_trees(made, [n for n, parent in parents.items() if parent is None])
-    path = {n for goal in scene.goals[:1] for n in scene.path(goal)}
+    path = {n for goal in scene.goals[:1] for n in scene.find_path(goal)}
     for edge in made.edges:
         look = {"color": GREEN, "lw": 3} if path.issuperset(edge) else {"color": "#999999", "lw": 0.9}
         ax.plot(*zip(*map(places.__getitem__, edge), strict=True), zorder=1, **look)

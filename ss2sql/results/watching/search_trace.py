@@ -73,7 +73,7 @@ def find_searched_query(statement: ast.Expr) -> ast.Query:
 def make_trace(trace: Trace, statement: ast.Expr, written: plan.Query) -> SearchTrace:
     """The trace of the search in the statement, which the plan has as `written`."""
     query = find_searched_query(statement)
-    trace.keep()
+    trace.copy_values()
     words = [option.keyword for option in query.options]
     weighed = () if "MEMORIZE" in words else ("COST", "PROBABILITY")
     weight = next((word for word in weighed if word in words), None)
@@ -124,4 +124,4 @@ def _find_stretches(query: ast.Query, event: str) -> Iterator[tuple[int, int]]:
 
 
 def _join_spans(spans: Sequence[Span]) -> Span:
-    return spans[0].to(spans[-1])
+    return spans[0].extend_to(spans[-1])

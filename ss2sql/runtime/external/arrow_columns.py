@@ -13,11 +13,10 @@ if TYPE_CHECKING:
 
 
 def build_batch(columns: Sequence[TypedColumn], values: Sequence[Sequence[Any]]) -> pa.RecordBatch:
-    """Values by columns."""
     import pyarrow as pa
 
-    schema = _schema(tuple(columns))
-    arrays = [pa.array(given, field.type) for given, field in zip(values, schema, strict=True)]
+    schema = _make_schema(tuple(columns))
+    arrays = [pa.array(column, field.type) for column, field in zip(values, schema, strict=True)]
     return pa.record_batch(arrays, schema=schema)
 
 
@@ -26,14 +25,13 @@ def batch_of_rows(columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]])
 
 
 @cache
-def _schema(columns: tuple[TypedColumn, ...]) -> pa.Schema:
+def _make_schema(columns: tuple[TypedColumn, ...]) -> pa.Schema:
     import pyarrow as pa
 
     return pa.schema([(column.name, _get_arrow_type(column.type)) for column in columns])
 
 
 def _get_arrow_type(kind: str) -> pa.DataType:
-    """The type of Arrow for a column."""
     import pyarrow as pa
 
     if kind.endswith("[]"):

@@ -80,7 +80,7 @@ class DuckColumn:
     def has_nan(self) -> bool:
         return self.kind in ("DOUBLE", "FLOAT")
 
-    def questions(self) -> Iterator[exp.Expr]:
+    def write_questions(self) -> Iterator[exp.Expr]:
         """What is asked of all rows: how many have a value, the ends of numbers, how many are no numbers."""
         if self.holds is None:
             return
@@ -95,7 +95,7 @@ class DuckColumn:
                 ends = [exp.Filter(this=end, expression=number.copy()) for end in ends]
             yield from ends
 
-    def read(self, rows: int, answers: Iterator[Any], collated: bool) -> ColumnFacts:
+    def interpret_answers(self, rows: int, answers: Iterator[Any], collated: bool) -> ColumnFacts:
         """What the answers say of the column in a table of so many rows."""
         kind = self.holds
         if kind is None:
@@ -105,18 +105,18 @@ class DuckColumn:
         missing = Kind.NONE if present - nan < rows else Kind(0)
         if kind is Kind.STR:
             usual = self.kind not in _SQL_FORMS or next(answers) is not False
-            return ColumnFacts(Type(kind | missing), self._text(collated) if usual else None)
+            return ColumnFacts(Type(kind | missing), self._write_text(collated) if usual else None)
         if kind is Kind.BOOL:
             return ColumnFacts(Type(kind | missing, 0, 1), self.plain)
         low, high = (convert_cell(next(answers)) for _ in range(2))
         if low is None:
-            return ColumnFacts(Type(kind | missing), self._number(nan))
+            return ColumnFacts(Type(kind | missing), self._write_number(nan))
         least, greatest = (INT_MIN, INT_MAX) if kind is Kind.INT else (-MAX, MAX)
         if not least <= low <= high <= greatest:
             return ColumnFacts(Type(), None, refused=True)
-        return ColumnFacts(widen_bounds(kind | missing, low, high), self._number(nan))
+        return ColumnFacts(widen_bounds(kind | missing, low, high), self._write_number(nan))
 
-    def _text(self, collated: bool) -> exp.Expr | None:
+    def _write_text(self, collated: bool) -> exp.Expr | None:
         if self.kind.startswith(_TIMES):
             return self._parse_expression(_SQL_FORMS[self.kind]) if self.kind in _SQL_FORMS else None
         text = self.plain if self.kind == "VARCHAR" else cast_node(self.plain, "VARCHAR")
@@ -129,7 +129,7 @@ class DuckColumn:
             column.set("this", quote_identifier(self.name))
         return tree
 
-    def _number(self, nan: int) -> exp.Expr | None:
+    def _write_number(self, nan: int) -> exp.Expr | None:
         if self.decimals is not None and self.decimals[1] and self.decimals[0] > _EXACT_DIGITS:
             return None
         wide = "BIGINT" if self.holds is Kind.INT else "DOUBLE"

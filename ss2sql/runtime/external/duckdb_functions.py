@@ -52,9 +52,9 @@ def register_functions(
 
 def _wrap_function(call: plan.Call, run: Run, failed: list[str]) -> Callable[..., Any]:
     """The built-in function, which fails where its value becomes larger than one may be."""
-    function = run.host.call(call.function, run)
+    function = run.host.get_callable(call.function, run)
 
-    def compute(*values: Any) -> Any:
+    def call_function(*values: Any) -> Any:
         try:
             return None if failed else function(*values)
         except Exception as error:
@@ -63,8 +63,8 @@ def _wrap_function(call: plan.Call, run: Run, failed: list[str]) -> Callable[...
 
     # DuckDB looks how many arguments there are
     parameters = [Parameter(f"_{n}", Parameter.POSITIONAL_ONLY) for n in range(len(call.arguments))]
-    compute.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
-    return compute
+    call_function.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
+    return call_function
 
 
 def _wrap_aggregate(name: str, failed: list[str]) -> Callable[[Any], Any]:
@@ -72,10 +72,10 @@ def _wrap_aggregate(name: str, failed: list[str]) -> Callable[[Any], Any]:
     function = _FUNCTIONS[name]
     assert function is not None
 
-    def compute(given: Any) -> Any:
+    def call_aggregate(array: Any) -> Any:
         import pyarrow as pa  # type: ignore[import-untyped]
 
-        lists = given.combine_chunks() if isinstance(given, pa.ChunkedArray) else given
+        lists = array.combine_chunks() if isinstance(array, pa.ChunkedArray) else array
         values, ends = lists.values.to_numpy(), lists.offsets.to_pylist()
         if name == EXACT_AGGREGATES["sum"] and lists.null_count:
             failed.append("a sum of nothing is a whole number among floats")
@@ -88,4 +88,4 @@ def _wrap_aggregate(name: str, failed: list[str]) -> Callable[[Any], Any]:
                 found.append(None)
         return pa.array(found, pa.float64())
 
-    return compute
+    return call_aggregate

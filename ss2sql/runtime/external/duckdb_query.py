@@ -39,9 +39,9 @@ class DuckQuery:
         self.query, self.sources = query, sources
         self._known: dict[tuple[Any, ...], tuple[PushdownQuery, str]] = {}
         self._computed: dict[int, Callable[[Run], Any]] = {}
-        self.written, self.text = self._write(variable)
+        self.written, self.text = self._write_query(variable)
 
-    def sql(self, run: Run | None) -> Sql:
+    def write_sql(self, run: Run | None) -> Sql:
         """The text that runs, with what is bound in it."""
         return Sql(self.text, {} if run is None else run.bound.get(self))
 
@@ -60,30 +60,30 @@ class DuckQuery:
         return any(source.query.representation.name == "list" for source in sources)
 
     @cached_property
-    def _values(self) -> list[plan.ValueSource]:
+    def _value_sources(self) -> list[plan.ValueSource]:
         """The values in FROM, also in that of queries in FROM."""
         return [node for node in walk(self.query) if isinstance(node, plan.ValueSource)]
 
-    def _write(self, variable: Callable[[str], Any]) -> tuple[PushdownQuery, str]:
+    def _write_query(self, variable: Callable[[str], Any]) -> tuple[PushdownQuery, str]:
         """The query over the tables that its sources are now, and its text."""
-        found = {source.id: _find_external_table(source, variable) for source in self._values}
+        found = {source.id: _find_external_table(source, variable) for source in self._value_sources}
         key = tuple(None if table is None else table.shape for table in found.values())
         if key not in self._known:
             written = write_pushdown(self.query, lambda source: found[source.id])
-            self._known = {key: (written, DUCKDB.print(written.select))}
+            self._known = {key: (written, DUCKDB.print_tree(written.select))}
         return self._known[key]
 
     # --- running it ----------------------------------------------------------------------------------------
 
-    def rows(self, run: Run, sink: Rows | None = None) -> Rows:
-        """The answer of the query, see `NativeQuery.rows`. Raises UnsupportedError where only a run can tell."""
+    def compute_rows(self, run: Run, sink: Rows | None = None) -> Rows:
+        """The rows of the query, see `NativeQuery.compute_rows`. Raises UnsupportedError where only a run can tell."""
         sink = sink or Rows(tuple(output.name for output in self.query.columns), [])
         assert sink.rows is not None
         limit = self._evaluate_limit(run)
         if limit == 0:
             return sink  # nothing of the query is evaluated
-        reading = self.sources.reading(run)
-        with self.sources.asked():
+        reading = self.sources.open_transaction(run)
+        with self.sources.convert_errors():
             strange = reading.strange
         if strange:
             reason = "settings of the connection say how texts compare, or where None is sorted"
@@ -92,16 +92,17 @@ class DuckQuery:
         if run.max_rows is not None and self._has_lists:
             reason = "max_rows counts the elements of the list that a query in FROM gives"
             raise build_refusal(reason, self.query.span, "leave max_rows away, or the form of the query in FROM")
-        self.written, self.text = self._write(run.source)  # a table may not be what it was
-        given = [(table, self._columns(table, run)) for table in self.written.loaded]
+        self.written, self.text = self._write_query(run.get_source)  # a table may not be what it was
+        loaded = [(table, self._read_columns(table, run)) for table in self.written.loaded]
         values = {
-            name: limit if name == LIMIT_PARAMETER else run.variable(wanted) for name, wanted in self.parameters.items()
+            name: limit if name == LIMIT_PARAMETER else run.get_variable(wanted)
+            for name, wanted in self.parameters.items()
         }
-        self._check(run, reading, given, values)
+        self._check_sizes(run, reading, loaded, values)
         run.bound[self] = values
         try:
             with interrupt_when_due(run, reading):
-                found = self._found(reading, given, values, run)
+                found = self._iterate_rows(reading, loaded, values, run)
                 sink.rows.extend(found if run.max_rows is None else iterate_within_limit(found, run.max_rows))
         except self.sources.errors as error:
             hint = "look at its limit of memory and the room on its disk"
@@ -113,37 +114,37 @@ class DuckQuery:
         if limit is None:
             return None
         try:
-            return check_count(self._value(limit, run), 0, "LIMIT")
+            return check_count(self._compute_value(limit, run), 0, "LIMIT")
         except ExecutionError as error:
-            raise error.located(limit.span) from None
+            raise error.with_span(limit.span) from None
 
-    def _columns(self, table: LoadedTable, run: Run) -> list[Sequence[Any]]:
+    def _read_columns(self, table: LoadedTable, run: Run) -> list[Sequence[Any]]:
         try:
-            return collect_columns(table, self._value(table.value, run))
+            return collect_columns(table, self._compute_value(table.value, run))
         except Error as error:
-            raise error.located(table.value.span) from None
+            raise error.with_span(table.value.span) from None
 
-    def _value(self, expr: plan.Expr, run: Run) -> Any:
+    def _compute_value(self, expr: plan.Expr, run: Run) -> Any:
         if id(expr) not in self._computed:
             self._computed[id(expr)] = compile_statement(expr)
         return self._computed[id(expr)](run)
 
-    def _found(
+    def _iterate_rows(
         self,
         reading: DuckTransaction,
-        given: list[tuple[LoadedTable, list[Sequence[Any]]]],
+        loaded: list[tuple[LoadedTable, list[Sequence[Any]]]],
         values: Mapping[str, Any],
         run: Run,
     ) -> Iterator[Row]:
         cursor, functions = reading.cursor, self.written.functions
-        for table, columns in given:
+        for table, columns in loaded:
             cursor.register(table.name, build_arrow_table(table, columns))
         failed = register_functions(cursor, functions, run)
         cursor.execute(self.text, dict(values) or None)
         while block := cursor.fetchmany(ROWS_PER_BLOCK):
             yield from () if failed else block
             run.check()
-        for table, _ in given:  # where anything fails, they go with the transaction
+        for table, _ in loaded:  # where anything fails, they go with the transaction
             cursor.unregister(table.name)
         for name in functions:
             cursor.remove_function(name)
@@ -157,28 +158,28 @@ class DuckQuery:
         """How many values at the most a text or list can be put together from; 0 where none is."""
         nodes = list(walk(self.query))
         joined = Kind.STR | Kind.LIST
-        if not any(isinstance(n, plan.Call) and n.function.name == "add" and n.type.may(joined) for n in nodes):
+        if not any(isinstance(n, plan.Call) and n.function.name == "add" and n.type.may_be(joined) for n in nodes):
             return 0
         return len(nodes)
 
-    def _check(
+    def _check_sizes(
         self,
         run: Run,
         reading: DuckTransaction,
-        given: list[tuple[LoadedTable, list[Sequence[Any]]]],
+        loaded: list[tuple[LoadedTable, list[Sequence[Any]]]],
         values: Mapping[str, Any],
     ) -> None:
         """Raises UnsupportedError where a text or list could become larger than one may be."""
         if not self._count_joined_values:
             return
-        loaded = (value for _, (_, *columns) in given for column in columns for value in column)
+        cells = (value for _, (_, *columns) in loaded for column in columns for value in column)
         sizes = [
             _estimate_size(self.query.span.source.text),
-            *map(_estimate_size, loaded),
+            *map(_estimate_size, cells),
             *map(_estimate_size, values.values()),
         ]
-        frames = (find_duck_frame(source, run.source) for source in self._values)
-        sizes += [frame.longest() for frame in frames if frame is not None]
+        frames = (find_duck_frame(source, run.get_source) for source in self._value_sources)
+        sizes += [frame.measure_longest_text() for frame in frames if frame is not None]
         if max(sizes) * self._count_joined_values > run.sizes.limit:
             reason = "texts or lists may become larger than max_size"
             raise build_refusal(reason, self.query.span, "give a larger max_size")

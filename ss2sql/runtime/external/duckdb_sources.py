@@ -75,16 +75,16 @@ class DuckTransaction:
     @cached_property
     def _settings(self) -> tuple[bool, bool]:
         """Asked when it is wanted, which takes 4 ms: to find a name it is not."""
-        ((collated, strange),) = self.rows(_SETTINGS)
+        ((collated, strange),) = self.fetch_rows(_SETTINGS)
         return collated, strange
 
-    def rows(self, text: str, values: Any = None) -> list[tuple[Any, ...]]:
+    def fetch_rows(self, text: str, values: Any = None) -> list[tuple[Any, ...]]:
         return self.cursor.execute(text, values).fetchall()
 
-    def arrow(self, text: str) -> Any:
+    def fetch_arrow(self, text: str) -> Any:
         return self.cursor.sql(text).to_arrow_table()
 
-    def interrupt(self) -> None:
+    def interrupt_statement(self) -> None:
         self.cursor.interrupt()
 
 
@@ -105,31 +105,31 @@ class DuckFrame(Frame):
         self.outside, self.reading, self.reader = outside, reading, reader
         self._longest: int | None = None
 
-    def within(self, outside: ExternalTable) -> DuckFrame:
+    def restrict_rows(self, outside: ExternalTable) -> DuckFrame:
         """The table with some of its rows, which `outside` chooses."""
         count = exp.Select(expressions=[exp.Count(this=exp.Star())]).from_(outside.item.copy())
-        ((rows,),) = self.reading.rows(DUCKDB.print(count))
-        values = self.reader.within(outside)
-        columns = {name: values.later(name, column.type) for name, column in self.columns.items()}
+        ((rows,),) = self.reading.fetch_rows(DUCKDB.print_tree(count))
+        values = self.reader.restrict_rows(outside)
+        columns = {name: values.make_lazy_column(name, column.type) for name, column in self.columns.items()}
         return DuckFrame(columns, rows, outside, self.reading, values)
 
-    def asked(self, span: Span) -> AbstractContextManager[None]:
+    def convert_errors(self, span: Span) -> AbstractContextManager[None]:
         """Makes what DuckDB raises ExecutionError X009, at the source that asks."""
-        return self.reader.reader.sources.asked(span)
+        return self.reader.reader.sources.convert_errors(span)
 
     def read_column_values(self, name: str, read: Callable[[], Any]) -> list[Any]:
         """The values of a column in the rows that `read` gives as an array. Raises ExecutionError X004 and X009."""
-        return self.reader.column(name, read).values
+        return self.reader.read_column(name, read).values
 
-    def longest(self) -> int:
+    def measure_longest_text(self) -> int:
         """The bytes of the longest text of the table."""
         if self._longest is None:
             texts = [
-                node for name, node in self.outside.columns.items() if node and self.columns[name].type.may(Kind.STR)
+                node for name, node in self.outside.columns.items() if node and self.columns[name].type.may_be(Kind.STR)
             ]
-            asked = [exp.Max(this=exp.Anonymous(this="STRLEN", expressions=[text.copy()])) for text in texts]
-            select = exp.Select(expressions=[exp.Count(this=exp.Star()), *asked]).from_(self.outside.item.copy())
-            ((_, *found),) = self.reading.rows(DUCKDB.print(select))
+            lengths = [exp.Max(this=exp.Anonymous(this="STRLEN", expressions=[text.copy()])) for text in texts]
+            select = exp.Select(expressions=[exp.Count(this=exp.Star()), *lengths]).from_(self.outside.item.copy())
+            ((_, *found),) = self.reading.fetch_rows(DUCKDB.print_tree(select))
             self._longest = max((length or 0 for length in found), default=0)
         return self._longest
 
@@ -148,50 +148,50 @@ class DuckSources:
     ) -> None:
         self.cursor, self.errors, self.active_runs = cursor, errors, active_runs
 
-    def reading(self, run: Run | None = None) -> DuckTransaction:
+    def open_transaction(self, run: Run | None = None) -> DuckTransaction:
         """The transaction of a run; of none a new one. Raises ExecutionError X009 where the connection is closed."""
         run = run or (self.active_runs[-1] if self.active_runs else None)
         if run is not None and self in run.readings:
             return run.readings[self]  # type: ignore[no-any-return]
-        with self.asked():
+        with self.convert_errors():
             made = DuckTransaction(self.cursor())
         if run is not None:
             run.readings[self] = made
             run.cleanups.append(made.cursor.close)
         return made
 
-    def find(self, name: str) -> str | None:
+    def find_variable(self, name: str) -> str | None:
         """As what variable the table or view `name`, or `schema.name`, is read; None if there is none."""
-        return PREFIX + name if self._found(name) else None
+        return PREFIX + name if self._find_in_catalogue(name) else None
 
-    def reader(self, variable: str) -> Callable[[], Frame] | None:
+    def find_reader(self, variable: str) -> Callable[[], Frame] | None:
         """What reads the table behind such a variable, if there is one."""
         if not variable.startswith(PREFIX):
             return None
         name = variable.removeprefix(PREFIX)
-        found = self._found(name)
+        found = self._find_in_catalogue(name)
         if not found:
             return None
         database, home, exact, has_rowid = found[0]
         item = exp.Table(this=quote_identifier(exact), db=quote_identifier(home), catalog=quote_identifier(database))
         return DuckTableReader(self, name, item, "rowid" if has_rowid else None)
 
-    def names(self) -> list[str]:
+    def list_names(self) -> list[str]:
         """The names of all tables and views that need no schema before them."""
-        with self.asked():
-            found = self.reading().rows(_FIND_TABLE, {"schema": None})
+        with self.convert_errors():
+            found = self.open_transaction().fetch_rows(_FIND_TABLE, {"schema": None})
         return [name for _, _, name, _ in found]
 
-    def columns(self, name: str) -> tuple[tuple[str, Type], ...]:
+    def read_columns(self, name: str) -> tuple[tuple[str, Type], ...]:
         """The columns of a table or view; nothing where there is none or it cannot be read."""
-        reader = self.reader(PREFIX + name)
+        reader = self.find_reader(PREFIX + name)
         try:
             frame = None if reader is None else reader()
         except ExecutionError:
             return ()
         return () if frame is None else tuple((word, column.type) for word, column in frame.columns.items())
 
-    def parquet(self, path: Path, name: str) -> Callable[[], Frame]:
+    def make_parquet_reader(self, path: Path, name: str) -> Callable[[], Frame]:
         """What reads a Parquet file. Raises SessionError S002 where it cannot be read."""
         hint = "give the path of one Parquet file; of several a view of DuckDB makes one table"
         if not path.is_file() or set("*?[") & set(str(path)):
@@ -200,27 +200,27 @@ class DuckSources:
         item = exp.Table(this=exp.Anonymous(this="read_parquet", expressions=arguments))
         reader = DuckTableReader(self, name, item, "file_row_number")
         try:
-            reader.columns(DuckTransaction(self.cursor()))
+            reader.describe_columns(DuckTransaction(self.cursor()))
         except self.errors as error:
             message = f"{path} is not a Parquet file that can be read: {error}"
             raise SessionError("S002", message, hints=(hint,)) from error
         return reader
 
-    def _found(self, name: str) -> list[tuple[Any, ...]]:
+    def _find_in_catalogue(self, name: str) -> list[tuple[Any, ...]]:
         """Where the catalogue has the table; asked once in a run."""
         run, key = self.active_runs[-1] if self.active_runs else None, (self, name)
         if run is not None and key in run.readings:
             return run.readings[key]  # type: ignore[no-any-return]
         schema, _, table = name.rpartition(".")
         values = {"schema": schema or None, "name": table}
-        with self.asked():
-            found = self.reading().rows(f"{_FIND_TABLE} AND name = $name", values)
+        with self.convert_errors():
+            found = self.open_transaction().fetch_rows(f"{_FIND_TABLE} AND name = $name", values)
         if run is not None:
             run.readings[key] = found
         return found
 
     @contextmanager
-    def asked(self, span: Span | None = None) -> Iterator[None]:
+    def convert_errors(self, span: Span | None = None) -> Iterator[None]:
         """Makes what DuckDB raises ExecutionError X009, at the place that asks."""
         try:
             yield
@@ -233,7 +233,7 @@ class DuckTableReader:
 
     def __init__(self, sources: DuckSources, name: str, item: exp.Table, number: str | None) -> None:
         self.sources, self.name, self.item, self.number = sources, name, item, number
-        self.key = (sources, DUCKDB.print(item))
+        self.key = (sources, DUCKDB.print_tree(item))
 
     def __call__(self) -> Frame:
         sources = self.sources
@@ -241,34 +241,34 @@ class DuckTableReader:
         if run is not None and self.key in run.readings:
             return run.readings[self.key]  # type: ignore[no-any-return]
         try:
-            frame = self._read(sources.reading())
+            frame = self._read_frame(sources.open_transaction())
         except sources.errors as error:
             raise ExecutionError("X009", f"the table '{self.name}' cannot be read: {error}") from error
         if run is not None:
             run.readings[self.key] = frame
         return frame
 
-    def columns(self, reading: DuckTransaction) -> list[DuckColumn]:
-        described = reading.rows(f"DESCRIBE SELECT * FROM {DUCKDB.print(self.item)}")
+    def describe_columns(self, reading: DuckTransaction) -> list[DuckColumn]:
+        described = reading.fetch_rows(f"DESCRIBE SELECT * FROM {DUCKDB.print_tree(self.item)}")
         return [
             DuckColumn(name, kind) for name, kind, *_ in described if name != "file_row_number" or self.number != name
         ]
 
-    def _read(self, reading: DuckTransaction) -> Frame:
-        columns = self.columns(reading)
-        questions = [question for column in columns for question in column.questions()]
-        asked = exp.Select(expressions=[exp.Count(this=exp.Star()), *questions]).from_(self.item.copy())
-        (found,) = reading.rows(DUCKDB.print(asked))
+    def _read_frame(self, reading: DuckTransaction) -> Frame:
+        columns = self.describe_columns(reading)
+        questions = [question for column in columns for question in column.write_questions()]
+        select = exp.Select(expressions=[exp.Count(this=exp.Star()), *questions]).from_(self.item.copy())
+        (found,) = reading.fetch_rows(DUCKDB.print_tree(select))
         rows, *rest = found
         answers = iter(rest)
-        seen = {column.name: column.read(rows, answers, reading.collated) for column in columns}
+        seen = {column.name: column.interpret_answers(rows, answers, reading.collated) for column in columns}
         outside = self._make_external_table(seen, reading.collated)
         strange = {column.name: column.kind for column in columns if column.strange}
         values = _DuckValues(self, reading, outside, strange)
         for name, known in seen.items():
             if known.refused:
-                values.column(name)  # raises, with the row's number
-        kept = {name: values.later(name, known.type) for name, known in seen.items()}
+                values.read_column(name)  # raises, with the row's number
+        kept = {name: values.make_lazy_column(name, known.type) for name, known in seen.items()}
         return DuckFrame(kept, rows, outside, reading, values)
 
     def _make_external_table(self, seen: dict[str, ColumnFacts], collated: bool) -> ExternalTable:
@@ -291,14 +291,14 @@ class _DuckValues:
         self.reader, self.reading, self.outside, self.strange = reader, reading, outside, strange
         self.whole: Any = None
 
-    def within(self, outside: ExternalTable) -> _DuckValues:
+    def restrict_rows(self, outside: ExternalTable) -> _DuckValues:
         """Those of some rows."""
         return _DuckValues(self.reader, self.reading, outside, self.strange)
 
-    def later(self, name: str, kind: Type) -> FrameColumn:
-        return FrameColumn(kind, lambda: self.column(name).values)
+    def make_lazy_column(self, name: str, kind: Type) -> FrameColumn:
+        return FrameColumn(kind, lambda: self.read_column(name).values)
 
-    def column(self, name: str, read: Callable[[], Any] | None = None) -> FrameColumn:
+    def read_column(self, name: str, read: Callable[[], Any] | None = None) -> FrameColumn:
         """The column, of the rows that `read` gives as an array, or of all of them.
 
         Raises ExecutionError X004 for what is no value of the language, X009 where DuckDB fails.
@@ -317,13 +317,13 @@ class _DuckValues:
 
     def _read_array(self, name: str) -> Any:
         if self.reader.number is not None:
-            return self._select([name]).column(0)
+            return self._write_select([name]).column(0)
         if self.whole is None:
-            self.whole = self._select([name for name in self.outside.columns if name not in self.strange])
+            self.whole = self._write_select([name for name in self.outside.columns if name not in self.strange])
         return self.whole.column(name)
 
-    def _select(self, names: Sequence[str]) -> Any:
+    def _write_select(self, names: Sequence[str]) -> Any:
         columns = [exp.Column(this=quote_identifier(name)) for name in names]
         select = exp.Select(expressions=columns).from_(self.outside.item.copy())
         ordered = select.order_by(exp.Column(this=quote_identifier(self.outside.number)))
-        return self.reading.arrow(DUCKDB.print(ordered))
+        return self.reading.fetch_arrow(DUCKDB.print_tree(ordered))

@@ -34,10 +34,10 @@ class DuckEngine:
             session = duckdb.connect(config={"temp_directory": self.folder.name})
         self.session = session
 
-    def open(self, search_run: SearchRun) -> DuckTables:
+    def open_tables(self, search_run: SearchRun) -> DuckTables:
         return DuckTables(self.session.cursor())
 
-    def close(self) -> None:
+    def close_engine(self) -> None:
         if self.folder is not None:
             self.session.close()
             self.folder.cleanup()
@@ -59,12 +59,12 @@ class DuckTables:
         connection.execute(f"ATTACH ':memory:' AS {self.name}")
         connection.execute(f"USE {self.name}")
 
-    def create(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]] = ()) -> None:
+    def create_table(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]] = ()) -> None:
         """Makes a table in the place of one that there was."""
         self.connection.execute(translate_sql(DUCKDB, f"CREATE OR REPLACE TABLE {table}({join_columns(*columns)})"))
-        self.load(table, columns, rows)
+        self.load_rows(table, columns, rows)
 
-    def load(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> None:
+    def load_rows(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> None:
         """Adds rows to a table."""
         import pyarrow as pa  # type: ignore[import-untyped]
 
@@ -73,18 +73,18 @@ class DuckTables:
             self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
             self.connection.unregister("block")
 
-    def run(self, text: str, **values: Value) -> None:
-        self.writer.execute(text, values, None)
+    def run_statement(self, text: str, **values: Value) -> None:
+        self.writer.execute_statement(text, values, None)
 
-    def add(self, text: str, before: int, **values: Value) -> int:
+    def add_rows(self, text: str, before: int, **values: Value) -> int:
         """Runs a statement that adds rows, and counts them; `before` says how many there are."""
-        ((added,),) = self.writer.execute(text, {"before": before, **values}, before).fetchall()
+        ((added,),) = self.writer.execute_statement(text, {"before": before, **values}, before).fetchall()
         return int(added)
 
-    def rows(self, text: str, kept: bool = False, **values: Value) -> Iterator[tuple[Any, ...]]:
+    def read_rows(self, text: str, kept: bool = False, **values: Value) -> Iterator[tuple[Any, ...]]:
         """The rows of a query, read in blocks; another statement may run meanwhile. `kept`: its plan is."""
         reading = self.idle.pop() if self.idle else self._get_reader()
-        found = reading.execute(text, values, 0 if kept else None)
+        found = reading.execute_statement(text, values, 0 if kept else None)
         while block := found.fetchmany(ROWS_PER_BLOCK):
             yield from block
         self.idle.append(reading)
@@ -94,10 +94,10 @@ class DuckTables:
         connection.execute(f"USE {self.name}")
         return _PreparedStatements(connection)
 
-    def interrupt(self) -> None:
+    def interrupt_statement(self) -> None:
         self.connection.interrupt()
 
-    def close(self) -> None:
+    def close_tables(self) -> None:
         for reading in self.idle:
             reading.connection.close()
         self.connection.execute(f'USE "{self.home}"')
@@ -112,7 +112,7 @@ class _PreparedStatements:
         self.connection = connection
         self.plans: dict[str, tuple[str, int]] = {}  # by the text: a name, and how many steps there were
 
-    def execute(self, text: str, values: dict[str, Value], steps: int | None) -> duckdb.DuckDBPyConnection:
+    def execute_statement(self, text: str, values: dict[str, Value], steps: int | None) -> duckdb.DuckDBPyConnection:
         """Runs a statement, which has a plan for so many `steps`, or none that is kept."""
         text = translate_sql(DUCKDB, text)
         # DuckDB wants no values but those that it names.
@@ -123,5 +123,5 @@ class _PreparedStatements:
         if before < 0 or steps > REPLAN_GROWTH * before:
             self.connection.execute(f"PREPARE {name} AS {text}")
             self.plans[text] = name, steps
-        given = ", ".join(f"{label} := {value}" for label, value in wanted.items())
-        return self.connection.execute(f"EXECUTE {name}({given})")
+        arguments = ", ".join(f"{label} := {value}" for label, value in wanted.items())
+        return self.connection.execute(f"EXECUTE {name}({arguments})")

@@ -47,7 +47,7 @@ class FirstLevels:
         self.frontier = [(0, FirstStep(0, (), None, False, search_run.problem.starts[0], ()))]
         self.met: set[Hashable] = set()
 
-    def goals(self) -> Iterator[FirstStep]:
+    def find_goals(self) -> Iterator[FirstStep]:
         """The goals in their order."""
         search_run, seconds, kept = self.search_run, 0.0, 0
         search_run.flush()
@@ -56,7 +56,7 @@ class FirstLevels:
             begin, before = time.monotonic(), search_run.stats.generated
             level: list[FirstStep] = []
             for step, begun in self.frontier:
-                for found in self._steps(step, begun):
+                for found in self._expand_step(step, begun):
                     level.append(found)
                     if found.goal:
                         yield found
@@ -69,7 +69,7 @@ class FirstLevels:
             )
             self.frontier = [(step, begun) for step, begun in enumerate(level, 1) if begun.state is not None]
 
-    def _steps(self, step: int, before: FirstStep) -> Iterator[FirstStep]:
+    def _expand_step(self, step: int, before: FirstStep) -> Iterator[FirstStep]:
         """The steps from a state that are kept."""
         unique, free = self.repeats == "unique", self.repeats == "no cycle"
         closed: Container[Hashable] = self.met if unique else before.trail
@@ -80,13 +80,15 @@ class FirstLevels:
             trail = (*before.trail, key) if free else ()
             yield FirstStep(step * MAX_ELEMENTS + nth, row, last, bool(goal), after if goes_on else None, trail)
 
-    def way(self, step: FirstStep, depth: int) -> list[FirstStep]:
+    def trace_path(self, step: FirstStep, depth: int) -> list[FirstStep]:
         """The steps of the path to a step of a level."""
         way = [step]
         for level in reversed(self.levels[: depth - 1]):
             way.append(level[way[-1].place // MAX_ELEMENTS - 1])
         return way[::-1]
 
-    def found(self, goal: FirstStep) -> Found:
+    def make_result(self, goal: FirstStep) -> Found:
         """The path to a goal that was just found, and the last part of its last step."""
-        return [self.search_run.shapes.thaw(step.row) for step in self.way(goal, len(self.levels) + 1)], goal.last
+        return [
+            self.search_run.shapes.thaw_state(step.row) for step in self.trace_path(goal, len(self.levels) + 1)
+        ], goal.last

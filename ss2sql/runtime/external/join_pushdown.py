@@ -17,7 +17,7 @@ from ss2sql.errors import UnsupportedError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
-from ss2sql.language.plan_traversal import list_sources, rebuild, split_and, walk
+from ss2sql.language.plan_traversal import list_sources, rebuild_node, split_and, walk
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.dialects import DUCKDB
 from ss2sql.lowering.portable.portable_names import ColumnNames
@@ -43,12 +43,12 @@ class JoinPushdown:
     conditions: tuple[plan.Expr, ...]
     names: Mapping[tuple[int, str], str]
 
-    def read(self, run: Run) -> Frame:
+    def read_table(self, run: Run) -> Frame:
         """The rows that are kept, in the order of the product."""
-        frames = self._find_frames(run.source)
-        select, first = self._select(frames, run.source), frames[self.sources[0].id]
-        with first.asked(self.sources[0].span), interrupt_when_due(run, first.reading):
-            rows = first.reading.arrow(DUCKDB.print(select))
+        frames = self._find_frames(run.get_source)
+        select, first = self._write_select(frames, run.get_source), frames[self.sources[0].id]
+        with first.convert_errors(self.sources[0].span), interrupt_when_due(run, first.reading):
+            rows = first.reading.fetch_arrow(DUCKDB.print_tree(select))
         columns = {}
         for (source, name), new in self.names.items():
             frame = frames[source]
@@ -57,10 +57,10 @@ class JoinPushdown:
             )
         return Frame(columns, rows.num_rows)
 
-    def holds(self, variable: Callable[[str], Any]) -> bool:
+    def can_run_with(self, variable: Callable[[str], Any]) -> bool:
         """Whether DuckDB can ask all of it with the values that variables have now."""
         try:
-            self._select(self._find_frames(variable), variable)
+            self._write_select(self._find_frames(variable), variable)
         except UnsupportedError:
             return False
         return True
@@ -79,7 +79,7 @@ class JoinPushdown:
                 raise build_refusal(f"{source.name} is no table of DuckDB that compares as others do", source.span)
         return {source: frame for source, frame in found.items() if frame is not None}
 
-    def _select(self, frames: Mapping[int, DuckFrame], variable: Callable[[str], Any]) -> exp.Select:
+    def _write_select(self, frames: Mapping[int, DuckFrame], variable: Callable[[str], Any]) -> exp.Select:
         tables = [(source, frames[source.id].outside) for source in self.sources]
         return join_tables(tables, self.names, self.conditions, variable)
 
@@ -87,16 +87,18 @@ class JoinPushdown:
         """Whether the rows are few enough to be handed over all at once."""
         frames = self._find_frames(variable)
         first, most = frames[self.sources[0].id], max(MAX_JOINED_ROWS, sum(frame.length for frame in frames.values()))
-        some = sql_builder.replace_outputs(self._select(frames, variable), [sql_builder.number(1)]).limit(most + 1)
+        some = sql_builder.replace_outputs(self._write_select(frames, variable), [sql_builder.number(1)]).limit(
+            most + 1
+        )
         some.set("order", None)
         count = exp.Select(expressions=[exp.Count(this=exp.Star())]).from_(some.subquery("kept"))
-        with first.asked(self.sources[0].span):
-            ((rows,),) = first.reading.rows(DUCKDB.print(count))
+        with first.convert_errors(self.sources[0].span):
+            ((rows,),) = first.reading.fetch_rows(DUCKDB.print_tree(count))
         return bool(rows <= most)
 
 
 def push_down_joins(
-    query: plan.Query, asked: Iterable[plan.Expr], variable: Callable[[str], Any]
+    query: plan.Query, parts: Iterable[plan.Expr], variable: Callable[[str], Any]
 ) -> tuple[plan.Query, list[JoinPushdown]]:
     """The query over one source instead of those that are joined, which has the number of the first of them.
 
@@ -114,7 +116,9 @@ def push_down_joins(
         return query, []
     whole = JoinPushdown(tables, (), {})
     conditions = [
-        part for part in asked if whole.reads_only_sources(part) and replace(whole, conditions=(part,)).holds(variable)
+        part
+        for part in parts
+        if whole.reads_only_sources(part) and replace(whole, conditions=(part,)).can_run_with(variable)
     ]
     found = []
     for sources in _find_linked_tables(query.sources, tables, conditions):
@@ -168,7 +172,7 @@ def _choose_column_names(rest: plan.Query, joining: JoinPushdown) -> dict[tuple[
     if not read:  # some column there has to be
         columns = [node for node in walk(joining.conditions[0]) if isinstance(node, plan.Column)][:1]
     wanted = dict.fromkeys((node.source, node.name) for node in columns)
-    return {(source, name): names.free(f"{labels[source]}_{name}", "value") for source, name in wanted}
+    return {(source, name): names.claim(f"{labels[source]}_{name}", "value") for source, name in wanted}
 
 
 def _replace_sources(rest: plan.Query, joining: JoinPushdown) -> plan.Query:
@@ -178,14 +182,14 @@ def _replace_sources(rest: plan.Query, joining: JoinPushdown) -> plan.Query:
     columns = tuple((new, types[column]) for column, new in joining.names.items())
     label = "_".join(source.name for source in joining.sources)
     element = Type(Kind.DICT, columns=columns)
-    span = first.span.to(others[-1].span)
+    span = first.span.extend_to(others[-1].span)
     value = plan.Variable("", Type(Kind.LIST, item=element, columns=columns), frame=True, span=span)
     source = plan.ValueSource(first.id, label, value, element, columns, span=span)
 
-    def change(node: Any) -> Any:
+    def replace_node(node: Any) -> Any:
         if isinstance(node, plan.Column) and (node.source, node.name) in joining.names:
             return replace(node, source=first.id, name=joining.names[node.source, node.name])
-        return rebuild(node, change)
+        return rebuild_node(node, replace_node)
 
     sources = tuple(source if old is first else old for old in rest.sources if old not in others)
-    return rebuild(replace(rest, sources=sources), change)
+    return rebuild_node(replace(rest, sources=sources), replace_node)

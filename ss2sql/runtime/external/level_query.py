@@ -50,8 +50,8 @@ class TableEngine:
     """Such a database: what opens it for a run, what ends it, the errors that it raises, and what finds the results of
     a search in what was opened.
 
-    `frame` gives the first paths, all without a number, as a DataFrame of the database, where it has such. `sources`
-    are its own tables, where scripts can read them; then queries that are no searches run there, too.
+    `make_dataframe` gives the first paths, all without a number, as a DataFrame of the database, where it has such.
+    `sources` are its own tables, where scripts can read them; then queries that are no searches run there, too.
     """
 
     abilities: EngineAbilities
@@ -74,7 +74,7 @@ class LevelPlan:
     @property
     def sql(self) -> str:
         """The statements of one level."""
-        return "\n".join(f"{translate_sql(self.dialect, statement)};" for statement in self.written.statements())
+        return "\n".join(f"{translate_sql(self.dialect, statement)};" for statement in self.written.list_statements())
 
 
 def plan_levels(query: plan.Query, abilities: EngineAbilities) -> LevelPlan:
@@ -100,17 +100,17 @@ class LevelQuery:
         self.database = engine
         self.query = query
         self.level_plan = plan_levels(query, engine.abilities)
-        self._native = NativeQuery(query, find=self._found)
+        self._native = NativeQuery(query, find=self._iterate_results)
 
     @property
     def sql(self) -> str:
         return self.level_plan.sql
 
-    def rows(self, run: Run, sink: Rows | None = None) -> Rows:
-        """The answer of the query, see `NativeQuery.rows`."""
-        return self._native.rows(run, sink)
+    def compute_rows(self, run: Run, sink: Rows | None = None) -> Rows:
+        """The answer of the query, see `NativeQuery.compute_rows`."""
+        return self._native.compute_rows(run, sink)
 
-    def frame(self, run: Run, most: int | None) -> tuple[tuple[str, ...], Any]:
+    def make_dataframe(self, run: Run, most: int | None) -> tuple[tuple[str, ...], Any]:
         """The columns of the query, and its first `most` paths as a DataFrame of the database; without it all.
 
         `most` is what LIMIT and MAXIMUM came to, which are not evaluated again.
@@ -118,23 +118,22 @@ class LevelQuery:
         made: list[Any] = []
         assert self.query.search is not None, "dataframe_answer.py has looked"
         query = replace(self.query, limit=None, search=replace(self.query.search, maximum=None))
-        rows = NativeQuery(query, find=partial(self._build_frame, most, made)).rows(run)
+        rows = NativeQuery(query, find=partial(self._build_frame, most, made)).compute_rows(run)
         return rows.columns, made[0]
 
     def _build_frame(self, most: int | None, made: list[Any], search_run: SearchRun) -> Iterator[Found]:
         frame = self.database.frame
         assert frame is not None, "dataframe_answer.py has looked"
-        with self._opened(search_run) as tables:
+        with self._open_database(search_run) as tables:
             made.append(frame(search_run, tables, self.level_plan.written, most))
         yield from ()
 
-    def _found(self, search_run: SearchRun) -> Iterator[Found]:
-        with self._opened(search_run) as tables:
+    def _iterate_results(self, search_run: SearchRun) -> Iterator[Found]:
+        with self._open_database(search_run) as tables:
             yield from self.database.search(search_run, tables, self.level_plan.written)
 
     @contextmanager
-    def _opened(self, search_run: SearchRun) -> Iterator[Any]:
-        """What the run has opened in the database."""
+    def _open_database(self, search_run: SearchRun) -> Iterator[Any]:
         tables = self.database.open(search_run)
         try:
             with interrupt_when_due(search_run.run, tables):
@@ -143,13 +142,13 @@ class LevelQuery:
             hint = "look at its limit of memory and the room on its disk"
             raise ExecutionError("X009", f"{self.engine}: {error}", search_run.query.span, (hint,)) from error
         finally:
-            tables.close()
+            tables.close_tables()
 
 
 # --- what is refused -----------------------------------------------------------------------------------
 
 
-def _by_weight(query: plan.Query, nested: bool) -> Span | None:
+def _find_weight_span(query: plan.Query, nested: bool) -> Span | None:
     return query.span if query.search and (query.search.weight or query.search.repeats == "memorize") else None
 
 
@@ -172,7 +171,7 @@ def _find_volatile_clauses(query: plan.Query, nested: bool) -> Span | None:
 
 
 RULES = (
-    Rule("COST, PROBABILITY and MEMORIZE do not go by length", "leave the engine to ss2sql", _by_weight),
+    Rule("COST, PROBABILITY and MEMORIZE do not go by length", "leave the engine to ss2sql", _find_weight_span),
     Rule(
         "LAST, a condition, EACH, BY, ORDER SIBLINGS BY and greedy search go on from step to step",
         "leave the engine to ss2sql",

@@ -33,64 +33,64 @@ class DuckSearch:
         self.search_run, self.tables, self.written = search_run, tables, written
         self.steps: PythonSteps = make_steps(search_run, written)
 
-    def results(self) -> Iterator[Found]:
+    def find_results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
         tries = TRIES // max(len(self.steps.elements), 1) if isinstance(self.steps, SqlSteps) else math.inf
         beginning = FirstLevels(self.search_run, tries)
-        yield from map(beginning.found, beginning.goals())
+        yield from map(beginning.make_result, beginning.find_goals())
         depth, going = len(beginning.levels), len(beginning.frontier)
         if going:
-            steps = self._load(beginning)
+            steps = self._load_first_levels(beginning)
             del beginning  # the tables have it all
-            yield from self._go_on(depth, steps, going)
+            yield from self._search_levels(depth, steps, going)
 
-    def _load(self, beginning: FirstLevels) -> int:
+    def _load_first_levels(self, beginning: FirstLevels) -> int:
         """Hands over what the first levels have come to; gives the number of the last step."""
         steps, free = self.steps, bool(self.written.trails)
-        rows: list[Sequence[Any]] = [(0, None, None, 0, *steps.start(), *([[]] if free else ()))]
+        rows: list[Sequence[Any]] = [(0, None, None, 0, *steps.make_start_row(), *([[]] if free else ()))]
         first = before = 0  # how many steps were kept before a level, and before the one above
         for depth, level in enumerate(beginning.levels, 1):
             for step, begun in enumerate(level, first + 1):
                 parent, nth = divmod(begun.place, MAX_ELEMENTS)
                 parent += before if parent else 0
-                trail = [steps.trail_of(beginning.way(begun, depth))] if free else ()
-                rows.append((step, parent, nth, depth, *steps.kept(begun), *trail))
+                trail = [steps.collect_trail(beginning.trace_path(begun, depth))] if free else ()
+                rows.append((step, parent, nth, depth, *steps.make_table_row(begun), *trail))
             first, before = first + len(level), first
-        self.tables.create("steps", self.written.columns, rows)
+        self.tables.create_table("steps", self.written.columns, rows)
         if isinstance(steps, SqlSteps):
-            self.tables.create("elements", self.written.elements, steps.elements)
+            self.tables.create_table("elements", self.written.elements, steps.elements)
         return first
 
-    def _go_on(self, depth: int, steps: int, going: int) -> Iterator[Found]:
+    def _search_levels(self, depth: int, steps: int, going: int) -> Iterator[Found]:
         """The results behind that level and step, where so many states of the level are to be expanded."""
         search_run, tables, written = self.search_run, self.tables, self.written
         while going:
             depth += 1
             generated = search_run.stats.generated
             if isinstance(self.steps, SqlSteps):
-                self.steps.count(going)
+                self.steps.count_tries(going)
             else:
-                self._try_all(depth)
-            kept = tables.add(written.kept, steps, depth=depth, **self.steps.values)
+                self._expand_level(depth)
+            kept = tables.add_rows(written.kept, steps, depth=depth, **self.steps.values)
             steps += kept
             search_run.stats.levels.append(GraphLevel(kept, kept, search_run.stats.generated - generated - kept))
             search_run.check()
             goals, going = self._count_goals_and_continuing(depth, kept)
             if goals:
-                yield from self._found(depth)
+                yield from self._read_goals(depth)
 
-    def _try_all(self, depth: int) -> None:
+    def _expand_level(self, depth: int) -> None:
         """Adds the steps from all states of a level to `tries`."""
         tables, written, after = self.tables, self.written, -1
-        tables.create("tries", written.tries)
+        tables.create_table("tries", written.tries)
         block: list[Any] = []
-        while page := list(tables.rows(written.page, depth=depth, after=after)):
+        while page := list(tables.read_rows(written.page, depth=depth, after=after)):
             for after, state in page:
-                block += self.steps.trial.steps(after, state)
+                block += self.steps.trial.evaluate_steps(after, state)
                 if len(block) >= BLOCK:
-                    tables.load("tries", written.tries, block)
+                    tables.load_rows("tries", written.tries, block)
                     block.clear()
-        tables.load("tries", written.tries, block)
+        tables.load_rows("tries", written.tries, block)
         self.search_run.flush()
 
     def _count_goals_and_continuing(self, depth: int, kept: int) -> tuple[int, int]:
@@ -98,13 +98,13 @@ class DuckSearch:
         goal, goes_on = self.written.steps.goal, self.written.steps.goes_on
         if goal is not None and goes_on is not None:  # DuckDB takes 1 ms to count nothing
             return kept * goal, kept * goes_on
-        ((goals, going),) = self.tables.rows(self.written.counts, kept=True, depth=depth)
+        ((goals, going),) = self.tables.read_rows(self.written.counts, kept=True, depth=depth)
         return goals, going
 
-    def _found(self, depth: int) -> Iterator[Found]:
+    def _read_goals(self, depth: int) -> Iterator[Found]:
         """The paths to the goals of a level."""
-        self.tables.run(self.written.ways, depth=depth)
-        for _, rows in groupby(self.tables.rows(self.written.paths), itemgetter(0)):
+        self.tables.run_statement(self.written.ways, depth=depth)
+        for _, rows in groupby(self.tables.read_rows(self.written.paths), itemgetter(0)):
             path = [row[1:] for row in rows]
             (nth, *shown), before = path[-1], path[-2][1:] if len(path) > 1 else None
-            yield [self.steps.row(values) for _, *values in path], self.steps.last(nth, shown, before)
+            yield [self.steps.read_row(values) for _, *values in path], self.steps.read_last_part(nth, shown, before)

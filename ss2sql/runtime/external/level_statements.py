@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 from ss2sql.language import plan
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, StepSelect, TypedColumn
-from ss2sql.runtime.external.table_statements import join_columns, names_of
+from ss2sql.runtime.external.table_statements import join_columns, list_names
 
 # What Python notes of each step: a `row_key` that is the same for equal rows; the others are bytes.
 _KEY = (TypedColumn("row_key", "BLOB"),)
@@ -35,33 +35,33 @@ class LevelStatements:
         self.search, self.steps = search, steps
         self.tries = (TypedColumn("place", "BIGINT"), *steps.rows, *FLAGS, *steps.own)
         self.elements = (TypedColumn("nth", "BIGINT"), *steps.reads)
-        self.shown = ["row", "last"] if steps is TRIED else names_of((*steps.rows, *steps.own))  # of paths
-        keys = names_of(steps.rows)
+        self.shown = ["row", "last"] if steps is TRIED else list_names((*steps.rows, *steps.own))  # of paths
+        keys = list_names(steps.rows)
         fields = join_columns(*map(str, steps.rows))
         self.trail = TypedColumn("trail", f"{steps.rows[0].type if len(keys) == 1 else f'STRUCT({fields})'}[]")
         self.trails = (self.trail,) if search.repeats == "no cycle" else ()
         self._keys, self._numbers_by_identity = keys, " AND ".join(f"steps.{name} = tries.{name}" for name in keys)
-        self.outputs = join_columns(*names_of((*self.tries[1:], *self.trails)))
+        self.outputs = join_columns(*list_names((*self.tries[1:], *self.trails)))
         match search.repeats:
             case "unique":
-                self.chosen = self._first_to_each_row()
+                self.chosen = self._write_first_to_each_row()
             case "no cycle":
-                self.chosen = self._off_the_trail()
+                self.chosen = self._write_off_the_trail()
             case _:
                 self.chosen = steps.tries
 
-    def statements(self) -> Iterator[str]:
+    def list_statements(self) -> Iterator[str]:
         """All of one level, in order, once its steps are tried."""
         raise NotImplementedError
 
-    def _first_to_each_row(self) -> str:
+    def _write_first_to_each_row(self) -> str:
         raise NotImplementedError
 
     def _make_handle(self, tries: str) -> str:
         # NOT EXISTS takes 1.3 times as long in DuckDB, which looks for other ways to ask it.
         return f"SELECT tries.* FROM ({tries}) AS tries ANTI JOIN steps ON {self._numbers_by_identity} {self.met}"
 
-    def _off_the_trail(self) -> str:
+    def _write_off_the_trail(self) -> str:
         row = f"tries.{self._keys[0]}"
         if len(self._keys) > 1:
             fields = join_columns(*(f"'{name}': tries.{name}" for name in self._keys))
@@ -83,11 +83,11 @@ class DuckLevelStatements(LevelStatements):
     frontier = "steps"
     met = "AND steps.depth > 0"
 
-    def _first_to_each_row(self) -> str:
+    def _write_first_to_each_row(self) -> str:
         keys = join_columns(*(f"tries.{name}" for name in self._keys))
         # One value for both takes 8 % less time.
         flags = "MIN_BY(CASE WHEN NOT goal THEN 1 WHEN goes_on THEN 3 ELSE 2 END, place) AS flags"
-        others = (f"MIN_BY({name}, place) AS {name}" for name in names_of(self.steps.own))
+        others = (f"MIN_BY({name}, place) AS {name}" for name in list_names(self.steps.own))
         tries = self._make_handle(self.steps.tries)
         columns = join_columns(keys, "MIN(place) AS place", flags, *others)
         firsts = f"SELECT {columns} FROM ({tries}) AS tries GROUP BY {keys}"
@@ -99,7 +99,7 @@ class DuckLevelStatements(LevelStatements):
         self.columns = (*numbers, *self.tries[1:], *self.trails)
         places, more = "*", ""
         if steps is TRIED:  # they may be large, so they are put together at the end
-            places, more = join_columns("place", *names_of(self.trails)), "JOIN tries USING (place)"
+            places, more = join_columns("place", *list_names(self.trails)), "JOIN tries USING (place)"
         self.kept = f"""
             INSERT INTO steps
             SELECT step, place // {MAX_ELEMENTS}, place % {MAX_ELEMENTS}, :depth, {self.outputs}
@@ -138,7 +138,7 @@ class DuckLevelStatements(LevelStatements):
         LIMIT 5000
     """
 
-    def statements(self) -> Iterator[str]:
+    def list_statements(self) -> Iterator[str]:
         yield from (self.kept, self.counts, self.ways, self.paths)
 
 
@@ -166,12 +166,12 @@ class SparkLevelStatements(LevelStatements):
         accounts = "LIST(CASE WHEN place < 0 THEN state END)" if steps is TRIED else "[]"
         self.counts = self.counts.format(accounts=accounts)
 
-    def _first_to_each_row(self) -> str:
+    def _write_first_to_each_row(self) -> str:
         # The rows before are looked up for the first try to each row alone.
         firsts = f"SELECT DISTINCT ON ({join_columns(*self._keys)}) * FROM ({self.steps.tries}) AS tries ORDER BY place"
         return self._make_handle(firsts)
 
-    def statements(self) -> Iterator[str]:
+    def list_statements(self) -> Iterator[str]:
         yield f"CREATE TABLE kept AS {self.kept}"
         yield self.counts
         yield "DROP TABLE frontier"

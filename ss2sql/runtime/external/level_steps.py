@@ -30,45 +30,45 @@ class PythonSteps:
         self.trial = StepEvaluation(search_run.problem.expand, search_run.shapes, search_run.flush, search_run.keyed)
         self.values: dict[str, Value] = {}  # what statements name
 
-    def known(self, begun: FirstStep) -> tuple[Any, ...]:
+    def list_known_values(self, begun: FirstStep) -> tuple[Any, ...]:
         """The columns of a step that this process knows: those of its row, then the others."""
-        return self.trial.noted(begun.row, begun.last, begun.state)
+        return self.trial.encode_step(begun.row, begun.last, begun.state)
 
-    def key_of(self, begun: FirstStep) -> tuple[Any, ...]:
+    def make_key(self, begun: FirstStep) -> tuple[Any, ...]:
         """What tells the row of a step from others."""
-        return self.known(begun)[: len(self.steps.rows)]
+        return self.list_known_values(begun)[: len(self.steps.rows)]
 
-    def kept(self, begun: FirstStep) -> tuple[Any, ...]:
+    def make_table_row(self, begun: FirstStep) -> tuple[Any, ...]:
         """The columns of a step as they stand in its table, with the flags behind those of its row."""
-        return self._with_flags(self.known(begun), begun.goal, begun.state is not None)
+        return self._insert_flags(self.list_known_values(begun), begun.goal, begun.state is not None)
 
-    def _with_flags(self, known: tuple[Any, ...], goal: bool, goes_on: bool) -> tuple[Any, ...]:
+    def _insert_flags(self, known: tuple[Any, ...], goal: bool, goes_on: bool) -> tuple[Any, ...]:
         rows = len(self.steps.rows)
         return *known[:rows], goal, goes_on, *known[rows:]
 
-    def start(self) -> tuple[Any, ...]:
+    def make_start_row(self) -> tuple[Any, ...]:
         """The same of the start, which has no row."""
-        return self._with_flags((None, None, None, encode_values(self.search_run.start)), False, True)
+        return self._insert_flags((None, None, None, encode_values(self.search_run.start)), False, True)
 
-    def expanded(self, begun: FirstStep) -> dict[TypedColumn, Any]:
+    def list_next_state(self, begun: FirstStep) -> dict[TypedColumn, Any]:
         """The columns that have the state after a step."""
-        return {self.steps.own[-1]: self.known(begun)[-1]}
+        return {self.steps.own[-1]: self.list_known_values(begun)[-1]}
 
-    def trail_of(self, way: Sequence[FirstStep]) -> list[Any]:
+    def collect_trail(self, way: Sequence[FirstStep]) -> list[Any]:
         """What NO CYCLE has of the rows of a path."""
-        keys = map(self.key_of, way)
+        keys = map(self.make_key, way)
         return [key if len(key) > 1 else key[0] for key in keys]
 
-    def shown_of(self, begun: FirstStep) -> tuple[Any, ...]:
+    def make_shown(self, begun: FirstStep) -> tuple[Any, ...]:
         """What is shown of a step, see `LevelStatements.shown`."""
-        return self.known(begun)[1:3]
+        return self.list_known_values(begun)[1:3]
 
-    def row(self, shown: Sequence[Any]) -> Row:
+    def read_row(self, shown: Sequence[Any]) -> Row:
         """The row of a step of which this is shown."""
         row: Row = loads(shown[0])
         return row
 
-    def last(self, place: int, shown: Sequence[Any], before: Sequence[Any] | None) -> Any:
+    def read_last_part(self, place: int, shown: Sequence[Any], before: Sequence[Any] | None) -> Any:
         """The last part of a step; `before` is shown of the one before, None where that is the start."""
         return None if shown[1] is None else loads(shown[1])
 
@@ -81,37 +81,37 @@ class SqlSteps(PythonSteps):
 
     def __init__(self, search_run: SearchRun, written: LevelStatements) -> None:
         super().__init__(search_run, written)
-        self.values = {label: search_run.run.source(name) for label, name in self.steps.parameters.items()}
+        self.values = {label: search_run.run.get_source(name) for label, name in self.steps.parameters.items()}
         assert self.steps.elements is not None
-        rows = NativeQuery(self.steps.elements).rows(search_run.run).rows
+        rows = NativeQuery(self.steps.elements).compute_rows(search_run.run).rows
         assert rows is not None
         if len(rows) > MAX_ELEMENTS:
             raise build_element_limit_error("FROM")
         self.elements = [(nth, *row[: len(self.steps.reads)]) for nth, row in enumerate(rows)]
 
-    def count(self, expanded: int) -> None:
+    def count_tries(self, expanded: int) -> None:
         """Counts the steps from so many states."""
         self.search_run.stats.generated += expanded * len(self.elements)
         self.search_run.stats.expanded += expanded
 
-    def known(self, begun: FirstStep) -> tuple[Any, ...]:
-        after = self.expanded(begun)
-        return *self.search_run.shapes.thaw(begun.row), *(after.get(column) for column in self.steps.own)
+    def list_known_values(self, begun: FirstStep) -> tuple[Any, ...]:
+        after = self.list_next_state(begun)
+        return *self.search_run.shapes.thaw_state(begun.row), *(after.get(column) for column in self.steps.own)
 
-    def shown_of(self, begun: FirstStep) -> tuple[Any, ...]:
-        return self.known(begun)
+    def make_shown(self, begun: FirstStep) -> tuple[Any, ...]:
+        return self.list_known_values(begun)
 
-    def start(self) -> tuple[Any, ...]:
-        after = self.steps.after(self.search_run.start)
-        return self._with_flags(tuple(map(after.get, (*self.steps.rows, *self.steps.own))), False, True)
+    def make_start_row(self) -> tuple[Any, ...]:
+        after = self.steps.match_columns(self.search_run.start)
+        return self._insert_flags(tuple(map(after.get, (*self.steps.rows, *self.steps.own))), False, True)
 
-    def expanded(self, begun: FirstStep) -> dict[TypedColumn, Any]:
-        return {} if begun.state is None else self.steps.after(self.search_run.shapes.thaw(begun.state))
+    def list_next_state(self, begun: FirstStep) -> dict[TypedColumn, Any]:
+        return {} if begun.state is None else self.steps.match_columns(self.search_run.shapes.thaw_state(begun.state))
 
-    def row(self, shown: Sequence[Any]) -> Row:
+    def read_row(self, shown: Sequence[Any]) -> Row:
         return tuple(shown[: len(self.steps.rows)])
 
-    def last(self, place: int, shown: Sequence[Any], before: Sequence[Any] | None) -> Any:
+    def read_last_part(self, place: int, shown: Sequence[Any], before: Sequence[Any] | None) -> Any:
         if not self.search_run.keyed:
             return None
         elements = self._combinations[place % MAX_ELEMENTS]
@@ -125,4 +125,4 @@ class SqlSteps(PythonSteps):
         """The elements of the sources in their order, which are the same for all states."""
         noted = self.search_run.noted
         assert noted is not None
-        return list(map(noted.elements, list_elements(noted, self.search_run.problem.starts[0])))
+        return list(map(noted.read_elements, list_elements(noted, self.search_run.problem.starts[0])))

@@ -34,10 +34,10 @@ class PushedTable(Protocol):
     @property
     def conditions(self) -> tuple[plan.Expr, ...]: ...
 
-    def read(self, run: Run) -> Any:
+    def read_table(self, run: Run) -> Any:
         """What a run reads under the name that it has in the query."""
 
-    def holds(self, variable: Callable[[str], Any]) -> bool:
+    def can_run_with(self, variable: Callable[[str], Any]) -> bool:
         """Whether it can be had with the values that variables have now; the query is made anew where it cannot."""
 
 
@@ -52,20 +52,20 @@ class PredicatePushdown:
     def sources(self) -> tuple[plan.ValueSource, ...]:
         return (self.source,)
 
-    def read(self, run: Run) -> Any:
+    def read_table(self, run: Run) -> Any:
         """The source as it is now, with the rows that are kept; the whole of it where it is no table any more."""
         assert isinstance(self.source.value, plan.Variable)
-        frame = find_duck_frame(self.source, run.source)
-        kept = None if frame is None else self.of(frame, run.source)
+        frame = find_duck_frame(self.source, run.get_source)
+        kept = None if frame is None else self.restrict_frame(frame, run.get_source)
         if frame is None or kept is None:
-            return run.source(self.source.value.name)
-        with frame.asked(self.source.span), interrupt_when_due(run, frame.reading):
-            return frame.within(kept)
+            return run.get_source(self.source.value.name)
+        with frame.convert_errors(self.source.span), interrupt_when_due(run, frame.reading):
+            return frame.restrict_rows(kept)
 
-    def holds(self, variable: Callable[[str], Any]) -> bool:
+    def can_run_with(self, variable: Callable[[str], Any]) -> bool:
         return True
 
-    def of(self, frame: DuckFrame, variable: Callable[[str], Any]) -> ExternalTable | None:
+    def restrict_frame(self, frame: DuckFrame, variable: Callable[[str], Any]) -> ExternalTable | None:
         """The rows of the table that are kept; None where DuckDB cannot tell which."""
         if frame.reading.strange:  # texts may compare in another way
             return None
@@ -85,20 +85,20 @@ def push_down_predicates(
         variable: gives the values that variables will have, and raises KeyError or an Error where that is not known.
     """
     found: dict[str, PushedTable] = {}
-    if query.search is not None or query.where is None or any(map(_may_fail, query.sources)):
+    if query.search is not None or query.where is None or any(map(_can_source_fail, query.sources)):
         return query, {}
     values = [source for source in query.sources if isinstance(source, plan.ValueSource)]
     if all(find_duck_frame(source, variable) is None for source in values):
         return query, {}
     if is_volatile(query):  # where something is assigned, conditions may be others for the next row
         return query, {}
-    asked = _find_safe_conditions(query.where)
-    query, joinings = push_down_joins(query, asked, variable)
+    safe = _find_safe_conditions(query.where)
+    query, joinings = push_down_joins(query, safe, variable)
     handed: dict[int, PushedTable] = {joining.sources[0].id: joining for joining in joinings}
     sources = []
     for source in query.sources:
         if isinstance(source, plan.ValueSource):
-            known = handed.get(source.id) or _find_pushdown(asked, source, variable)
+            known = handed.get(source.id) or _find_pushdown(safe, source, variable)
             if known is not None:
                 name = make_unique_name(f"{source.name}.kept", found)  # no script has a variable with a dot
                 found[name] = known
@@ -107,7 +107,7 @@ def push_down_predicates(
     return replace(query, sources=tuple(sources)), found
 
 
-def _may_fail(source: plan.Source) -> bool:
+def _can_source_fail(source: plan.Source) -> bool:
     """Whether opening a source may raise, or asks for a row of another one: it is opened for all rows before it."""
     match source:
         case plan.ValueSource(value=plan.Variable() | plan.Constant()) | plan.TableSource():
@@ -126,12 +126,14 @@ def _find_safe_conditions(where: plan.Expr | None) -> list[plan.Expr]:
 
 
 def _find_pushdown(
-    asked: Iterable[plan.Expr], source: plan.ValueSource, variable: Callable[[str], Any]
+    safe: Iterable[plan.Expr], source: plan.ValueSource, variable: Callable[[str], Any]
 ) -> PredicatePushdown | None:
     """What DuckDB can ask of a source, if it is a table there and there is such a thing."""
     frame = find_duck_frame(source, variable)
     if frame is None:
         return None
-    own = (part for part in asked if list_sources(part) == {source.id})
-    found = tuple(part for part in own if PredicatePushdown(source, (part,)).of(frame, variable) is not None)
+    own = (part for part in safe if list_sources(part) == {source.id})
+    found = tuple(
+        part for part in own if PredicatePushdown(source, (part,)).restrict_frame(frame, variable) is not None
+    )
     return PredicatePushdown(source, found) if found else None

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import RepresentationError
-from ss2sql.language.column_shapes import fill_from_plan, holds_any
+from ss2sql.language.column_shapes import fill_from_plan, has_untyped_values
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.runtime.external.first_levels import FirstLevels, FirstStep
 from ss2sql.runtime.external.level_steps import SqlSteps
@@ -35,14 +35,14 @@ MAX_JOINS = 16  # of ways that are computed at once
 class DataFrameSearch(SparkSearch):
     """One search whose results stay in Spark."""
 
-    def frame(self, most: int | None) -> DataFrame:
+    def make_dataframe(self, most: int | None) -> DataFrame:
         """The rows of the first `most` paths: path, step, and the columns of SELECT; steps of Spark's own session."""
-        with self._begun() as beginning:
-            parts = [] if most == 0 else list(self._parts(beginning, most))
+        with self._begin_first_levels() as beginning:
+            parts = [] if most == 0 else list(self._iterate_parts(beginning, most))
             rows = parts[0] if parts else self._load_graph("path", [])
             for part in parts[1:]:
                 rows = rows.unionAll(part)
-            return self.store.hand_over_frame(self._columns(rows))
+            return self.store.hand_over_frame(self._select_columns(rows))
 
     @property
     def _kept(self) -> tuple[TypedColumn, ...]:
@@ -55,21 +55,21 @@ class DataFrameSearch(SparkSearch):
 
     def _load_graph(self, first: str, rows: list[Any]) -> DataFrame:
         numbers = TypedColumn(first, "BIGINT"), TypedColumn("place" if first == "step" else "step", "BIGINT")
-        return self.store.loaded((*numbers, *self._kept), rows)
+        return self.store.load_rows((*numbers, *self._kept), rows)
 
-    def _parts(self, beginning: FirstLevels, most: int | None) -> Iterator[DataFrame]:
+    def _iterate_parts(self, beginning: FirstLevels, most: int | None) -> Iterator[DataFrame]:
         """The rows of the paths, part by part."""
         begun_paths = []
-        for goal in beginning.goals():
-            begun_paths.append(beginning.way(goal, len(beginning.levels) + 1))
+        for goal in beginning.find_goals():
+            begun_paths.append(beginning.trace_path(goal, len(beginning.levels) + 1))
             if len(begun_paths) == most:
                 break
         if begun_paths:
-            yield self._rows_of(begun_paths)
+            yield self._load_paths(begun_paths)
         if len(begun_paths) != most:
             yield from self._join_paths_back(self._find_level_goals(beginning, len(begun_paths), most))
 
-    def _rows_of(self, begun_paths: list[list[FirstStep]]) -> DataFrame:
+    def _load_paths(self, begun_paths: list[list[FirstStep]]) -> DataFrame:
         """The rows of paths that this process knows."""
         rows = [
             (path, step, *self._select_kept_columns(begun))
@@ -79,14 +79,14 @@ class DataFrameSearch(SparkSearch):
         return self._load_graph("path", rows)
 
     def _select_kept_columns(self, begun: FirstStep) -> Any:
-        return self.steps.made.shown_of(begun)[: len(self._kept)]
+        return self.steps.made.make_shown(begun)[: len(self._kept)]
 
     # --- goals and ways ----------------------------------------------------------------------------------
 
     def _find_level_goals(self, beginning: FirstLevels, before: int, most: int | None) -> dict[int, DataFrame]:
         """The goals of each level, with the numbers of their paths, which follow those of the paths before."""
         goals: dict[int, DataFrame] = {}
-        for reached in self._levels(beginning):
+        for reached in self._compute_levels(beginning):
             found = reached.counts.goals
             if found:
                 goals[reached.depth] = self._number_goals(reached, found, before, most)
@@ -112,7 +112,7 @@ class DataFrameSearch(SparkSearch):
         begun_paths: DataFrame | None = None
         columns = [column.name for column in self._kept]
         for depth in range(max(goals, default=0), 0, -1):
-            self._pause()
+            self._flush_and_check()
             own = goals.get(depth)
             if own is not None:
                 begun_paths = own if begun_paths is None else begun_paths.unionAll(own)
@@ -127,19 +127,19 @@ class DataFrameSearch(SparkSearch):
 
     # --- columns -----------------------------------------------------------------------------------------
 
-    def _columns(self, rows: DataFrame) -> DataFrame:
+    def _select_columns(self, rows: DataFrame) -> DataFrame:
         """The rows with the columns of SELECT, numbered."""
         outputs = self.search_run.query.columns
         if self._typed:
             return rows.toDF("path", "step", *(f"c{number}" for number in range(len(outputs))))
         rows = self.store.persist_frame(rows)  # it is read twice
         told = [NO_SHAPE] * len(outputs)
-        asked = rows.select("row").mapInArrow(make_task(describe_columns, len(outputs)), "told BINARY")
-        for (part,) in asked.collect():
+        described = rows.select("row").mapInArrow(make_task(describe_columns, len(outputs)), "told BINARY")
+        for (part,) in described.collect():
             told = [one.merge_shapes(other) for one, other in zip(told, read_shapes(bytes(part)), strict=True)]
         shapes = []
         for output, column in zip(outputs, told, strict=True):
-            if holds_any(column.shape):
+            if has_untyped_values(column.shape):
                 raise _build_type_error(output.name, column)
             shapes.append(fill_from_plan(column.shape, output.expr.type))
         return rows.mapInArrow(make_task(unpickle_columns, pickle.dumps(shapes)), build_spark_types(shapes))

@@ -26,7 +26,7 @@ _unpacked_tasks: dict[
 ] = {}  # by the names of runs; a process serves one after the other, seldom two
 
 
-def try_batches(
+def expand_batches(
     batches: Iterable[pa.RecordBatch], name: str, task: Broadcast[bytes], typed: list[tuple[str, str]]
 ) -> Iterator[pa.RecordBatch]:
     """The steps from the states of a task, as rows of `tries`, and what was counted."""
@@ -40,11 +40,11 @@ def try_batches(
     except Exception as error:
         told["trouble"] = f"{type(error).__name__}: {error}"
     else:
-        unpacked.counted()  # of a task that was broken off
+        unpacked.take_counts()  # of a task that was broken off
         with unpacked.room():
             for rows in _iterate_tries(batches, unpacked, told):
                 yield batch_of_rows(columns, rows)
-        told |= unpacked.counted()
+        told |= unpacked.take_counts()
     # The row without a row of the search; no key of one begins like its key.
     values: dict[str, Any] = {"place": -1 - number, "row_key": b"\xff%d" % number, "state": dumps(told)}
     values |= {"goal": False, "goes_on": False}
@@ -67,7 +67,7 @@ def _iterate_tries(
     search runs, and raises what it raises there.
     """
     rows: list[Try] = []
-    size, steps = 0, unpacked.trial.steps
+    size, steps = 0, unpacked.trial.evaluate_steps
     for block in batches:
         for step, state in zip(block.column(0).to_pylist(), block.column(1).to_pylist(), strict=True):
             try:

@@ -9,7 +9,15 @@ from marshal import loads
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.column_shapes import NONE, Shape, arrow_type, get_shape, holds_any, merge, to_floats
+from ss2sql.language.column_shapes import (
+    NONE,
+    Shape,
+    get_shape,
+    has_untyped_values,
+    make_arrow_type,
+    merge_shapes,
+    to_floats,
+)
 from ss2sql.language.values import format_value
 
 if TYPE_CHECKING:
@@ -26,9 +34,9 @@ class ColumnShape:
     other: str | None = None
 
     def merge_shapes(self, more: ColumnShape) -> ColumnShape:
-        shape = merge(self.shape, more.shape)
+        shape = merge_shapes(self.shape, more.shape)
         other = self.other or more.other
-        if other is None and holds_any(shape) and self.first is not None:
+        if other is None and has_untyped_values(shape) and self.first is not None:
             other = more.first
         return ColumnShape(shape, self.first or more.first, other)
 
@@ -42,7 +50,7 @@ def infer_shape(values: Sequence[Any]) -> ColumnShape:
     first = next((value for value in values if value is not None), None)
     if first is None:
         return ColumnShape(found)
-    if not holds_any(found):
+    if not has_untyped_values(found):
         return ColumnShape(found, format_value(first))
     return reduce(
         ColumnShape.merge_shapes,
@@ -75,7 +83,7 @@ def unpickle_columns(batches: Iterator[pa.RecordBatch], pickled: bytes) -> Itera
     for block in batches:
         columns = _transpose_rows(block.column(2), len(shapes))
         arrays = [
-            pa.array([to_floats(value, shape) for value in values], arrow_type(pa, shape))
+            pa.array([to_floats(value, shape) for value in values], make_arrow_type(pa, shape))
             for values, shape in zip(columns, shapes, strict=True)
         ]
         yield pa.record_batch([block.column(0), block.column(1), *arrays], schema=_build_schema(shapes))
@@ -89,7 +97,7 @@ def _transpose_rows(rows: pa.Array, width: int) -> list[tuple[Any, ...]]:
 def _build_schema(shapes: Sequence[Shape]) -> pa.Schema:
     import pyarrow as pa
 
-    own = [(f"c{number}", arrow_type(pa, shape)) for number, shape in enumerate(shapes)]
+    own = [(f"c{number}", make_arrow_type(pa, shape)) for number, shape in enumerate(shapes)]
     return pa.schema([("path", pa.int64()), ("step", pa.int64()), *own])
 
 

@@ -19,7 +19,7 @@ from ss2sql.runtime.external.first_levels import FirstLevels
 from ss2sql.runtime.external.level_statements import SparkLevelStatements
 from ss2sql.runtime.external.spark_steps import LevelCounts, SparkSteps
 from ss2sql.runtime.external.spark_store import SparkStore
-from ss2sql.runtime.external.table_statements import join_columns, names_of
+from ss2sql.runtime.external.table_statements import join_columns, list_names
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
@@ -68,45 +68,44 @@ class SparkSearch:
         # Steps on ways to goals, by level and number: their place, and what is shown of them.
         self.known: dict[tuple[int, int], tuple[int, Sequence[Any]]] = {}
 
-    def results(self) -> Iterator[Found]:
+    def find_results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
-        with self._begun() as beginning:
-            for goal in beginning.goals():
-                yield beginning.found(goal)
-            for reached in self._levels(beginning):
-                yield from self._found(reached)
+        with self._begin_first_levels() as beginning:
+            for goal in beginning.find_goals():
+                yield beginning.make_result(goal)
+            for reached in self._compute_levels(beginning):
+                yield from self._read_goals(reached)
 
     @contextmanager
-    def _begun(self) -> Iterator[FirstLevels]:
+    def _begin_first_levels(self) -> Iterator[FirstLevels]:
         """The first levels, for the time of the search."""
         try:
-            self.steps.prepare()
+            self.steps.check_transferable()
             yield FirstLevels(self.search_run, seconds=SECONDS)
         finally:
             self.planner.shutdown(cancel_futures=True)
-            self.steps.close()
+            self.steps.release_broadcast()
 
-    def _pause(self) -> None:
+    def _flush_and_check(self) -> None:
         self.search_run.flush()
         self.search_run.check()
 
     # --- from level to level -----------------------------------------------------------------------------
 
-    def _levels(self, beginning: FirstLevels) -> Iterator[ComputedLevel]:
-        """The levels after the first ones."""
+    def _compute_levels(self, beginning: FirstLevels) -> Iterator[ComputedLevel]:
         expanded = len(beginning.frontier)
         if not expanded:
             return
-        self.steps.load()
-        self._load(beginning)
+        self.steps.send_to_executors()
+        self._load_first_levels(beginning)
         depth = len(beginning.levels)
-        planned = self._planned(self._make_frontier(beginning), few=True)
+        planned = self._plan_level(self._make_frontier(beginning), few=True)
         while expanded:
             depth += 1
-            self._pause()
+            self._flush_and_check()
             self.levels[depth] = planned.kept
-            following = self.planner.submit(self._following, depth)
-            counts = self.steps.counted(tuple(planned.counts.collect()[0]), planned.frontier, expanded)
+            following = self.planner.submit(self._plan_next_level, depth)
+            counts = self.steps.read_counts(tuple(planned.counts.collect()[0]), planned.frontier, expanded)
             yield ComputedLevel(depth, planned, counts)
             self.search_run.stats.levels.append(GraphLevel(counts.kept, counts.kept, counts.tried - counts.kept))
             few = (
@@ -116,37 +115,37 @@ class SparkSearch:
             if expanded:
                 planned = following.result()
                 if not few:
-                    planned = self._planned(self._select_continuing(depth), few)
+                    planned = self._plan_level(self._select_continuing(depth), few)
 
-    def _following(self, depth: int) -> PlannedLevel:
+    def _plan_next_level(self, depth: int) -> PlannedLevel:
         """Plans the level after one that is being computed."""
         if self.written.search.repeats == "unique":
             self._add_to_closed_list(self.levels[depth].where("place >= 0"))
-        return self._planned(self._select_continuing(depth), few=True)
+        return self._plan_level(self._select_continuing(depth), few=True)
 
     def _select_continuing(self, depth: int) -> DataFrame:
         return self.levels[depth].where("goes_on")
 
-    def _planned(self, frontier: DataFrame, few: bool) -> PlannedLevel:
+    def _plan_level(self, frontier: DataFrame, few: bool) -> PlannedLevel:
         """Plans a level and makes its job ready, which takes a tenth of a second or more.
 
         Done while the job before runs, the gap between the jobs of the 8-puzzle is 24 ms, not 45 ms.
         """
-        self.steps.look_at(frontier)
+        self.steps.make_level_views(frontier)
         if self.met is not None:
             self.met.createOrReplaceTempView("steps")
         kept = self._select_kept_in_one_partition() if few else self._select_kept_in_partitions()
         kept.createOrReplaceTempView("kept")
-        counts = self.store.query(self.written.counts)
+        counts = self.store.query_rows(self.written.counts)
         counts._jdf.queryExecution().toRdd()
         return PlannedLevel(frontier, kept, counts)
 
     def _select_kept_in_one_partition(self) -> DataFrame:
-        return self.store.persist_frame(self.store.query(self.written.kept, self.steps.made.values))
+        return self.store.persist_frame(self.store.query_rows(self.written.kept, self.steps.made.values))
 
     def _select_kept_in_partitions(self) -> DataFrame:
         """The same without bringing all rows into one partition."""
-        chosen = self.store.query(self.written.chosen, self.steps.made.values)
+        chosen = self.store.query_rows(self.written.chosen, self.steps.made.values)
         return self._number_spark_rows(
             self.store.persist_frame(chosen), "place", "step"
         )  # it is read twice to be sorted
@@ -163,7 +162,7 @@ class SparkSearch:
 
     def _add_to_closed_list(self, rows: DataFrame) -> None:
         """Notes rows, for UNIQUE."""
-        rows = rows.select(*names_of(self.written.steps.rows))
+        rows = rows.select(*list_names(self.written.steps.rows))
         self.met = rows if self.met is None else self.met.unionAll(rows)
         self.tables += 1
         if self.tables == TABLES:
@@ -171,30 +170,29 @@ class SparkSearch:
 
     # --- from this process to Spark ----------------------------------------------------------------------
 
-    def _load(self, beginning: FirstLevels) -> None:
+    def _load_first_levels(self, beginning: FirstLevels) -> None:
         """Hands over what the first levels have come to."""
         made = self.steps.made
         for depth, level in enumerate(beginning.levels, 1):
             for step, begun in enumerate(level, 1):
-                self.known[depth, step] = begun.place, made.shown_of(begun)
+                self.known[depth, step] = begun.place, made.make_shown(begun)
         if self.written.search.repeats == "unique":
-            keys = [made.key_of(begun) for level in beginning.levels for begun in level]
-            self._add_to_closed_list(self.store.loaded(self.written.steps.rows, keys))
+            keys = [made.make_key(begun) for level in beginning.levels for begun in level]
+            self._add_to_closed_list(self.store.load_rows(self.written.steps.rows, keys))
 
     def _make_frontier(self, beginning: FirstLevels) -> DataFrame:
         """The states that the first levels go on from."""
         depth, made, trails = len(beginning.levels), self.steps.made, self.written.trails
-        columns = (TypedColumn("step", "BIGINT"), *made.expanded(beginning.frontier[0][1]), *trails)
+        columns = (TypedColumn("step", "BIGINT"), *made.list_next_state(beginning.frontier[0][1]), *trails)
         rows = []
         for step, begun in beginning.frontier:
-            trail = [made.trail_of(beginning.way(begun, depth) if depth else [])] if trails else []
-            rows.append((step, *made.expanded(begun).values(), *trail))
-        return self.store.loaded(columns, rows)
+            trail = [made.collect_trail(beginning.trace_path(begun, depth) if depth else [])] if trails else []
+            rows.append((step, *made.list_next_state(begun).values(), *trail))
+        return self.store.load_rows(columns, rows)
 
     # --- paths -------------------------------------------------------------------------------------------
 
-    def _found(self, reached: ComputedLevel) -> Iterator[Found]:
-        """The paths to the goals of a level."""
+    def _read_goals(self, reached: ComputedLevel) -> Iterator[Found]:
         depth, counts = reached.depth, reached.counts
         if counts.goals:
             rows = reached.goals.select("step", "place", *self.written.shown)
@@ -224,8 +222,8 @@ class SparkSearch:
             for above in range(depth, 0, -1):
                 path_steps.append(self.known[above, step])
                 step = path_steps[-1][0] // MAX_ELEMENTS
-            last = self.steps.made.last(*path_steps[0], path_steps[1][1] if depth > 1 else None)
-            yield [self.steps.made.row(shown) for _, shown in reversed(path_steps)], last
+            last = self.steps.made.read_last_part(*path_steps[0], path_steps[1][1] if depth > 1 else None)
+            yield [self.steps.made.read_row(shown) for _, shown in reversed(path_steps)], last
 
     def _remember_steps(self, depth: int, steps: list[int]) -> None:
         """Has this process know some steps of a level."""
@@ -235,7 +233,9 @@ class SparkSearch:
         if len(steps) <= STEPS_PER_QUERY:
             some = level.where(f"step IN ({join_columns(*steps)})")
         else:
-            some = level.join(self.store.loaded((TypedColumn("step", "BIGINT"),), [[step] for step in steps]), "step")
+            some = level.join(
+                self.store.load_rows((TypedColumn("step", "BIGINT"),), [[step] for step in steps]), "step"
+            )
         for step, place, *values in some.select("step", "place", *self.written.shown).collect():
             self.known[depth, step] = place, values
 

@@ -8,7 +8,7 @@ from os import environ
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import SessionError
-from ss2sql.runtime.external.spark_store import SparkStore, runs_locally
+from ss2sql.runtime.external.spark_store import SparkStore, is_local
 from ss2sql.runtime.search.search_run import SearchRun
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ class SparkEngine:
         else:
             _check_session(session)
 
-    def open(self, search_run: SearchRun) -> SparkStore:
+    def open_store(self, search_run: SearchRun) -> SparkStore:
         from pyspark.sql import SparkSession
 
         if self.session is None:
@@ -39,7 +39,7 @@ class SparkEngine:
                 self.session.sparkContext.pythonExec = sys.executable  # else any that is called python3
         return SparkStore(self.session)
 
-    def close(self) -> None:
+    def close_engine(self) -> None:
         if self.own and self.session is not None:
             self.session.stop()
         self.session = None
@@ -65,6 +65,6 @@ def _check_session(session: Any) -> None:
     except PySparkException as error:
         message = "engine='spark' needs the driver's own session, not one of Spark Connect"
         raise SessionError("S002", message, hints=(hint,)) from error
-    if not runs_locally(context) and context.getCheckpointDir() is None:
+    if not is_local(context) and context.getCheckpointDir() is None:
         message = "the session has no folder that all executors can reach"
         raise SessionError("S002", message, hints=('spark.sparkContext.setCheckpointDir("hdfs://...")',))

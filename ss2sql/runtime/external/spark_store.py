@@ -41,27 +41,27 @@ class SparkStore:
         self._kept: list[tuple[DataFrame, DataFrame]] = []  # what was kept, and how it is read
         self.context.addJobTag(self.name)
 
-    def interrupt(self) -> None:
+    def interrupt_statement(self) -> None:
         self.is_stopping = True
         self.context.cancelJobsWithTag(self.name)
 
-    def close(self) -> None:
+    def close_tables(self) -> None:
         self.context.removeJobTag(self.name)
         for kept in self._kept:
-            self._forget(*kept)
+            self._release_frame(*kept)
         self._kept.clear()
 
     # --- rows --------------------------------------------------------------------------------------------
 
-    def query(self, select: str, values: Mapping[str, Value] | None = None) -> DataFrame:
+    def query_rows(self, select: str, values: Mapping[str, Value] | None = None) -> DataFrame:
         """The rows of a query, not computed yet."""
         if self.is_stopping:
             raise ExecutionError("X009", "the run has ended")
         text = translate_sql(SPARK, select)
-        given = {name: _convert_argument(value) for name, value in (values or {}).items() if f":{name}" in text}
-        return self.session.sql(text, given)
+        arguments = {name: _convert_argument(value) for name, value in (values or {}).items() if f":{name}" in text}
+        return self.session.sql(text, arguments)
 
-    def loaded(self, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> DataFrame:
+    def load_rows(self, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> DataFrame:
         """Rows of this process."""
         import pyarrow as pa  # type: ignore[import-untyped]
 
@@ -81,7 +81,7 @@ class SparkStore:
         from pyspark.sql import DataFrame
 
         leaf = self._cut_lineage(frame, eager=True)
-        if not runs_locally(self.context):
+        if not is_local(self.context):
             frame.unpersist()
         context, user = cast(Any, self.context), cast(Any, self.user)
         plan = leaf._jdf.queryExecution().logical()
@@ -90,15 +90,15 @@ class SparkStore:
     def _cut_lineage(self, frame: DataFrame, eager: bool) -> DataFrame:
         from pyspark import StorageLevel
 
-        if runs_locally(self.context):
+        if is_local(self.context):
             return frame.localCheckpoint(eager)
         return frame.persist(StorageLevel.MEMORY_AND_DISK).checkpoint(eager)
 
-    def _forget(self, frame: DataFrame, leaf: DataFrame) -> None:
+    def _release_frame(self, frame: DataFrame, leaf: DataFrame) -> None:
         """Lets go of what was kept, wherever that is."""
         rows: Any = leaf._jdf.queryExecution().logical().rdd()
         rows.unpersist(False)
-        if not runs_locally(self.context):
+        if not is_local(self.context):
             frame.unpersist()
             file = rows.getCheckpointFile()
             if file.isDefined():
@@ -107,7 +107,7 @@ class SparkStore:
                 path.getFileSystem(context._jsc.hadoopConfiguration()).delete(path, True)
 
 
-def runs_locally(context: SparkContext) -> bool:
+def is_local(context: SparkContext) -> bool:
     """Whether the executors are threads of the driver, so that none can be lost without it."""
     return re.match(r"local(\[|$)", context.master or "") is not None
 

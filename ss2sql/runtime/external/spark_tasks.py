@@ -19,7 +19,7 @@ def make_task(function: Callable[..., Iterator[Any]], *arguments: Any) -> Task:
     module, name = function.__module__, function.__name__
     paths = [os.path.abspath(path) for path in sys.path]
 
-    def call(batches: Iterator[Any]) -> Iterator[Any]:
+    def run_task(batches: Iterator[Any]) -> Iterator[Any]:
         import sys
         from importlib import import_module
 
@@ -27,4 +27,4 @@ def make_task(function: Callable[..., Iterator[Any]], *arguments: Any) -> Task:
         found: Iterator[Any] = getattr(import_module(module), name)(batches, *arguments)
         return found
 
-    return call
+    return run_task

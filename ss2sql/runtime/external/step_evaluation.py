@@ -31,22 +31,24 @@ class StepEvaluation:
     flush: Callable[[], None]
     keyed: bool
 
-    def steps(self, step: int, state: bytes) -> Iterator[Try]:
+    def evaluate_steps(self, step: int, state: bytes) -> Iterator[Try]:
         """What `tries` has of each step from the state that a step led to.
 
         Raises UnsupportedError where another database cannot keep what a step comes to.
         """
-        tried = self.expand(self.shapes.freeze(loads(state)), ())
+        tried = self.expand(self.shapes.freeze_state(loads(state)), ())
         for nth, (row, _, goal, goes_on, after, _, _, last) in enumerate(tried):
             if nth == MAX_ELEMENTS:
                 raise build_element_limit_error("a state")
-            key, *noted = self.noted(row, last, after if goes_on else None)
+            key, *noted = self.encode_step(row, last, after if goes_on else None)
             yield step * MAX_ELEMENTS + nth, key, goal, goes_on, *noted
 
-    def noted(self, row: FrozenRow, last: Any, state: State | None) -> tuple[bytes, bytes, bytes | None, bytes | None]:
+    def encode_step(
+        self, row: FrozenRow, last: Any, state: State | None
+    ) -> tuple[bytes, bytes, bytes | None, bytes | None]:
         """The key, the row, the last part and the state after a step as bytes."""
-        shown = self.shapes.thaw(row)
-        following = None if state is None else encode_values(self.shapes.thaw(state))
+        shown = self.shapes.thaw_state(row)
+        following = None if state is None else encode_values(self.shapes.thaw_state(state))
         return _encode_key(shown), encode_values(shown), encode_values(last) if self.keyed else None, following
 
 

@@ -18,11 +18,11 @@ def join_columns(*columns: object) -> str:
     return ", ".join(map(str, columns))
 
 
-def names_of(columns: Iterable[TypedColumn]) -> list[str]:
+def list_names(columns: Iterable[TypedColumn]) -> list[str]:
     return [column.name for column in columns]
 
 
 @cache
 def translate_sql(dialect: Dialect, text: str) -> str:
     """A text, written for DuckDB, in a dialect; to read and to write one takes a millisecond."""
-    return dialect.print(sqlglot.parse_one(text, read="duckdb"))
+    return dialect.print_tree(sqlglot.parse_one(text, read="duckdb"))

@@ -129,7 +129,7 @@ def _collect_values(query: plan.Query, run: Run) -> tuple[dict[str, Any], dict[s
         if not isinstance(node, plan.Variable) or node.name in variables or node.name in frames:
             continue
         try:
-            value = run.source(node.name)
+            value = run.get_source(node.name)
         except Error as error:
             if error.code != "R001":
                 raise
@@ -187,10 +187,10 @@ class UnpickledSearch:
             content: SearchTask = pickle.loads(task)
         self.run = Run(_ExecutorHost(content), sizes=ValueSizes(content.max_size))
         native = NativeQuery(content.query, find=lambda search_run: iter(()))
-        self.trial = StepEvaluation(*native.steps(self.run), content.keyed)
+        self.trial = StepEvaluation(*native.make_step_function(self.run), content.keyed)
         self.room = partial(deepen_stack, native.levels)  # on the stack, for the time of trying steps
 
-    def counted(self) -> dict[str, Any]:
+    def take_counts(self) -> dict[str, Any]:
         """What was counted since this was asked the last time, see Stats."""
         self.trial.flush()
         report_calls(self.run)
@@ -228,13 +228,13 @@ class _ExecutorHost:
         self.values = dict(task.variables)
         self.values.update((name, _restore_frame(*parts)) for name, parts in task.frames.items())
 
-    def variable(self, name: str, run: Run) -> Any:
+    def get_variable(self, name: str, run: Run) -> Any:
         if name not in self.values:
             hints = ("assign it before it is read",)
             raise ExecutionError("R001", f"the variable '{name}' has no value yet", hints=hints)
         return self.values[name]
 
-    def call(self, function: plan.Function, run: Run) -> Callable[..., Any]:
+    def get_callable(self, function: plan.Function, run: Run) -> Callable[..., Any]:
         if function.builtin:
             python = OPERATIONS[function.name].value
             assert python is not None  # those of the session are volatile
@@ -243,7 +243,7 @@ class _ExecutorHost:
         if known is None:
             entry = self.parcel.functions[function.inverse_of or function.name]
             if function.inverse_of:
-                known = make_unmemoized_call(entry.inverted(), run)
+                known = make_unmemoized_call(entry.make_inverse(), run)
             else:
                 known = (ArrayFunction if entry.vectorized else make_callable)(entry, run, self.parcel.memo_limit)
             run.callables[function.name] = known
@@ -252,18 +252,20 @@ class _ExecutorHost:
     def read_table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]:
         return self.parcel.tables[source.id]
 
-    def integers(self, source: plan.TableSource, *places: int) -> None:
+    def read_integer_columns(self, source: plan.TableSource, *places: int) -> None:
         return None
 
-    def shape(self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run) -> Any:
+    def shape_rows(
+        self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run
+    ) -> Any:
         return self.shapes.represent_subquery(
             query, expand_stars(query, rows, run.sizes.pause), arguments, named, run.sizes
         )
 
-    def _never(self, *given: Any) -> Any:
+    def _refuse_call(self, *arguments: Any) -> Any:
         raise AssertionError("a search that keeps the written order does not go by levels")
 
-    assign = resolve_text = bind_late = temporal = store_temporal = _never
+    assign_variable = resolve_text = bind_late = read_temporal = store_temporal = _refuse_call
 
 
 def _restore_frame(columns: dict[str, tuple[Type, list[Any]]], length: int) -> Frame:

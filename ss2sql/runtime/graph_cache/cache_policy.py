@@ -12,7 +12,7 @@ from ss2sql.language import plan
 from ss2sql.language.value_messages import format_value
 from ss2sql.runtime.graph_cache.cached_graph import CachedClause, CachedGraph, GraphDescription
 from ss2sql.runtime.graph_cache.cached_steps import CachedSteps, add_note
-from ss2sql.runtime.graph_cache.fingerprint import GraphFingerprint, calls_functions, depends_on_state
+from ss2sql.runtime.graph_cache.fingerprint import GraphFingerprint, do_call_functions, is_read_per_state
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
 from ss2sql.runtime.graph_cache.graph_store import GraphStore
 from ss2sql.runtime.graph_cache.value_json import encode_values
@@ -39,7 +39,7 @@ class CachePolicy:
         try:
             if search_run.noted is None:
                 raise NotCacheable("the search calls a function that is volatile, or assigns a variable")
-            if search_run.noted.goals is not None and not calls_user_functions(search_run.query):
+            if search_run.noted.goals is not None and not do_steps_call_user(search_run.query):
                 raise NotCacheable("the search goes from both ends, and calls no function")
             return self._open_cached_graph(search_run)
         except NotCacheable as reason:
@@ -55,32 +55,32 @@ class CachePolicy:
         assert search is not None
         assert search_run.noted is not None
         keys = GraphFingerprint(query, search_run.run, self.get_function, self.worlds)
-        key = keys.graph()
+        key = keys.make_graph_key()
         described = _describe_graph(query, keys)
         weight = "probability" if search.order == "probability" else "cost"
-        asked = (
+        parts = (
             ("stop", "condition", search.stop),
             ("goal", "condition", query.where),
             ("weight", weight, search.weight),
         )
         clauses = [
-            CachedClause(name, keys.clause(kind, clause), kind, clause.span.text)
-            for name, kind, clause in asked
-            if clause is not None and calls_functions(clause) and not keys.is_known(clause)
+            CachedClause(name, keys.make_clause_key(kind, clause), kind, clause.span.text)
+            for name, kind, clause in parts
+            if clause is not None and do_call_functions(clause) and not keys.is_known(clause)
         ]
         elements = search_run.noted.plain and any(
-            depends_on_state(s, query) and calls_functions(s) for s in query.sources
+            is_read_per_state(s, query) and do_call_functions(s) for s in query.sources
         )
         graph = CachedGraph(self.store, key, described, clauses)
-        return CachedSteps(search_run, graph, [clause.name for clause in clauses], elements, keys.changed)
+        return CachedSteps(search_run, graph, [clause.name for clause in clauses], elements, keys.find_changed_function)
 
 
-def calls_user_functions(query: plan.Query) -> bool:
+def do_steps_call_user(query: plan.Query) -> bool:
     """Whether a search calls functions of the user in its steps."""
     search = query.search
     assert search is not None
     clauses = (*(output.expr for output in query.columns), *query.rows, *(expr for _, expr in search.connect))
-    return calls_functions(*query.sources, *clauses, query.where, search.stop, search.weight)
+    return do_call_functions(*query.sources, *clauses, query.where, search.stop, search.weight)
 
 
 def _describe_graph(query: plan.Query, keys: GraphFingerprint) -> GraphDescription:

@@ -54,7 +54,7 @@ class CachedNode:
         self.loaded = False
         self.touched = False
 
-    def written(self) -> str:
+    def encode_state(self) -> str:
         """The state as text. Raises NotCacheable where that is impossible."""
         if self.text is None:
             self.text = encode_values(self.state)
@@ -116,18 +116,18 @@ class CachedGraph:
                 held[text] = CachedNode(tuple(map(thaw_value, state)), None, self.era, text)
         return list(map(held.__getitem__, texts))
 
-    def load(self, nodes: Sequence[CachedNode]) -> list[CachedNode]:
+    def load_nodes(self, nodes: Sequence[CachedNode]) -> list[CachedNode]:
         """Reads what the tables have of nodes; gives those that have it.
 
         Raises ExecutionError X009 where the tables cannot be read.
         """
-        with self.store.reading():
+        with self.store.while_reading():
             if self.number is None:
-                self.number = self.store.graph(self.key)
+                self.number = self.store.find_graph(self.key)
             if self.number is None:
                 return list(nodes)
             new = [node for node in nodes if node.number is None]
-            for place, number in self.store.find(self.number, [node.written() for node in new]):
+            for place, number in self.store.find_states(self.number, [node.encode_state() for node in new]):
                 new[place].number = number
             found = [node if node.number is None else self._nodes.setdefault(node.number, node) for node in nodes]
             try:
@@ -138,14 +138,14 @@ class CachedGraph:
 
     def _load_edges(self, nodes: dict[int, CachedNode]) -> None:
         assert self.number is not None
-        counts = self.store.steps(self.number, nodes)
-        found = self.store.edges(counts)
-        sources, _, rows, targets, given = zip(*found, strict=True) if found else ((), (), (), (), ())
+        counts = self.store.list_steps(self.number, nodes)
+        found = self.store.list_edges(counts)
+        sources, _, rows, targets, texts = zip(*found, strict=True) if found else ((), (), (), (), ())
         self._decode_rows(set(rows))
         self._decode_states(set(targets) - {None})
-        self._decode_rows(set(given) - {None})
-        elements = {None: None, **{text: self._rows[text] for text in set(given) - {None}}}
-        parts = map(self._rows.__getitem__, rows), map(elements.__getitem__, given), map(self._nodes.get, targets)
+        self._decode_rows(set(texts) - {None})
+        elements = {None: None, **{text: self._rows[text] for text in set(texts) - {None}}}
+        parts = map(self._rows.__getitem__, rows), map(elements.__getitem__, texts), map(self._nodes.get, targets)
         made = map(CachedEdge, *parts)
         edges = {number: list(islice(made, count)) for number, count in Counter(sources).items()}  # they are in order
         self._load_verdicts(edges)
@@ -160,18 +160,18 @@ class CachedGraph:
             self._rows[text] = tuple(values)
 
     def _decode_states(self, numbers: Iterable[int]) -> None:
-        found = self.store.states([number for number in numbers if number not in self._nodes])
+        found = self.store.list_states([number for number in numbers if number not in self._nodes])
         for (number, text), values in zip(found, decode_values([text for _, text in found]), strict=True):
             node = self._nodes[number] = CachedNode(tuple(values), number, self.era, text)
             self._nodes_by_text[text] = node
 
     def _load_verdicts(self, edges: dict[int, list[CachedEdge]]) -> None:
         assert self.number is not None
-        known = self.store.clauses(self.number) if self.clauses else {}
+        known = self.store.list_clauses(self.number) if self.clauses else {}
         for clause in self.clauses:
             if clause.key in known:
                 most = math.inf if clause.kind == "cost" else 1
-                for source, position, value in self.store.verdicts(known[clause.key], edges):
+                for source, position, value in self.store.list_verdicts(known[clause.key], edges):
                     if position < 0 or not 0 <= value <= most or math.isinf(value):
                         raise ValueError(f"a {clause.kind} is {value!r}")
                     edge = edges[source][position]
@@ -179,19 +179,19 @@ class CachedGraph:
 
     # --- writing ---------------------------------------------------------------------------------------
 
-    def write(self, nodes: Sequence[CachedNode], levels: int) -> None:
+    def write_nodes(self, nodes: Sequence[CachedNode], levels: int) -> None:
         """Writes what is new of nodes. Raises NotCacheable, and errors of apsw where the file cannot be written."""
         edges = list[tuple[CachedNode, int, str, CachedNode | None, str | None]]()
         for node in nodes:
             for position, edge in enumerate(node.edges or ()):
                 row, target = encode_values(edge.row), edge.target
-                given = None if edge.elements is None else _encode_like_row(edge.elements, edge.row, row)
+                elements = None if edge.elements is None else _encode_like_row(edge.elements, edge.row, row)
                 if target is not None and target.text is None:
                     target.text = _encode_like_row(target.state, edge.row, row)
-                edges.append((node, position, row, target, given))
+                edges.append((node, position, row, target, elements))
         targets = [target for *_, target, _ in edges if target is not None]
-        with self.store.writing():
-            number = self.store.graph(self.key)
+        with self.store.while_writing():
+            number = self.store.find_graph(self.key)
             made = number is None
             if number is None:
                 one = self.described
@@ -202,12 +202,12 @@ class CachedGraph:
                 self._nodes.clear()
                 self._nodes_by_text.clear()
                 self._own.clear()
-            self._check((*nodes, *targets))
-            numbers = self._numbers(number, (*nodes, *targets))
-            clauses = {one.name: self.store.clause(number, one.key, one.kind, one.text) for one in self.clauses}
+            self._forget_dropped((*nodes, *targets))
+            numbers = self._number_nodes(number, (*nodes, *targets))
+            clauses = {one.name: self.store.number_clause(number, one.key, one.kind, one.text) for one in self.clauses}
             self.store.write_edges(
-                (numbers[id(node)], position, row, None if target is None else numbers[id(target)], given)
-                for node, position, row, target, given in edges
+                (numbers[id(node)], position, row, None if target is None else numbers[id(target)], elements)
+                for node, position, row, target, elements in edges
             )
             self.store.write_steps((len(node.edges), numbers[id(node)]) for node in nodes if node.edges is not None)
             self.store.write_clause_values(
@@ -216,17 +216,17 @@ class CachedGraph:
                 for position, edge in enumerate(node.edges or ())
                 for name, value in edge.verdicts.items()
             )
-            self.store.touch(number, levels)
+            self.store.note_use(number, levels)
         self.made |= made
         self.number = number
         self._own.update(numbers[id(node)] for node in nodes if node.edges is not None)
         for node in (*nodes, *targets):
             node.number = numbers[id(node)]
 
-    def _numbers(self, graph: int, nodes: Iterable[CachedNode]) -> dict[int, int]:
+    def _number_nodes(self, graph: int, nodes: Iterable[CachedNode]) -> dict[int, int]:
         """The numbers of nodes by their identities; those that have none get one."""
         numbers = {id(node): node.number for node in nodes if node.number is not None}
-        new = {id(node): node.written() for node in nodes if node.number is None}
+        new = {id(node): node.encode_state() for node in nodes if node.number is None}
         texts = list(dict.fromkeys(new.values()))
         found = self.store.make_nodes(graph, texts)
         if len(found) != len(texts):
@@ -234,7 +234,7 @@ class CachedGraph:
         made = dict(zip(texts, found, strict=True))
         return numbers | {identity: made[text] for identity, text in new.items()}
 
-    def _check(self, nodes: Iterable[CachedNode]) -> None:
+    def _forget_dropped(self, nodes: Iterable[CachedNode]) -> None:
         """Forgets numbers that nodes had in a graph that was dropped: others may have them now."""
         for node in nodes:
             if node.era != self.era:

@@ -89,12 +89,12 @@ class CachedSteps(Notes):
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is None:
-            self._finish()
+            self._finish_state()
             self._complete = self._begun
         try:
             name = self.changed() if self._unwritten or self._last_write else None
             if name is None:
-                self._write(kind is not None and issubclass(kind, (Stopped, KeyboardInterrupt)))
+                self._write_nodes(kind is not None and issubclass(kind, (Stopped, KeyboardInterrupt)))
             else:
                 self._abandon_graph(name)
         except ExecutionError:
@@ -108,28 +108,28 @@ class CachedSteps(Notes):
 
     def begin_level(self, states: Sequence[State], chosen: Sequence[list[Any]] | None = None) -> None:
         """Looks up what is known of the states of a level, and writes what the level before has found out."""
-        self._finish()
+        self._finish_state()
         super().begin_level(states, chosen)
         if self.off:
             return
         self._complete = self._begun
         self._begun += 1
         if self._is_due(0.0):
-            self._write()
-        self._let_go()
+            self._write_nodes()
+        self._forget_old_level()
         self._nodes = []
         try:
             with pause_collector():
                 self._nodes = self.graph.find_nodes(states)
-                self._nodes = self.graph.load(self._nodes)
+                self._nodes = self.graph.load_nodes(self._nodes)
         except NotCacheable as reason:
-            self._give_up(reason)
+            self._stop_caching(reason)
         except _TEMPORARY_ERRORS as error:
             self._write_failed = str(error)
         if self.stores_elements:
-            self.pairs[: len(self._nodes)] = map(self._pairs, self._nodes)
+            self.pairs[: len(self._nodes)] = map(self._load_pairs, self._nodes)
 
-    def _let_go(self) -> None:
+    def _forget_old_level(self) -> None:
         """Forgets the steps of the level that was, where there are too many; they are read again where need be."""
         for node in self._nodes:
             self._held += len(node.edges or ())
@@ -141,7 +141,7 @@ class CachedSteps(Notes):
         passed = perf_counter() - self._written
         return bool(self._unwritten) and passed >= least and passed >= SHARE * self._seconds
 
-    def _write(self, stopped: bool = False) -> None:
+    def _write_nodes(self, stopped: bool = False) -> None:
         """Writes what is new, in parts, so that a run can be stopped between them.
 
         Of one that is `stopped` already as much is written as a moment is enough for; the rest is found out anew.
@@ -163,9 +163,9 @@ class CachedSteps(Notes):
         part = self._unwritten[: _count_nodes_to_write(self._unwritten)]
         try:
             if part or store.is_use_unnoted(self.graph.number):
-                self.graph.write(part, self._complete)
+                self.graph.write_nodes(part, self._complete)
         except NotCacheable as reason:
-            self._give_up(reason)
+            self._stop_caching(reason)
             return False
         except _TEMPORARY_ERRORS as error:
             self._write_failed = str(error)
@@ -181,40 +181,40 @@ class CachedSteps(Notes):
     def _abandon_graph(self, name: str) -> None:
         """Gives up a graph that nobody would find again: a function keeps something in what it reads."""
         if self._last_write and self.graph.made:
-            self.graph.store.drop(self.graph.number)
+            self.graph.store.drop_graph(self.graph.number)
             self.graph.number = None
-        self._give_up(NotCacheable(f"'{name}' changes what it reads"))
+        self._stop_caching(NotCacheable(f"'{name}' changes what it reads"))
 
-    def _give_up(self, reason: NotCacheable) -> None:
+    def _stop_caching(self, reason: NotCacheable) -> None:
         self.off = True
         self._unwritten.clear()
         add_note(self.search_run.stats, f"not remembered: {reason}")
 
     # --- steps -----------------------------------------------------------------------------------------
 
-    def known(self) -> list[Pair] | None:
-        self._finish()
+    def get_known_pairs(self) -> list[Pair] | None:
+        self._finish_state()
         self.at += 1
         return self.pairs[self.at]
 
-    def paired(self, at: int, items: list[Any]) -> list[Pair]:
+    def pair_elements(self, at: int, items: list[Any]) -> list[Pair]:
         edges = self._nodes[at].edges if self._nodes else None
         if edges is None:
-            return super().paired(at, items)
+            return super().pair_elements(at, items)
         if len(items) != len(edges):
             raise build_damage_error("a state has other steps now; is a function declared immutable that is not?")
-        return list(zip(self._notes(edges), items, strict=True))
+        return list(zip(self._make_notes(edges), items, strict=True))
 
-    def _pairs(self, node: CachedNode) -> list[Pair] | None:
+    def _load_pairs(self, node: CachedNode) -> list[Pair] | None:
         """The pairs of a state whose elements are kept."""
         edges = node.edges
         if edges is None or (edges and edges[0].elements is None):
             return None
         several = self.noted.sources > 1
         elements = [edge.elements if several else (edge.elements or ())[0] for edge in edges]
-        return list(zip(self._notes(edges), elements, strict=True))
+        return list(zip(self._make_notes(edges), elements, strict=True))
 
-    def _notes(self, edges: Sequence[CachedEdge]) -> list[Note]:
+    def _make_notes(self, edges: Sequence[CachedEdge]) -> list[Note]:
         """The notes of known steps."""
         rows = [edge.row for edge in edges]
         found = map(self._rows.get, map(id, rows))
@@ -230,7 +230,7 @@ class CachedSteps(Notes):
 
     def _note_row(self, row: Row) -> tuple[Note, Row]:
         """A note of which the row is known: steps share their rows."""
-        note = self.noted.blank()
+        note = self.noted.make_blank_note()
         for value, (place, frozen, freeze) in zip(row, self._columns, strict=True):
             note[place] = value
             if frozen is not None:
@@ -238,14 +238,14 @@ class CachedSteps(Notes):
         found = self._rows[id(row)] = note, row
         return found
 
-    def _finish(self) -> None:
+    def _finish_state(self) -> None:
         """Takes from the notes of the state before what was found out; all of its steps were asked."""
         if self.off or self.at < 0 or not self._nodes:
             return
         node, pairs = self._nodes[self.at], self.pairs[self.at] or []
         new = node.edges is None
         if node.edges is None:
-            elements_of = self.noted.elements if self.stores_elements else lambda item: None
+            elements_of = self.noted.read_elements if self.stores_elements else lambda item: None
             node.edges = [CachedEdge(self.noted.row(note), elements_of(item)) for note, item in pairs]
         elif node.loaded:
             self.search_run.stats.remembered_steps += len(pairs)
@@ -261,11 +261,11 @@ class CachedSteps(Notes):
                 new = new or len(edge.verdicts) > known
         self.pairs[self.at] = None
         if new:
-            self._touch(node)
+            self._mark_for_writing(node)
         if self._is_due(PART):
-            self._write()
+            self._write_nodes()
 
-    def _touch(self, node: CachedNode) -> None:
+    def _mark_for_writing(self, node: CachedNode) -> None:
         if not self.graph.store.writable:
             self._missed = True
         elif not node.touched:

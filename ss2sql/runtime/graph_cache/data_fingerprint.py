@@ -23,7 +23,7 @@ def digest_value(value: Any, what: str) -> str:
     """The digest of a value, called `what` where it is refused with NotCacheable."""
     if isinstance(value, Frame):
         _check_row_count(value.length, what)
-        value = value.value()
+        value = value.make_value()
     try:
         return sha256(dumps(value, 2)).hexdigest()
     except ValueError:
@@ -43,8 +43,8 @@ def _describe_value(value: Any, what: str) -> Any:
         return tuple(_describe_value(part, what) for part in value)
     if value is None or kind in (bool, int, float, str):
         return value
-    given = value.object if isinstance(value, Opaque) else value
-    raise NotCacheable(f"{what} holds an object of the type {type(given).__name__}, which cannot be compared")
+    content = value.object if isinstance(value, Opaque) else value
+    raise NotCacheable(f"{what} holds an object of the type {type(content).__name__}, which cannot be compared")
 
 
 def find_worlds(value: Any) -> set[World]:

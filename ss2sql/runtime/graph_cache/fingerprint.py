@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Type
-from ss2sql.language.plan_traversal import list_functions, list_parts, varies_with
+from ss2sql.language.plan_traversal import can_vary_with, list_functions, list_parts
 from ss2sql.runtime.graph_cache.data_fingerprint import digest_table, digest_value, digest_world, find_worlds
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable, fingerprint_function
 from ss2sql.vtables.contract import World
@@ -47,7 +47,7 @@ class GraphFingerprint:
     _worlds: dict[World, str] = field(default_factory=dict)
     _own: dict[str, str] = field(default_factory=dict)  # the fingerprints of functions that belong to no world
 
-    def graph(self) -> str:
+    def make_graph_key(self) -> str:
         """The key of the graph. Raises NotCacheable where it would have none, with the reason."""
         search = self.query.search
         assert search is not None
@@ -63,7 +63,7 @@ class GraphFingerprint:
         )
         return _hash_parts(parts)
 
-    def changed(self) -> str | None:
+    def find_changed_function(self) -> str | None:
         """The name of a function that has changed since its key was made: one that changes what it reads."""
         for name, known in self._own.items():
             try:
@@ -73,7 +73,7 @@ class GraphFingerprint:
                 return name
         return None
 
-    def clause(self, kind: str, clause: plan.Expr) -> str:
+    def make_clause_key(self, kind: str, clause: plan.Expr) -> str:
         """The key of a clause that is asked of the steps of the graph. Raises NotCacheable."""
         sources, queries = dict(self._sources), dict(self._queries)
         try:
@@ -92,7 +92,7 @@ class GraphFingerprint:
         nodes: list[Any] = [clause]
         while nodes:
             node = nodes.pop()
-            if isinstance(node, plan.Subquery) and calls_functions(node):
+            if isinstance(node, plan.Subquery) and do_call_functions(node):
                 return False
             if not isinstance(node, plan.Call) or node.function.builtin:
                 nodes.extend(list_parts(node))
@@ -116,11 +116,11 @@ class GraphFingerprint:
             case plan.Column(source=source, name=name):
                 return "column", self._number_source(source), name
             case plan.State(query=query, name=name):
-                return "state", self._query(query), name
+                return "state", self._number_query(query), name
             case plan.GroupKey(query=query, index=index):
-                return "group", self._query(query), index
+                return "group", self._number_query(query), index
             case plan.Function():
-                return self._function(node)
+                return self._describe_function(node)
             case plan.TableSource() | plan.WorldSource() | plan.ValueSource() | plan.QuerySource():
                 form = self._describe_source(node)
                 self._sources[node.id] = len(self._sources)
@@ -141,7 +141,7 @@ class GraphFingerprint:
             case plan.TableSource(columns=columns):
                 return "table", digest_table(source, self.run), tuple(name for name, _ in columns)
             case plan.WorldSource(table=table, arguments=arguments):
-                return "world", self._world(table.world), table.schema.title, self._describe_node(arguments)
+                return "world", self._digest_world(table.world), table.schema.title, self._describe_node(arguments)
             case plan.ValueSource(value=value):
                 return "value", self._describe_node(value)
             case plan.QuerySource(query=query):
@@ -152,7 +152,7 @@ class GraphFingerprint:
             raise NotCacheable("it reads the row of a query around it")
         return self._sources[number]
 
-    def _query(self, number: int) -> int:
+    def _number_query(self, number: int) -> int:
         if number not in self._queries:
             raise NotCacheable("it reads the row of a query around it")
         return self._queries[number]
@@ -160,12 +160,12 @@ class GraphFingerprint:
     # --- what plans depend on --------------------------------------------------------------------------
 
     def _describe_variable(self, name: str) -> str:
-        value = self.run.source(name)
+        value = self.run.get_source(name)
         digest = digest_value(value, f"the variable '{name}'")
         self.parameters[name] = value
-        return _hash_parts((digest, *sorted(map(self._world, find_worlds(value)))))
+        return _hash_parts((digest, *sorted(map(self._digest_world, find_worlds(value)))))
 
-    def _function(self, function: plan.Function) -> Any:
+    def _describe_function(self, function: plan.Function) -> Any:
         if function.builtin:
             if function.volatility != "immutable":
                 raise NotCacheable(f"it calls {function.name}, which is {function.volatility}")
@@ -178,7 +178,7 @@ class GraphFingerprint:
         if function.of_world:
             name = function.of_world
             owners = [attached.world for attached in self.worlds() if name in attached.list_callable_names()]
-            return _hash_parts((name, *map(self._world, owners)))
+            return _hash_parts((name, *map(self._digest_world, owners)))
         if function.volatility != "immutable":
             hint = ", although it takes arrays" if function.vectorized else ""
             raise NotCacheable(f"'{function.name}' is {function.volatility}, not immutable{hint}")
@@ -188,20 +188,20 @@ class GraphFingerprint:
             raise NotCacheable(f"'{function.name}' {reason}") from None
         return found
 
-    def _world(self, world: World) -> str:
+    def _digest_world(self, world: World) -> str:
         if world not in self._worlds:
             self._worlds[world] = digest_world(world)
         return self._worlds[world]
 
 
-def calls_functions(*nodes: plan.Expr | plan.Source | None) -> bool:
+def do_call_functions(*nodes: plan.Expr | plan.Source | None) -> bool:
     """Whether functions of the user are called somewhere in these."""
     return any(not function.builtin for node in nodes if node is not None for function in list_functions(node))
 
 
-def depends_on_state(source: plan.Source, query: plan.Query) -> bool:
+def is_read_per_state(source: plan.Source, query: plan.Query) -> bool:
     """Whether a source is read again for each state, or for each element of a source before it."""
-    return varies_with(source, {one.id for one in query.sources if one is not source}, query.id)
+    return can_vary_with(source, {one.id for one in query.sources if one is not source}, query.id)
 
 
 def _hash_parts(parts: Any) -> str:

@@ -49,7 +49,7 @@ def fingerprint_function(function: Callable[..., Any], strict: bool = True) -> s
     Where it is not `strict`, what cannot be compared is left out, and so is the state of objects.
     """
     made = Fingerprint(strict)
-    made.add(function, "its own state")
+    made.add_value(function, "its own state")
     return made.hash.hexdigest()
 
 
@@ -61,7 +61,7 @@ class Fingerprint:
         self.hash = sha256(f"{sys.implementation.name} {sys.version_info[:2]}".encode())
         self.met: dict[Any, tuple[int, Any]] = {}
 
-    def add(self, value: Any, name: str) -> None:
+    def add_value(self, value: Any, name: str) -> None:
         """Takes in a value, which is called `name` where it is refused."""
         try:
             _Writer(self).dump(value)
@@ -77,7 +77,7 @@ class Fingerprint:
         for name in sorted(names & values.keys()):
             value, key = values[name], (id(values[name]), frozenset(mentioned))
             if not isinstance(value, ModuleType) or not _is_of_user(value.__name__):
-                self.add((name, value), f"'{where}{name}'")
+                self.add_value((name, value), f"'{where}{name}'")
             elif key not in self.met:
                 self.met[key] = len(self.met), value
                 self.add_named(mentioned, mentioned, vars(value), f"{value.__name__}.")
@@ -147,13 +147,13 @@ class _Writer(Pickler):
             with suppress(ValueError):  # it has no value yet
                 closure[name] = cell.cell_contents
         self.made.add_named(set(closure), mentioned, closure, "")
-        self.made.add((function.__defaults__, function.__kwdefaults__), f"a default of '{function.__name__}'")
+        self.made.add_value((function.__defaults__, function.__kwdefaults__), f"a default of '{function.__name__}'")
         return "function", function.__code__
 
 
 def _fingerprint_part(value: Any) -> str:
     made = Fingerprint()
-    made.add(value, "a set")
+    made.add_value(value, "a set")
     return made.hash.hexdigest()
 
 

@@ -39,7 +39,7 @@ class Graph:
 
     def drop(self) -> None:
         """Removes the graph from the file. Raises ExecutionError X009 where that cannot be written."""
-        self._store.drop(self.id)
+        self._store.drop_graph(self.id)
 
 
 class Graphs(Sequence[Graph]):
@@ -79,9 +79,9 @@ class Graphs(Sequence[Graph]):
 def list_graphs(store: GraphStore) -> Graphs:
     """The graphs in a store. Raises ExecutionError X009 where it cannot be read."""
     try:
-        if not store.exists():
+        if not store.has_tables():
             return Graphs(())
-        return Graphs([_build_graph(store, row) for row in store.described()])
+        return Graphs([_build_graph(store, row) for row in store.describe_graphs()])
     except (apsw.BusyError, apsw.LockedError) as error:
         raise ExecutionError("X009", f"the remembered graphs cannot be read now: {error}") from error
     except (apsw.Error, ValueError, TypeError, RecursionError) as error:

@@ -92,10 +92,10 @@ class GraphStore:
 
     # --- transactions ----------------------------------------------------------------------------------
 
-    def exists(self) -> bool:
+    def has_tables(self) -> bool:
         """Whether the tables are there. Raises ExecutionError X009 where they are not as they are made here."""
         if not self._known:
-            found = {name: self._columns(name) for name in TABLES}
+            found = {name: self._list_columns(name) for name in TABLES}
             if not any(found.values()):
                 return False
             for name, columns in found.items():
@@ -104,17 +104,17 @@ class GraphStore:
             self._known = True
         return True
 
-    def _columns(self, name: str) -> list[str]:
-        return [row[1] for row in self.all(f"PRAGMA main.table_info({name})")]
+    def _list_columns(self, name: str) -> list[str]:
+        return [row[1] for row in self.fetch_rows(f"PRAGMA main.table_info({name})")]
 
     @contextmanager
-    def reading(self) -> Iterator[None]:
+    def while_reading(self) -> Iterator[None]:
         """A time in which the file stays as it is."""
-        with self._errors(), self.connection:
+        with self._convert_errors(), self.connection:
             yield
 
     @contextmanager
-    def writing(self) -> Iterator[None]:
+    def while_writing(self) -> Iterator[None]:
         """One transaction. Raises apsw.BusyError, apsw.FullError and their like where the file cannot be written."""
         connection = self.connection
         if connection.in_transaction:
@@ -122,7 +122,7 @@ class GraphStore:
         before = connection.total_changes()
         connection.execute("BEGIN IMMEDIATE")
         try:
-            if not self.exists():
+            if not self.has_tables():
                 for name, columns in TABLES.items():
                     tail = " WITHOUT ROWID" if name in _NO_ROWID else ""
                     connection.execute(f"CREATE TABLE {name} ({columns}\n    ){tail}")
@@ -137,7 +137,7 @@ class GraphStore:
             self.changes += connection.total_changes() - before
 
     @contextmanager
-    def _errors(self) -> Iterator[None]:
+    def _convert_errors(self) -> Iterator[None]:
         try:
             yield
         except (apsw.BusyError, apsw.LockedError):
@@ -145,61 +145,63 @@ class GraphStore:
         except READ_ERRORS as error:
             raise build_damage_error(str(error)) from error
 
-    def all(self, text: str, bindings: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
+    def fetch_rows(self, text: str, bindings: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
         """The rows of a statement."""
         return self.connection.execute(text, tuple(bindings)).fetchall()
 
-    def many(self, text: str, bindings: Iterable[Sequence[Any]]) -> list[tuple[Any, ...]]:
+    def fetch_many(self, text: str, bindings: Iterable[Sequence[Any]]) -> list[tuple[Any, ...]]:
         """The rows of a statement for one set of values after the other."""
         return self.connection.executemany(text, bindings).fetchall()
 
     # --- graphs ----------------------------------------------------------------------------------------
 
-    def graph(self, key: str) -> int | None:
+    def find_graph(self, key: str) -> int | None:
         """The number of the graph with this key, if there is one."""
-        if not self.exists():
+        if not self.has_tables():
             return None
-        found = self.all("SELECT id FROM ss2sql_graphs WHERE key = ?", (key,))
+        found = self.fetch_rows("SELECT id FROM ss2sql_graphs WHERE key = ?", (key,))
         return found[0][0] if found else None
 
     def make_graph(self, key: str, described: Sequence[str]) -> int:
         """The number of a new graph; `described` are its query, functions, parameters, variables and columns."""
         now = get_current_minute()
-        self.all(
+        self.fetch_rows(
             "INSERT INTO ss2sql_graphs(key, query, functions, parameters, variables, columns, levels, created, used)"
             " VALUES (?, ?, ?, ?, ?, ?, 0, ?, ?)",
             (key, *described, now, now),
         )
         return self.connection.last_insert_rowid()
 
-    def touch(self, graph: int, levels: int) -> None:
+    def note_use(self, graph: int, levels: int) -> None:
         """Notes that a graph was used, and how many levels are complete."""
-        self.all(
+        self.fetch_rows(
             "UPDATE ss2sql_graphs SET used = ?1, levels = ?2 WHERE id = ?3 AND (used < ?1 OR levels < ?2)",
             (get_current_minute(), levels, graph),
         )
 
     def is_use_unnoted(self, graph: int | None) -> bool:
         """Whether it is not noted yet that the graph is used now."""
-        return bool(self.all("SELECT 1 FROM ss2sql_graphs WHERE id = ? AND used < ?", (graph, get_current_minute())))
+        return bool(
+            self.fetch_rows("SELECT 1 FROM ss2sql_graphs WHERE id = ? AND used < ?", (graph, get_current_minute()))
+        )
 
-    def clause(self, graph: int, key: str, kind: str, text: str) -> int:
+    def number_clause(self, graph: int, key: str, kind: str, text: str) -> int:
         """The number of a clause, which is made if need be."""
         new = "INSERT OR IGNORE INTO ss2sql_clauses(graph, key, kind, text) VALUES (?, ?, ?, ?)"
-        self.all(new, (graph, key, kind, text))
-        found = self.all("SELECT id FROM ss2sql_clauses WHERE graph = ? AND key = ?", (graph, key))
+        self.fetch_rows(new, (graph, key, kind, text))
+        found = self.fetch_rows("SELECT id FROM ss2sql_clauses WHERE graph = ? AND key = ?", (graph, key))
         if len(found) != 1:
             raise build_damage_error("a clause that was written cannot be found")
         return int(found[0][0])
 
-    def clauses(self, graph: int) -> dict[str, int]:
+    def list_clauses(self, graph: int) -> dict[str, int]:
         """The numbers of the clauses of a graph, by their keys."""
-        rows = self.all("SELECT key, id FROM ss2sql_clauses WHERE graph = ?", (graph,))
+        rows = self.fetch_rows("SELECT key, id FROM ss2sql_clauses WHERE graph = ?", (graph,))
         return {key: number for key, number in rows}  # noqa: C416 - the types
 
-    def described(self) -> list[tuple[Any, ...]]:
+    def describe_graphs(self) -> list[tuple[Any, ...]]:
         """All graphs: number, query, functions, parameters, nodes, edges, levels, created, used."""
-        return self.all(
+        return self.fetch_rows(
             "SELECT id, query, functions, parameters,"
             " (SELECT count(*) FROM ss2sql_nodes WHERE graph = g.id),"
             " (SELECT count(*) FROM ss2sql_nodes AS n JOIN ss2sql_edges AS e ON e.source = n.id WHERE n.graph = g.id),"
@@ -207,20 +209,20 @@ class GraphStore:
         )
 
     @without_keyboard_interrupt
-    def drop(self, graph: int | None) -> None:
+    def drop_graph(self, graph: int | None) -> None:
         """Removes a graph. Raises ExecutionError X009 where the file cannot be written."""
         try:
-            with self.writing():
+            with self.while_writing():
                 for text in _ONES_OF_A_GRAPH:
-                    self.all(text, (graph,))
+                    self.fetch_rows(text, (graph,))
         except READ_ERRORS as error:
             raise ExecutionError("X009", f"the remembered graph cannot be dropped: {error}") from error
 
     # --- nodes and edges -------------------------------------------------------------------------------
 
-    def find(self, graph: int, texts: Iterable[str]) -> list[tuple[int, int]]:
+    def find_states(self, graph: int, texts: Iterable[str]) -> list[tuple[int, int]]:
         """The numbers of known states, each after the place of its text."""
-        found = self.many(
+        found = self.fetch_many(
             "SELECT ?1, id FROM ss2sql_nodes WHERE graph = ?2 AND state = ?3",
             ((place, graph, text) for place, text in enumerate(texts)),
         )
@@ -228,35 +230,37 @@ class GraphStore:
 
     def make_nodes(self, graph: int, texts: Sequence[str]) -> list[int]:
         """The numbers of states, which are made if need be."""
-        self.many("INSERT OR IGNORE INTO ss2sql_nodes(graph, state) VALUES (?, ?)", ((graph, text) for text in texts))
-        return [number for _, number in self.find(graph, texts)]
+        self.fetch_many(
+            "INSERT OR IGNORE INTO ss2sql_nodes(graph, state) VALUES (?, ?)", ((graph, text) for text in texts)
+        )
+        return [number for _, number in self.find_states(graph, texts)]
 
-    def steps(self, graph: int, nodes: Iterable[int]) -> dict[int, int]:
+    def list_steps(self, graph: int, nodes: Iterable[int]) -> dict[int, int]:
         """The numbers of steps from those nodes that were expanded."""
         text = f"SELECT n.id, n.steps FROM {_EACH} JOIN ss2sql_nodes AS n ON n.id = e.value WHERE n.graph = ?2"
-        found = self.all(f"{text} AND n.steps IS NOT NULL", (_join_nodes(nodes), graph))
+        found = self.fetch_rows(f"{text} AND n.steps IS NOT NULL", (_join_nodes(nodes), graph))
         return {node: steps for node, steps in found}  # noqa: C416
 
-    def edges(self, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
+    def list_edges(self, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
         """Source, position, row, target and elements of the edges out of nodes, in order."""
         text = f"SELECT s.* FROM {_EACH} JOIN ss2sql_edges AS s ON s.source = e.value"
-        found = self.all(text, (_join_nodes(nodes),))
+        found = self.fetch_rows(text, (_join_nodes(nodes),))
         found.sort()  # they are: that takes SQLite longer to find out
         return found
 
-    def states(self, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
+    def list_states(self, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
         """Number and state of nodes."""
         text = f"SELECT n.id, n.state FROM {_EACH} JOIN ss2sql_nodes AS n ON n.id = e.value"
-        return self.all(text, (_join_nodes(nodes),))
+        return self.fetch_rows(text, (_join_nodes(nodes),))
 
-    def verdicts(self, clause: int, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
+    def list_verdicts(self, clause: int, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
         """Source, position and value of what is known of a clause."""
         text = f"SELECT v.source, v.position, v.value FROM {_EACH} JOIN ss2sql_verdicts AS v ON v.source = e.value"
-        return self.all(f"{text} WHERE v.clause = ?2", (_join_nodes(nodes), clause))
+        return self.fetch_rows(f"{text} WHERE v.clause = ?2", (_join_nodes(nodes), clause))
 
     def write_edges(self, edges: Iterable[tuple[Any, ...]]) -> None:
         """Writes edges: source, position, row, target and elements."""
-        self.many(
+        self.fetch_many(
             "INSERT INTO ss2sql_edges(source, position, row, target, elements) VALUES (?, ?, ?, ?, ?)"
             " ON CONFLICT (source, position) DO UPDATE SET target = excluded.target"
             " WHERE target IS NULL AND excluded.target IS NOT NULL",
@@ -265,12 +269,12 @@ class GraphStore:
 
     def write_steps(self, steps: Iterable[tuple[int, int]]) -> None:
         """Notes of nodes, given second, how many steps there are, and that all of these are kept."""
-        self.many("UPDATE ss2sql_nodes SET steps = ? WHERE id = ?", steps)
+        self.fetch_many("UPDATE ss2sql_nodes SET steps = ? WHERE id = ?", steps)
 
     def write_clause_values(self, verdicts: Iterable[tuple[Any, ...]]) -> None:
         """Writes values of clauses: clause, source, position, value."""
         text = "INSERT OR IGNORE INTO ss2sql_verdicts(clause, source, position, value) VALUES (?, ?, ?, ?)"
-        self.many(text, verdicts)
+        self.fetch_many(text, verdicts)
 
 
 def get_current_minute() -> str:

@@ -84,7 +84,7 @@ class TimedCalls:
     def is_shared(self) -> bool:
         return self.may_be_shared and self.is_known
 
-    def batches(self, workers: int) -> list[list[bytes]]:
+    def split_waiting(self, workers: int) -> list[list[bytes]]:
         """The calls that wait in equal parts, as many for each worker as make messages worth while."""
         calls, self.waiting = list(self.waiting), {}
         parts = min(len(calls), workers * max(1, round(len(calls) * self.cost / (BATCH * workers))))
@@ -100,14 +100,14 @@ class BlockCalls:
         self.notes, self.at, self.state = notes, at, state
         self.open: list[Pair] | None = notes.pairs[at]
 
-    def known(self) -> list[Pair] | None:
+    def get_known_pairs(self) -> list[Pair] | None:
         return self.open
 
-    def begin(self, items: list[Any]) -> list[Pair]:
-        self.open = self.notes.pairs[self.at] = self.notes.paired(self.at, items)
+    def begin_state(self, items: list[Any]) -> list[Pair]:
+        self.open = self.notes.pairs[self.at] = self.notes.pair_elements(self.at, items)
         return self.open
 
-    def advance(self, seen: Container[Hashable], claimed: set[Hashable]) -> bool:
+    def evaluate_open_steps(self, seen: Container[Hashable], claimed: set[Hashable]) -> bool:
         """Takes the steps that are open; gives whether some of them still wait for a result.
 
         `claimed` are rows that steps of the block lead to. Where a step fails, the search ends.
@@ -122,11 +122,11 @@ class BlockCalls:
                         claimed.add(key)
                 break
             except PendingError:
-                asked = sum(note[-1] for note, _ in self.open or ())
-                if not asked or self.open is None:  # the elements wait, or what all steps share
+                evaluated = sum(note[-1] for note, _ in self.open or ())
+                if not evaluated or self.open is None:  # the elements wait, or what all steps share
                     return True
-                waiting.append(self.open[asked - 1])
-                self.open = self.open[asked:]
+                waiting.append(self.open[evaluated - 1])
+                self.open = self.open[evaluated:]
             except Stopped:
                 raise
             except Exception:
@@ -156,7 +156,7 @@ class CallPrefetcher:
         self.planned = planned
         self.remembers = remembers
         self.searches: list[int] = []  # those with MEMORIZE
-        self.asked: dict[str, TimedCalls] = {}  # the functions that these call
+        self.called: dict[str, TimedCalls] = {}  # the functions that these call
         self.functions: dict[str, TimedCalls] = {}
         self.noting = False
         self.results: dict[tuple[str, bytes], bytes | None] = {}
@@ -166,16 +166,16 @@ class CallPrefetcher:
 
     # --- calls -----------------------------------------------------------------------------------------
 
-    def call_of(self, entry: UserFunction, real: Callable[[Any], Result]) -> Callable[[Any], Result]:
+    def make_timed_call(self, entry: UserFunction, real: Callable[[Any], Result]) -> Callable[[Any], Result]:
         """A call as generated code makes it where it is not remembered: `real`, or what another process gave."""
-        timed = self._timed(entry)
+        timed = self._get_timed(entry)
         name, calls, results = entry.name, self.run.stats.calls, self.results
         as_result = make_checked_call(replace(entry, function=loads), self.run)
 
-        def call(arguments: Any) -> Result:
-            given = tuple(arguments)
+        def call_timed(arguments: Any) -> Result:
+            values = tuple(arguments)
             if self.noting or results:
-                key = _make_call_key(name, given)
+                key = _make_call_key(name, values)
                 found = results.get(key)
                 if found:
                     calls[name] -= 1  # it was counted when it came
@@ -186,7 +186,7 @@ class CallPrefetcher:
                     raise PendingError
             started = perf_counter()
             try:
-                result = real(given)
+                result = real(values)
             except Stopped:
                 raise
             except Exception:
@@ -196,19 +196,19 @@ class CallPrefetcher:
             timed.seconds += perf_counter() - started
             return result
 
-        return call
+        return call_timed
 
-    def _timed(self, entry: UserFunction) -> TimedCalls:
+    def _get_timed(self, entry: UserFunction) -> TimedCalls:
         return self.functions.setdefault(entry.name, TimedCalls(entry.name, describe_function(entry)))
 
-    def _keep(self, timed: TimedCalls, kept: LocalFunction) -> None:
+    def _keep_local(self, timed: TimedCalls, kept: LocalFunction) -> None:
         """Other processes cannot have a function."""
         timed.sent = kept
         warn_once(self.run.stats, f"'{timed.name}' is called in this process only: it {kept.reason}", kept.cure)
 
     # --- blocks of states ------------------------------------------------------------------------------
 
-    def blocks(self, level: Sequence[State], notes: Notes, seen: Container[Hashable]) -> Iterator[State]:
+    def prefetch_blocks(self, level: Sequence[State], notes: Notes, seen: Container[Hashable]) -> Iterator[State]:
         """The states of a level; before they come out their calls are made, block by block.
 
         `seen` are the rows that are known.
@@ -217,11 +217,11 @@ class CallPrefetcher:
             block = level[place : place + BLOCK]
             if self.remembers and any(timed.may_be_shared for timed in self.functions.values()):
                 ahead = [BlockCalls(notes, at, state) for at, state in enumerate(block, place)]
-                self._foretell(ahead, seen)
+                self._prefetch_calls(ahead, seen)
             yield from block
             self.results.clear()
 
-    def begin(self, search_run: SearchRun) -> None:
+    def begin_search(self, search_run: SearchRun) -> None:
         """Takes note of a search, and says what stays in this process."""
         if search_run.query.id in self.searches:
             return
@@ -231,30 +231,30 @@ class CallPrefetcher:
             warn_once(self.run.stats, "the search calls a function that is volatile, or assigns a variable", cure)
             return
         for function in list_functions(search_run.query):
-            if not function.builtin and function.name not in self.asked:
-                timed = self.asked[function.name] = self._timed(self.planned[function.name])
+            if not function.builtin and function.name not in self.called:
+                timed = self.called[function.name] = self._get_timed(self.planned[function.name])
                 if isinstance(timed.sent, LocalFunction):
-                    self._keep(timed, timed.sent)
+                    self._keep_local(timed, timed.sent)
 
-    def _foretell(self, ahead: list[BlockCalls], seen: Container[Hashable]) -> None:
+    def _prefetch_calls(self, ahead: list[BlockCalls], seen: Container[Hashable]) -> None:
         """Makes the calls of some states."""
         claimed: set[Hashable] = set()
         self.noting = True
         try:
             while ahead:
-                ahead = [one for one in ahead if one.advance(seen, claimed)]
-                if not self._hand_over():
+                ahead = [one for one in ahead if one.evaluate_open_steps(seen, claimed)]
+                if not self._send_calls():
                     break
-                self._wait()
+                self._await_answers()
         except BaseException:  # a timeout, Ctrl-C, a process that died: nobody waits for the answers any more
-            self.processes.end()
+            self.processes.end_processes()
             raise
         finally:
             self.noting = False
             for timed in self.functions.values():
                 timed.waiting.clear()
 
-    def close(self) -> None:
+    def report_idle(self) -> None:
         """Says why there was nothing to do, if so."""
         stats = self.run.stats
         report_calls(self.run)
@@ -262,53 +262,52 @@ class CallPrefetcher:
             warn_once(stats, "no effect: only searches with MEMORIZE have levels")
         elif not self.remembers:
             warn_once(stats, "no effect: calls are not remembered", "leave 'memo' out of connect(disable=...)")
-        elif not self.asked and not any(note.startswith("workers: ") for note in stats.notes):
+        elif not self.called and not any(note.startswith("workers: ") for note in stats.notes):
             warn_once(stats, "no effect: the search calls no Python function")
-        for timed in self.asked.values():
+        for timed in self.called.values():
             if isinstance(timed.sent, TransferableFunction) and timed.calls and not timed.is_shared:
                 stats.notes.append(f"workers: a call of '{timed.name}' is too short to be made by another process")
 
     # --- messages --------------------------------------------------------------------------------------
 
-    def _hand_over(self) -> bool:
+    def _send_calls(self) -> bool:
         """Gives calls that wait to the processes, where that is worth it."""
         waiting = [timed for timed in self.functions.values() if timed.waiting]
         work = sum(len(timed.waiting) * timed.cost for timed in waiting)
         enough = work >= LEAST * self.workers and sum(len(timed.waiting) for timed in waiting) >= FEWEST
-        if not enough or not self._may_start(work):
+        if not enough or not self._can_start(work):
             return False
         for timed in waiting:
-            number = self._number(timed)
-            for batch in timed.batches(self.workers):
-                self.processes.add(Task(number, batch, self.answers))
+            number = self._number_function(timed)
+            for batch in timed.split_waiting(self.workers):
+                self.processes.add_task(Task(number, batch, self.answers))
                 self.outstanding += 1
         return True
 
-    def _may_start(self, work: float) -> bool:
+    def _can_start(self, work: float) -> bool:
         """Whether processes are ready; they are started when that is worth it for what has been to do until now."""
         done = sum(timed.seconds for timed in self.functions.values() if timed.is_shared)
         if not self.processes.started and work + done < START:
             return False
         for timed in self.functions.values():
             if timed.may_be_shared:
-                self._number(timed)  # so that they learn it before they are ready
+                self._number_function(timed)  # so that they learn it before they are ready
         try:
-            self.processes.start(self.workers)
+            self.processes.start_processes(self.workers)
         except OSError as error:
-            for timed in self.asked.values():
+            for timed in self.called.values():
                 timed.sent = LocalFunction("")
             warn_once(self.run.stats, f"no other process can be started: {error}")
             return False
         return self.processes.are_ready(PATIENCE)
 
-    def _number(self, timed: TimedCalls) -> int:
-        """The number of a function in tasks."""
+    def _number_function(self, timed: TimedCalls) -> int:
         assert isinstance(timed.sent, TransferableFunction)
-        number = self.processes.number(timed.sent)
+        number = self.processes.number_function(timed.sent)
         self.names[number] = timed.name
         return number
 
-    def _wait(self) -> None:
+    def _await_answers(self) -> None:
         """Waits for all answers; raises ExecutionError X013 where a process has died."""
         while self.outstanding:
             self.run.check()
@@ -317,9 +316,9 @@ class CallPrefetcher:
             except Empty:
                 continue
             self.outstanding -= 1
-            self._take(answer)
+            self._take_answer(answer)
 
-    def _take(self, answer: Answer) -> None:
+    def _take_answer(self, answer: Answer) -> None:
         task = answer.task
         timed = self.functions[self.names[task.number]]
         if answer.died and not answer.ended:
@@ -329,11 +328,11 @@ class CallPrefetcher:
             )
             raise ExecutionError("X013", f"a worker {answer.died} while it called '{timed.name}'", hints=hints)
         if answer.refused:
-            self._keep(
+            self._keep_local(
                 timed, LocalFunction(answer.refused, "what a module is made of must not change while it is used")
             )
         if NO_VALUE in answer.results:
-            self._keep(timed, LocalFunction("returns objects, which would be others in another process"))
+            self._keep_local(timed, LocalFunction("returns objects, which would be others in another process"))
         timed.calls += len(answer.results)
         timed.seconds += answer.seconds
         self.run.stats.calls[timed.name] += sum(map(bool, answer.results))

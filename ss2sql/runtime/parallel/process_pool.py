@@ -67,25 +67,25 @@ class ProcessPool:
         """Whether one of them waits for work already, or does after so many seconds."""
         return self._crew is not None and self._crew.ready.wait(patience)
 
-    def number(self, function: TransferableFunction) -> int:
+    def number_function(self, function: TransferableFunction) -> int:
         """The number of a function in tasks."""
         if function not in self._functions:
             self._functions.append(function)
         return self._functions.index(function)
 
-    def start(self, number: int) -> None:
+    def start_processes(self, number: int) -> None:
         """Sees to it that there are so many processes."""
         if self._crew is not None and self._crew.size != number:
-            self.end()
+            self.end_processes()
         if self._crew is None:
             self._crew = _Crew(self._functions, number)
-            self._at_the_end = weakref.finalize(self, self._crew.end)
+            self._at_the_end = weakref.finalize(self, self._crew.kill_processes)
 
-    def add(self, task: Task) -> None:
+    def add_task(self, task: Task) -> None:
         assert self._crew is not None
         self._crew.tasks.put(task)
 
-    def end(self) -> None:
+    def end_processes(self) -> None:
         """Ends the processes at once, whatever they do; waiting tasks are answered as `ended`."""
         self._crew = None
         if self._at_the_end is not None:
@@ -103,9 +103,9 @@ class _Crew:
         self.processes = [_start_process() for _ in range(size)]
         for process in self.processes:
             arguments = (process, functions, self.tasks, self.ready, self.over)
-            threading.Thread(target=_serve, args=arguments, name="ss2sql worker", daemon=True).start()
+            threading.Thread(target=_serve_process, args=arguments, name="ss2sql worker", daemon=True).start()
 
-    def end(self) -> None:
+    def kill_processes(self) -> None:
         if os.getpid() != self.parent:  # a copy of the process that started them, made by `fork`
             return
         self.over.set()
@@ -131,18 +131,18 @@ def _start_process() -> subprocess.Popen[bytes]:
         start_new_session=True,  # Ctrl-C in a terminal is not for it, not even before it can say so
     )
     fingerprint = str(find_file("ss2sql.runtime.graph_cache", "function_fingerprint.py"))
-    _send(process, ("begin", list(sys.path), os.getcwd(), sys.getrecursionlimit(), fingerprint))
+    _send_message(process, ("begin", list(sys.path), os.getcwd(), sys.getrecursionlimit(), fingerprint))
     return process
 
 
-def _send(process: subprocess.Popen[bytes], message: Any) -> None:
+def _send_message(process: subprocess.Popen[bytes], message: Any) -> None:
     assert process.stdin is not None
     with suppress(OSError):  # it has ended, which whoever waits for an answer notices
         pickle.dump(message, process.stdin, 5)
         process.stdin.flush()
 
 
-def _serve(
+def _serve_process(
     process: subprocess.Popen[bytes],
     functions: list[TransferableFunction],
     tasks: Tasks,
@@ -156,16 +156,16 @@ def _serve(
     with suppress(EOFError, OSError, pickle.UnpicklingError):  # the first task will notice
         pickle.load(process.stdout)
         for number in range(len(functions)):
-            known[number] = _learn(process, functions, number)
+            known[number] = _teach_function(process, functions, number)
     ready.set()
     while (task := tasks.get()) is not None:
         try:
             if task.number not in known:
-                known[task.number] = _learn(process, functions, task.number)
+                known[task.number] = _teach_function(process, functions, task.number)
             if known[task.number]:
                 task.answers.put(Answer(task, refused=known[task.number]))
                 continue
-            _send(process, ("call", task.number, task.calls))
+            _send_message(process, ("call", task.number, task.calls))
             task.answers.put(Answer(task, *pickle.load(process.stdout)))
         except (EOFError, OSError, ValueError, pickle.UnpicklingError):
             task.answers.put(Answer(task, died=_describe_end(process), ended=over.is_set()))
@@ -175,10 +175,10 @@ def _serve(
             pipe.close()
 
 
-def _learn(process: subprocess.Popen[bytes], functions: list[TransferableFunction], number: int) -> str:
+def _teach_function(process: subprocess.Popen[bytes], functions: list[TransferableFunction], number: int) -> str:
     """Why the process cannot have a function; empty where it has it now."""
     assert process.stdout is not None
-    _send(process, ("learn", number, functions[number].place, functions[number].fingerprint))
+    _send_message(process, ("learn", number, functions[number].place, functions[number].fingerprint))
     return pickle.load(process.stdout) or ""
 
 

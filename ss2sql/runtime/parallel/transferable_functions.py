@@ -95,13 +95,13 @@ def _find_in_file(function: FunctionType, name: str) -> tuple[str, ...] | LocalF
         return LocalFunction(
             "is defined in a notebook or a shell, which no other process can import", "write it in a module"
         )
-    if function.__module__ == "__main__" and not _guards_main(Path(path)):
+    if function.__module__ == "__main__" and not _has_main_guard(Path(path)):
         cure = 'write `if __name__ == "__main__":` before what is run, or the function in a module of its own'
         return LocalFunction(f"is defined in {Path(path).name}, which does its work whenever it is imported", cure)
     return "file", str(Path(path).resolve()), name
 
 
-def _guards_main(path: Path) -> bool:
+def _has_main_guard(path: Path) -> bool:
     """Whether a script asks for `__name__` at its top."""
     try:
         tree = ast.parse(path.read_bytes())

@@ -27,18 +27,18 @@ NO_VALUE = b""  # in place of a result that consists of objects, which would be 
 _PLAIN = frozenset({int, float, str, bool, type(None), list, tuple, dict, set, frozenset})
 
 
-def main() -> None:
+def answer_messages() -> None:
     """Answers messages until there are no more."""
-    given, answers = _pipes()
+    tasks, answers = _take_pipes()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes of a terminal; the first one decides
     messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(given, messages), daemon=True).start()
+    threading.Thread(target=_read_messages, args=(tasks, messages), daemon=True).start()
     functions: dict[int, Any] = {}
     while True:
         kind, *rest = messages.get()
         if kind == "begin":
             sys.path[:], folder, limit, path = rest
-            _go_to(folder)
+            _change_folder(folder)
             sys.setrecursionlimit(limit)
             fingerprint = runpy.run_path(path)["fingerprint_function"]
             answer: Any = "ready"
@@ -47,41 +47,41 @@ def main() -> None:
             answer = None
             try:
                 with redirect_stdout(io.StringIO()):
-                    functions[number] = found = function_at(place)
+                    functions[number] = found = load_function(place)
                 answer = None if fingerprint(found, False) == expected else "is another one in a fresh process"
             except BaseException as error:  # whatever the user's module does: it is no reason to die
                 answer = f"cannot be found by a fresh process: {type(error).__name__}: {error}"
         else:
             number, calls = rest
-            answer = called(functions[number], calls)
+            answer = call_function(functions[number], calls)
         pickle.dump(answer, answers)
         answers.flush()
 
 
-def _pipes() -> tuple[BinaryIO, BinaryIO]:
+def _take_pipes() -> tuple[BinaryIO, BinaryIO]:
     """The pipes of this process, taken away from functions that read or print."""
-    given, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    tasks, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
     os.close(nothing)
     os.dup2(2, 1)
-    return given, answers
+    return tasks, answers
 
 
-def _read(given: BinaryIO, messages: queue.SimpleQueue[Any]) -> None:
+def _read_messages(tasks: BinaryIO, messages: queue.SimpleQueue[Any]) -> None:
     try:
         while True:
-            messages.put(pickle.load(given))
+            messages.put(pickle.load(tasks))
     finally:
         os._exit(0)
 
 
-def _go_to(folder: str) -> None:
+def _change_folder(folder: str) -> None:
     if os.path.isdir(folder):
         os.chdir(folder)
 
 
-def called(function: Any, calls: list[bytes]) -> tuple[list[bytes | None], float]:
+def call_function(function: Any, calls: list[bytes]) -> tuple[list[bytes | None], float]:
     """The results of calls, and the seconds that all took. None stands for a call that has raised.
 
     Each result is pickled at once, for a function may change what it has returned later on.
@@ -90,13 +90,13 @@ def called(function: Any, calls: list[bytes]) -> tuple[list[bytes | None], float
     started = time.perf_counter()
     for arguments in calls:
         try:
-            answers.append(pickled(function(*marshal.loads(arguments))))
+            answers.append(pickle_result(function(*marshal.loads(arguments))))
         except BaseException:  # the call is made again where the script runs, and raises there
             answers.append(None)
     return answers, time.perf_counter() - started
 
 
-def pickled(result: Any) -> bytes:
+def pickle_result(result: Any) -> bytes:
     """What a function has returned, as it travels."""
     return pickle.dumps(result, 5) if is_plain(result) else NO_VALUE
 
@@ -112,18 +112,18 @@ def is_plain(value: Any) -> bool:
 
 
 @functools.cache
-def _names_in(path: str) -> dict[str, Any]:
+def _run_file(path: str) -> dict[str, Any]:
     return runpy.run_path(path, run_name="<worker>")
 
 
-def function_at(place: tuple[str, ...]) -> Any:
+def load_function(place: tuple[str, ...]) -> Any:
     """The function that is in a module, in a file that is no module, or pickled."""
     match place:
         case "module", module, name:
             found: Any = importlib.import_module(module)
         case "file", path, name:
             first, _, name = name.partition(".")
-            found = _names_in(path)[first]
+            found = _run_file(path)[first]
         case _, pickled:
             return pickle.loads(pickled)  # type: ignore[arg-type]
     for part in filter(None, name.split(".")):
@@ -132,4 +132,4 @@ def function_at(place: tuple[str, ...]) -> Any:
 
 
 if __name__ == "__main__":
-    main()
+    answer_messages()

@@ -15,12 +15,7 @@ class AstBuilder:
 
     def __init__(self, position: Position) -> None:
         line, end_line, column, end_column = position
-        self.at: Any = {
-            "lineno": line,
-            "end_lineno": end_line,
-            "col_offset": column,
-            "end_col_offset": end_column,
-        }
+        self.at: Any = {"lineno": line, "end_lineno": end_line, "col_offset": column, "end_col_offset": end_column}
 
     # --- expressions -----------------------------------------------------------------------------------
 
@@ -77,7 +72,7 @@ class AstBuilder:
         """`(name := value)`."""
         return ast.NamedExpr(ast.Name(name, ast.Store(), **self.at), value, **self.at)
 
-    def give(self, value: ast.expr) -> ast.expr:
+    def yield_(self, value: ast.expr) -> ast.expr:
         """`yield value`."""
         return ast.Yield(value, **self.at)
 
@@ -100,7 +95,7 @@ class AstBuilder:
     def run(self, value: ast.expr) -> ast.stmt:
         return ast.Expr(value, **self.at)
 
-    def back(self, value: ast.expr) -> ast.stmt:
+    def return_(self, value: ast.expr) -> ast.stmt:
         return ast.Return(value, **self.at)
 
     def when(self, condition: ast.expr, *then: ast.stmt) -> ast.stmt:
@@ -129,7 +124,7 @@ class AstBuilder:
         fails = ast.ExceptHandler(self.name("Exception"), None, [otherwise], **self.at)
         return ast.Try([attempt], [ends, fails], [], [], **self.at)
 
-    def shared(self, names: list[str]) -> ast.stmt:
+    def nonlocal_names(self, names: list[str]) -> ast.stmt:
         """`nonlocal a, b`."""
         return ast.Nonlocal(names, **self.at)
 

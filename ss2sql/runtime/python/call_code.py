@@ -41,28 +41,28 @@ def write_memoized_call(builder: QueryCompiler, node: plan.Call, body: PythonSco
     if method == "of_keys":
         for index, argument in enumerate(node.arguments):
             key, values[index] = _write_key(builder, argument, values[index], body)
-            name = key.id if isinstance(key, ast.Name) else codegen.local("key")
+            name = key.id if isinstance(key, ast.Name) else codegen.new_name("key")
             keys.append(key if isinstance(key, ast.Name) else build.bind(name, key))
             again.append(build.name(name))
     codegen.page.note_call(node.place, node.function.name)
-    constant = build.name(codegen.constant(node.function, "function"))
+    constant = build.name(codegen.embed(node.function, "function"))
 
-    def bound(part: str) -> str:
-        function = build.call(codegen.helper(get_call_method), build.name("run"), constant, build.constant(part))
+    def bind_method(part: str) -> str:
+        function = build.call(codegen.use(get_call_method), build.name("run"), constant, build.constant(part))
         return codegen.bind((node.function.name, part), f"{node.function.name}_{part}", function, build)
 
     if method == "of_any":
-        return build.call(bound(method), *values)
+        return build.call(bind_method(method), *values)
     # What is remembered is looked up here: 0.1 us in place of 0.5.
-    found, asked = codegen.local("found"), codegen.local("key")
+    found, key_name = codegen.new_name("found"), codegen.new_name("key")
     if method == "of_plain":
         key = build.pack(*values)
-        missed = build.call(bound("missed_plain"), build.name(found), build.name(asked))
+        missed = build.call(bind_method("missed_plain"), build.name(found), build.name(key_name))
     else:
         key = reduce(lambda one, other: build.binary(one, ast.Add(), other), keys)
-        missed = build.call(bound("missed"), build.name(found), build.name(asked), build.pack(*again), *values)
-    kind = build.call("type", build.bind(found, build.call(bound("get"), build.bind(asked, key))))
-    remembered = [build.compare(kind, ast.Is(), build.name("tuple")), build.call(bound("hit"))]
+        missed = build.call(bind_method("missed"), build.name(found), build.name(key_name), build.pack(*again), *values)
+    kind = build.call("type", build.bind(found, build.call(bind_method("get"), build.bind(key_name, key))))
+    remembered = [build.compare(kind, ast.Is(), build.name("tuple")), build.call(bind_method("hit"))]
     return build.if_else(build.join_conditions(ast.And(), remembered), build.name(found), missed)
 
 
@@ -79,7 +79,7 @@ def find_keyed_sources(places: list[Any]) -> set[int]:
 
 
 def _is_self_keyed(node: plan.Call) -> bool:
-    return all(argument.type.only(_SELF_KEYED_KINDS) for argument in node.arguments)
+    return all(argument.type.is_only(_SELF_KEYED_KINDS) for argument in node.arguments)
 
 
 def _choose_call_method(node: plan.Call, body: PythonScope) -> str:
@@ -91,13 +91,13 @@ def _choose_call_method(node: plan.Call, body: PythonScope) -> str:
 
 def _is_key_known_early(argument: plan.Expr, body: PythonScope) -> bool:
     """Whether the key of an argument is known before the innermost loop."""
-    if _comes_with_key(argument, body):
+    if _has_key(argument, body):
         return True
-    facts = body.codegen.analysis.of(argument)
-    return facts.steady and not body.has_state_changed(facts) and body.home(facts) != (body, body.level)
+    facts = body.codegen.analysis.facts(argument)
+    return facts.steady and not body.has_state_changed(facts) and body.find_home(facts) != (body, body.level)
 
 
-def _comes_with_key(argument: plan.Expr, body: PythonScope) -> TypeGuard[plan.Element]:
+def _has_key(argument: plan.Expr, body: PythonScope) -> TypeGuard[plan.Element]:
     if not isinstance(argument, plan.Element):
         return False
     name = body.codegen.keys.get(argument.source)
@@ -112,30 +112,30 @@ def _write_key(
     build = codegen.build_at(argument.span)
     name = value
     if not isinstance(value, (ast.Name, ast.Constant)):
-        name = build.name(value.target.id if isinstance(value, ast.NamedExpr) else codegen.local("argument"))
+        name = build.name(value.target.id if isinstance(value, ast.NamedExpr) else codegen.new_name("argument"))
         assert isinstance(name, ast.Name)
         value = value if isinstance(value, ast.NamedExpr) else build.bind(name.id, value)
-    if _comes_with_key(argument, body):
+    if _has_key(argument, body):
         return build.name(codegen.keys[argument.source]), name
-    key = build.call(codegen.helper(make_exact_key), value)
-    facts = codegen.analysis.of(argument)
+    key = build.call(codegen.use(make_exact_key), value)
+    facts = codegen.analysis.facts(argument)
     if not _is_key_known_early(argument, body):
         return key, name
     # A key of its own for the key: no expression of the plan has it.
     facts = replace(facts, key=None if facts.key is None else -1 - facts.key)
-    home, level = body.home(facts)
+    home, level = body.find_home(facts)
     named = isinstance(argument, (plan.State, plan.Element)) and isinstance(value, ast.Name)
     if home is not body or not named or not body.early_keys:
-        kept = body.kept(facts, key, build, "key")
+        kept = body.compute_once(facts, key, build, "key")
         if not isinstance(kept, ast.IfExp) or not isinstance(value, ast.NamedExpr):
             return kept, name
         # Where the key is known already, it must not be left out to give the argument its name.
         return build.item(
-            build.pack(value, body.kept(facts, build.call(codegen.helper(make_exact_key), name), build, "key")), 1
+            build.pack(value, body.compute_once(facts, build.call(codegen.use(make_exact_key), name), build, "key")), 1
         ), name
     early = body.name_of(facts)
     if early is None:
-        early = codegen.local("key")
+        early = codegen.new_name("key")
         home.blocks[level].insert(-1, build.assign(early, key))  # before the loop
         assert facts.key is not None
         home.known[level][facts.key] = early
@@ -143,4 +143,4 @@ def _write_key(
 
 
 def get_call_method(run: Run, function: plan.Function, method: str) -> Any:
-    return getattr(run.host.call(function, run), method)
+    return getattr(run.host.get_callable(function, run), method)

@@ -72,10 +72,10 @@ class FastCounter:
         self.add = count(1).__next__
         self._told = 1
 
-    def more(self, number: int) -> None:
+    def count_more(self, number: int) -> None:
         self._told -= number
 
-    def taken(self) -> int:
+    def take_count(self) -> int:
         """How much was added since this was asked the last time."""
         now, before = self.add(), self._told
         self._told = now + 1
@@ -107,11 +107,11 @@ class MemoizedCalls:
         get, hit = memo.get, hits.add
         call = make_checked_call(function, run, made.add)
         if run.foreteller is not None:
-            call = run.foreteller.call_of(function, call)
+            call = run.foreteller.make_timed_call(function, call)
 
         def settle() -> None:
             for tally, counts in ((made, run.stats.calls), (hits, run.stats.remembered)):
-                if more := tally.taken():
+                if more := tally.take_count():
                     counts[function.name] += more
 
         def of_plain(*arguments: Any) -> Result:
@@ -143,19 +143,19 @@ class MemoizedCalls:
                 return with_objects(arguments)
             if type(arguments[-1]) is not list and are_plain(arguments):
                 return kept(key, of_plain(*arguments))
-            given: Any = arguments
+            copies: Any = arguments
             # The bytes of a key are a fresh value but for the reading of them.
             if copied and len(keys) == 2:
                 one, other = arguments
-                given = (
+                copies = (
                     one if type(one) in SCALARS else loads(keys[0]),
                     other if type(other) in SCALARS else loads(keys[1]),
                 )
             elif copied:
                 pairs = zip(keys, arguments, strict=True)
-                given = [value if type(value) in SCALARS else loads(known) for known, value in pairs]
+                copies = [value if type(value) in SCALARS else loads(known) for known, value in pairs]
             try:
-                result = call(given)
+                result = call(copies)
             except Exception as error:
                 refuse(key, error)
                 raise
@@ -228,7 +228,7 @@ class MemoizedCalls:
                 memo[key] = answer if type(answer) is FailedCall else (answer, None)
 
         self.adopt, self.foretold = adopt, run.foreteller is not None
-        self.body, self.count = function.function, made.more
+        self.body, self.count = function.function, made.count_more
         self.get, self.hit, self.settle = get, hit, settle
         self.of_plain, self.of_keys = of_plain, of_keys
         self.of_any: Callable[..., Result] = of_one if function.maximum == 1 else of_any
@@ -254,20 +254,20 @@ def make_checked_call(
 
     counted = counted or count_by_name
 
-    def call(arguments: Any) -> Result:
+    def call_and_check(arguments: Any) -> Result:
         if run.interrupted or run.bounds.deadline is not None:
             run.check()  # a slow function must not keep a timeout waiting
         counted()
         return checked(body(*arguments))
 
-    return call
+    return call_and_check
 
 
 def make_result_check(function: UserFunction) -> Callable[[Any], Result]:
     """Makes what the function returns a value of the language."""
     giver = f"the function '{function.name}'"
 
-    def checked(result: Any) -> Result:
+    def check_result(result: Any) -> Result:
         kind = type(result)
         if kind is list:
             if not result:
@@ -291,7 +291,7 @@ def make_result_check(function: UserFunction) -> Callable[[Any], Result]:
             return result, result
         return convert_value(result, giver), None
 
-    return checked
+    return check_result
 
 
 def make_callable(function: UserFunction, run: Run, memo_limit: int) -> Any:

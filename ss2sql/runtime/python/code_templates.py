@@ -27,26 +27,26 @@ def write_template(text: str, build: AstBuilder, words: Substitutions) -> list[a
         continue
     """
 
-    def made(node: Any) -> Any:
+    def fill_node(node: Any) -> Any:
         match node:
             case ast.Name(id=word, ctx=context) if word in words:
                 meant = words[word]
                 return ast.Name(meant.id, context, **build.at) if isinstance(meant, ast.Name) else meant
             case ast.AST():
-                fields = {name: made(value) for name, value in ast.iter_fields(node)}
+                fields = {name: fill_node(value) for name, value in ast.iter_fields(node)}
                 return type(node)(**fields, **(build.at if "lineno" in node._attributes else {}))
             case list():
-                return [one for part in node for one in several(part)]
+                return [one for part in node for one in fill_parts(part)]
         return node
 
-    def several(part: Any) -> list[Any]:
+    def fill_parts(part: Any) -> list[Any]:
         if isinstance(part, ast.Expr) and isinstance(part.value, ast.Name):
             meant = words.get(part.value.id)
             if isinstance(meant, list):
                 return meant
-        return [made(part)]
+        return [fill_node(part)]
 
-    return made(_parse_template(text))  # type: ignore[no-any-return]
+    return fill_node(_parse_template(text))  # type: ignore[no-any-return]
 
 
 @cache
@@ -81,9 +81,9 @@ def copy_tree(node: T) -> T:
     if not isinstance(node, ast.AST):
         return node
     made: Any = type(node).__new__(type(node))
-    given = node.__dict__
-    made.__dict__.update({name: copy_tree(given[name]) for name in node._fields if name in given})
-    made.__dict__.update({name: given[name] for name in node._attributes if name in given})
+    fields = node.__dict__
+    made.__dict__.update({name: copy_tree(fields[name]) for name in node._fields if name in fields})
+    made.__dict__.update({name: fields[name] for name in node._attributes if name in fields})
     return made  # type: ignore[no-any-return]
 
 

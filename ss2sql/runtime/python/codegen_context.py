@@ -84,46 +84,46 @@ class PythonScope:
     def level(self) -> int:
         return len(self.blocks) - 1
 
-    def add(self, *statements: ast.stmt) -> None:
+    def emit(self, *statements: ast.stmt) -> None:
         """Statements for the innermost open loop."""
         self.blocks[-1].extend(statements)
 
-    def home(self, facts: ExpressionFacts) -> tuple[PythonScope, int]:
+    def find_home(self, facts: ExpressionFacts) -> tuple[PythonScope, int]:
         """The outermost function and loop where everything is known that the facts' expression reads."""
         levels = [self.levels[source] for source in facts.sources if source in self.levels]
         grouped = any(query in facts.groups for query, _ in self.groups)
         if levels or grouped or not self.states.isdisjoint(facts.states):
             return self, max(levels, default=0)
-        return (self, 0) if self.parent is None else self.parent.home(facts)
+        return (self, 0) if self.parent is None else self.parent.find_home(facts)
 
-    def kept(self, facts: ExpressionFacts, value: ast.expr, build: AstBuilder, hint: str) -> ast.expr:
+    def compute_once(self, facts: ExpressionFacts, value: ast.expr, build: AstBuilder, hint: str) -> ast.expr:
         """The value, computed at most once for each turn of its home's loop; the facts are of a steady node.
 
         Equal expressions share a slot. What is read only once, right at home, needs none.
         """
-        home, level = self.home(facts)
+        home, level = self.find_home(facts)
         if self.has_state_changed(facts):
             return value
         if home is self and level == self.level:
             slot = facts.key is not None and home.slots.get(facts.key)
             if facts.key is None or self.counts[facts.key] < 2 or (self.sure and not slot):
-                return self.named(facts, value, build, hint)
+                return self.name_if_repeated(facts, value, build, hint)
         name = home.slots.get(facts.key) if facts.key is not None else None
         if name is None:
-            name = self.codegen.local(hint)
+            name = self.codegen.new_name(hint)
             home.blocks[level].insert(0, build.assign(name, build.name("UNSET")))
             self.codegen.namespace["UNSET"] = UNSET
             if facts.key is not None:
                 home.slots[facts.key] = name
         if home is not self:
             self.shared[name] = None
-        self.forget(value)
+        self.forget_names(value)
         if self.sure and facts.key is not None:
             self.known[-1][facts.key] = name
         fresh = build.compare(build.name(name), ast.IsNot(), build.name("UNSET"))
         return build.if_else(fresh, build.name(name), build.bind(name, value))
 
-    def forget(self, value: ast.expr) -> None:
+    def forget_names(self, value: ast.expr) -> None:
         """No longer knows the names that are set in a value, which may be skipped: they would keep older values.
 
         Those within a value in it are forgotten already; 240 calls in each other took 3 s when all were walked again.
@@ -141,11 +141,11 @@ class PythonScope:
             for key in [key for key, name in names.items() if name in inside]:
                 del names[key]
 
-    def named(self, facts: ExpressionFacts, value: ast.expr, build: AstBuilder, hint: str) -> ast.expr:
+    def name_if_repeated(self, facts: ExpressionFacts, value: ast.expr, build: AstBuilder, hint: str) -> ast.expr:
         """The value, with a name where it is certain to be computed here and is written again further down."""
         if facts.key is None or self.counts[facts.key] < 2 or not self.sure or self.has_state_changed(facts):
             return value
-        name = self.known[-1][facts.key] = self.codegen.local(hint)
+        name = self.known[-1][facts.key] = self.codegen.new_name(hint)
         return build.bind(name, value)
 
     def write_with_later_check(self, facts: ExpressionFacts, write: Callable[[], ast.stmt], build: AstBuilder) -> None:
@@ -163,21 +163,21 @@ class PythonScope:
                 checked = write()
             self.known[-1] = after
             statement = build.try_except(statement, "IndexError", checked)
-        self.add(statement)
+        self.emit(statement)
 
-    def variable(self, value: ast.expr, build: AstBuilder, hint: str) -> ast.expr:
+    def name_or_constant(self, value: ast.expr, build: AstBuilder, hint: str) -> ast.expr:
         """A name or a constant that stands for the value."""
-        return value if isinstance(value, ast.Constant) else build.name(self.assigned(value, build, hint))
+        return value if isinstance(value, ast.Constant) else build.name(self.assign_name(value, build, hint))
 
-    def assigned(self, value: ast.expr, build: AstBuilder, hint: str) -> str:
+    def assign_name(self, value: ast.expr, build: AstBuilder, hint: str) -> str:
         """The name of a value, which is computed here unless it has one already."""
         if isinstance(value, ast.Name):
             return value.id
         if isinstance(value, ast.NamedExpr):
             name, value = value.target.id, value.value
         else:
-            name = self.codegen.local(hint)
-        self.add(build.assign(name, value))
+            name = self.codegen.new_name(hint)
+        self.emit(build.assign(name, value))
         return name
 
     def name_of(self, facts: ExpressionFacts) -> str | None:
@@ -197,15 +197,15 @@ class PythonScope:
         yield
         self.sure = before
 
-    def loop(self, names: list[str], items: ast.expr, build: AstBuilder) -> None:
+    def open_loop(self, names: list[str], items: ast.expr, build: AstBuilder) -> None:
         """Opens a loop over items, which are tuples where there are several names."""
         inner: list[ast.stmt] = []
-        self.add(build.loop(names, items, inner))
+        self.emit(build.loop(names, items, inner))
         self.blocks.append(inner)
         self.known.append({})
         self.locals.extend(names)
 
-    def count(self, nodes: Iterable[Any]) -> None:
+    def count_uses(self, nodes: Iterable[Any]) -> None:
         """Notes which expressions will be evaluated in this function, and how often they are written.
 
         What stands only inside of a cheap expression that is written twice is computed once, with it.
@@ -213,28 +213,28 @@ class PythonScope:
         stack = list(nodes)
         while stack:
             node = stack.pop()
-            facts = self.codegen.analysis.of(node)
+            facts = self.codegen.analysis.facts(node)
             if facts.key is not None:
                 self.counts[facts.key] += 1
             again = facts.key is not None and self.counts[facts.key] > 1 and not facts.calls
             if not isinstance(node, plan.Subquery) and not again:
                 stack.extend(list_parts(node))
 
-    def finished(self, build: AstBuilder) -> ast.stmt:
+    def build_function(self, build: AstBuilder) -> ast.stmt:
         statements = self.blocks[0] or [build.run(build.constant(None))]
         if self.shared:
-            statements = [build.shared(list(self.shared)), *statements]
+            statements = [build.nonlocal_names(list(self.shared)), *statements]
         return build.function(self.name, self.parameters, statements)
 
-    def define(self) -> None:
+    def define_function(self) -> None:
         """Puts the finished function into the one around it."""
         assert self.parent is not None
         if self.before is not None:
-            self.before.define()
+            self.before.define_function()
         if self.parent is self.codegen.root:
-            self.codegen.definitions.append(self.finished(self.codegen.build))
+            self.codegen.definitions.append(self.build_function(self.codegen.build))
         else:
-            self.parent.add(self.finished(self.codegen.build))
+            self.parent.emit(self.build_function(self.codegen.build))
 
 
 class CodegenContext:
@@ -263,22 +263,22 @@ class CodegenContext:
         self._count = 0
 
     def build_at(self, span: Span) -> AstBuilder:
-        return AstBuilder(self.page.position(span))
+        return AstBuilder(self.page.add_span(span))
 
     # --- names -----------------------------------------------------------------------------------------
 
-    def local(self, hint: str) -> str:
+    def new_name(self, hint: str) -> str:
         """A new name, with a hint for the reader; its number keeps it apart from every other."""
         self._count += 1
         return f"{hint if hint.isascii() and hint.isidentifier() else 'name'}_{self._count}"
 
-    def constant(self, value: Any, hint: str = "constant") -> str:
+    def embed(self, value: Any, hint: str = "constant") -> str:
         """A name for an object of the compiler's."""
-        name = self.local(hint)
+        name = self.new_name(hint)
         self.namespace[name] = value
         return name
 
-    def helper(self, function: Callable[..., Any]) -> str:
+    def use(self, function: Callable[..., Any]) -> str:
         """The name of a function of the library."""
         name = function.__name__
         assert self.namespace.setdefault(name, function) is function
@@ -287,41 +287,41 @@ class CodegenContext:
     def bind(self, key: Any, hint: str, value: ast.expr, build: AstBuilder, error: str | None = None) -> str:
         """A name for a value that is computed once, when a run begins; `error` names what may go wrong there."""
         if key not in self._bound:
-            name = self._bound[key] = self.local(hint)
+            name = self._bound[key] = self.new_name(hint)
             statement = build.assign(name, value)
             self.bindings.append(statement if error is None else build.try_except(statement, error))
         return self._bound[key]
 
-    def function(self, function: plan.Function, build: AstBuilder) -> str:
+    def name_function(self, function: plan.Function, build: AstBuilder) -> str:
         """A name for the callable behind a function of the plan."""
         key = (function.name, function.builtin)
         if key not in self._bound:
             python = OPERATIONS[function.name].value if function.builtin else None
             if python is not None and not OPERATIONS[function.name].grows:
-                self._bound[key] = self.constant(python, function.name)
+                self._bound[key] = self.embed(python, function.name)
             else:
-                constant = build.name(self.constant(function, "function"))
-                self.bind(key, function.name, build.call(self.helper(get_callable), build.name("run"), constant), build)
+                constant = build.name(self.embed(function, "function"))
+                self.bind(key, function.name, build.call(self.use(get_callable), build.name("run"), constant), build)
         return self._bound[key]
 
-    def sizes(self, part: str, build: AstBuilder) -> ast.expr:
+    def read_sizes(self, part: str, build: AstBuilder) -> ast.expr:
         """What measures the values that are made, or a number that it goes by."""
         return build.name(
             self.bind(("sizes", part), part, build.part(build.part(build.name("run"), "sizes"), part), build)
         )
 
-    def variable(self, name: str, build: AstBuilder) -> ast.expr:
+    def read_variable(self, name: str, build: AstBuilder) -> ast.expr:
         """The value of a script variable: read once where nothing in this code changes it, else each time."""
         run, text = build.name("run"), build.constant(name)
         if not self.analysis.is_fixed(name):
-            return build.call(self.helper(get_variable), run, text)
-        self.helper(MissingValueError)
-        value = build.call(self.helper(get_variable_if_set), run, text)
+            return build.call(self.use(get_variable), run, text)
+        self.use(MissingValueError)
+        value = build.call(self.use(get_variable_if_set), run, text)
         return build.name(self.bind(("variable", name), name, value, build, "MissingValueError"))
 
-    def frame(self, name: str, build: AstBuilder) -> ast.expr:
+    def read_frame(self, name: str, build: AstBuilder) -> ast.expr:
         """A data frame, as it was when the run first read it."""
-        return build.call(self.helper(get_frame), build.name("run"), build.constant(name))
+        return build.call(self.use(get_frame), build.name("run"), build.constant(name))
 
     def name_counter(self, name: str, body: PythonScope) -> str:
         """A counter of the whole run, to be increased in `body`."""
@@ -336,7 +336,7 @@ class CodegenContext:
         """A call that ends the run if it has to end; its value is the count at which to ask again."""
         build = self.build
         turn_check = self.bind(
-            "turn_check", "turn_check", build.call(self.helper(make_turn_check), build.name("run")), build
+            "turn_check", "turn_check", build.call(self.use(make_turn_check), build.name("run")), build
         )
         return build.call(turn_check, build.name(counter))
 
@@ -344,18 +344,18 @@ class CodegenContext:
         """The same for the steps of searches; it also hands on what they have counted."""
         build = self.build
         counters = [build.name(self.name_counter(name, self.root)) for name in COUNTERS]
-        meter = self.bind("meter", "meter", build.call(self.helper(make_step_meter), build.name("run")), build)
+        meter = self.bind("meter", "meter", build.call(self.use(make_step_meter), build.name("run")), build)
         return build.call(meter, *counters)
 
     # --- the end ---------------------------------------------------------------------------------------
 
-    def module(self, result: ast.expr) -> ast.Module:
+    def build_module(self, result: ast.expr) -> ast.Module:
         """The code, whose function `bound` gives `result`."""
         # Slots stand in the root's block; what they are filled with comes later.
-        self.root.blocks[0].extend((*self.bindings, *self.definitions, self.build.back(result)))
-        return ast.Module([self.root.finished(self.build)], [])
+        self.root.blocks[0].extend((*self.bindings, *self.definitions, self.build.return_(result)))
+        return ast.Module([self.root.build_function(self.build)], [])
 
-    def compiled(self, module: ast.Module) -> Callable[..., Any]:
+    def compile_module(self, module: ast.Module) -> Callable[..., Any]:
         """The function `bound` of the generated module."""
         code = compile(module, self.page.name, "exec", dont_inherit=True)
         inner = next(constant for constant in code.co_consts if isinstance(constant, CodeType))
@@ -363,21 +363,21 @@ class CodegenContext:
 
 
 def get_callable(run: Run, function: plan.Function) -> Callable[..., Any]:
-    return run.host.call(function, run)
+    return run.host.get_callable(function, run)
 
 
 def get_variable(run: Run, name: str) -> Any:
-    return run.variable(name)
+    return run.get_variable(name)
 
 
 def get_frame(run: Run, name: str) -> Any:
-    return run.source(name)
+    return run.get_source(name)
 
 
 def get_variable_if_set(run: Run, name: str) -> Any:
     """The value of a variable when a query starts; MissingValueError where it has none yet."""
     try:
-        return run.variable(name)
+        return run.get_variable(name)
     except Error as error:
         if error.code == "R001":
             raise MissingValueError from None

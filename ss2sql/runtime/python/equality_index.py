@@ -42,15 +42,15 @@ def find_lookups(part: plan.Expr, analysis: ExpressionAnalysis, operator: str = 
     """The condition as lookups: one for each side that reads one source, and nothing else that changes in a run."""
     match part:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name == operator:
-            facts = analysis.of(part)
+            facts = analysis.facts(part)
             if not facts.steady:
                 return []
             found: list[Lookup] = []
             for key, other in ((left, right), (right, left)):
-                read = analysis.of(key)
+                read = analysis.facts(key)
                 if len(read.sources) == 1 and not (read.states or read.groups):
                     (source,) = read.sources
-                    if source not in analysis.of(other).sources:
+                    if source not in analysis.facts(other).sources:
                         found.append(Lookup(source, key, other, facts.total))
             return found
     return []
@@ -76,7 +76,7 @@ def index_single_column(rows: list[Any], value: int, *positions: int) -> dict[Ha
 
 def index_integers(run: Run, table: plan.TableSource, value: int, position: int) -> dict[Hashable, list[Any]]:
     """The same of a table whose two columns hold whole numbers."""
-    found = run.host.integers(table, position, value)
+    found = run.host.read_integer_columns(table, position, value)
     if found is None:
         return index_single_column(run.host.read_table_rows(table, run), value, position)
     import numpy as np
@@ -118,7 +118,7 @@ class KeyIndex:
     rows: list[Any]
     index: dict[Hashable, list[Any]] | None
 
-    def found(self, *values: Any) -> Sequence[Any]:
+    def find_rows(self, *values: Any) -> Sequence[Any]:
         """The rows whose keys equal the values, in their order."""
         return self.rows if self.index is None else self.index.get(_make_key(values), ())
 
@@ -140,11 +140,11 @@ def index_elements(items: list[Any]) -> dict[Hashable, list[Any]]:
     return dict(index)
 
 
-def look_up(index: dict[Hashable, list[Any]], value: Any) -> list[Any]:
+def look_up_by_column(index: dict[Hashable, list[Any]], value: Any) -> list[Any]:
     """The elements whose column equals the value, in their order."""
     return index.get(make_hashable(value), [])
 
 
-def look_up_several(index: dict[Hashable, list[Any]], *values: Any) -> list[Any]:
+def look_up_by_columns(index: dict[Hashable, list[Any]], *values: Any) -> list[Any]:
     """The elements whose columns equal the values, in their order."""
     return index.get(_make_key(values), [])

@@ -58,7 +58,7 @@ def limit_eval_depth(run: Run, text: Callable[..., Any]) -> Callable[..., Any]:
     So many levels fit into the stack, also where SQLite calls each of them.
     """
 
-    def counted(*values: Any) -> Any:
+    def count_depth(*values: Any) -> Any:
         if run.texts == MAX_EVAL_DEPTH:
             hint = "let the text end: IF(condition; eval(text); value)"
             raise ExecutionError("X016", f"eval is nested more than {MAX_EVAL_DEPTH} deep", hints=(hint,))
@@ -69,7 +69,7 @@ def limit_eval_depth(run: Run, text: Callable[..., Any]) -> Callable[..., Any]:
         finally:
             run.texts -= 1
 
-    return counted
+    return count_depth
 
 
 def compile_statements(statements: tuple[plan.Expr, ...], name_scope: EvalScope) -> Callable[[Run], Callable[..., Any]]:
@@ -81,9 +81,9 @@ def compile_statements(statements: tuple[plan.Expr, ...], name_scope: EvalScope)
     with deepen_stack(analysis.levels):
         codegen = CodegenContext(statements[0].span, analysis)
         builder = QueryCompiler(codegen, name_scope.dispatch)
-        body = PythonScope(codegen, codegen.local("text"), [], codegen.root)
+        body = PythonScope(codegen, codegen.new_name("text"), [], codegen.root)
         for source, columns, kind, table in name_scope.sources:
-            name = codegen.names[source] = codegen.local("element")
+            name = codegen.names[source] = codegen.new_name("element")
             body.parameters.append(name)
             body.levels[source] = 0
             if columns is not None:
@@ -92,16 +92,16 @@ def compile_statements(statements: tuple[plan.Expr, ...], name_scope: EvalScope)
                 codegen.worlds[source] = table
             codegen.elements[source] = kind or ANY
         for state in name_scope.states:
-            name = codegen.states[state] = codegen.local(state[1])
+            name = codegen.states[state] = codegen.new_name(state[1])
             body.parameters.append(name)
             body.states.add(state)
         for statement in statements[:-1]:
             build = codegen.build_at(statement.span)
-            body.add(build.run(write_expression(builder, statement, body)))
+            body.emit(build.run(write_expression(builder, statement, body)))
         build = codegen.build_at(statements[-1].span)
-        body.add(build.back(write_expression(builder, statements[-1], body)))
-        body.define()
-        return codegen.compiled(codegen.module(build.name(body.name)))
+        body.emit(build.return_(write_expression(builder, statements[-1], body)))
+        body.define_function()
+        return codegen.compile_module(codegen.build_module(build.name(body.name)))
 
 
 def make_eval_cache(run: Run, name_scope: EvalScope) -> EvalCache:

@@ -47,9 +47,9 @@ class ExpressionAnalysis:
         self.assigned: set[str] = set()
         self.roots: tuple[Any, ...] = ()
         self.levels = 0
-        self.include(roots)
+        self.add_roots(roots)
 
-    def include(self, roots: tuple[Any, ...]) -> None:
+    def add_roots(self, roots: tuple[Any, ...]) -> None:
         """Finds the facts of what is below further nodes."""
         self.roots += roots  # kept alive, for facts go by identity
         nodes: list[tuple[Any, list[Any]]] = []
@@ -66,7 +66,7 @@ class ExpressionAnalysis:
                 case plan.Eval() | plan.AssignLate():
                     self.open_world = True
                 case plan.ValueSource(id=number, element=element) | plan.QuerySource(id=number, element=element):
-                    if not element.may(Kind.OBJECT):
+                    if not element.may_be(Kind.OBJECT):
                         self._plain.add(number)
                 case plan.TableSource(id=number) | plan.WorldSource(id=number):
                     self._plain.add(number)
@@ -74,21 +74,21 @@ class ExpressionAnalysis:
         for node, below in reversed(nodes):
             depths[id(node)] = 1 + max((depths[id(part)] for part in below), default=0)
             if id(node) not in self._facts:
-                self._facts[id(node)] = self._examine(node, [self._facts[id(part)] for part in below])
+                self._facts[id(node)] = self._find_facts(node, [self._facts[id(part)] for part in below])
         self.levels = max([self.levels, *(depths[id(root)] for root in roots)])
 
-    def of(self, node: Any) -> ExpressionFacts:
+    def facts(self, node: Any) -> ExpressionFacts:
         """The facts of a node below the roots; any other node is a constant of the compiler's."""
         return self._facts.get(id(node)) or ExpressionFacts()
 
     def are_steady(self, nodes: Iterable[Any]) -> bool:
-        return all(self.of(node).steady for node in nodes)
+        return all(self.facts(node).steady for node in nodes)
 
     def is_fixed(self, variable: str) -> bool:
         """Whether a script variable keeps its value while the nodes run."""
         return not self.open_world and variable not in self.assigned
 
-    def _examine(self, node: Any, below: list[ExpressionFacts]) -> ExpressionFacts:
+    def _find_facts(self, node: Any, below: list[ExpressionFacts]) -> ExpressionFacts:
         sources, states, groups = _NONE, _NO_STATES, _NONE
         steady = total = True
         costly = calls = False
@@ -132,9 +132,11 @@ class ExpressionAnalysis:
                 steady = total = False
             case plan.Temporal() | plan.Assign() | plan.TemporalAssign() | plan.AssignLate():
                 steady = total = False
-        return ExpressionFacts(sources, states, groups, steady, total, self._key(node, below), costly, costly or calls)
+        return ExpressionFacts(
+            sources, states, groups, steady, total, self._number_meaning(node, below), costly, costly or calls
+        )
 
-    def _key(self, node: Any, below: list[ExpressionFacts]) -> int | None:
+    def _number_meaning(self, node: Any, below: list[ExpressionFacts]) -> int | None:
         """A number for the meaning of the expression: that of its first appearance."""
         inner = [part.key for part in below]
         if None in inner:
@@ -166,4 +168,4 @@ class ExpressionAnalysis:
 
 def _has_plain_truth(expr: plan.Expr) -> bool:
     """Whether asking for the truth of the value cannot fail; an object may have its own ideas."""
-    return not expr.type.may(Kind.OBJECT)
+    return not expr.type.may_be(Kind.OBJECT)

@@ -36,7 +36,7 @@ def compile_flat_query(
     outputs = () if query.aggregated else tuple(output.expr for output in query.columns)
     inside = list_source_expressions(query)
     where = () if query.where is None else (query.where,)
-    body.count([*inside, *where, *outputs, *keys])
+    body.count_uses([*inside, *where, *outputs, *keys])
 
     loops.read_constant_sources()
     conditions, guarded = place_conditions(builder, query, loops)
@@ -51,28 +51,28 @@ def compile_flat_query(
     loops.staged = count_array_calls(*query.sources, *evaluated) > 0 and builder.codegen.analysis.are_steady(evaluated)
     collects = query.aggregated and not loops.staged
     groups = GroupCollector(builder, query, aggregates, body) if collects else None
-    inner = loops.open(body, conditions, guarded, [*outputs, *keys])
+    inner = loops.open_loops(body, conditions, guarded, [*outputs, *keys])
     if query.aggregated:
         groups = groups or GroupCollector(builder, query, aggregates, inner)
-        groups.collect(inner)
-        groups.end()
+        groups.collect_row(inner)
+        groups.write_results()
     else:
         build = builder.codegen.build_at(query.span)
         row, behind = write_row_and_keys(builder, query, outputs, keys, inner)
-        inner.add(
+        inner.emit(
             build.run(
-                build.give(
+                build.yield_(
                     build.pack(build.pack(*row), build.pack(*behind)) if query.group else build.pack(*row, *behind)
                 )
             )
         )
-    inner.define()
+    inner.define_function()
     if not loops.stages:
         return body.name
     codegen, build = builder.codegen, builder.codegen.build
-    name, early = codegen.local("find"), build.constant(query.limit is not None)
+    name, early = codegen.new_name("find"), build.constant(query.limit is not None)
     stages = [build.pack(build.name(stage.name), how) for stage, how in loops.stages]
-    joined = build.call(codegen.helper(join_stages), build.name("run"), early, build.name(body.name), *stages)
+    joined = build.call(codegen.use(join_stages), build.name("run"), early, build.name(body.name), *stages)
     codegen.definitions.append(build.assign(name, joined))
     return name
 
@@ -90,7 +90,7 @@ def write_row_and_keys(
     row = [write_expression(builder, expr, body) for expr in outputs]
     if shared:
         build = builder.codegen.build_at(query.span)
-        row = [body.variable(value, build, "column") for value in row]
+        row = [body.name_or_constant(value, build, "column") for value in row]
     return row, [
         row[shared[number]] if number in shared else write_expression(builder, key, body)
         for number, key in enumerate(keys)
@@ -108,7 +108,7 @@ def list_key_expressions(query: plan.Query, aggregates: Sequence[plan.Aggregate]
 def place_conditions(
     builder: QueryCompiler, query: plan.Query, loops: SourceLoops
 ) -> tuple[dict[int, list[plan.Expr]], int | None]:
-    """The parts of WHERE by the number of sources that are bound when they are tested; see `SourceLoops.open`.
+    """The parts of WHERE by the number of sources that are bound when they are tested; see `SourceLoops.open_loops`.
 
     As written, all parts are tested from left to right when all sources are bound. A part moves outwards
     only where nobody can notice. It must not have an effect, nor may anything that it then comes before.
@@ -120,7 +120,7 @@ def place_conditions(
     last, reached, guarded = len(query.sources), 0, None
     certain = steady = True  # of all parts so far
     for part in split_and(query.where):
-        facts = builder.codegen.analysis.of(part)
+        facts = builder.codegen.analysis.facts(part)
         level = max((number[source] for source in facts.sources if source in number), default=0)
         if certain and any(map(loops.plan_lookup, find_lookups(part, builder.codegen.analysis))):
             reached = max(reached, level)

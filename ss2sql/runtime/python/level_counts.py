@@ -33,17 +33,17 @@ class LevelCounter:
     generated: int = 0
     pruned: int = 0
 
-    def at(self, depth: int, generated: int, pruned: int, first: bool) -> None:
+    def enter_depth(self, depth: int, generated: int, pruned: int, first: bool) -> None:
         """The search turns to the steps from a state at this depth, for the `first` time or again.
 
         `generated` and `pruned` are what it has not yet told the run.
         """
-        self.settle(generated, pruned)
+        self.add_counts(generated, pruned)
         self.depth = depth
         if first and depth:
             self._get_level(depth).expanded += 1
 
-    def settle(self, generated: int = 0, pruned: int = 0) -> None:
+    def add_counts(self, generated: int = 0, pruned: int = 0) -> None:
         """Notes what was counted since the last time."""
         generated, pruned = generated + self.stats.generated, pruned + self.stats.pruned
         if (generated, pruned) != (self.generated, self.pruned):
@@ -64,11 +64,11 @@ def make_watcher(run: Run, leveled: bool, flush: Callable[[], None]) -> Callable
     if progress is None and by_level is None:
         return None
 
-    def watch(path: Path, first: bool = True) -> None:
+    def watch_state(path: Path, first: bool = True) -> None:
         if progress is not None:
             progress.reached = path
         if by_level is not None:
             flush()
-            by_level.at(measure_depth(path)[0], 0, 0, first)
+            by_level.enter_depth(measure_depth(path)[0], 0, 0, first)
 
-    return watch
+    return watch_state

@@ -27,7 +27,7 @@ class ClockChecks:
         self._turns = 1
         self._last = time.perf_counter()
 
-    def next(self, turn: int) -> int:
+    def check_clock(self, turn: int) -> int:
         self._check()
         now = time.perf_counter()
         if now - self._last < QUICK:
@@ -39,15 +39,15 @@ class ClockChecks:
 
 
 def make_turn_check(run: Run) -> Callable[[int], int]:
-    return ClockChecks(run).next
+    return ClockChecks(run).check_clock
 
 
 def make_step_meter(run: Run) -> Callable[[int, int, int], int]:
     """Checks searches for cancellation, and adds to the counters of the run what generated code has counted."""
-    stats, check_turn = run.stats, ClockChecks(run).next
+    stats, check_turn = run.stats, ClockChecks(run).check_clock
     before = (0, 0, 0)
 
-    def meter(generated: int, expanded: int, pruned: int) -> int:
+    def count_steps(generated: int, expanded: int, pruned: int) -> int:
         nonlocal before
         stats.generated += generated - before[0]
         stats.expanded += expanded - before[1]
@@ -55,38 +55,38 @@ def make_step_meter(run: Run) -> Callable[[int, int, int], int]:
         before = (generated, expanded, pruned)
         return check_turn(generated)
 
-    return meter
+    return count_steps
 
 
 def make_countdown_meter(run: Run) -> Callable[[int, int, int], int]:
     """The same for searches that count from one look to the next; gives the number of steps until then."""
-    count, check_turn = make_count_report(run), ClockChecks(run).next
+    count, check_turn = make_count_report(run), ClockChecks(run).check_clock
 
-    def meter(generated: int, expanded: int, pruned: int) -> int:
+    def count_steps(generated: int, expanded: int, pruned: int) -> int:
         count(generated, expanded, pruned)
         return check_turn(0)
 
-    return meter
+    return count_steps
 
 
 def make_count_report(run: Run) -> Callable[[int, int, int], None]:
     """Hands on to the run what a search has counted."""
     stats = run.stats
 
-    def count(generated: int, expanded: int, pruned: int) -> None:
+    def add_counts(generated: int, expanded: int, pruned: int) -> None:
         stats.generated += generated
         stats.expanded += expanded
         stats.pruned += pruned
 
-    return count
+    return add_counts
 
 
 def make_known_steps_check(run: Run) -> Callable[[int], None]:
     """Counts the steps of a state that were known, and looks at the clock now and then."""
-    stats, check_turn = run.stats, ClockChecks(run).next
+    stats, check_turn = run.stats, ClockChecks(run).check_clock
     steps, due = 0, 1
 
-    def look(elements: int) -> None:
+    def check_steps(elements: int) -> None:
         nonlocal steps, due
         stats.generated += elements
         stats.expanded += 1
@@ -94,7 +94,7 @@ def make_known_steps_check(run: Run) -> Callable[[int], None]:
         if steps >= due:
             due = check_turn(steps)
 
-    return look
+    return check_steps
 
 
 class Parts:
@@ -107,9 +107,9 @@ class Parts:
         self._part: Iterator[Any] = iter(())
 
     def __iter__(self) -> Iterator[Any]:
-        return chain.from_iterable(self._parts())
+        return chain.from_iterable(self._iterate_parts())
 
-    def _parts(self) -> Iterator[Iterator[Any]]:
+    def _iterate_parts(self) -> Iterator[Iterator[Any]]:
         for start in range(0, len(self._items), TURNS_PER_CHECK):
             self._run.check()
             self._run.check_steps(start)

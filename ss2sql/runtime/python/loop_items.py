@@ -27,7 +27,7 @@ def read_columns(value: Any, *names: str) -> list[tuple[Any, ...]]:
 def read_frame_rows(source: Any, *names: str) -> list[tuple[Any, ...]]:
     """The rows of a data frame, or of what a function of the user has put in its place."""
     if isinstance(source, Frame):
-        return source.rows(names)
+        return source.list_rows(names)
     return [tuple(read_column(element, name, None) for name in names) for element in list_elements(source)]
 
 
@@ -37,19 +37,19 @@ def read_table_rows(run: Run, table: plan.TableSource) -> list[tuple[Any, ...]]:
 
 def iterate_with_checks(run: Run, items: list[Any]) -> Iterator[Any]:
     """The items of a loop that ends when the run has to end; to count them takes 0.02 us more for each."""
-    return chain.from_iterable(_iterate_parts(run, ClockChecks(run).next, items))
+    return chain.from_iterable(_iterate_parts(run, ClockChecks(run).check_clock, items))
 
 
 def _iterate_parts(run: Run, check_turn: Callable[[int], int], items: list[Any]) -> Iterator[list[Any]]:
     start, progress = 0, run.progress
     while start < len(items):
         if progress is not None:
-            progress.walk(items, start, len(items))
+            progress.note_walk(items, start, len(items))
         end = check_turn(start)
         yield items[start:end]
         start = end
     if progress is not None:
-        progress.walk(items, start, start)
+        progress.note_walk(items, start, start)
 
 
 def iterate_with_progress(run: Run, items: Sequence[Any]) -> Iterable[Any]:
@@ -59,6 +59,6 @@ def iterate_with_progress(run: Run, items: Sequence[Any]) -> Iterable[Any]:
 
 def _report_progress(run: Run, items: Sequence[Any]) -> Iterator[Any]:
     for number, item in enumerate(items):
-        run.progress.walk(items, number, len(items))
+        run.progress.note_walk(items, number, len(items))
         yield item
-    run.progress.walk(items, len(items), len(items))
+    run.progress.note_walk(items, len(items), len(items))

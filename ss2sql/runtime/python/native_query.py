@@ -45,16 +45,16 @@ class NativeQuery:
             codegen.by_level = query if by_level else None
             codegen.watched = query if watched else None
             codegen.level_searched_query, codegen.find = query, find
-            nested = QueryCompiler(codegen).query(query, codegen.root)
-            self._module = codegen.module(codegen.build.name(nested.task))
-            self._bound = codegen.compiled(self._module)
+            nested = QueryCompiler(codegen).compile_query(query, codegen.root)
+            self._module = codegen.build_module(codegen.build.name(nested.task))
+            self._bound = codegen.compile_module(self._module)
 
     @property
     def generated_code(self) -> str:
         with deepen_stack(2 * self.levels):
             return ast.unparse(ast.fix_missing_locations(self._module))
 
-    def rows(self, run: Run, sink: Rows | None = None) -> Rows:
+    def compute_rows(self, run: Run, sink: Rows | None = None) -> Rows:
         """The answer of the query.
 
         Args:
@@ -66,19 +66,19 @@ class NativeQuery:
             Error: with the place in the script. Exceptions of the user's functions pass with a note.
         """
         return self._run_with_location(  # type: ignore[no-any-return]
-            run, lambda: self._bound(run).rows(sink=sink, outermost=True)
+            run, lambda: self._bound(run).compute_rows(sink=sink, outermost=True)
         )
 
-    def value(self, run: Run) -> Any:
-        """The value that the query's representation makes of its answer; raises what `rows` raises."""
+    def compute_value(self, run: Run) -> Any:
+        """The value that the query's representation makes of its answer; raises what `compute_rows` raises."""
 
-        def value() -> Any:
+        def compute_shaped() -> Any:
             task = self._bound(run)
-            return task.shaped(task.rows(outermost=True))
+            return task.shape_rows(task.compute_rows(outermost=True))
 
-        return self._run_with_location(run, value)
+        return self._run_with_location(run, compute_shaped)
 
-    def steps(self, run: Run) -> tuple[Expand, FrozenShapes, Callable[[], None]]:
+    def make_step_function(self, run: Run) -> tuple[Expand, FrozenShapes, Callable[[], None]]:
         """The step function of a search with `find`, how its values are frozen, and what brings `run.stats` up to
         date.
         """
@@ -94,7 +94,7 @@ class NativeQuery:
         except Exception as error:
             other = locate_error(error)
             if isinstance(other, Error):
-                other.located(self.query.span)
+                other.with_span(self.query.span)
             if other is error:
                 raise
             raise other from None
@@ -111,17 +111,17 @@ def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Call
             runs it and has its value; without it queries run natively.
 
     Returns:
-        The function; it raises as `NativeQuery.rows` does.
+        The function; it raises as `NativeQuery.compute_rows` does.
     """
     if isinstance(expr, plan.Constant):
         return lambda run: expr.value
     analysis = ExpressionAnalysis((expr,), open_world=True, inside=False)
     with deepen_stack(analysis.levels):
         codegen = CodegenContext(expr.span, analysis)
-        builder = QueryCompiler(codegen, dispatch or (lambda query: NativeQuery(query).value))
-        bound = codegen.compiled(codegen.module(write_expression(builder, expr, codegen.root)))
+        builder = QueryCompiler(codegen, dispatch or (lambda query: NativeQuery(query).compute_value))
+        bound = codegen.compile_module(codegen.build_module(write_expression(builder, expr, codegen.root)))
 
-    def statement(run: Run) -> Any:
+    def run_statement(run: Run) -> Any:
         try:
             with deepen_stack(analysis.levels):
                 return bound(run)
@@ -133,4 +133,4 @@ def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Call
         finally:
             report_calls(run)
 
-    return statement
+    return run_statement

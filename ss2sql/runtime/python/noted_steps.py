@@ -27,7 +27,7 @@ from ss2sql.runtime.python.expression_facts import OWN_GROUP, ExpressionFacts
 from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.python.step_clauses import StepForm
 from ss2sql.runtime.python.step_function import StepFunction, StepLoops
-from ss2sql.runtime.search.memorize_by_key import shows_path_values
+from ss2sql.runtime.search.memorize_by_key import has_path_rows
 from ss2sql.runtime.search.regression import Regression, find_regression
 from ss2sql.runtime.search.step_notes import Places
 
@@ -47,7 +47,7 @@ def list_step_facts(builder: QueryCompiler, query: plan.Query, search: plan.Sear
     """The facts of the clauses of a step, and of the sources."""
     clauses = [*(output.expr for output in query.columns), *query.rows, *(expr for _, expr in search.connect)]
     clauses += [c for c in (search.stop, query.where, search.weight, search.heuristic) if c is not None]
-    return [*map(builder.codegen.analysis.of, clauses), *map(builder.get_source_facts, query.sources)]
+    return [*map(builder.codegen.analysis.facts, clauses), *map(builder.get_source_facts, query.sources)]
 
 
 def write_noted_steps(
@@ -64,7 +64,7 @@ def write_noted_steps(
     assert search is not None
     loops = copy(loops)
     loops.lookups, loops.world_conditions = {}, {}
-    if not search.plain and shows_path_values(search):  # of a step its row and the state after it are wanted
+    if not search.plain and has_path_rows(search):  # of a step its row and the state after it are wanted
         search = replace(search, made=None, key=(), by="row", siblings=())
         query = replace(query, where=None, search=replace(search, stop=None, weight=None, heuristic=None))
     elif not can_be_noted(builder, query):
@@ -75,10 +75,10 @@ def write_noted_steps(
     backwards = [build.constant(None)] * 2
     if isinstance(reverse, Regression):
         writer = BackwardSteps(builder, query, owner)
-        backwards = [build.name(writer.goals(reverse)), build.name(writer.before(reverse))]
+        backwards = [build.name(writer.write_goal_states(reverse)), build.name(writer.write_state_before(reverse))]
     plain = not any(source.id in codegen.tuples or source.id in codegen.worlds for source in query.sources)
-    made = (step.places(), search.order == "probability", len(query.sources), plain)
-    return build.pack(build.name(function), *backwards, *(build.name(codegen.constant(part)) for part in made))
+    made = (step.describe_places(), search.order == "probability", len(query.sources), plain)
+    return build.pack(build.name(function), *backwards, *(build.name(codegen.embed(part)) for part in made))
 
 
 class NotedStep(StepFunction):
@@ -92,7 +92,7 @@ class NotedStep(StepFunction):
         self.body.early_keys = False  # often all calls are known
         self.loops = copy(loops)
         self.loops.frozen = {}  # the elements come by themselves
-        self.note = self.codegen.local("note")
+        self.note = self.codegen.new_name("note")
         target = self.loop.target
         pair = [ast.Name(self.note, ast.Store(), **self.build.at), target]
         self.loop.target = ast.Tuple(pair, ast.Store(), **self.build.at)
@@ -101,53 +101,54 @@ class NotedStep(StepFunction):
         self.slots: dict[object, str] = {}  # by the key of an expression, else by identity
         clauses = [*self.outputs, *(expr for _, expr in self.search.connect), *self.clauses]
         for expr in clauses:
-            self.slots.setdefault(self._slot_key(expr), self.codegen.local("noted"))
-        self.plain = {self._slot_key(expr): expr for expr in self.outputs if _is_known_before(expr)}
+            self.slots.setdefault(self._choose_slot_key(expr), self.codegen.new_name("noted"))
+        self.plain = {self._choose_slot_key(expr): expr for expr in self.outputs if _is_known_before(expr)}
         for expr, shape in zip(self.outputs, columns, strict=True):
-            if shape != "scalar" and self._slot_key(expr) not in self.plain:
-                self.slots.setdefault(("frozen", self._slot_key(expr), shape), self.codegen.local("noted"))
+            if shape != "scalar" and self._choose_slot_key(expr) not in self.plain:
+                self.slots.setdefault(("frozen", self._choose_slot_key(expr), shape), self.codegen.new_name("noted"))
         for expr in clauses:  # calls find their slots themselves
-            key = self.codegen.analysis.of(expr).key
-            if key is not None and self._slot_key(expr) == key:
+            key = self.codegen.analysis.facts(expr).key
+            if key is not None and self._choose_slot_key(expr) == key:
                 self.body.slots[key] = self.slots[key]
 
-    def _slot_key(self, expr: plan.Expr) -> object:
+    def _choose_slot_key(self, expr: plan.Expr) -> object:
         """Equal expressions share a slot, unless CONNECT BY has changed what one of them reads."""
         sequential = any(expr is other and self.at_once.get(name) is not expr for name, other in self.search.connect)
-        key = self.codegen.analysis.of(expr).key
+        key = self.codegen.analysis.facts(expr).key
         return id(expr) if key is None or sequential else key
 
-    def places(self) -> Places:
+    def describe_places(self) -> Places:
         """Where in a note everything is."""
         at = {key: place for place, key in enumerate(self.slots)}
-        rows = tuple(at[self._slot_key(expr)] for expr in self.outputs)
+        rows = tuple(at[self._choose_slot_key(expr)] for expr in self.outputs)
         after = (self.connect.get(name) for name in self.shapes)
-        states = tuple(None if expr is None else at[self._slot_key(expr)] for expr in after)
+        states = tuple(None if expr is None else at[self._choose_slot_key(expr)] for expr in after)
         named = {"stop": self.search.stop, "goal": self.query.where, "weight": self.search.weight}
-        clauses = {name: at[self._slot_key(clause)] for name, clause in named.items() if clause is not None}
+        clauses = {name: at[self._choose_slot_key(clause)] for name, clause in named.items() if clause is not None}
         pairs = zip(self.outputs, self.columns, strict=True)
-        frozen = tuple(at.get(("frozen", self._slot_key(expr), shape)) for expr, shape in pairs)
+        frozen = tuple(at.get(("frozen", self._choose_slot_key(expr), shape)) for expr, shape in pairs)
         return Places(rows, frozen, tuple(self.columns), states, clauses, len(at))
 
-    def _value(self, expr: plan.Expr) -> ast.expr:
-        inner, build, slot = self.inner, self.codegen.build_at(expr.span), self.slots[self._slot_key(expr)]
-        if self._slot_key(expr) in self.plain:
-            return super()._value(expr)
+    def _write_value(self, expr: plan.Expr) -> ast.expr:
+        inner, build, slot = self.inner, self.codegen.build_at(expr.span), self.slots[self._choose_slot_key(expr)]
+        if self._choose_slot_key(expr) in self.plain:
+            return super()._write_value(expr)
         with inner.write_skippable():
-            value = super()._value(expr)
-        facts = self.codegen.analysis.of(expr)
+            value = super()._write_value(expr)
+        facts = self.codegen.analysis.facts(expr)
         if isinstance(value, ast.Name) and value.id == slot:
             return value
-        inner.forget(value)
+        inner.forget_names(value)
         if facts.key is not None and not inner.has_state_changed(facts):
             inner.known[-1][facts.key] = slot
-        return build.name(inner.assigned(self._unless_known(slot, build.bind(slot, value)), build, "value"))
+        return build.name(inner.assign_name(self._write_unless_known(slot, build.bind(slot, value)), build, "value"))
 
-    def _freeze(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
-        made, slot = super()._freeze(expr, shape, value), self.slots.get(("frozen", self._slot_key(expr), shape))
-        return made if slot is None else self._unless_known(slot, made)
+    def _write_frozen(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
+        made = super()._write_frozen(expr, shape, value)
+        slot = self.slots.get(("frozen", self._choose_slot_key(expr), shape))
+        return made if slot is None else self._write_unless_known(slot, made)
 
-    def _unless_known(self, slot: str, made: ast.expr) -> ast.expr:
+    def _write_unless_known(self, slot: str, made: ast.expr) -> ast.expr:
         build = self.build
         return build.if_else(build.compare(build.name(slot), ast.IsNot(), build.name("UNSET")), build.name(slot), made)
 
@@ -156,7 +157,7 @@ class NotedStep(StepFunction):
         self.inner.moved = {}
         build, names = self.build, list(self.slots.values())
         values = [
-            super(NotedStep, self)._value(self.plain[key]) if key in self.plain else build.name(name)
+            super(NotedStep, self)._write_value(self.plain[key]) if key in self.plain else build.name(name)
             for key, name in self.slots.items()
         ]
         note = ast.Subscript(build.name(self.note), ast.Slice(None, None, None, **build.at), ast.Store(), **build.at)
@@ -167,12 +168,12 @@ class NotedStep(StepFunction):
 
     def _choose_items(self, items: ast.expr) -> ast.expr:
         """The elements with their notes, which are known or begun."""
-        build, known = self.build, self.codegen.local("known")
+        build, known = self.build, self.codegen.new_name("known")
         choose = build.name("choose")
         is_new = build.compare(
-            build.bind(known, build.call(build.part(choose, "known"))), ast.Is(), build.constant(None)
+            build.bind(known, build.call(build.part(choose, "get_known_pairs"))), ast.Is(), build.constant(None)
         )
-        begun = build.call(build.part(choose, "begin"), build.call("list", items))
+        begun = build.call(build.part(choose, "begin_state"), build.call("list", items))
         return build.if_else(is_new, begun, build.name(known))
 
 
@@ -189,54 +190,54 @@ class BackwardSteps:
         self.build = self.codegen.build_at(query.span)
         self.states = [self.codegen.states[query.id, name] for name, _ in query.search.start]
 
-    def goals(self, reverse: Regression) -> str:
+    def write_goal_states(self, reverse: Regression) -> str:
         """The states at the goal; what no step changes has its value from the start."""
-        self.codegen.analysis.include(tuple(value for goal in reverse.goals for value in goal if value is not None))
-        body, build = PythonScope(self.codegen, self.codegen.local("goals"), ["state"], self.outer), self.build
+        self.codegen.analysis.add_roots(tuple(value for goal in reverse.goals for value in goal if value is not None))
+        body, build = PythonScope(self.codegen, self.codegen.new_name("goals"), ["state"], self.outer), self.build
         start = [build.item(build.name("state"), position) for position in range(len(self.states))]
         states = []
         for goal in reverse.goals:
             pairs = zip(start, goal, strict=True)
             values = (old if value is None else write_expression(self.builder, value, body) for old, value in pairs)
             states.append(build.pack(*values))
-        body.add(build.back(build.array(*states)))
-        body.define()
+        body.emit(build.return_(build.array(*states)))
+        body.define_function()
         return body.name
 
-    def before(self, reverse: Regression) -> str:
+    def write_state_before(self, reverse: Regression) -> str:
         """The state before a step, from its elements and the state after it; None where there is none."""
         exprs = [expr for expr in reverse.before if expr is not None]
-        self.codegen.analysis.include(tuple(exprs))
-        body, build = self._function(exprs), self.build
+        self.codegen.analysis.add_roots(tuple(exprs))
+        body, build = self._open_function(exprs), self.build
         values = []
         for expr, after in zip(reverse.before, self.states, strict=True):
             if isinstance(expr, plan.Call) and expr.function.inverse_of:
-                values.append(self._undone(expr, body))
+                values.append(self._write_inverse(expr, body))
             else:
                 values.append(build.name(after) if expr is None else write_expression(self.builder, expr, body))
-        body.add(build.back(build.pack(*values)))
-        body.define()
+        body.emit(build.return_(build.pack(*values)))
+        body.define_function()
         return body.name
 
-    def _function(self, clauses: Sequence[plan.Expr]) -> PythonScope:
-        body = PythonScope(self.codegen, self.codegen.local("before"), ["last"], self.outer)
+    def _open_function(self, clauses: Sequence[plan.Expr]) -> PythonScope:
+        body = PythonScope(self.codegen, self.codegen.new_name("before"), ["last"], self.outer)
         body.levels.update((source.id, 0) for source in self.query.sources)
         assert self.query.search is not None
         body.states.update((self.query.id, name) for name, _ in self.query.search.start)
-        body.count(clauses)
+        body.count_uses(clauses)
         names = [*(self.codegen.names[source.id] for source in self.query.sources), *self.states]
-        body.add(self.build.unpack(names, self.build.name("last")))
+        body.emit(self.build.unpack(names, self.build.name("last")))
         body.locals.extend(names)
         return body
 
-    def _undone(self, expr: plan.Call, body: PythonScope) -> ast.expr:
+    def _write_inverse(self, expr: plan.Call, body: PythonScope) -> ast.expr:
         """The value of an inverse; ends the function where it is None."""
         codegen, build = self.codegen, self.codegen.build_at(expr.place)
         arguments = build.pack(*(write_expression(self.builder, argument, body) for argument in expr.arguments))
         codegen.page.note_call(expr.place, expr.function.name)
-        value = codegen.local("before")
-        result = build.call(codegen.function(expr.function, build), arguments)
-        body.add(build.assign(value, build.item(result, 0)))
+        value = codegen.new_name("before")
+        result = build.call(codegen.name_function(expr.function, build), arguments)
+        body.emit(build.assign(value, build.item(result, 0)))
         nothing = build.compare(build.name(value), ast.Is(), build.constant(None))
-        body.add(build.when(nothing, build.back(build.constant(None))))
+        body.emit(build.when(nothing, build.return_(build.constant(None))))
         return build.name(value)

@@ -36,13 +36,13 @@ _MEMBERSHIP: dict[str, type[ast.cmpop]] = {"in": ast.In, "not_in": ast.NotIn}
 
 def write_expression(builder: QueryCompiler, node: plan.Expr, body: PythonScope) -> ast.expr:
     """The Python expression with the node's value, to be evaluated in the innermost open loop of `body`."""
-    facts, build = builder.codegen.analysis.of(node), builder.codegen.build_at(node.span)
+    facts, build = builder.codegen.analysis.facts(node), builder.codegen.build_at(node.span)
     name = body.name_of(facts)
     if name is not None:
         return build.name(name)
     value = _write_computed(builder, node, body, build)
     if isinstance(node, (plan.Column, plan.MakeList, plan.Aggregate)) or _is_builtin(node):
-        return body.named(facts, value, build, _choose_hint(node)) if facts.steady else value
+        return body.name_if_repeated(facts, value, build, _choose_hint(node)) if facts.steady else value
     return value
 
 
@@ -77,7 +77,7 @@ def _write_computed(builder: QueryCompiler, node: plan.Expr, body: PythonScope, 
         case plan.Constant(value=value):
             return _write_constant(builder, value, build)
         case plan.Variable(name=name, frame=frame):
-            return codegen.frame(name, build) if frame else codegen.variable(name, build)
+            return codegen.read_frame(name, build) if frame else codegen.read_variable(name, build)
         case plan.Element(source=source):
             return write_element(body, source, build)
         case plan.Column():
@@ -89,7 +89,7 @@ def _write_computed(builder: QueryCompiler, node: plan.Expr, body: PythonScope, 
         case plan.And(parts=parts) | plan.Or(parts=parts):
             operator = ast.And() if isinstance(node, plan.And) else ast.Or()
             tested = build.join_conditions(operator, [write_part(parts[0]), *build_maybe(parts[1:])])
-            return tested if all(part.type.only(Kind.BOOL) for part in parts) else build.truth(tested)
+            return tested if all(part.type.is_only(Kind.BOOL) for part in parts) else build.truth(tested)
         case plan.Xor(left=left, right=right):
             return build.compare(build.negate(write_part(left)), ast.NotEq(), build.negate(write_part(right)))
         case plan.Not(operand=operand):
@@ -99,18 +99,17 @@ def _write_computed(builder: QueryCompiler, node: plan.Expr, body: PythonScope, 
             return build.if_else(tested, *(_write_sequence(build_maybe(branch), build) for branch in (then, otherwise)))
         case plan.MakeList(items=items):
             made = build.array(*(write_part(item) for item in items))
-            return made if _is_small_list(items) else build.call(codegen.sizes("checked", build), made)
+            return made if _is_small_list(items) else build.call(codegen.read_sizes("check_value", build), made)
         case plan.GroupKey():
             return build.name(body.list_visible_groups[get_group_key(node)])
         case plan.Aggregate(function=function):  # not before it is asked for: HAVING may drop what it fails on
             return build.call(
-                codegen.constant(make_aggregate(node), function),
-                build.name(body.list_visible_groups[get_group_key(node)]),
+                codegen.embed(make_aggregate(node), function), build.name(body.list_visible_groups[get_group_key(node)])
             )
         case plan.Subquery():
-            return builder.subquery(node, body)
+            return builder.write_subquery(node, body)
         case plan.Eval():
-            return builder.text(node, body)
+            return builder.write_eval(node, body)
         case plan.Temporal() | plan.Assign() | plan.TemporalAssign() | plan.AssignLate():
             return _write_variable_access(builder, node, write_part, build)
         case _:
@@ -120,21 +119,21 @@ def _write_computed(builder: QueryCompiler, node: plan.Expr, body: PythonScope, 
 def _is_small_list(items: Sequence[plan.Expr]) -> bool:
     """Whether a list of the values is small whatever they are: it holds numbers, or few values."""
     types = [item.type for item in items]
-    return all(map(_holds_numbers, types)) or sum(map(_count_values, types)) <= SMALL_LENGTH
+    return all(map(_are_numbers, types)) or sum(map(_count_values, types)) <= SMALL_LENGTH
 
 
-def _holds_numbers(known: Type) -> bool:
+def _are_numbers(known: Type) -> bool:
     """Whether the values are numbers or None, or lists of a known length of such values."""
-    if known.only(Kind.NONE | Kind.NUMBER):
+    if known.is_only(Kind.NONE | Kind.NUMBER):
         return True
-    return known.only(Kind.LIST) and known.positions is not None and all(map(_holds_numbers, known.positions))
+    return known.is_only(Kind.LIST) and known.positions is not None and all(map(_are_numbers, known.positions))
 
 
 def _count_values(known: Type) -> int:
     """The number of values that one of them is, with those inside of it; more than there may be if nobody knows."""
-    if known.only(SCALAR_KINDS):
+    if known.is_only(SCALAR_KINDS):
         return 1
-    if known.only(Kind.LIST) and known.positions is not None:
+    if known.is_only(Kind.LIST) and known.positions is not None:
         return 1 + sum(map(_count_values, known.positions))
     return SMALL_LENGTH + 1
 
@@ -162,7 +161,7 @@ def _write_sequence(values: Sequence[ast.expr], build: AstBuilder) -> ast.expr:
 
 
 def _write_constant(builder: QueryCompiler, value: Any, build: AstBuilder) -> ast.expr:
-    return build.name(builder.codegen.constant(value)) if isinstance(value, list) else build.constant(value)
+    return build.name(builder.codegen.embed(value)) if isinstance(value, list) else build.constant(value)
 
 
 def _write_column(body: PythonScope, node: plan.Column, build: AstBuilder) -> ast.expr:
@@ -177,12 +176,12 @@ def _write_column(body: PythonScope, node: plan.Column, build: AstBuilder) -> as
         return build.item(current, columns.index(node.name))
     codegen.page.note_call(node.span, node.name)  # a field may be computed by code of the user's
     if not node.declared:
-        return build.call(codegen.helper(read_column), current, build.constant(node.name))
-    if codegen.elements[node.source].only(Kind.DICT):
-        if not node.type.may(Kind.NONE):  # so it is there
+        return build.call(codegen.use(read_column), current, build.constant(node.name))
+    if codegen.elements[node.source].is_only(Kind.DICT):
+        if not node.type.may_be(Kind.NONE):  # so it is there
             return build.item(current, build.constant(node.name))
         return build.call(build.part(current, "get"), build.constant(node.name))
-    return build.call(codegen.helper(read_column), current, build.constant(node.name), build.constant(None))
+    return build.call(codegen.use(read_column), current, build.constant(node.name), build.constant(None))
 
 
 # --- calls ---------------------------------------------------------------------------------------------
@@ -190,11 +189,11 @@ def _write_column(body: PythonScope, node: plan.Column, build: AstBuilder) -> as
 
 def _write_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -> ast.expr:
     codegen, function = builder.codegen, node.function
-    facts, build = codegen.analysis.of(node), codegen.build_at(node.place)
+    facts, build = codegen.analysis.facts(node), codegen.build_at(node.place)
     if is_memoized_call(node):
         value = build.item(write_memoized_call(builder, node, body), 0)
-        return body.kept(facts, value, codegen.build_at(node.span), function.name) if facts.steady else value
-    reduced = builder.reduction(node, body) if function.builtin else None
+        return body.compute_once(facts, value, codegen.build_at(node.span), function.name) if facts.steady else value
+    reduced = builder.write_reduction(node, body) if function.builtin else None
     if reduced is not None:
         return reduced
     arguments = [write_expression(builder, argument, body) for argument in node.arguments]
@@ -208,18 +207,18 @@ def _write_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -> a
         inline = inline_call(node, arguments, codegen, build)
         if inline is not None:
             if isinstance(inline, ast.IfExp):
-                body.forget(inline.body)
-                body.forget(inline.orelse)
+                body.forget_names(inline.body)
+                body.forget_names(inline.orelse)
             return inline
     codegen.page.note_call(node.place, function.name)
-    called = build.name(codegen.function(function, build))
+    called = build.name(codegen.name_function(function, build))
     given = body.find_arguments(node) if function.vectorized else None
     if given is not None:
         called, arguments = build.part(called, "call_ahead"), [build.name(given), *arguments]
     call = build.call(called, *arguments)
     if function.builtin or not facts.steady:
         return call
-    return body.kept(facts, call, codegen.build_at(node.span), function.name)
+    return body.compute_once(facts, call, codegen.build_at(node.span), function.name)
 
 
 def _is_item_access(node: plan.Call) -> bool:
@@ -227,7 +226,7 @@ def _is_item_access(node: plan.Call) -> bool:
     if node.function.name != "item":
         return False
     container, index = node.arguments
-    return container.type.only(Kind.LIST) and index.type.only(Kind.INT)
+    return container.type.is_only(Kind.LIST) and index.type.is_only(Kind.INT)
 
 
 def _write_membership(
@@ -237,11 +236,11 @@ def _write_membership(
     if node.function.name not in _MEMBERSHIP or body.parent is None:
         return None
     item, container = node.arguments
-    facts = builder.codegen.analysis.of(container)
+    facts = builder.codegen.analysis.facts(container)
     moves = (
         any(map(body.is_source_visible, facts.sources)) or any(map(body.is_state_visible, facts.states)) or facts.groups
     )
-    if not container.type.only(Kind.LIST) or not facts.steady or moves:
+    if not container.type.is_only(Kind.LIST) or not facts.steady or moves:
         return None
     short = isinstance(container, plan.Constant) and len(container.value) <= 8
     known = facts.key is not None or isinstance(container, plan.Subquery)
@@ -252,11 +251,11 @@ def _write_membership(
         function, sought = make_list_member_set, write_tuple(arguments[0], build)
     else:
         function, sought = make_member_set, arguments[0]
-        if not item.type.only(SCALAR_KINDS):
-            sought = build.call(codegen.helper(make_hashable), sought)
-    members = build.call(codegen.helper(function), arguments[1])
+        if not item.type.is_only(SCALAR_KINDS):
+            sought = build.call(codegen.use(make_hashable), sought)
+    members = build.call(codegen.use(function), arguments[1])
     key = None if facts.key is None else -1 - facts.key
-    kept = body.kept(replace(facts, key=key), members, build, "members")
+    kept = body.compute_once(replace(facts, key=key), members, build, "members")
     return build.compare(sought, _MEMBERSHIP[node.function.name](), kept)
 
 
@@ -273,9 +272,9 @@ def make_list_member_set(items: list[Any]) -> frozenset[Hashable]:
 def can_be_tuple(known: Type) -> bool:
     """Whether the values are short lists of plain values, so that tuples stand for them: 0.06 us instead of 0.45."""
     return (
-        known.only(Kind.LIST)
+        known.is_only(Kind.LIST)
         and known.positions is not None
-        and all(part.only(SCALAR_KINDS) for part in known.positions)
+        and all(part.is_only(SCALAR_KINDS) for part in known.positions)
     )
 
 
@@ -297,29 +296,29 @@ def _write_variable_access(
     owner = (build.name("run"), build.constant(node.name))
     match node:
         case plan.Assign(value=value):
-            return build.call(codegen.helper(assign_variable), *owner, write_part(value))
+            return build.call(codegen.use(assign_variable), *owner, write_part(value))
         case plan.Temporal(when=when):
             return build.call(
-                codegen.helper(read_temporal), *owner, build.constant(None) if when is None else write_part(when)
+                codegen.use(read_temporal), *owner, build.constant(None) if when is None else write_part(when)
             )
         case plan.TemporalAssign(keep=keep, value=value):
-            return build.call(codegen.helper(store_temporal), *owner, write_part(keep), write_part(value))
+            return build.call(codegen.use(store_temporal), *owner, write_part(keep), write_part(value))
         case plan.AssignLate(literal=literal):
-            return build.call(codegen.helper(bind_late_list), *owner, build.name(codegen.constant(literal)))
+            return build.call(codegen.use(bind_late_list), *owner, build.name(codegen.embed(literal)))
         case _:
             assert_never(node)
 
 
 def assign_variable(run: Run, name: str, value: Any) -> Any:
-    return run.assign(name, value)
+    return run.assign_variable(name, value)
 
 
 def read_temporal(run: Run, name: str, when: Any) -> Any:
-    return run.host.temporal(name, when)
+    return run.host.read_temporal(name, when)
 
 
 def store_temporal(run: Run, name: str, keep: Any, value: Any) -> Any:
-    run.host.store_temporal(name, keep, run.own(value))
+    run.host.store_temporal(name, keep, run.copy_for_keeping(value))
     return value
 
 

@@ -35,19 +35,19 @@ def inline_call(
 ) -> ast.expr | None:
     """The call of a built-in function as an expression of Python's; None where that is the call itself."""
     for form in OPERATIONS[node.function.name].python:
-        given = list_choices(node) if form.spread else node.arguments
+        operands = list_choices(node) if form.spread else node.arguments
         test = form.only or (form.check if node.function.raises or form.check is Check.ROOM else None)
-        if not given or (test is None and node.function.raises) or not form.when([one.type for one in given]):
+        if not operands or (test is None and node.function.raises) or not form.when([one.type for one in operands]):
             continue
-        chosen = _spread_values(node, arguments, len(given)) if form.spread else arguments
+        chosen = _spread_values(node, arguments, len(operands)) if form.spread else arguments
         if chosen is None:
             return None
-        if _evaluates_all_arguments(form, chosen):
-            return InlineCall(node, form, chosen, codegen, build).written(test)
+        if _does_evaluate_all(form, chosen):
+            return InlineCall(node, form, chosen, codegen, build).write_call(test)
     return None
 
 
-def _evaluates_all_arguments(form: Form, arguments: list[ast.expr]) -> bool:
+def _does_evaluate_all(form: Form, arguments: list[ast.expr]) -> bool:
     """Whether the text evaluates all arguments but constants and variables."""
     text = form.text
     if not isinstance(text, str) or "{*}" in text:
@@ -70,7 +70,7 @@ class Operand:
     first: ast.expr
     again: ast.expr
 
-    def next(self) -> ast.expr:
+    def take_expr(self) -> ast.expr:
         found, self.first = self.first, self.again
         return found
 
@@ -89,28 +89,28 @@ class InlineCall:
         self.build = build
         self.operands = [Operand(one, one) for one in arguments]
 
-    def written(self, test: str | Check | None) -> ast.expr:
+    def write_call(self, test: str | Check | None) -> ast.expr:
         match test:
             case Check.ROOM:
-                return self._joined()
+                return self._write_sum()
             case None | Check.ITSELF:
-                return self._value()
+                return self._fill_text()
             case Check.SIZE:
                 return self._write_size_checked()
             case Check.NUMBERS:
                 return self._write_guarded_numbers()
             case str():
-                return self._tested(test)
+                return self._write_tested(test)
             case _:
                 raise AssertionError(f"Python has no {test}")
 
     # --- the text of the form --------------------------------------------------------------------------
 
-    def _value(self) -> ast.expr:
+    def _fill_text(self) -> ast.expr:
         """The text with the operands in it; of a function: its call."""
         text = self.form.text
         if not isinstance(text, str):
-            return self.build.call(self.codegen.helper(text), *(operand.next() for operand in self.operands))
+            return self.build.call(self.codegen.use(text), *(operand.take_expr() for operand in self.operands))
         for index, operand in enumerate(self.operands):
             if text.count(f"{{{index}}}") > 1:
                 self._name_operand(operand)
@@ -120,7 +120,7 @@ class InlineCall:
         tree: ast.expr = _fill_template(parse_python(text), self, value)
         return tree
 
-    def _tested(self, test: str) -> ast.expr:
+    def _write_tested(self, test: str) -> ast.expr:
         """The value where the test holds, else the call."""
         for operand in self.operands:
             self._name_operand(operand)
@@ -133,15 +133,15 @@ class InlineCall:
         condition = self._fill_template_text(test, value)
         if before:
             condition = self.build.join_conditions(ast.And(), [*before, condition])
-        called = self._called()  # with the operands that the test has not evaluated
-        return self.build.if_else(condition, value.again if value else self._value(), called)
+        called = self._write_plain_call()  # with the operands that the test has not evaluated
+        return self.build.if_else(condition, value.again if value else self._fill_text(), called)
 
     def _write_named_value(self, front: str) -> Operand:
         """The value of the form, to be evaluated where a test first mentions it, behind the operands in `front`."""
         later = {index: operand.first for index, operand in enumerate(self.operands) if f"{{{index}}}" in front}
         for index in later:
             self.operands[index].first = self.operands[index].again
-        value = self.held(self._value())
+        value = self.hold_value(self._fill_text())
         for index, first in later.items():
             self.operands[index].first = first
         return value
@@ -156,19 +156,21 @@ class InlineCall:
         if order == sorted(order) or (len(held) < 2 and not shared):
             return []
         early = self.operands[: max(order)]
-        return [self.build.compare(one.next(), ast.Is(), one.again) for one in early if one.first is not one.again]
+        return [self.build.compare(one.take_expr(), ast.Is(), one.again) for one in early if one.first is not one.again]
 
     # --- checks ----------------------------------------------------------------------------------------
 
-    def _joined(self) -> ast.expr:
+    def _write_sum(self) -> ast.expr:
         """A sum of texts, or of lists, that is measured where it is long."""
         build, known = self.build, self.types[0]
-        if known.only(Kind.LIST) and not all(t.item is not None and t.item.only(_NUMBER) for t in self.types):
-            return build.call(self.codegen.sizes("added", build), *(operand.next() for operand in self.operands))
-        value = self.held(self._value())
-        most = self.codegen.sizes("plain" if known.only(Kind.STR) else "cells", build)
+        if known.is_only(Kind.LIST) and not all(t.item is not None and t.item.is_only(_NUMBER) for t in self.types):
+            return build.call(
+                self.codegen.read_sizes("added", build), *(operand.take_expr() for operand in self.operands)
+            )
+        value = self.hold_value(self._fill_text())
+        most = self.codegen.read_sizes("plain" if known.is_only(Kind.STR) else "cells", build)
         small = build.compare(build.call("len", value.first), ast.LtE(), most)
-        return build.if_else(small, value.again, build.call(self.codegen.sizes("checked", build), value.again))
+        return build.if_else(small, value.again, build.call(self.codegen.read_sizes("check_value", build), value.again))
 
     def _write_size_checked(self) -> ast.expr:
         """A number, left to `check` where it may be beyond all values; its type says on which side that can be."""
@@ -178,7 +180,7 @@ class InlineCall:
             near = SMALL
         elif kind.kinds == Kind.FLOAT:
             near = sys.float_info.max
-        value = self.held(self._value())
+        value = self.hold_value(self._fill_text())
         test: list[ast.expr] = [value.first]
         if kind.low is None:
             test.insert(0, build.constant(-near))
@@ -186,7 +188,7 @@ class InlineCall:
             test.append(build.constant(near))
         inside = ast.Compare(test[0], [ast.LtE() for _ in test[1:]], test[1:], **build.at)
         cure = [build.constant(CURES[self.name])] if self.name in CURES else []
-        return build.if_else(inside, value.again, build.call(self.codegen.helper(check_arithmetic), value.again, *cure))
+        return build.if_else(inside, value.again, build.call(self.codegen.use(check_arithmetic), value.again, *cure))
 
     def _write_guarded_numbers(self) -> ast.expr:
         """Operands of kinds that are not known, as numbers if that is what they are."""
@@ -194,49 +196,49 @@ class InlineCall:
         for operand in self.operands:
             self._name_operand(operand)
         left, right = self.operands
-        kind = self.codegen.local("kind")
-        known = [one.only(Kind.NUMBER) for one in self.types]
+        kind = self.codegen.new_name("kind")
+        known = [one.is_only(Kind.NUMBER) for one in self.types]
         odd, other = (left, right) if known[1] else (right, left)
         if any(known) and other.first is other.again:
-            asked = build.bind(kind, build.call("type", odd.next()))
-            words = [(asked, "int"), (build.name(kind), "float")]
+            tested = build.bind(kind, build.call("type", odd.take_expr()))
+            words = [(tested, "int"), (build.name(kind), "float")]
             tests = [
                 build.join_conditions(ast.Or(), [build.compare(one, ast.Is(), build.name(word)) for one, word in words])
             ]
         else:
-            asked = build.call("type", left.next())
-            same = build.compare(asked, ast.Is(), build.bind(kind, build.call("type", right.next())))
+            tested = build.call("type", left.take_expr())
+            same = build.compare(tested, ast.Is(), build.bind(kind, build.call("type", right.take_expr())))
             numeric = [build.compare(build.name(kind), ast.Is(), build.name(word)) for word in ("int", "float")]
             tests = [same, build.join_conditions(ast.Or(), numeric)]
-        result = self._value()
+        result = self._fill_text()
         if self.name not in PREDICATES:
-            value = self.held(result)
+            value = self.hold_value(result)
             within = [value.first, build.constant(SMALL)]
             tests.append(ast.Compare(build.constant(-SMALL), [ast.LtE(), ast.LtE()], within, **build.at))
             result = value.again
         return build.if_else(
-            build.join_conditions(ast.And(), tests) if len(tests) > 1 else tests[0], result, self._called()
+            build.join_conditions(ast.And(), tests) if len(tests) > 1 else tests[0], result, self._write_plain_call()
         )
 
     # --- operands --------------------------------------------------------------------------------------
 
     def _name_operand(self, operand: Operand) -> None:
         """Gives an operand that is needed more than once a name."""
-        held = self.held(operand.first)
+        held = self.hold_value(operand.first)
         operand.first, operand.again = held.first, held.again
 
-    def held(self, value: ast.expr) -> Operand:
+    def hold_value(self, value: ast.expr) -> Operand:
         if isinstance(value, (ast.Name, ast.Constant)):
             return Operand(value, value)
         if isinstance(value, ast.NamedExpr):
             return Operand(value, self.build.name(value.target.id))
-        name = self.codegen.local("value")
+        name = self.codegen.new_name("value")
         return Operand(self.build.bind(name, value), self.build.name(name))
 
-    def _called(self) -> ast.expr:
+    def _write_plain_call(self) -> ast.expr:
         """The call of the function itself, for what the guard does not let through."""
-        given = [operand.first for operand in self.operands]
-        return self.build.call(self.codegen.function(self.node.function, self.build), *given)
+        arguments = [operand.first for operand in self.operands]
+        return self.build.call(self.codegen.name_function(self.node.function, self.build), *arguments)
 
 
 def _fill_template(node: Any, inline: InlineCall, value: Operand | None) -> Any:
@@ -245,13 +247,13 @@ def _fill_template(node: Any, inline: InlineCall, value: Operand | None) -> Any:
     match node:
         case ast.Name(id="argument_value"):
             assert value is not None
-            return value.next()
+            return value.take_expr()
         case ast.Name(id=name) if name.startswith("argument_"):
-            return inline.operands[int(name[-1])].next()
+            return inline.operands[int(name[-1])].take_expr()
         case ast.Name(id=name):
             return build.name(name)
         case ast.Call(func=ast.Name(id=name), args=[ast.Starred()]):
-            return build.call(name, *(operand.next() for operand in inline.operands))
+            return build.call(name, *(operand.take_expr() for operand in inline.operands))
         case ast.expr():
             parts = {field: _fill_template(part, inline, value) for field, part in ast.iter_fields(node)}
             if isinstance(node, ast.Compare) and isinstance(node.ops[0], ast.IsNot) and _is_literal(parts["left"]):

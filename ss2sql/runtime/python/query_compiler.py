@@ -59,49 +59,49 @@ class QueryCompiler:
 
     # --- queries and texts inside of expressions -------------------------------------------------------
 
-    def subquery(self, node: plan.Subquery, body: PythonScope) -> ast.expr:
+    def write_subquery(self, node: plan.Subquery, body: PythonScope) -> ast.expr:
         """The value of a query in an expression."""
         codegen, build = self.codegen, self.codegen.build_at(node.span)
         if self.dispatch is not None:
-            return build.call(codegen.constant(self.dispatch(node.query), "query"), build.name("run"))
-        nested = self.query(node.query, body)
+            return build.call(codegen.embed(self.dispatch(node.query), "query"), build.name("run"))
+        nested = self.compile_query(node.query, body)
         call = build.call(nested.value, *nested.arguments)
-        facts = codegen.analysis.of(node)
-        return body.kept(facts, call, build, "value") if facts.steady else call
+        facts = codegen.analysis.facts(node)
+        return body.compute_once(facts, call, build, "value") if facts.steady else call
 
-    def reduction(self, node: plan.Call, body: PythonScope) -> ast.expr | None:
+    def write_reduction(self, node: plan.Call, body: PythonScope) -> ast.expr | None:
         """A value that a built-in function makes of the rows of a query, once for equal values of the rows around it.
 
         None for any other call, and where what the query reads of them may be objects, which have no exact keys.
         """
-        codegen, facts = self.codegen, self.codegen.analysis.of(node)
+        codegen, facts = self.codegen, self.codegen.analysis.facts(node)
         match node.arguments:
-            case (plan.Subquery(query=query) as inner,) if facts.steady and node.type.only(SCALAR):
+            case (plan.Subquery(query=query) as inner,) if facts.steady and node.type.is_only(SCALAR):
                 read = [part for part in walk(inner) if _reads_outer_rows(part, body)]
             case _:
                 return None
         if self.dispatch is not None or facts.groups or not (read and has_constant_source(query)):
             return None
-        if any(part.type.may(Kind.OBJECT) for part in read):
+        if any(part.type.may_be(Kind.OBJECT) for part in read):
             return None
         build = codegen.build_at(node.span)
         codegen.page.note_call(node.place, node.function.name)
         keys = [write_expression(self, part, body) for part in dict.fromkeys(read)]
         keys = [
-            key if part.type.only(SELF_KEYED_KINDS) else build.call(codegen.helper(make_exact_key), key)
+            key if part.type.is_only(SELF_KEYED_KINDS) else build.call(codegen.use(make_exact_key), key)
             for key, part in zip(keys, dict.fromkeys(read), strict=True)
         ]
         memo = codegen.bind(("reduction", id(node)), "reduced", build.record((), ()), build)
-        key, found = codegen.local("key"), codegen.local("found")
+        key, found = codegen.new_name("key"), codegen.new_name("found")
         with body.write_skippable():
-            value = build.call(codegen.function(node.function, build), write_expression(self, inner, body))
-        asked = build.bind(key, keys[0] if len(keys) == 1 else build.pack(*keys))
+            value = build.call(codegen.name_function(node.function, build), write_expression(self, inner, body))
+        bound_key = build.bind(key, keys[0] if len(keys) == 1 else build.pack(*keys))
         codegen.namespace["UNSET"] = UNSET
-        known = build.bind(found, build.call(build.part(build.name(memo), "get"), asked, build.name("UNSET")))
-        missed = build.call(codegen.helper(memoize_value), build.name(memo), build.name(key), value)
+        known = build.bind(found, build.call(build.part(build.name(memo), "get"), bound_key, build.name("UNSET")))
+        missed = build.call(codegen.use(memoize_value), build.name(memo), build.name(key), value)
         return build.if_else(build.compare(known, ast.IsNot(), build.name("UNSET")), build.name(found), missed)
 
-    def text(self, node: plan.Eval, body: PythonScope) -> ast.expr:
+    def write_eval(self, node: plan.Eval, body: PythonScope) -> ast.expr:
         """The value of a text that is compiled when it is met."""
         codegen, build = self.codegen, self.codegen.build_at(node.span)
         codegen.page.note_eval(node.span)
@@ -109,17 +109,11 @@ class QueryCompiler:
         states = tuple(state for state in node.states if body.is_state_visible(state))
         kept = ((source, codegen.tuples.get(source), codegen.elements.get(source)) for source in sources)
         eval_scope = EvalScope(
-            node.scope,
-            tuple((*known, codegen.worlds.get(known[0])) for known in kept),
-            states,
-            self.dispatch,
+            node.scope, tuple((*known, codegen.worlds.get(known[0])) for known in kept), states, self.dispatch
         )
-        constant = build.name(codegen.constant(eval_scope, "eval_scope"))
+        constant = build.name(codegen.embed(eval_scope, "eval_scope"))
         texts = codegen.bind(
-            ("texts", id(node)),
-            "texts",
-            build.call(codegen.helper(make_eval_cache), build.name("run"), constant),
-            build,
+            ("texts", id(node)), "texts", build.call(codegen.use(make_eval_cache), build.name("run"), constant), build
         )
         function = build.item(build.name(texts), write_expression(self, node.text, body))
         return build.call(function, *self._list_outer_values(sources, states, body, build))
@@ -128,13 +122,13 @@ class QueryCompiler:
         """What the reading of a source depends on."""
         match source:
             case plan.ValueSource(value=value):
-                return replace(self.codegen.analysis.of(value), key=None)
+                return replace(self.codegen.analysis.facts(value), key=None)
             case plan.QuerySource(query=query):
-                return replace(self.codegen.analysis.of(query), key=None, total=False)
+                return replace(self.codegen.analysis.facts(query), key=None, total=False)
             case plan.TableSource():
                 return ExpressionFacts(total=False)
             case plan.WorldSource(arguments=arguments):
-                facts = [self.codegen.analysis.of(argument) for argument in arguments]
+                facts = [self.codegen.analysis.facts(argument) for argument in arguments]
                 return ExpressionFacts(
                     frozenset().union(*(one.sources for one in facts)),
                     frozenset().union(*(one.states for one in facts)),
@@ -151,60 +145,60 @@ class QueryCompiler:
 
     # --- queries ---------------------------------------------------------------------------------------
 
-    def query(self, query: plan.Query, caller: PythonScope) -> CompiledSubquery:
+    def compile_query(self, query: plan.Query, caller: PythonScope) -> CompiledSubquery:
         """Compiles a query that is used in `caller`."""
         codegen = self.codegen
-        facts = codegen.analysis.of(query)
+        facts = codegen.analysis.facts(query)
         sources = [source for source in sorted(facts.sources) if caller.is_source_visible(source)]
         states = [state for state in sorted(facts.states) if caller.is_state_visible(state)]
         groups = {key: name for key, name in caller.list_visible_groups.items() if key[0] in facts.groups}
         build = codegen.build_at(query.span)
 
-        def part(name: str) -> PythonScope:
+        def open_part(name: str) -> PythonScope:
             """A function of the query; it takes what the query reads of the queries around it."""
             names = [*(codegen.names[s] for s in sources), *(codegen.states[s] for s in states), *groups.values()]
-            body = PythonScope(codegen, codegen.local(name), names, codegen.root)
+            body = PythonScope(codegen, codegen.new_name(name), names, codegen.root)
             body.levels = dict.fromkeys(sources, 0)
             body.states, body.groups = set(states), dict(groups)
             return body
 
         own, searched = find_aggregates(query), None
         if query.search is None:
-            finder = flat_query.compile_flat_query(self, query, part("rows"), own)
+            finder = flat_query.compile_flat_query(self, query, open_part("rows"), own)
         else:
             from ss2sql.runtime.python import search_compiler
 
-            finder, searched = search_compiler.compile_search(self, query, part("rows"), own)
+            finder, searched = search_compiler.compile_search(self, query, open_part("rows"), own)
         functions = {
-            "settings": self._settings(query, part),
+            "settings": self._write_settings(query, open_part),
             "find": finder,
-            "group": self._group(query, part),
-            "arguments": self._arguments(query, part),
-            "flush": self._flush(build) if query.search else None,
+            "group": self._write_group(query, open_part),
+            "arguments": self._write_arguments(query, open_part),
+            "flush": self._write_flush(build) if query.search else None,
         }
         find = codegen.find if query is codegen.level_searched_query else None
         shown = [output.expr for output in query.columns] + [key.expr for key in query.order]
         shown += split_and(query.having)
         grouped = query.aggregated and query.search is None and codegen.analysis.are_steady(shown)
         array_calls = count_array_calls(*shown) if grouped else 0
-        form = build.name(codegen.constant(QueryForm.of(query, tuple(own), searched, find, array_calls), "form"))
-        given = [build.constant(None) if name is None else build.name(name) for name in functions.values()]
-        task, value, tuples = codegen.local("task"), codegen.local("value_of"), codegen.local("rows_of")
+        form = build.name(codegen.embed(QueryForm.for_query(query, tuple(own), searched, find, array_calls), "form"))
+        parts = [build.constant(None) if name is None else build.name(name) for name in functions.values()]
+        task, value, tuples = codegen.new_name("task"), codegen.new_name("value_of"), codegen.new_name("rows_of")
         codegen.definitions += [
-            build.assign(task, build.call(codegen.helper(make_execution), build.name("run"), form, *given)),
-            build.assign(value, build.call(codegen.helper(get_value_function), build.name(task))),
-            build.assign(tuples, build.call(codegen.helper(get_tuples_function), build.name(task))),
+            build.assign(task, build.call(codegen.use(make_execution), build.name("run"), form, *parts)),
+            build.assign(value, build.call(codegen.use(get_value_function), build.name(task))),
+            build.assign(tuples, build.call(codegen.use(get_tuples_function), build.name(task))),
         ]
         outer = self._list_outer_values(sources, states, caller, build) + [build.name(name) for name in groups.values()]
         ends = query.search or query.grouped or query.order or functions["settings"]
         return CompiledSubquery(task, value, tuples, None if ends else functions["find"], outer)
 
-    def _flush(self, build: AstBuilder) -> str:
-        name = self.codegen.local("flush")
+    def _write_flush(self, build: AstBuilder) -> str:
+        name = self.codegen.new_name("flush")
         self.codegen.definitions.append(build.function(name, [], [build.run(self.codegen.write_step_check())]))
         return name
 
-    def _settings(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
+    def _write_settings(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
         """A function that gives LIMIT, OFFSET, MAXIMUM and MEMORIZE's bound, and the names of the columns."""
         search = query.search
         counts = [(query.limit, 0, "LIMIT"), (query.offset, 0, "OFFSET")]
@@ -214,28 +208,28 @@ class QueryCompiler:
         if not labelled and not any(expr for expr, _, _ in counts):
             return None
         body = part("settings")
-        values = [self._count(expr, least, word, body) for expr, least, word in counts]
+        values = [self._write_count(expr, least, word, body) for expr, least, word in counts]
         build = self.codegen.build_at(query.span)
         labels = [
             build.constant(output.name) if output.label is None else self._write_label(output.label, body)
             for output in query.columns
         ]
-        body.add(build.back(build.pack(*values, build.pack(*labels) if labelled else build.constant(None))))
-        body.define()
+        body.emit(build.return_(build.pack(*values, build.pack(*labels) if labelled else build.constant(None))))
+        body.define_function()
         return body.name
 
-    def _count(self, expr: plan.Expr | None, least: int, word: str, body: PythonScope) -> ast.expr:
+    def _write_count(self, expr: plan.Expr | None, least: int, word: str, body: PythonScope) -> ast.expr:
         if expr is None:
             return self.codegen.build.constant(None)
         build = self.codegen.build_at(expr.span)
         value = write_expression(self, expr, body)
-        return build.call(self.codegen.helper(check_count), value, build.constant(least), build.constant(word))
+        return build.call(self.codegen.use(check_count), value, build.constant(least), build.constant(word))
 
     def _write_label(self, expr: plan.Expr, body: PythonScope) -> ast.expr:
         build = self.codegen.build_at(expr.span)
-        return build.call(self.codegen.helper(make_label), write_expression(self, expr, body))
+        return build.call(self.codegen.use(make_label), write_expression(self, expr, body))
 
-    def _group(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
+    def _write_group(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
         """A function of a group's aggregates and keys.
 
         It gives None for a group that HAVING drops, else the group's row and its sort keys; the row is None
@@ -245,25 +239,25 @@ class QueryCompiler:
             return None
         codegen, build = self.codegen, self.codegen.build_at(query.span)
         body = part("group")
-        names = {get_group_key(node): codegen.local(node.function) for node in find_aggregates(query)}
-        names.update({(query.id, index): codegen.local("key") for index in range(len(query.group))})
+        names = {get_group_key(node): codegen.new_name(node.function) for node in find_aggregates(query)}
+        names.update({(query.id, index): codegen.new_name("key") for index in range(len(query.group))})
         body.groups.update(names)
         body.parameters = [*names.values(), *body.parameters]
         outputs = [output.expr for output in query.columns] if query.aggregated else []
         keys = [key.expr for key in query.order] if query.aggregated else []
-        body.count([*([query.having] if query.having else []), *outputs, *keys])
+        body.count_uses([*([query.having] if query.having else []), *outputs, *keys])
         if query.having is not None:
             kept = write_expression(self, query.having, body)
-            body.add(codegen.build_at(query.having.span).if_not(kept, ast.Return(build.constant(None), **build.at)))
+            body.emit(codegen.build_at(query.having.span).if_not(kept, ast.Return(build.constant(None), **build.at)))
         row, behind = flat_query.write_row_and_keys(
             self, query if query.aggregated else replace(query, order=()), outputs, keys, body
         )
         shown = build.pack(*row) if query.aggregated else build.constant(None)
-        body.add(build.back(build.pack(shown, build.pack(*behind))))
-        body.define()
+        body.emit(build.return_(build.pack(shown, build.pack(*behind))))
+        body.define_function()
         return body.name
 
-    def _arguments(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
+    def _write_arguments(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
         representation = query.representation
         if not representation.arguments and not representation.named:
             return None
@@ -272,8 +266,8 @@ class QueryCompiler:
         positional = build.pack(*(write_expression(self, expr, body) for expr in representation.arguments))
         names = tuple(name for name, _ in representation.named)
         named = build.record(names, tuple(write_expression(self, expr, body) for _, expr in representation.named))
-        body.add(build.back(build.pack(positional, named)))
-        body.define()
+        body.emit(build.return_(build.pack(positional, named)))
+        body.define_function()
         return body.name
 
 

@@ -42,23 +42,23 @@ class QueryExecution:
     arguments: Callable[..., tuple[tuple[Any, ...], dict[str, Any]]] | None
     flush: Callable[[], None] | None
 
-    def value(self, *outer: Any) -> Any:
+    def compute_value(self, *outer: Any) -> Any:
         """The query's value, as its representation makes it."""
         counted = self.form.query.representation.name != "value"  # of which the first row alone is kept
-        return self.shaped(self.rows(outer, counted=counted), outer)
+        return self.shape_rows(self.compute_rows(outer, counted=counted), outer)
 
-    def shaped(self, rows: Rows, outer: tuple[Any, ...] = ()) -> Any:
+    def shape_rows(self, rows: Rows, outer: tuple[Any, ...] = ()) -> Any:
         """What the query's representation makes of its answer."""
         arguments, named = self.arguments(*outer) if self.arguments else ((), {})
-        return self.run.host.shape(self.form.query, rows, arguments, named, self.run)
+        return self.run.host.shape_rows(self.form.query, rows, arguments, named, self.run)
 
-    def tuples(self, *outer: Any) -> list[Row]:
+    def compute_tuples(self, *outer: Any) -> list[Row]:
         """The rows of a query whose results are rows."""
-        rows = self.rows(outer).rows
+        rows = self.compute_rows(outer).rows
         assert rows is not None
         return rows
 
-    def rows(
+    def compute_rows(
         self, outer: tuple[Any, ...] = (), sink: Rows | None = None, outermost: bool = False, counted: bool = False
     ) -> Rows:
         """The answer of the query, in `sink` where one is given. The run's limits hold for the `outermost` query;
@@ -67,7 +67,7 @@ class QueryExecution:
         form, query = self.form, self.form.query
         settings = QuerySettings(*self.settings(*outer)) if self.settings else NO_SETTINGS
         nothing = settings.limit == 0 and not self._needs_keys  # is evaluated then
-        every = _yield_nothing() if nothing else self._found(settings.bound, outer)
+        every = _yield_nothing() if nothing else self._find_results(settings.bound, outer)
         answer = Rows(form.columns) if sink is None else sink
         maximum = find_least(settings.maximum, self.run.maximum if outermost and query.search else None)
         found: Iterator[Any] = every if maximum is None else _take_first(every, maximum, answer)
@@ -87,10 +87,10 @@ class QueryExecution:
                     found = iterate_blocks(self.run, found, lambda seen: group(*seen), form.array_calls, BLOCK)
                 PostProcessing(form, group, settings.limit, settings.offset or 0, most).finish(found, results, answer)
             else:
-                self._stream(found, results, settings.limit, settings.offset or 0, most)
+                self._fill_results(found, results, settings.limit, settings.offset or 0, most)
         finally:
             every.close()  # so that a search hands on what it has counted
-            self.tell()
+            self.report_counts()
         return answer
 
     @property
@@ -98,7 +98,7 @@ class QueryExecution:
         """Whether the results come with keys, because something has to be done with them when all are found."""
         return bool(self.form.query.grouped or self.form.query.order)
 
-    def _found(self, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
+    def _find_results(self, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
         """The results as they are found; `bound` is MEMORIZE's."""
         if self.form.query.search is None or self.form.search is None:
             return self.find(*outer)  # type: ignore[no-any-return]
@@ -106,12 +106,12 @@ class QueryExecution:
 
         return find_results(self, self.form.query.search, self.form.search, bound, outer)
 
-    def tell(self) -> None:
+    def report_counts(self) -> None:
         """Hands on to the run what was counted."""
         if self.flush is not None:
             self.flush()
 
-    def _stream(
+    def _fill_results(
         self, found: Iterator[Any], results: list[Any], limit: int | None, offset: int, most: int | None
     ) -> None:
         """Fills `results`, of which there must not be more than `most`."""
@@ -158,8 +158,8 @@ def make_execution(run: Run, form: QueryForm, *functions: Any) -> QueryExecution
 
 
 def get_value_function(task: QueryExecution) -> Callable[..., Any]:
-    return task.value
+    return task.compute_value
 
 
 def get_tuples_function(task: QueryExecution) -> Callable[..., list[Row]]:
-    return task.tuples
+    return task.compute_tuples

@@ -52,7 +52,7 @@ def compile_search(
     search, codegen, build = query.search, builder.codegen, builder.codegen.build_at(query.span)
     assert search is not None
     keys, memorizes = list_key_expressions(query, aggregates), search.repeats == "memorize"
-    shapes, start = choose_state_shapes(search), codegen.local("start")
+    shapes, start = choose_state_shapes(search), codegen.new_name("start")
     _write_starts(builder, query, body, shapes, start)
     visits = search.by == "state" and search.repeats != "allowed"
     key_of = _write_key_function(builder, query, body, shapes) if visits else None
@@ -61,7 +61,7 @@ def compile_search(
     leveled = codegen.by_level is query
     watched = codegen.watched is query
     led = codegen.find is not None and query is codegen.level_searched_query  # by others, who ask for its steps
-    remembered = _revisits_states(builder, query) and not (leveled or watched or led)
+    remembered = _can_revisit_states(builder, query) and not (leveled or watched or led)
     complete = remembered and search.repeats == "no cycle"
     form = StepForm(shapes, start, bool(keys) or (memorizes and not search.plain), complete, watched, key_of)
     first = None
@@ -75,16 +75,16 @@ def compile_search(
         inlined = step.write_search(grow_level if memorizes else choose_search(search))
     function = inlined or step.write_function()
     if inlined is None or memorizes:
-        body.add(
+        body.emit(
             build.add_to(codegen.name_counter("expanded", body), -1)
         )  # a search is no step, so its start does not count
     if first is not None:
-        both = codegen.local("expand")
-        body.add(
-            build.assign(both, build.call(codegen.helper(join_first_steps), build.name(first), build.name(function)))
+        both = codegen.new_name("expand")
+        body.emit(
+            build.assign(both, build.call(codegen.use(join_first_steps), build.name(first), build.name(function)))
         )
         function = both
-    find_keys = codegen.local("keys") if keys else None
+    find_keys = codegen.new_name("keys") if keys else None
     if find_keys is not None:
         _write_last_step_keys(builder, query, body, find_keys, keys)
     noted = build.constant(None)
@@ -92,8 +92,8 @@ def compile_search(
         noted = write_noted_steps(builder, query, body, loops, form, step.columns)
     names = [function, find_keys, key_of]
     made = [build.constant(None) if name is None else build.name(name) for name in names]
-    body.add(build.back(build.pack(build.name("starts"), *made, noted)))
-    body.define()
+    body.emit(build.return_(build.pack(build.name("starts"), *made, noted)))
+    body.define_function()
     known = FrozenShapes(tuple(shapes.values()), tuple(step.columns))
     chooses = step.has_list_elements and inlined is not None
     return body.name, SearchForm(known, inlined is not None, chooses, remembered, leveled, watched)
@@ -102,10 +102,10 @@ def compile_search(
 def join_first_steps(first: Expand, others: Expand) -> Expand:
     """The step function of a search whose first steps have a condition of their own."""
 
-    def expand(state: State, *more: Any) -> Iterator[Step]:
+    def expand_state(state: State, *more: Any) -> Iterator[Step]:
         return (first if state[-1] else others)(state, *more)
 
-    return expand
+    return expand_state
 
 
 def _write_starts(
@@ -115,27 +115,27 @@ def _write_starts(
     search, codegen, build = query.search, builder.codegen, builder.codegen.build_at(query.span)
     assert search is not None
     each = {source.id: source for source in search.each}
-    body.add(build.assign("starts", build.array()))
+    body.emit(build.assign("starts", build.array()))
     for name, expr in search.start:
-        local = codegen.states[query.id, name] = codegen.local(name)
+        local = codegen.states[query.id, name] = codegen.new_name(name)
         place = codegen.build_at(expr.span)
         if isinstance(expr, plan.Element) and expr.source in each:
-            items = place.call(codegen.helper(list_elements), write_expression(builder, each[expr.source].value, body))
-            body.loop([local], items, place)
+            items = place.call(codegen.use(list_elements), write_expression(builder, each[expr.source].value, body))
+            body.open_loop([local], items, place)
         else:
-            body.add(place.assign(local, write_expression(builder, expr, body)))
+            body.emit(place.assign(local, write_expression(builder, expr, body)))
         body.states.add((query.id, name))
         if each:  # another value in each turn, which nothing may keep
             body.moved[query.id, name] = local
     values = []
     for name, shape in shapes.items():
         value = build.name(codegen.states[query.id, name])
-        values.append(value if shape == "scalar" else build.call(codegen.helper(frozen_values.FREEZERS[shape]), value))
+        values.append(value if shape == "scalar" else build.call(codegen.use(frozen_values.FREEZERS[shape]), value))
     if search.first is not None:  # it is a start
         values.append(build.constant(True))
-    body.add(build.assign(start, build.pack(*values)))
+    body.emit(build.assign(start, build.pack(*values)))
     body.locals.append(start)
-    body.add(build.run(build.call(build.part(build.name("starts"), "append"), build.name(start))))
+    body.emit(build.run(build.call(build.part(build.name("starts"), "append"), build.name(start))))
     body.moved.clear()
     for _ in each:
         body.blocks.pop()
@@ -146,16 +146,16 @@ def _write_key_function(builder: QueryCompiler, query: plan.Query, owner: Python
     """A function that gives the key of a frozen state, where BY names the state."""
     search, codegen, build = query.search, builder.codegen, builder.codegen.build_at(query.span)
     assert search is not None
-    body = PythonScope(codegen, codegen.local("key_of"), ["state"], owner)
+    body = PythonScope(codegen, codegen.new_name("key_of"), ["state"], owner)
     body.states.update((query.id, name) for name in shapes)
-    body.count(search.key)
+    body.count_uses(search.key)
     names = name_frozen_variables(codegen, query, shapes)
-    body.add(build.unpack([*names.values(), *["_"] * (search.first is not None)], build.name("state")))
+    body.emit(build.unpack([*names.values(), *["_"] * (search.first is not None)], build.name("state")))
     computed = [key for key in search.key if not (isinstance(key, plan.State) and key.query == query.id)]
     for name, shape in shapes.items():
         if computed and shape != "scalar":
-            value = build.call(codegen.helper(frozen_values.THAWERS[shape]), build.name(names[name]))
-            body.add(build.assign(codegen.states[query.id, name], value))
+            value = build.call(codegen.use(frozen_values.THAWERS[shape]), build.name(names[name]))
+            body.emit(build.assign(codegen.states[query.id, name], value))
     keys = []
     for expr in search.key:
         if isinstance(expr, plan.State) and expr.query == query.id:
@@ -163,14 +163,14 @@ def _write_key_function(builder: QueryCompiler, query: plan.Query, owner: Python
         else:
             value = write_expression(builder, expr, body)
             keys.append(
-                value if expr.type.only(SCALAR) else build.call(codegen.helper(frozen_values.freeze_any), value)
+                value if expr.type.is_only(SCALAR) else build.call(codegen.use(frozen_values.freeze_any), value)
             )
-    body.add(build.back(keys[0] if len(keys) == 1 else build.pack(*keys)))
-    body.define()
+    body.emit(build.return_(keys[0] if len(keys) == 1 else build.pack(*keys)))
+    body.define_function()
     return body.name
 
 
-def _revisits_states(builder: QueryCompiler, query: plan.Query) -> bool:
+def _can_revisit_states(builder: QueryCompiler, query: plan.Query) -> bool:
     """Whether the steps of a state are worth keeping: states come again, there are calls, and nobody can notice."""
     search, analysis = query.search, builder.codegen.analysis
     assert search is not None
@@ -195,9 +195,9 @@ def _write_last_step_keys(
     body = PythonScope(codegen, name, ["last"], outer)
     body.levels.update((source.id, 0) for source in query.sources)
     body.states.update((query.id, state) for state, _ in query.search.start)
-    body.count(keys)
+    body.count_uses(keys)
     names = [codegen.names[source.id] for source in query.sources]
     names += [codegen.states[query.id, state] for state, _ in query.search.start]
-    body.add(build.unpack(names, build.name("last")))
-    body.add(build.back(build.pack(*(write_expression(builder, key, body) for key in keys))))
-    body.define()
+    body.emit(build.unpack(names, build.name("last")))
+    body.emit(build.return_(build.pack(*(write_expression(builder, key, body) for key in keys))))
+    body.define_function()

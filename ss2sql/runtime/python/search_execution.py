@@ -56,7 +56,7 @@ def find_results(
     if search.repeats == "memorize" and (watched is not None or not search.plain):
         shown = None if search.plain else noted
         graph = KeyedMemorize(query, problem, bound, run.check, run.max_rows, form.shapes, shown)
-        return _thaw_paths(task, graph.paths(), keys, None)
+        return _thaw_paths(task, graph.find_paths(), keys, None)
     if task.form.find is not None:
         search_run = _build_search_run(task, search, form, problem, bound, noted)
         return _thaw_paths(task, task.form.find(search_run), keys, None)
@@ -64,9 +64,11 @@ def find_results(
         search_run = _build_search_run(task, search, form, problem, bound, noted)
         return _thaw_paths(task, run_memorize(search_run), keys, None)
     expand = problem.expand if form.watched else _make_expand(task, form, function)
-    problem = replace(problem, expand=expand, on_expand=make_watcher(run, form.counts_levels, task.tell))
+    problem = replace(problem, expand=expand, on_expand=make_watcher(run, form.counts_levels, task.report_counts))
     paths = (function if form.inlined else choose_search(search))(problem)
-    return _thaw_paths(task, paths if watched is None else watched.found(paths), keys, form.shapes.make_row_thaw())
+    return _thaw_paths(
+        task, paths if watched is None else watched.strip_traces(paths), keys, form.shapes.make_row_thaw()
+    )
 
 
 def _note_estimate(run: Run, total: Any, guess: Any) -> None:
@@ -83,7 +85,7 @@ def _build_search_run(
 ) -> SearchRun:
     """The search for who makes the graph of MEMORIZE, or goes by levels in another database."""
     return SearchRun(
-        start=form.shapes.thaw(problem.starts[0]),
+        start=form.shapes.thaw_state(problem.starts[0]),
         problem=problem,
         shapes=form.shapes,
         grow=problem.expand if form.inlined else None,  # type: ignore[arg-type]
@@ -95,7 +97,7 @@ def _build_search_run(
         run=task.run,
         noted=noted,
         chooses=form.chooses,
-        flush=task.tell,
+        flush=task.report_counts,
         keyed=problem.keyed,
     )
 

@@ -46,32 +46,32 @@ class SingleCall:
     end: list[ast.stmt] = field(default_factory=list)
 
     @classmethod
-    def of(cls, step: StepClauses) -> SingleCall | None:
+    def find_single_call(cls, step: StepClauses) -> SingleCall | None:
         """The call of a search of which there is one."""
         source = step.query.sources[0].id
         if source not in step.loops.items or source in step.loops.lookups or source in step.codegen.tuples:
             return None
         analysis = step.codegen.analysis
         for call in _find_single_calls(step.query, analysis):
-            key = analysis.of(call).key
-            shown = [expr for expr in step.outputs if analysis.of(expr).key == key]
-            made = [step.shapes[name] for name, expr in step.connect.items() if analysis.of(expr).key == key]
+            key = analysis.facts(call).key
+            shown = [expr for expr in step.outputs if analysis.facts(expr).key == key]
+            made = [step.shapes[name] for name, expr in step.connect.items() if analysis.facts(expr).key == key]
             if key is not None and len(shown) == len(made) == 1:
                 return cls(call, key, made[0])
         return None
 
-    def write(self, step: StepClauses) -> None:
+    def write_call(self, step: StepClauses) -> None:
         """Writes the call, into `value`."""
         codegen, inner, source = step.codegen, step.inner, step.query.sources[0].id
         build, at, function = codegen.build_at(self.node.place), codegen.build, self.node.function
         arguments = [self._write_argument(step, argument) for argument in self.node.arguments]
-        once, remembered = codegen.local(function.name), codegen.local(f"{function.name}_remembered")
-        count, made, call = codegen.local("count"), codegen.local("made"), codegen.local(function.name)
-        places = at.name(codegen.constant(list_call_places(step.query)[function.name], "places"))
-        known = [at.name("run"), at.name(codegen.constant(function, "function")), places]
+        once, remembered = codegen.new_name(function.name), codegen.new_name(f"{function.name}_remembered")
+        count, made, call = codegen.new_name("count"), codegen.new_name("made"), codegen.new_name(function.name)
+        places = at.name(codegen.embed(list_call_places(step.query)[function.name], "places"))
+        known = [at.name("run"), at.name(codegen.embed(function, "function")), places]
         known.append(at.name(step.loops.items[source]))
         known.append(at.constant(source not in step.loops.frozen and source not in codegen.keys))
-        step.owner.add(at.unpack([once, remembered, count], at.call(codegen.helper(make_call_variants), *known)))
+        step.owner.emit(at.unpack([once, remembered, count], at.call(codegen.use(make_call_variants), *known)))
         step.owner.locals += [once, remembered, count]
         self.begin.append(at.assign(made, at.constant(0)))
         self.end.append(at.run(at.call(count, at.name(made))))
@@ -86,9 +86,9 @@ class SingleCall:
         run = at.name("run")  # a slow function must not keep a timeout waiting
         deadline = at.compare(at.part(at.part(run, "bounds"), "deadline"), ast.IsNot(), at.constant(None))
         ends = at.join_conditions(ast.Or(), [at.part(run, "interrupted"), deadline])
-        inner.add(at.when(ends, at.run(at.call(at.part(run, "check")))))
-        self.value = codegen.local(function.name)
-        inner.add(at.add_to(made), build.assign(self.value, build.call(call, *arguments)))
+        inner.emit(at.when(ends, at.run(at.call(at.part(run, "check")))))
+        self.value = codegen.new_name(function.name)
+        inner.emit(at.add_to(made), build.assign(self.value, build.call(call, *arguments)))
         self._write_early_stop(step)
         inner.known[-1][self.key] = self.value
 
@@ -99,21 +99,19 @@ class SingleCall:
             if shape != "scalar":
                 return self._write_state_copy(step, argument.name, shape)
         build, value = step.codegen.build_at(argument.span), write_expression(step.builder, argument, step.inner)
-        if argument.type.only(SCALAR):
+        if argument.type.is_only(SCALAR):
             return value
         flat = frozen_values.is_flat_list(argument.type)
-        return build.call(
-            step.codegen.constant(list.copy, "copy") if flat else step.codegen.helper(copy_for_python), value
-        )
+        return build.call(step.codegen.embed(list.copy, "copy") if flat else step.codegen.use(copy_for_python), value)
 
     def _write_state_copy(self, step: StepClauses, name: str, shape: Shape) -> ast.expr:
         """A fresh value of a START WITH variable: of its frozen one without a call in Python where it has its shape."""
         codegen, build = step.codegen, step.build
         value = build.name(step.frozen_states[name])
-        other = build.call(codegen.helper(copy_for_python), build.call(codegen.helper(frozen_values.thaw_value), value))
+        other = build.call(codegen.use(copy_for_python), build.call(codegen.use(frozen_values.thaw_value), value))
         if shape == "any":
             return other
-        plain = codegen.local("plain")
+        plain = codegen.new_name("plain")
         is_tuple = build.compare(build.call("type", value), ast.Is(), build.name("tuple"))
         self.state_statements.append(build.assign(plain, is_tuple))
         copy = build.call("list", build.call("map", build.name("list"), value) if shape == "nested" else value)
@@ -123,26 +121,28 @@ class SingleCall:
         """`STOP WITH [] == move(this, state)` needs no row: what stops without being a goal leaves no trace."""
         stop, where, build, inner = step.search.stop, step.query.where, step.build, step.inner
         parts = stop.parts if isinstance(stop, plan.Or) else () if stop is None else (stop,)
-        if not parts or not any(_is_empty_list(other) for other in self._compared(parts[0], step.codegen.analysis)):
+        if not parts or not any(
+            _is_empty_list(other) for other in self._list_compared(parts[0], step.codegen.analysis)
+        ):
             return
         value = build.name(self.value)
         is_list = build.compare(build.call("type", value), ast.Is(), build.name("list"))
         leaves = [is_list, build.negate(value)]
         if where is not None:
-            others = self._compared(where, step.codegen.analysis)
+            others = self._list_compared(where, step.codegen.analysis)
             if not any(isinstance(other, (plan.Constant, plan.Variable)) for other in others):
                 return
             inner.known.append({self.key: self.value})
             with inner.write_skippable():
                 leaves.append(build.negate(write_expression(step.builder, where, inner)))
             inner.known.pop()
-        inner.add(build.when(build.join_conditions(ast.And(), leaves), build.continue_loop()))
+        inner.emit(build.when(build.join_conditions(ast.And(), leaves), build.continue_loop()))
 
-    def _compared(self, condition: plan.Expr, analysis: ExpressionAnalysis) -> list[plan.Expr]:
+    def _list_compared(self, condition: plan.Expr, analysis: ExpressionAnalysis) -> list[plan.Expr]:
         """What the value of the call is compared with where the condition is such an equality."""
         match condition:
             case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)):
-                return [one for one, other in ((left, right), (right, left)) if analysis.of(other).key == self.key]
+                return [one for one, other in ((left, right), (right, left)) if analysis.facts(other).key == self.key]
         return []
 
 
@@ -172,7 +172,7 @@ def _find_single_calls(query: plan.Query, analysis: ExpressionAnalysis) -> Itera
         if isinstance(node, plan.Call) and is_memoized_call(node):
             calls.setdefault(node.function.name, []).append(node)
     for same in calls.values():
-        keys = {analysis.of(node).key for node in same}
+        keys = {analysis.facts(node).key for node in same}
         states = {part.name for part in same[0].arguments if isinstance(part, plan.State) and part.query == query.id}
         elements = {part.source for part in same[0].arguments if isinstance(part, plan.Element)}
         if len(keys) == 1 and None not in keys and moved <= states and query.sources[0].id in elements:
@@ -182,9 +182,9 @@ def _find_single_calls(query: plan.Query, analysis: ExpressionAnalysis) -> Itera
 def _do_rows_determine_states(query: plan.Query, search: plan.Search, analysis: ExpressionAnalysis) -> bool:
     """Whether equal rows mean equal states and the other way round."""
     outputs = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
-    shown = {analysis.of(expr).key for expr in outputs}
+    shown = {analysis.facts(expr).key for expr in outputs}
     at_once = find_direct_assignments(query)  # SELECT sees the state before the step
-    alike = shown == {analysis.of(expr).key for expr in at_once.values()}
+    alike = shown == {analysis.facts(expr).key for expr in at_once.values()}
     return None not in shown and alike and len(at_once) == len(search.connect)
 
 
@@ -196,17 +196,17 @@ def make_call_variants(
     Where somebody else calls the function, too, or an element comes twice, all calls go by the memory. `places` is
     where the search calls it; `items` has the elements: `single`, or with what accompanies them.
     """
-    calls: MemoizedCalls = run.host.call(function, run)  # type: ignore[assignment]
+    calls: MemoizedCalls = run.host.get_callable(function, run)  # type: ignore[assignment]
 
-    def remembered(*arguments: Any) -> Any:
+    def call_memoized(*arguments: Any) -> Any:
         return calls.of_any(*arguments)[0]
 
-    def counted_twice(*arguments: Any) -> Any:
+    def call_recounted(*arguments: Any) -> Any:
         calls.count(-1)  # the memory counts its calls itself
-        return remembered(*arguments)
+        return call_memoized(*arguments)
 
     keys = list(map(make_exact_key, items if single else [item[0] for item in items]))
     elsewhere = run.call_places.get(function.name, {None}) - places
     if elsewhere or calls.foretold or NO_KEY in keys or len(set(keys)) < len(keys):
-        return remembered, remembered, lambda made: None
-    return calls.body, counted_twice, calls.count
+        return call_memoized, call_memoized, lambda made: None
+    return calls.body, call_recounted, calls.count

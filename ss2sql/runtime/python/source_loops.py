@@ -17,7 +17,7 @@ from ss2sql.errors import Stopped
 from ss2sql.language import plan
 from ss2sql.language.frozen_values import freeze_any
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import ends_early, walk
+from ss2sql.language.plan_traversal import can_end_early, walk
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_memo import make_exact_key
 from ss2sql.runtime.python.codegen_context import MAX_LOOPS, PythonScope
@@ -30,8 +30,8 @@ from ss2sql.runtime.python.equality_index import (
     index_plain_rows,
     index_single_column,
     index_tuples,
-    look_up,
-    look_up_several,
+    look_up_by_column,
+    look_up_by_columns,
 )
 from ss2sql.runtime.python.expression_facts import ExpressionFacts
 from ss2sql.runtime.python.loop_items import (
@@ -44,13 +44,7 @@ from ss2sql.runtime.python.loop_items import (
 )
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, write_expression
 from ss2sql.runtime.python.world_loops import WorldCondition, find_world_condition, write_world_items
-from ss2sql.runtime.run.array_calls import (
-    BLOCK,
-    count_array_calls,
-    is_array_call,
-    iterate_blocks,
-    list_certain_calls,
-)
+from ss2sql.runtime.run.array_calls import BLOCK, count_array_calls, is_array_call, iterate_blocks, list_certain_calls
 from ss2sql.runtime.run.elements import list_elements, list_elements_or_none
 
 if TYPE_CHECKING:
@@ -64,7 +58,7 @@ class SourceLoops:
     """
 
     def __init__(self, builder: QueryCompiler, query: plan.Query, owner: PythonScope, inside: bool = False) -> None:
-        from ss2sql.runtime.python.subquery_loops import can_open_inside, tests_before_loop
+        from ss2sql.runtime.python.subquery_loops import can_open_inside, has_test_before_loop
 
         self.builder = builder
         self.query = query
@@ -90,7 +84,7 @@ class SourceLoops:
             if lateral
             and isinstance(source, plan.QuerySource)
             and can_open_inside(source.query, builder.codegen.analysis)
-            and not (source is ends and tests_before_loop(source.query, builder.codegen.analysis))
+            and not (source is ends and has_test_before_loop(source.query, builder.codegen.analysis))
         }
         own_function = query.search is None and not inside and not owner.parameters
         self.alone = own_function and len(self.sources) == 1 and not any(self.lateral)
@@ -127,12 +121,12 @@ class SourceLoops:
                 if self.inside and isinstance(source, plan.TableSource):
                     self.builder.codegen.tuples[source.id] = tuple(name for name, _ in source.columns)
                     continue
-                build, items = self.builder.codegen.build_at(source.span), self._items(source, self.owner)
+                build, items = self.builder.codegen.build_at(source.span), self._list_items(source, self.owner)
                 if self.inside:
                     self.ready[source.id] = items
                     continue
-                name = self.items[source.id] = self.builder.codegen.local("items")
-                self.owner.add(build.assign(name, items))
+                name = self.items[source.id] = self.builder.codegen.new_name("items")
+                self.owner.emit(build.assign(name, items))
                 self.owner.locals.append(name)
 
     def attach_keys(self, source: plan.Source, frozen: bool, keyed: bool) -> None:
@@ -143,17 +137,19 @@ class SourceLoops:
         build, name = codegen.build_at(source.span), self.items[source.id]
         makers: list[ast.expr] = []
         if frozen:
-            self.frozen[source.id] = codegen.local("key")
-            makers.append(build.name(codegen.helper(freeze_any)))
+            self.frozen[source.id] = codegen.new_name("key")
+            makers.append(build.name(codegen.use(freeze_any)))
         if keyed:
-            codegen.keys[source.id] = codegen.local("exact")
-            makers.append(build.name(codegen.helper(make_exact_key)))
-        self.owner.add(build.assign(name, build.call(codegen.helper(attach_computed), build.name(name), *makers)))
+            codegen.keys[source.id] = codegen.new_name("exact")
+            makers.append(build.name(codegen.use(make_exact_key)))
+        self.owner.emit(build.assign(name, build.call(codegen.use(attach_computed), build.name(name), *makers)))
 
     @staticmethod
     def has_scalar_elements(source: plan.Source) -> bool:
         """Whether the elements are numbers and strings, which need no frozen form."""
-        return isinstance(source, (plan.ValueSource, plan.QuerySource)) and source.element.only(Kind.NUMBER | Kind.STR)
+        return isinstance(source, (plan.ValueSource, plan.QuerySource)) and source.element.is_only(
+            Kind.NUMBER | Kind.STR
+        )
 
     def plan_lookup(self, condition: Lookup) -> bool:
         """Plans to look up what the condition asks for; gives whether that is possible and worth it.
@@ -162,48 +158,50 @@ class SourceLoops:
         may notice. A loop that runs only once is as quick without an index.
         """
         number = {source.id: index for index, source in enumerate(self.sources)}
-        if condition.source not in number or self._makes_noticeable_calls(condition.key):
+        if condition.source not in number or self._has_noticeable_calls(condition.key):
             return False
-        source, other = condition.source, self.builder.codegen.analysis.of(condition.other)
+        source, other = condition.source, self.builder.codegen.analysis.facts(condition.other)
         index = number[source]
         facts = self.facts[index]
         if source in self.frozen or self.lateral[index] or not facts.steady:
             return False
         if index + 1 < self.first_unnoticed or any(number.get(known, -1) > index for known in other.sources):
             return False
-        correlated = bool(other.sources or other.states) and self.owner.home(facts)[0] is not self.owner
+        correlated = bool(other.sources or other.states) and self.owner.find_home(facts)[0] is not self.owner
         if index == 0 and self.query.search is None and not correlated:
             return False
         self.lookups.setdefault(source, []).append(condition)
         return True
 
-    def _makes_noticeable_calls(self, key: plan.Expr) -> bool:
+    def _has_noticeable_calls(self, key: plan.Expr) -> bool:
         """Whether a key calls functions of the user for rows that LIMIT cuts off."""
-        return ends_early(self.query) and self.builder.codegen.analysis.of(key).calls
+        return can_end_early(self.query) and self.builder.codegen.analysis.facts(key).calls
 
     def has_row_index(self, source: plan.Source) -> bool:
         """Whether the source's loop looks up rows by columns of numbers and text."""
         known = self.lookups.get(source.id)
         if known is None or source.id not in self.builder.codegen.tuples:
             return False
-        return all(one.plain and isinstance(one.key, plan.Column) and one.key.type.only(SCALAR_KINDS) for one in known)
+        return all(
+            one.plain and isinstance(one.key, plan.Column) and one.key.type.is_only(SCALAR_KINDS) for one in known
+        )
 
     def push_condition_to_world(self, condition: plan.Expr) -> None:
         """Tells a world of a condition, where what its column is compared with is known before the world is asked.
 
         The condition is tested all the same, so it may be evaluated early only where nobody can notice.
         """
-        facts = self.builder.codegen.analysis.of(condition)
+        facts = self.builder.codegen.analysis.facts(condition)
         demand = find_world_condition(condition, self.sources) if facts.steady and facts.total else None
         if demand is None:
             return
         number = {source.id: index for index, source in enumerate(self.sources)}
         index = number[demand.source]
-        known = self.builder.codegen.analysis.of(demand.value).sources
+        known = self.builder.codegen.analysis.facts(demand.value).sources
         if index + 1 >= self.first_unnoticed and all(number.get(other, -1) < index for other in known):
             self.world_conditions.setdefault(demand.source, []).append(demand)
 
-    def open(
+    def open_loops(
         self,
         body: PythonScope,
         conditions: Mapping[int, Sequence[plan.Expr]],
@@ -217,18 +215,18 @@ class SourceLoops:
         """
         for index, source in enumerate(self.sources):
             if index == guarded:
-                self._guard(body, self.sources[index:])
+                self._skip_empty_sources(body, self.sources[index:])
             read: list[Any] = [] if source.id in self.items else [source]
             read += [one.other for one in self.lookups.get(source.id, ())]
-            body = self._stage_calls(self._test(body, conditions.get(index, ())), read)
+            body = self._stage_calls(self._test_conditions(body, conditions.get(index, ())), read)
             if body.level == MAX_LOOPS:
                 body = self._start_inner_function(body)
             body = self._open_loop(body, source)
             innermost = index + 1 == len(self.sources)
             # The loop around these counts what comes to their end.
             if not self.alone and not (self.inside and innermost and not conditions.get(index + 1)):
-                self._count(body, innermost)
-        body = self._stage_calls(self._test(body, conditions.get(len(self.sources), ())), rest)
+                self._count_turns(body, innermost)
+        body = self._stage_calls(self._test_conditions(body, conditions.get(len(self.sources), ())), rest)
         if self.staged and self.query.aggregated:  # groups are collected in the last function
             build = self.builder.codegen.build
             body = self._begin_stage(body, build, build.constant(0))
@@ -248,24 +246,24 @@ class SourceLoops:
         if source.id in self.items:
             items = build.name(self.items[source.id])
         elif isinstance(source, plan.TableSource) and self.inside and source.id in self.lookups:
-            items = self._rows_of(source)  # of which nothing but the index needs to stay
+            items = self._read_table(source)  # of which nothing but the index needs to stay
         else:
-            items = self.ready.get(source.id) or self._items(source, body)
+            items = self.ready.get(source.id) or self._list_items(source, body)
         if source.id in self.lookups:
             items = self._look_up_source(source, items, body)
-        name = codegen.names[source.id] = codegen.local(source.name)
+        name = codegen.names[source.id] = codegen.new_name(source.name)
         names = (name, self.frozen.get(source.id), codegen.keys.get(source.id))
         if self.alone and body.level == 0:
-            items = build.call(codegen.helper(iterate_with_checks), build.name("run"), items)
+            items = build.call(codegen.use(iterate_with_checks), build.name("run"), items)
         elif self.outermost and body.level == 0 and source is self.sources[0]:
-            items = build.call(codegen.helper(iterate_with_progress), build.name("run"), items)
-        body.loop([word for word in names if word is not None], items, build)
+            items = build.call(codegen.use(iterate_with_progress), build.name("run"), items)
+        body.open_loop([word for word in names if word is not None], items, build)
         body.levels[source.id] = body.level
         if source.id in self.items:
             self._spent.add(self.items[source.id])
         return body
 
-    def _count(self, body: PythonScope, innermost: bool) -> None:
+    def _count_turns(self, body: PythonScope, innermost: bool) -> None:
         """Counts the turns, and looks at the clock now and then. The innermost turns of a search are its steps."""
         codegen = self.builder.codegen
         build = codegen.build
@@ -273,21 +271,21 @@ class SourceLoops:
         counter = codegen.name_counter("generated" if steps else "ticks", body)
         due = codegen.name_counter("due_step" if steps else "due_tick", body)
         look = build.assign(due, codegen.write_step_check() if steps else codegen.write_turn_check(counter))
-        body.add(
+        body.emit(
             build.add_to(counter), build.when(build.compare(build.name(counter), ast.GtE(), build.name(due)), look)
         )
 
-    def _test(self, body: PythonScope, conditions: Sequence[plan.Expr]) -> PythonScope:
+    def _test_conditions(self, body: PythonScope, conditions: Sequence[plan.Expr]) -> PythonScope:
         for condition in conditions:
             body = self._stage_calls(body, [condition])
             build = self.builder.codegen.build_at(condition.span)
-            body.add(build.if_not(write_expression(self.builder, condition, body), self._write_skip(body, build)))
+            body.emit(build.if_not(write_expression(self.builder, condition, body), self._write_skip(body, build)))
         return body
 
-    def _guard(self, body: PythonScope, sources: Sequence[plan.Source]) -> None:
+    def _skip_empty_sources(self, body: PythonScope, sources: Sequence[plan.Source]) -> None:
         for source in sources:
             build = self.builder.codegen.build_at(source.span)
-            body.add(build.if_not(build.name(self.items[source.id]), self._write_skip(body, build)))
+            body.emit(build.if_not(build.name(self.items[source.id]), self._write_skip(body, build)))
 
     @staticmethod
     def _write_skip(body: PythonScope, build: AstBuilder) -> ast.stmt:
@@ -303,12 +301,14 @@ class SourceLoops:
             return body
         codegen, certain = self.builder.codegen, set[int]()
         for call in chain.from_iterable(map(list_certain_calls, parts)):
-            facts, build = codegen.analysis.of(call), codegen.build_at(call.place)
+            facts, build = codegen.analysis.facts(call), codegen.build_at(call.place)
             if facts.key is not None and body.name_of(facts) is None:
                 arguments = build.pack(*(write_expression(self.builder, argument, body) for argument in call.arguments))
                 codegen.page.note_call(call.place, call.function.name)
-                body = self._begin_stage(body, build, build.name(codegen.function(call.function, build)), arguments)
-                name = self.called[facts.key] = codegen.local(call.function.name)
+                body = self._begin_stage(
+                    body, build, build.name(codegen.name_function(call.function, build)), arguments
+                )
+                name = self.called[facts.key] = codegen.new_name(call.function.name)
                 loop = body.blocks[0][-1]
                 assert isinstance(loop, ast.For)
                 loop.target = ast.Tuple([loop.target, ast.Name(name, ast.Store(), **build.at)], ast.Store(), **build.at)
@@ -324,14 +324,14 @@ class SourceLoops:
     ) -> PythonScope:
         """A new function for the rows so far; `how` is what comes between them, see `join_stages`."""
         codegen, outer = self.builder.codegen, self.owner.parameters
-        rows = codegen.local("rows")
+        rows = codegen.new_name("rows")
         names = [name for name in (*body.parameters, *body.locals) if name not in outer and name not in self._spent]
         row = build.pack(*map(build.name, names)) if len(names) > 1 else build.name(*names)
-        body.add(build.run(build.give(row if arguments is None else build.pack(row, arguments))))
-        stage = PythonScope(codegen, codegen.local("rows"), [*outer, rows], body.parent)
+        body.emit(build.run(build.yield_(row if arguments is None else build.pack(row, arguments))))
+        stage = PythonScope(codegen, codegen.new_name("rows"), [*outer, rows], body.parent)
         stage.levels = {source: min(level, 1) for source, level in body.levels.items()}
         stage.states, stage.groups, stage.counts = body.states, body.groups, body.counts
-        stage.loop(names, build.name(rows), build)
+        stage.open_loop(names, build.name(rows), build)
         stage.known[-1].update(self.called)
         stage.before = body
         self._spent.add(rows)
@@ -341,68 +341,66 @@ class SourceLoops:
     def _start_inner_function(self, body: PythonScope) -> PythonScope:
         """A new function for the loops further in: Python does not nest any number of them."""
         codegen = self.builder.codegen
-        rest = PythonScope(codegen, codegen.local("rest"), [*body.parameters, *body.locals], body.parent)
+        rest = PythonScope(codegen, codegen.new_name("rest"), [*body.parameters, *body.locals], body.parent)
         rest.levels = dict.fromkeys(body.levels, 0)
         rest.states, rest.groups, rest.counts = body.states, body.groups, body.counts
         call = codegen.build.call(rest.name, *map(codegen.build.name, rest.parameters))
-        body.add(codegen.build.run(ast.YieldFrom(call, **codegen.build.at)))
+        body.emit(codegen.build.run(ast.YieldFrom(call, **codegen.build.at)))
         rest.before = body
         return rest
 
-    def _items(self, source: plan.Source, body: PythonScope) -> ast.expr:
+    def _list_items(self, source: plan.Source, body: PythonScope) -> ast.expr:
         """The elements of a source as a list of values, or of tuples where `codegen.tuples` says so."""
         builder, codegen = self.builder, self.builder.codegen
         build = codegen.build_at(source.span)
         match source:
             case plan.TableSource(columns=columns):
                 codegen.tuples[source.id] = tuple(name for name, _ in columns)
-                return body.kept(ExpressionFacts(), self._rows_of(source), build, source.name)
+                return body.compute_once(ExpressionFacts(), self._read_table(source), build, source.name)
             case plan.ValueSource(value=plan.Variable(frame=True) as value, columns=columns) if columns:
                 words = codegen.tuples[source.id] = self._list_columns_read(
                     source.id, tuple(word for word, _ in columns)
                 )
                 read = write_expression(builder, value, body)
-                rows = build.call(codegen.helper(read_frame_rows), read, *map(build.constant, words))
-                return self._kept(source, body, rows)
+                rows = build.call(codegen.use(read_frame_rows), read, *map(build.constant, words))
+                return self._read_once(source, body, rows)
             case plan.ValueSource(value=value) if body is self.owner and (
                 words := self._list_dict_columns_read(source)
             ):
                 codegen.tuples[source.id] = words
                 rows = build.call(
-                    codegen.helper(read_columns), write_expression(builder, value, body), *map(build.constant, words)
+                    codegen.use(read_columns), write_expression(builder, value, body), *map(build.constant, words)
                 )
-                return self._kept(source, body, rows)
+                return self._read_once(source, body, rows)
             case plan.ValueSource(value=value):
                 codegen.elements[source.id] = source.element
                 if isinstance(value, plan.MakeList):
-                    return self._kept(source, body, write_expression(builder, value, body))
+                    return self._read_once(source, body, write_expression(builder, value, body))
                 if isinstance(value, plan.Constant):
-                    return build.name(codegen.constant(list_elements(value.value), "items"))
+                    return build.name(codegen.embed(list_elements(value.value), "items"))
                 build = codegen.build_at(value.span)
-                return self._kept(
-                    source, body, build.call(codegen.helper(list_elements), write_expression(builder, value, body))
+                return self._read_once(
+                    source, body, build.call(codegen.use(list_elements), write_expression(builder, value, body))
                 )
             case plan.QuerySource(query=query):
-                nested = builder.query(query, body)
-                if yields_rows(query):
+                nested = builder.compile_query(query, body)
+                if are_elements_rows(query):
                     codegen.tuples[source.id] = tuple(output.name for output in query.columns)
                     rows = build.call(nested.found or nested.tuples, *nested.arguments)
-                    return self._kept(source, body, build.call("list", rows) if nested.found else rows)
+                    return self._read_once(source, body, build.call("list", rows) if nested.found else rows)
                 codegen.elements[source.id] = source.element
                 value_of_query = build.call(nested.value, *nested.arguments)
                 made = list_elements_or_none if source.optional else list_elements
-                return self._kept(source, body, build.call(codegen.helper(made), value_of_query))
+                return self._read_once(source, body, build.call(codegen.use(made), value_of_query))
             case plan.WorldSource():
                 return write_world_items(builder, source, self.world_conditions.get(source.id, ()), body)
             case _:
                 assert_never(source)
 
-    def _rows_of(self, source: plan.TableSource) -> ast.expr:
+    def _read_table(self, source: plan.TableSource) -> ast.expr:
         codegen = self.builder.codegen
         build = codegen.build_at(source.span)
-        return build.call(
-            codegen.helper(read_table_rows), build.name("run"), build.name(codegen.constant(source, "table"))
-        )
+        return build.call(codegen.use(read_table_rows), build.name("run"), build.name(codegen.embed(source, "table")))
 
     def _list_columns_read(self, source: int, columns: tuple[str, ...]) -> tuple[str, ...]:
         read: set[str] = set()
@@ -415,7 +413,7 @@ class SourceLoops:
 
     def _list_dict_columns_read(self, source: plan.ValueSource) -> tuple[str, ...]:
         """The columns that a search reads of dicts, where it reads nothing else of them."""
-        if self.query.search is None or not source.element.only(Kind.DICT):
+        if self.query.search is None or not source.element.is_only(Kind.DICT):
             return ()
         read: dict[str, None] = {}
         for node in chain.from_iterable(map(walk, self.builder.codegen.analysis.roots)):
@@ -437,44 +435,44 @@ class SourceLoops:
         facts = self.builder.get_source_facts(source)
         if not all(one.plain for one in conditions) or (len(names) < len(conditions) and not of_element):
             return self._write_key_lookup(
-                source, body.kept(facts, self._write_key_index(source, items), build, "index"), body
+                source, body.compute_once(facts, self._write_key_index(source, items), build, "index"), body
             )
         if of_element:
-            index = build.call(codegen.helper(index_elements), items)
+            index = build.call(codegen.use(index_elements), items)
         elif columns is not None and self.has_row_index(source):
             index = self._write_row_index(source, items, names, columns, build)
         elif columns is None:
-            index = build.call(codegen.helper(index_columns), items, *map(build.constant, names))
+            index = build.call(codegen.use(index_columns), items, *map(build.constant, names))
         else:
             places = (build.constant(columns.index(name)) for name in names)
-            index = build.call(codegen.helper(index_tuples), items, *places)
-        kept = body.kept(facts, index, build, "index")
+            index = build.call(codegen.use(index_tuples), items, *places)
+        kept = body.compute_once(facts, index, build, "index")
         build = codegen.build_at(conditions[0].other.span)
         values = [write_expression(self.builder, one.other, body) for one in conditions]
-        if all(one.other.type.only(SCALAR_KINDS) for one in conditions):
+        if all(one.other.type.is_only(SCALAR_KINDS) for one in conditions):
             key = values[0] if len(values) == 1 else build.pack(*values)
             return build.call(build.part(kept, "get"), key, build.pack())
-        return build.call(codegen.helper(look_up if len(conditions) == 1 else look_up_several), kept, *values)
+        return build.call(codegen.use(look_up_by_column if len(conditions) == 1 else look_up_by_columns), kept, *values)
 
     def _write_key_index(self, source: plan.Source, items: ast.expr) -> ast.expr:
         """The index by keys that a function of its own computes."""
         codegen, conditions = self.builder.codegen, self.lookups[source.id]
         build = codegen.build_at(conditions[0].key.span)
-        name, before = codegen.local(source.name), codegen.names.get(source.id)
-        key_of = PythonScope(codegen, codegen.local("key_of"), [name], codegen.root)
+        name, before = codegen.new_name(source.name), codegen.names.get(source.id)
+        key_of = PythonScope(codegen, codegen.new_name("key_of"), [name], codegen.root)
         key_of.levels[source.id] = 0
         keys = [one.key for one in conditions]
-        key_of.count(keys)
+        key_of.count_uses(keys)
         codegen.names[source.id] = name
-        key_of.add(build.back(build.array(*(write_expression(self.builder, key, key_of) for key in keys))))
-        key_of.define()
+        key_of.emit(build.return_(build.array(*(write_expression(self.builder, key, key_of) for key in keys))))
+        key_of.define_function()
         if before is not None:
             codegen.names[source.id] = before
         number = count_array_calls(*keys)
         if number:
             given = [build.name("run"), items, build.name(key_of.name), build.constant(number), build.constant(BLOCK)]
-            items = build.call("list", build.call(codegen.helper(iterate_blocks), *given))
-        return build.call(codegen.helper(index_computed_keys), items, build.name(key_of.name))
+            items = build.call("list", build.call(codegen.use(iterate_blocks), *given))
+        return build.call(codegen.use(index_computed_keys), items, build.name(key_of.name))
 
     def _write_key_lookup(self, source: plan.Source, index: ast.expr, body: PythonScope) -> ast.expr:
         """What the index finds, or all rows where what the keys must equal cannot be computed."""
@@ -484,13 +482,13 @@ class SourceLoops:
         with nullcontext() if sure else body.write_skippable():
             values = [write_expression(self.builder, one.other, body) for one in conditions]
         if sure:
-            return build.call(build.part(index, "found"), *values)
-        index = body.variable(index, build, "index")
-        found = codegen.local("found")
+            return build.call(build.part(index, "find_rows"), *values)
+        index = body.name_or_constant(index, build, "index")
+        found = codegen.new_name("found")
         body.locals.append(found)
-        codegen.helper(Stopped)
-        attempt = build.assign(found, build.call(build.part(index, "found"), *values))
-        body.add(build.try_unless_stopped(attempt, build.assign(found, build.part(index, "rows"))))
+        codegen.use(Stopped)
+        attempt = build.assign(found, build.call(build.part(index, "find_rows"), *values))
+        body.emit(build.try_unless_stopped(attempt, build.assign(found, build.part(index, "rows"))))
         return build.name(found)
 
     def _write_row_index(
@@ -498,22 +496,26 @@ class SourceLoops:
     ) -> ast.expr:
         places, wanted = [build.constant(columns.index(name)) for name in names], self.wanted.get(source.id)
         if wanted is None:
-            return build.call(self.builder.codegen.helper(index_plain_rows), items, *places)
+            return build.call(self.builder.codegen.use(index_plain_rows), items, *places)
         value = build.constant(columns.index(wanted))
         kinds = dict(source.columns or ())
-        integers = all(kinds[name].only(Kind.INT) for name in (wanted, *names))
+        integers = all(kinds[name].is_only(Kind.INT) for name in (wanted, *names))
         if isinstance(source, plan.TableSource) and len(names) == 1 and integers:
             codegen = self.builder.codegen
-            table = build.name(codegen.constant(source, "table"))
-            return build.call(codegen.helper(index_integers), build.name("run"), table, value, *places)
-        return build.call(self.builder.codegen.helper(index_single_column), items, value, *places)
+            table = build.name(codegen.embed(source, "table"))
+            return build.call(codegen.use(index_integers), build.name("run"), table, value, *places)
+        return build.call(self.builder.codegen.use(index_single_column), items, value, *places)
 
-    def _kept(self, source: plan.Source, body: PythonScope, items: ast.expr) -> ast.expr:
+    def _read_once(self, source: plan.Source, body: PythonScope, items: ast.expr) -> ast.expr:
         facts = self.builder.get_source_facts(source)
-        return body.kept(facts, items, self.builder.codegen.build_at(source.span), "read") if facts.steady else items
+        return (
+            body.compute_once(facts, items, self.builder.codegen.build_at(source.span), "read")
+            if facts.steady
+            else items
+        )
 
 
-def yields_rows(query: plan.Query) -> bool:
+def are_elements_rows(query: plan.Query) -> bool:
     """Whether the elements of a query in FROM are its rows, so that no representation needs to be asked."""
     representation = query.representation
     plain = representation.name == "dict" and not (representation.arguments or representation.named)

@@ -123,14 +123,16 @@ class StepClauses:
         self.key_is_named = self.search.repeats != "allowed" and self.search.by != "row"  # by BY, after all else
         self.edges = self.search.repeats == "memorize"
         self.totals = self.search.repeats == "unique" and self.search.weight is not None
-        self.steady = all(self.codegen.analysis.of(expr).steady for expr in self.keeps_everything)
+        self.steady = all(self.codegen.analysis.facts(expr).steady for expr in self.keeps_everything)
         self.frozen_states = name_frozen_variables(self.codegen, query, self.shapes)
         body.states = {(query.id, name) for name in self.shapes}
         conditions = [] if made is None else [made]
         siblings = [key.expr for key in self.search.siblings]
-        body.count([*list_source_expressions(query), *conditions, *siblings, *self.keeps_everything, *self.search.key])
+        body.count_uses(
+            [*list_source_expressions(query), *conditions, *siblings, *self.keeps_everything, *self.search.key]
+        )
         # a call that is made once for each step, without a memory
-        self.single = None if form.watched or form.noted else SingleCall.of(self)
+        self.single = None if form.watched or form.noted else SingleCall.find_single_call(self)
         self.columns: list[Shape] = [self._choose_column_shape(expr) for expr in self.outputs]
         self.key: ast.expr = self.build.constant(None)
         self.row: list[ast.expr] = []  # the frozen values of the columns
@@ -140,12 +142,12 @@ class StepClauses:
     def write_clauses(self) -> None:
         """Writes all clauses, and what is given of the step."""
         build, inner = self.build, self.inner
-        early = self.totals and self.compares and self._weighs_early()
+        early = self.totals and self.compares and self._is_weight_early()
         if self.compares:
-            self._compare(early)
-        self._ask()
+            self._write_early_select(early)
+        self._write_stop_and_goal()
         if not self.compares:
-            self.row = [self._frozen(expr, shape) for expr, shape in zip(self.outputs, self.columns, strict=True)]
+            self.row = [self._name_frozen(expr, shape) for expr, shape in zip(self.outputs, self.columns, strict=True)]
         if not self.compares or len(self.row) == 1:
             self._pack_row()
         if self.search.weight is not None and not early:
@@ -155,30 +157,32 @@ class StepClauses:
                 if self.steady and not self.key_is_named:
                     self._write_improvement_test(known=self.search.heuristic is None)
         if self._can_stopping_step_be_goal:
-            inner.add(
+            inner.emit(
                 build.when(
-                    build.name("stop"), *self._collect_statements(partial(self._finish, True)), build.continue_loop()
+                    build.name("stop"),
+                    *self._collect_statements(partial(self._write_rest, True)),
+                    build.continue_loop(),
                 )
             )
-        self._finish(False)
+        self._write_rest(False)
 
-    def _finish(self, stops: bool) -> None:
+    def _write_rest(self, stops: bool) -> None:
         """HEURISTIC, CONNECT BY, and what BY compares, as far as somebody needs them; gives the step."""
         of_state, after = self.key_is_named and self.search.by == "state", None
         if not stops and self.search.heuristic is not None:
-            self.inner.add(
-                self.build.assign("estimate", self._number(self.search.heuristic, option_values.check_heuristic))
+            self.inner.emit(
+                self.build.assign("estimate", self._write_number(self.search.heuristic, option_values.check_heuristic))
             )
         if not stops or of_state:
-            self._go_on()
+            self._write_connect()
             after = self._build_next_state()
         if self.key_is_named:
             self._find_key(after)
             if not self.edges:
-                self._add(CLOSED, self.build, IS_CLOSED=self._test_closed(), LEAVE=self._prune())
+                self._add_template(CLOSED, self.build, IS_CLOSED=self._write_closed_test(), LEAVE=self._write_prune())
         if self.totals and (self.key_is_named or not (self.steady or stops)):
             self._write_improvement_test(known=self.search.heuristic is None)
-        self.inner.add(self.build.run(self.build.give(self._step(after, stops))))
+        self.inner.emit(self.build.run(self.build.yield_(self._write_step(after, stops))))
 
     def _collect_statements(self, write: Callable[[], None]) -> list[ast.stmt]:
         """The statements that are written, for a place that not every step comes to."""
@@ -197,43 +201,43 @@ class StepClauses:
         if self.search.by == "state":
             assert self.form.key_of is not None
             assert after is not None
-            self.key = build.name(inner.assigned(build.call(self.form.key_of, after), build, "key"))
+            self.key = build.name(inner.assign_name(build.call(self.form.key_of, after), build, "key"))
             return
         moved, inner.moved = inner.moved, {}
         self.key = self._write_packed_key(
-            [self._frozen(expr, self._choose_column_shape(expr)) for expr in self.search.key]
+            [self._name_frozen(expr, self._choose_column_shape(expr)) for expr in self.search.key]
         )
         inner.moved = moved
 
     def _write_packed_key(self, values: list[ast.expr]) -> ast.expr:
         """What stands for the values that are compared."""
         build = self.build
-        return values[0] if len(values) == 1 else build.name(self.inner.assigned(build.pack(*values), build, "key"))
+        return values[0] if len(values) == 1 else build.name(self.inner.assign_name(build.pack(*values), build, "key"))
 
-    def _add(self, text: str, build: AstBuilder, **words: ast.expr | list[ast.stmt]) -> None:
-        self.inner.add(*write_template(text, build, words))
+    def _add_template(self, text: str, build: AstBuilder, **words: ast.expr | list[ast.stmt]) -> None:
+        self.inner.emit(*write_template(text, build, words))
 
-    def _prune(self) -> list[ast.stmt]:
-        return [*self._told("repeated"), *write_template(PRUNE, self.build, {})]
+    def _write_prune(self) -> list[ast.stmt]:
+        return [*self._write_trace_note("repeated"), *write_template(PRUNE, self.build, {})]
 
-    def _told(self, word: str) -> list[ast.stmt]:
+    def _write_trace_note(self, word: str) -> list[ast.stmt]:
         """Lets the trace hear of a step that leaves none, with its row where it is known, or nobody could notice."""
         build = self.build
         if not self.form.watched:
             return []
-        leave = build.part(build.part(build.name("run"), "trace"), "leave")
+        leave = build.part(build.part(build.name("run"), "trace"), "note_dropped")
 
-        def write() -> None:
+        def write_note() -> None:
             pairs = zip(self.outputs, self.columns, strict=True)
-            row = self.row or [self._frozen(expr, shape) for expr, shape in pairs]
-            self.inner.add(build.run(build.call(leave, build.constant(word), build.pack(*row))))
+            row = self.row or [self._name_frozen(expr, shape) for expr, shape in pairs]
+            self.inner.emit(build.run(build.call(leave, build.constant(word), build.pack(*row))))
 
-        facts = [self.codegen.analysis.of(expr) for expr in self.outputs]
+        facts = [self.codegen.analysis.facts(expr) for expr in self.outputs]
         if self.row or (not self.query.aggregated and all(one.steady and one.total for one in facts)):
-            return self._collect_statements(write)
+            return self._collect_statements(write_note)
         return [build.run(build.call(leave, build.constant(word), build.constant(None)))]
 
-    def _step(self, after: ast.expr | None, stops: bool) -> ast.expr:
+    def _write_step(self, after: ast.expr | None, stops: bool) -> ast.expr:
         """What is given of a step that leaves a trace."""
         build, search = self.build, self.search
         nothing = build.constant(None)
@@ -246,68 +250,67 @@ class StepClauses:
             after or nothing,
             nothing if search.weight is None else weight,
             nothing if search.heuristic is None or stops else build.name("estimate"),
-            self._last() if self.form.keyed else nothing,
+            self._write_last_part() if self.form.keyed else nothing,
         )
 
-    def _last(self) -> ast.expr:
+    def _write_last_part(self) -> ast.expr:
         """The elements of the step and the state before it."""
         names = [self.codegen.names[source.id] for source in self.query.sources]
         names += [self.codegen.states[self.query.id, name] for name in self.shapes]
         return self.build.pack(*map(self.build.name, names))
 
-    def _value(self, expr: plan.Expr) -> ast.expr:
+    def _write_value(self, expr: plan.Expr) -> ast.expr:
         """The value of a clause, a column, or a variable after the step."""
         return write_expression(self.builder, expr, self.inner)
 
     # --- rows ------------------------------------------------------------------------------------------
 
     def _choose_column_shape(self, expr: plan.Expr) -> Shape:
-        if expr.type.only(SCALAR):
+        if expr.type.is_only(SCALAR):
             return "scalar"
         if isinstance(expr, plan.State) and expr.query == self.query.id:
             return self.shapes[expr.name]
-        if self.single is not None and self.single.key == self.codegen.analysis.of(expr).key:
+        if self.single is not None and self.single.key == self.codegen.analysis.facts(expr).key:
             return self.single.shape
         return "flat" if frozen_values.is_flat_list(expr.type) else "any"
 
-    def _frozen(self, expr: plan.Expr, shape: Shape) -> ast.expr:
+    def _name_frozen(self, expr: plan.Expr, shape: Shape) -> ast.expr:
         """The name of the frozen value of a column."""
         codegen, inner = self.codegen, self.inner
-        build, facts = codegen.build_at(expr.span), codegen.analysis.of(expr)
+        build, facts = codegen.build_at(expr.span), codegen.analysis.facts(expr)
         if isinstance(expr, plan.State) and expr.query == self.query.id and not inner.has_state_changed(facts):
             return build.name(self.frozen_states[expr.name])
-        value = self._value(expr)
+        value = self._write_value(expr)
         if isinstance(expr, plan.Element) and expr.source in self.loops.frozen:
             return build.name(self.loops.frozen[expr.source])
         if shape == "scalar":
-            return build.name(inner.assigned(value, build, "value"))
-        made = self._freeze(expr, shape, inner.variable(value, build, "value"))
+            return build.name(inner.assign_name(value, build, "value"))
+        made = self._write_frozen(expr, shape, inner.name_or_constant(value, build, "value"))
         if facts.steady and facts.sources.isdisjoint({source.id for source in self.query.sources}):
-            made = inner.kept(replace(facts, key=None), made, build, "frozen")
-        return build.name(inner.assigned(made, build, "frozen"))
+            made = inner.compute_once(replace(facts, key=None), made, build, "frozen")
+        return build.name(inner.assign_name(made, build, "frozen"))
 
-    def _freeze(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
-        """The frozen value of a column."""
-        build, freezer = self.codegen.build_at(expr.span), self.codegen.helper(frozen_values.FREEZERS[shape])
+    def _write_frozen(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
+        build, freezer = self.codegen.build_at(expr.span), self.codegen.use(frozen_values.FREEZERS[shape])
         return build.call("tuple" if frozen_values.is_flat_list(expr.type) else freezer, value)
 
     def _pack_row(self) -> None:
-        self.inner.add(self.build.assign("row", self.build.pack(*self.row)))
+        self.inner.emit(self.build.assign("row", self.build.pack(*self.row)))
 
-    def _compare(self, early: bool) -> None:
+    def _write_early_select(self, early: bool) -> None:
         """SELECT, before all else, and whether its row is closed."""
         build, single = self.build, None
         for expr, shape in zip(self.outputs, self.columns, strict=True):
-            if self.single is not None and single is None and self.single.key == self.codegen.analysis.of(expr).key:
+            if self.single is not None and single is None and self.single.key == self.codegen.analysis.facts(expr).key:
                 single = len(self.row)
-                self.single.write(self)
-                self.row.append(build.name(self.codegen.local("frozen")))
+                self.single.write_call(self)
+                self.row.append(build.name(self.codegen.new_name("frozen")))
             else:
-                self.row.append(self._frozen(expr, shape))
+                self.row.append(self._name_frozen(expr, shape))
         alone = len(self.row) == 1
         self.key = self.row[0] if alone else build.name("row")
         if single is not None:
-            self._check(single)
+            self._write_closed_check(single)
             return
         if not alone:
             self._pack_row()
@@ -319,14 +322,14 @@ class StepClauses:
             self._write_total()
             self._write_improvement_test()
         else:
-            self._add(
+            self._add_template(
                 CLOSED,
                 self.build,
-                IS_CLOSED=self._test_closed(),
-                LEAVE=self._write_edge() if self.edges else self._prune(),
+                IS_CLOSED=self._write_closed_test(),
+                LEAVE=self._write_edge() if self.edges else self._write_prune(),
             )
 
-    def _test_closed(self) -> ast.expr:
+    def _write_closed_test(self) -> ast.expr:
         build = self.build
         if not self.totals:
             return build.compare(self.key, ast.In(), build.name("closed"))
@@ -337,7 +340,7 @@ class StepClauses:
         worse = build.compare(build.name("known"), ast.LtE(), build.name("total"))
         return build.join_conditions(ast.And(), [build.compare(known, ast.IsNot(), build.constant(None)), worse])
 
-    def _check(self, place: int) -> None:
+    def _write_closed_check(self, place: int) -> None:
         """Whether the row is closed whose value at this place has not been checked."""
         codegen, single, alone, key = self.codegen, self.single, len(self.row) == 1, self.row[place]
         assert single is not None
@@ -346,40 +349,42 @@ class StepClauses:
         value = build.name(single.value)
         made = build.call("tuple", value)
         if single.shape == "nested":
-            copies = build.call(
-                "map", build.name(codegen.constant(list.copy, "copy")), value
-            )  # fails for what is no list
+            copies = build.call("map", build.name(codegen.embed(list.copy, "copy")), value)  # fails for what is no list
             made = build.call("tuple", build.call("map", build.name("tuple"), copies))
         row = [build.bind(key.id, made) if at == place else part for at, part in enumerate(self.row)]
-        self._add(
+        self._add_template(
             CHECKED if single.shape in ("flat", "nested") else SETTLED,
             build,
             VALUE=value,
             KEY=key,
             FREEZE=[build.assign(key.id, made) if alone else build.assign("row", build.pack(*row))],
             PACK=[] if alone else [build.assign("row", build.pack(*self.row))],
-            IS_CLOSED=self._test_closed(),
-            LEAVE=self._write_edge() if self.edges else self._prune(),
+            IS_CLOSED=self._write_closed_test(),
+            LEAVE=self._write_edge() if self.edges else self._write_prune(),
             GIVER=build.constant(single.node.function.name),
-            FREEZER=build.name(codegen.helper(frozen_values.FREEZERS[single.shape])),
-            settled=build.name(codegen.helper(frozen_values.settled)),
-            dumps=build.name(codegen.helper(dumps)),
+            FREEZER=build.name(codegen.use(frozen_values.FREEZERS[single.shape])),
+            settled=build.name(codegen.use(frozen_values.convert_and_freeze)),
+            dumps=build.name(codegen.use(dumps)),
         )
 
     def _write_edge(self) -> list[ast.stmt]:
         """What MEMORIZE is given of a step to a known row: its weight is evaluated, and nothing else."""
         build = self.build
 
-        def write() -> None:
+        def write_edge() -> None:
             if len(self.row) == 1:
                 self._pack_row()
             self._write_weight()
 
         nothing = build.constant(None)
         weight = nothing if self.search.weight is None else build.name("weight")
-        last = self._last() if self.form.keyed else nothing
+        last = self._write_last_part() if self.form.keyed else nothing
         step = [build.name("row"), self.key, nothing, build.constant(False), nothing, weight, nothing, last]
-        return [*self._collect_statements(write), build.run(build.give(build.pack(*step))), build.continue_loop()]
+        return [
+            *self._collect_statements(write_edge),
+            build.run(build.yield_(build.pack(*step))),
+            build.continue_loop(),
+        ]
 
     # --- STOP WITH and WHERE ---------------------------------------------------------------------------
 
@@ -388,33 +393,33 @@ class StepClauses:
         """Whether a step that stops may be a goal; without a WHERE it is none."""
         return self.search.stop is not None and self.query.where is not None
 
-    def _ask(self) -> None:
+    def _write_stop_and_goal(self) -> None:
         build, inner, stop, where = self.build, self.inner, self.search.stop, self.query.where
         leave = [build.continue_loop()]
         if self.form.complete:
             leave.insert(0, build.run(build.call("drop", self.key)))
         if self.form.watched and stop is not None:
-            leave[:0] = self._told("stopped")
+            leave[:0] = self._write_trace_note("stopped")
         if stop is not None and where is None:
             build = self.codegen.build_at(stop.span)
-            facts = self.codegen.analysis.of(stop)
-            inner.write_with_later_check(facts, lambda: build.assign("stop", self._value(stop)), build)
-            inner.add(build.when(build.name("stop"), *leave))
+            facts = self.codegen.analysis.facts(stop)
+            inner.write_with_later_check(facts, lambda: build.assign("stop", self._write_value(stop)), build)
+            inner.emit(build.when(build.name("stop"), *leave))
             return
         for name, clause in (("stop", stop), ("goal", where)):
             if clause is not None:
                 write = partial(self._assign_truth, name, clause)
                 inner.write_with_later_check(
-                    self.codegen.analysis.of(clause), write, self.codegen.build_at(clause.span)
+                    self.codegen.analysis.facts(clause), write, self.codegen.build_at(clause.span)
                 )
         if stop is not None:
             traceless = build.join_conditions(ast.And(), [build.name("stop"), build.negate(build.name("goal"))])
-            inner.add(build.when(traceless, *leave))
+            inner.emit(build.when(traceless, *leave))
 
     def _assign_truth(self, name: str, clause: plan.Expr) -> ast.stmt:
         build = self.codegen.build_at(clause.span)
-        value = self._value(clause)
-        return build.assign(name, value if clause.type.only(Kind.BOOL) else build.truth(value))
+        value = self._write_value(clause)
+        return build.assign(name, value if clause.type.is_only(Kind.BOOL) else build.truth(value))
 
     # --- COST, PROBABILITY, HEURISTIC ------------------------------------------------------------------
 
@@ -424,31 +429,31 @@ class StepClauses:
         if weight is None:
             return
         probable = self.search.order == "probability"
-        inner.add(
+        inner.emit(
             build.assign(
                 "weight",
-                self._number(weight, option_values.check_probability if probable else option_values.check_cost),
+                self._write_number(weight, option_values.check_probability if probable else option_values.check_cost),
             )
         )
         if probable:
-            inner.add(build.if_not(build.name("weight"), *self._told("stopped"), build.continue_loop()))
+            inner.emit(build.if_not(build.name("weight"), *self._write_trace_note("stopped"), build.continue_loop()))
 
-    def _number(self, expr: plan.Expr, check: Callable[[Any], Any]) -> ast.expr:
+    def _write_number(self, expr: plan.Expr, check: Callable[[Any], Any]) -> ast.expr:
         build = self.codegen.build_at(expr.span)
-        value = self._value(expr)
-        return value if option_values.is_proven(expr.type, check) else build.call(self.codegen.helper(check), value)
+        value = self._write_value(expr)
+        return value if option_values.is_proven(expr.type, check) else build.call(self.codegen.use(check), value)
 
-    def _weighs_early(self) -> bool:
+    def _is_weight_early(self) -> bool:
         """Whether the weight is evaluated before STOP WITH and WHERE: STOP WITH guards a COST that may fail."""
         weight = self.search.weight
         assert weight is not None
         check = option_values.check_probability if self.search.order == "probability" else option_values.check_cost
-        return self.steady and self.codegen.analysis.of(weight).total and option_values.is_proven(weight.type, check)
+        return self.steady and self.codegen.analysis.facts(weight).total and option_values.is_proven(weight.type, check)
 
     def _write_total(self) -> None:
         build = self.build
         operator = ast.Mult() if self.search.order == "probability" else ast.Add()
-        self.inner.add(build.assign("new_total", build.binary(build.name("total"), operator, build.name("weight"))))
+        self.inner.emit(build.assign("new_total", build.binary(build.name("total"), operator, build.name("weight"))))
 
     def _write_improvement_test(self, known: bool = False) -> None:
         """A step that is no better than the best to its row, which may be `known`, is dropped."""
@@ -458,43 +463,42 @@ class StepClauses:
             total = build.bind("known", build.call(build.part(build.name("best"), "get"), self.key))
         worse = build.compare(build.name("known"), ast.LtE(), build.name("new_total"))
         is_worse = build.join_conditions(ast.And(), [build.compare(total, ast.IsNot(), build.constant(None)), worse])
-        self._add(CLOSED, self.build, IS_CLOSED=is_worse, LEAVE=self._prune())
+        self._add_template(CLOSED, self.build, IS_CLOSED=is_worse, LEAVE=self._write_prune())
 
     # --- CONNECT BY ------------------------------------------------------------------------------------
 
-    def _go_on(self) -> None:
-        """CONNECT BY in its order."""
+    def _write_connect(self) -> None:
         inner, codegen, number = self.inner, self.codegen, self.query.id
         for name, expr in self.search.connect:
             build = codegen.build_at(expr.span)
-            if not inner.has_state_changed(codegen.analysis.of(expr)):
+            if not inner.has_state_changed(codegen.analysis.facts(expr)):
                 self.reads_state_before.add(name)
-            inner.moved[number, name] = inner.assigned(self._value(expr), build, f"next_{name}")
+            inner.moved[number, name] = inner.assign_name(self._write_value(expr), build, f"next_{name}")
 
     def _build_next_state(self) -> ast.expr:
         """The frozen state to go on from; what is a column is frozen already."""
         build, analysis = self.build, self.codegen.analysis
         columns = {
-            (analysis.of(expr).key, shape): value
+            (analysis.facts(expr).key, shape): value
             for expr, shape, value in zip(self.outputs, self.columns, self.row, strict=True)
-            if analysis.of(expr).key is not None
+            if analysis.facts(expr).key is not None
         }
         values = []
         for name, shape in self.shapes.items():
             moved = self.inner.moved.get((self.query.id, name))
             is_column = moved is not None and name in self.reads_state_before
-            column = columns.get((analysis.of(self.connect[name]).key, shape)) if is_column else None
+            column = columns.get((analysis.facts(self.connect[name]).key, shape)) if is_column else None
             if moved is None:
                 values.append(build.name(self.frozen_states[name]))
             elif shape == "scalar":
                 values.append(build.name(moved))
             else:
-                made = build.call(self.codegen.helper(frozen_values.FREEZERS[shape]), build.name(moved))
+                made = build.call(self.codegen.use(frozen_values.FREEZERS[shape]), build.name(moved))
                 values.append(made if column is None else column)
         if self.search.first is not None:  # it is no start
             values.append(build.constant(False))
         if self.key_is_named:  # they are read twice
-            values = [self.inner.variable(value, build, "after") for value in values]
+            values = [self.inner.name_or_constant(value, build, "after") for value in values]
         return build.pack(*values)
 
 
@@ -507,7 +511,7 @@ def choose_state_shapes(search: plan.Search) -> dict[str, Shape]:
 def name_frozen_variables(codegen: CodegenContext, query: plan.Query, shapes: Mapping[str, Shape]) -> dict[str, str]:
     """The names of the frozen variables; numbers and strings are their own frozen values."""
     return {
-        name: codegen.states[query.id, name] if shape == "scalar" else codegen.local(f"{name}_frozen")
+        name: codegen.states[query.id, name] if shape == "scalar" else codegen.new_name(f"{name}_frozen")
         for name, shape in shapes.items()
     }
 

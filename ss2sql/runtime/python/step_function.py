@@ -145,9 +145,9 @@ def sort_siblings(elements: Iterable[tuple[Any, Row]], descending: tuple[bool, .
 class StepLoops(SourceLoops):
     """The loops over the sources of a search; the step function counts the iterations of the innermost one."""
 
-    def _count(self, body: PythonScope, innermost: bool) -> None:
+    def _count_turns(self, body: PythonScope, innermost: bool) -> None:
         if not innermost:
-            super()._count(body, innermost)
+            super()._count_turns(body, innermost)
 
 
 class StepFunction(StepClauses):
@@ -162,7 +162,7 @@ class StepFunction(StepClauses):
         more = ["choose"] if query.search.repeats == "memorize" or form.noted else ["drop"] if form.complete else []
         if query.search.repeats == "unique" and query.search.weight is not None:
             more = ["best", "total"]
-        body = PythonScope(builder.codegen, builder.codegen.local("expand"), ["state", "closed", *more], loops.owner)
+        body = PythonScope(builder.codegen, builder.codegen.new_name("expand"), ["state", "closed", *more], loops.owner)
         super().__init__(builder, query, body, loops, form, made)
         self.resumed = self.search.order == "depth first" and not self.edges  # the loop is left, and entered again
         placed: dict[int, list[plan.Expr]] = {}
@@ -181,7 +181,7 @@ class StepFunction(StepClauses):
         if several:
             self._write_element_generator(placed, guarded)
         else:
-            self.inner = loops.open(body, placed, guarded)
+            self.inner = loops.open_loops(body, placed, guarded)
         loop = body.blocks[0][-1]
         assert isinstance(loop, ast.For)
         self.loop = loop
@@ -194,17 +194,17 @@ class StepFunction(StepClauses):
         """Writes the function and gives its name."""
         for name in ("generated", "expanded", "pruned"):
             self.codegen.name_counter(name, self.body)
-        meter = self.build.call(self.codegen.helper(make_step_meter), self.build.name("run"))
+        meter = self.build.call(self.codegen.use(make_step_meter), self.build.name("run"))
         words = {
             "meter": self.build.name(self.codegen.bind("meter", "meter", meter, self.build)),
             "due": self.build.name(self.codegen.name_counter("due_step", self.body)),
         }
-        code = self._write(LOOK, words, self.has_list_elements)
+        code = self._write_body(LOOK, words, self.has_list_elements)
         begin = [] if self.single is None else self.single.begin
         names = list(self.frozen_states.values()) + ["_"] * (self.search.first is not None)
         states = self.build.unpack(names, self.build.name("state"))
         self.body.blocks[0][:] = [*begin, states, *code]
-        self.body.define()
+        self.body.define_function()
         return self.body.name
 
     def write_search(self, loop: Callable[..., Any]) -> str | None:
@@ -213,12 +213,12 @@ class StepFunction(StepClauses):
         if not has_source_code(loop) or self.search.first is not None or self.takes_arrays or one_by_one:
             return None
         build, codegen, run = self.build, self.codegen, self.build.name("run")
-        meter = codegen.bind("meter of steps", "meter", build.call(codegen.helper(make_countdown_meter), run), build)
-        hand_on = codegen.bind("hand_on of steps", "hand_on", build.call(codegen.helper(make_count_report), run), build)
-        self.body.blocks[0][:] = self._write(
+        meter = codegen.bind("meter of steps", "meter", build.call(codegen.use(make_countdown_meter), run), build)
+        hand_on = codegen.bind("hand_on of steps", "hand_on", build.call(codegen.use(make_count_report), run), build)
+        self.body.blocks[0][:] = self._write_body(
             LOOK_INLINED, {"meter": build.name(meter)}, self.has_list_elements and not self.resumed
         )
-        function = self.body.finished(build)
+        function = self.body.build_function(build)
         assert isinstance(function, ast.FunctionDef)
         known = {
             "repeats": self.search.repeats,
@@ -236,14 +236,14 @@ class StepFunction(StepClauses):
         begin += [] if self.single is None else self.single.begin
         counted = (build.name(word) for word in ("generated", "expanded", "pruned"))
         end = build.run(build.call(hand_on, *counted))
-        name = codegen.local("search")
-        self.owner.add(inline_steps(loop, function, list(self.frozen_states.values()), known, name, begin, end, build))
+        name = codegen.new_name("search")
+        self.owner.emit(inline_steps(loop, function, list(self.frozen_states.values()), known, name, begin, end, build))
         for helper in HELPERS:
-            codegen.helper(helper)
+            codegen.use(helper)
         codegen.namespace |= {"START": START, "TAKEN": TAKEN}
         return name
 
-    def _write(self, look: str, words: dict[str, ast.expr], together: bool) -> list[ast.stmt]:
+    def _write_body(self, look: str, words: dict[str, ast.expr], together: bool) -> list[ast.stmt]:
         """The code of the function after the parameters, with what is computed once for a state.
 
         `together`: the elements of a state are counted together when it is expanded.
@@ -251,7 +251,7 @@ class StepFunction(StepClauses):
         build, codegen, body = self.build, self.codegen, self.body
         watch = write_template(look, build, words)
         if not together:
-            self.inner.add(*write_template(COUNT, build, {"LOOK": watch}))
+            self.inner.emit(*write_template(COUNT, build, {"LOOK": watch}))
         self.write_clauses()
         *before, loop = body.blocks[0]
         assert loop is self.loop
@@ -261,7 +261,7 @@ class StepFunction(StepClauses):
             items = self._choose_items(items)
         if self.takes_arrays:
             items = build.call("list", items)
-        codegen.helper(Parts)
+        codegen.use(Parts)
         single = self.single
         for_state = [] if single is None else single.state_statements
         used = list_names_read([*before, *for_state, items, self.loop])
@@ -269,7 +269,7 @@ class StepFunction(StepClauses):
         for name, shape in self.shapes.items():
             value = codegen.states[self.query.id, name]
             if shape != "scalar" and value in used:
-                made = build.call(codegen.helper(frozen_values.THAWERS[shape]), build.name(self.frozen_states[name]))
+                made = build.call(codegen.use(frozen_values.THAWERS[shape]), build.name(self.frozen_states[name]))
                 thawed.append(build.assign(value, made))
         end: list[ast.stmt] = [ast.Pass(**build.at)] if single is None else single.end
         around: dict[str, ast.expr | list[ast.stmt]] = {
@@ -286,23 +286,23 @@ class StepFunction(StepClauses):
 
     def _find_arguments(self, call: plan.Call) -> str | None:
         """The name of a function that gives the arguments of a call for all elements of the state."""
-        facts = [self.codegen.analysis.of(argument) for argument in call.arguments]
+        facts = [self.codegen.analysis.facts(argument) for argument in call.arguments]
         own = {source.id for source in self.query.sources}
         if own.isdisjoint(frozenset().union(*(one.sources for one in facts))):
             return None
         if not all(one.steady for one in facts) or any(map(self.inner.has_state_changed, facts)):
             return None
         build = self.codegen.build_at(call.place)
-        given = PythonScope(self.codegen, self.codegen.local("given"), [], self.body)
+        given = PythonScope(self.codegen, self.codegen.new_name("given"), [], self.body)
         given.levels, given.find_arguments = dict.fromkeys(own, 1), self._find_arguments
-        given.count(call.arguments)
-        given.loop(["element"], build.name("block"), build)
+        given.count_uses(call.arguments)
+        given.open_loop(["element"], build.name("block"), build)
         loop = given.blocks[0][-1]
         assert isinstance(loop, ast.For)
         loop.target = self.loop.target
         arguments = (write_expression(self.builder, argument, given) for argument in call.arguments)
-        given.add(build.run(build.give(build.pack(*arguments))))
-        self.body.blocks[0].insert(-1, given.finished(build))
+        given.emit(build.run(build.yield_(build.pack(*arguments))))
+        self.body.blocks[0].insert(-1, given.build_function(build))
         return given.name
 
     def _choose_items(self, items: ast.expr) -> ast.expr:
@@ -337,25 +337,27 @@ class StepFunction(StepClauses):
         """Loops over all sources in a generator of its own, for ORDER SIBLINGS BY."""
         codegen, build, outer, siblings = self.codegen, self.build, self.owner, self.search.siblings
         states = sorted(self.body.states)
-        generator = PythonScope(codegen, codegen.local("elements"), [codegen.states[state] for state in states], outer)
+        generator = PythonScope(
+            codegen, codegen.new_name("elements"), [codegen.states[state] for state in states], outer
+        )
         generator.states = self.body.states
-        generator.count([*list_source_expressions(self.query), *(key.expr for key in siblings)])
-        innermost = self.loops.open(generator, placed, guarded)
+        generator.count_uses([*list_source_expressions(self.query), *(key.expr for key in siblings)])
+        innermost = self.loops.open_loops(generator, placed, guarded)
         names = [codegen.names[source.id] for source in self.query.sources]
         for known in () if self.form.noted else (self.loops.frozen, codegen.keys):
             names += [known[source.id] for source in self.query.sources if source.id in known]
-        given = build.pack(*map(build.name, names)) if len(names) > 1 else build.name(*names)
+        yielded = build.pack(*map(build.name, names)) if len(names) > 1 else build.name(*names)
         if siblings:
-            given = build.pack(
-                given, build.pack(*(write_expression(self.builder, key.expr, innermost) for key in siblings))
+            yielded = build.pack(
+                yielded, build.pack(*(write_expression(self.builder, key.expr, innermost) for key in siblings))
             )
-        innermost.add(build.run(build.give(given)))
-        innermost.define()
+        innermost.emit(build.run(build.yield_(yielded)))
+        innermost.define_function()
         items = build.call(generator.name, *map(build.name, generator.parameters))
         if siblings:
-            descending = build.name(codegen.constant(tuple(key.descending for key in siblings), "descending"))
-            items = build.call(codegen.helper(sort_siblings), items, descending)
-        self.body.loop(names, items, build)
+            descending = build.name(codegen.embed(tuple(key.descending for key in siblings), "descending"))
+            items = build.call(codegen.use(sort_siblings), items, descending)
+        self.body.open_loop(names, items, build)
         self.body.levels.update((source.id, 1) for source in self.query.sources)
 
     def _plan_lookups(self) -> None:
@@ -366,7 +368,7 @@ class StepFunction(StepClauses):
         """
         stop = self.search.stop.parts if isinstance(self.search.stop, plan.Or) else (self.search.stop,)
         where = self.query.where.parts if isinstance(self.query.where, plan.And) else (self.query.where,)
-        rows = [self.codegen.analysis.of(expr) for expr in self.outputs] if self.compares else []
+        rows = [self.codegen.analysis.facts(expr) for expr in self.outputs] if self.compares else []
         told = self.edges or self.form.noted or self.form.complete or self.form.watched
         if told or not all(facts.steady and facts.total for facts in rows):
             return
@@ -374,13 +376,13 @@ class StepFunction(StepClauses):
             dropped = [] if part is None else find_lookups(part, self.codegen.analysis, "ne")
             if self.query.where and other is not None:
                 kept = find_lookups(other, self.codegen.analysis)
-                dropped = [one for one in dropped if any(self._reads_same(one, same) for same in kept)]
+                dropped = [one for one in dropped if any(self._do_read_same(one, same) for same in kept)]
             if not any(map(self.loops.plan_lookup, dropped)):
                 return
 
-    def _reads_same(self, one: Lookup, other: Lookup) -> bool:
+    def _do_read_same(self, one: Lookup, other: Lookup) -> bool:
         pairs = ((one.key, other.key), (one.other, other.other))
-        keys = [(self.codegen.analysis.of(a).key, self.codegen.analysis.of(b).key) for a, b in pairs]
+        keys = [(self.codegen.analysis.facts(a).key, self.codegen.analysis.facts(b).key) for a, b in pairs]
         return all(a is not None and a == b for a, b in keys)
 
     def _attach_frozen(self) -> None:
@@ -388,7 +390,7 @@ class StepFunction(StepClauses):
         single = None if self.single is None else self.single.key
         shown = {expr.source for expr in self.outputs if isinstance(expr, plan.Element)}
         calls = (node for expr in self.keeps_everything for node in walk(expr) if is_memoized_call(node))
-        others = any(self.codegen.analysis.of(call).key != single for call in calls)
+        others = any(self.codegen.analysis.facts(call).key != single for call in calls)
         keyed = find_keyed_sources(self.keeps_everything) if others else set()
         for source in self.query.sources:
             freezes = source.id in shown and not self.loops.has_scalar_elements(source)

@@ -50,7 +50,7 @@ def inline_steps(
     code = copy_tree(_get_body(loop))
     facts: dict[str, ast.expr] = {f"problem.{word}": ast.Constant(value) for word, value in known.items()}
     splice = _StepInliner(expand, states)
-    code = splice.block(_ConstantFolder(facts, Counter(list_names_set(code))).block(code))
+    code = splice.transform_block(_ConstantFolder(facts, Counter(list_names_set(code))).transform_block(code))
     whole: list[ast.stmt] = [*begin, ast.Try(code, [], [], [*splice.end_of_turn, end])]
     outer = [word for line in expand.body if isinstance(line, ast.Nonlocal) for word in line.names]
     if outer:
@@ -85,11 +85,11 @@ def _remove_assignments(code: list[ast.stmt], name: str) -> None:
     for node in [node for part in code for node in ast.walk(part)]:
         for part in ("body", "orelse", "finalbody"):
             lines = getattr(node, part, None)
-            if isinstance(lines, list) and any(_assigns_name(line, name) for line in lines):
-                lines[:] = [line for line in lines if not _assigns_name(line, name)] or [ast.Pass()]
+            if isinstance(lines, list) and any(_is_assignment_to(line, name) for line in lines):
+                lines[:] = [line for line in lines if not _is_assignment_to(line, name)] or [ast.Pass()]
 
 
-def _assigns_name(line: ast.stmt, name: str) -> bool:
+def _is_assignment_to(line: ast.stmt, name: str) -> bool:
     match line:
         case ast.Assign([ast.Name(id=target)]) | ast.AugAssign(ast.Name(id=target)):
             return target == name
@@ -97,7 +97,7 @@ def _assigns_name(line: ast.stmt, name: str) -> bool:
 
 
 class _Transformer(ast.NodeTransformer):
-    def block(self, code: Sequence[ast.stmt]) -> list[ast.stmt]:
+    def transform_block(self, code: Sequence[ast.stmt]) -> list[ast.stmt]:
         """The statements that come of some; of one there may come several, or none."""
         found: list[ast.stmt] = []
         for statement in code:
@@ -141,8 +141,8 @@ class _ConstantFolder(_Transformer):
     def visit_If(self, node: ast.If) -> Any:
         test = self.visit(node.test)
         if isinstance(test, ast.Constant):
-            return self.block(node.body if test.value else node.orelse)
-        return ast.If(test, self.block(node.body) or [ast.Pass()], self.block(node.orelse))
+            return self.transform_block(node.body if test.value else node.orelse)
+        return ast.If(test, self.transform_block(node.body) or [ast.Pass()], self.transform_block(node.orelse))
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> Any:
         assert node.value is not None
@@ -188,21 +188,21 @@ class _StepInliner(_Transformer):
             case ast.Assign([ast.Name(id="steps")], ast.Call(ast.Name(id="iter"), [ast.Call(_, [state, *_])])):
                 # `steps = iter(expand(state, closed))`: no turns yet
                 nothing = [ast.Constant(None) for _ in self.state_code]
-                begin = ast.Tuple([ast.Constant(None), *self._parts(state), *nothing], ast.Load())
-                return ast.Assign([ast.Tuple(self._parts(ast.Name("steps", ast.Store())), ast.Store())], begin)
+                begin = ast.Tuple([ast.Constant(None), *self._expand_part(state), *nothing], ast.Load())
+                return ast.Assign([ast.Tuple(self._expand_part(ast.Name("steps", ast.Store())), ast.Store())], begin)
         return self.generic_visit(node)
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
-        return ast.Tuple(self._parts(node), node.ctx) if node.id == "state" else node
+        return ast.Tuple(self._expand_part(node), node.ctx) if node.id == "state" else node
 
     def visit_Tuple(self, node: ast.Tuple) -> ast.AST:
-        return ast.Tuple([one for part in node.elts for one in self._parts(part)], node.ctx)
+        return ast.Tuple([one for part in node.elts for one in self._expand_part(part)], node.ctx)
 
-    def _parts(self, part: ast.expr) -> list[ast.expr]:
+    def _expand_part(self, part: ast.expr) -> list[ast.expr]:
         """A part of a tuple, or the several that stand for it."""
         match part:
             case ast.Starred(ast.Name(id="state") | _NextState() as whole):  # a node of MEMORIZE
-                return self._parts(whole)
+                return self._expand_part(whole)
             case ast.Name(id="state" | "steps" as word, ctx=context):
                 names = self.states if word == "state" else ["turns", *self.states, *self.state_code]
                 return [ast.Name(name, context) for name in names]
@@ -213,8 +213,8 @@ class _StepInliner(_Transformer):
     def visit_For(self, node: ast.For) -> Any:
         match node.iter:
             case ast.Call(ast.Name(id="expand"), [_, *arguments]):
-                given = zip(self.parameters[1:], arguments, strict=True)
-                other = {name: one for name, one in given if not (isinstance(one, ast.Name) and one.id == name)}
+                pairs = zip(self.parameters[1:], arguments, strict=True)
+                other = {name: one for name, one in pairs if not (isinstance(one, ast.Name) and one.id == name)}
                 return self._inline_step_loop(node, other, resumed=False)
             case ast.Name(id="steps"):
                 return self._inline_step_loop(node, {}, resumed=True)
@@ -225,20 +225,20 @@ class _StepInliner(_Transformer):
         assert isinstance(node.target, ast.Tuple)
         names = [target.id if isinstance(target, ast.Name) else "_" for target in node.target.elts]
         *before, attempt = (
-            _ConstantFolder(words, Counter()).block(copy_tree(self.code)) if words else copy_tree(self.code)
+            _ConstantFolder(words, Counter()).transform_block(copy_tree(self.code)) if words else copy_tree(self.code)
         )
         assert isinstance(attempt, ast.Try)
         self.end_of_turn = attempt.finalbody
-        steps = self._steps(attempt.body, names, node.body)
+        steps = self._replace_yields(attempt.body, names, node.body)
         if node.orelse:
             loop = steps[-1]
             assert isinstance(loop, ast.For)
-            loop.orelse = self.block(node.orelse)
+            loop.orelse = self.transform_block(node.orelse)
         if resumed:  # the turns are there already where the search comes back
             before = [ast.If(ast.Compare(ast.Name("turns", ast.Load()), [ast.Is()], [ast.Constant(None)]), before, [])]
         return [*before, *steps]
 
-    def _steps(self, code: list[ast.stmt], names: list[str], body: list[ast.stmt]) -> list[ast.stmt]:
+    def _replace_yields(self, code: list[ast.stmt], names: list[str], body: list[ast.stmt]) -> list[ast.stmt]:
         """The statements with what the loop does with a step in place of each `yield`."""
         found: list[ast.stmt] = []
         for line in code:
@@ -247,11 +247,11 @@ class _StepInliner(_Transformer):
                     step = dict(zip(names, values, strict=True))
                     step.pop("_", None)
                     step["after"] = _NextState(step["after"])
-                    found += self.block(_ConstantFolder(step, Counter()).block(copy_tree(body)))
+                    found += self.transform_block(_ConstantFolder(step, Counter()).transform_block(copy_tree(body)))
                     continue
                 case ast.For() | ast.If() | ast.While() | ast.With() | ast.Try():
                     for part in ("body", "orelse"):
-                        setattr(line, part, self._steps(getattr(line, part, []), names, body))
+                        setattr(line, part, self._replace_yields(getattr(line, part, []), names, body))
             found.append(line)
         return found
 

@@ -16,7 +16,7 @@ from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
 from ss2sql.runtime.python.flat_query import place_conditions
 from ss2sql.runtime.python.python_expressions import write_expression
-from ss2sql.runtime.python.source_loops import SourceLoops, list_source_expressions, yields_rows
+from ss2sql.runtime.python.source_loops import SourceLoops, are_elements_rows, list_source_expressions
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.query_compiler import QueryCompiler
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def can_open_inside(query: plan.Query, analysis: ExpressionAnalysis) -> bool:
     """Whether the loops of a query can stand in those of the query around it."""
-    if not yields_rows(query) or query.grouped or query.order or query.limit is not None:
+    if not are_elements_rows(query) or query.grouped or query.order or query.limit is not None:
         return False
     if len({output.name for output in query.columns}) < len(query.columns):
         return False
@@ -32,14 +32,14 @@ def can_open_inside(query: plan.Query, analysis: ExpressionAnalysis) -> bool:
     if len(query.sources) > 1 or not isinstance(query.sources[0], (plan.TableSource, plan.ValueSource)):
         return False
     expressions = [*list_source_expressions(query), *(output.expr for output in query.columns)]
-    facts = [analysis.of(expr) for expr in (*expressions, *((query.where,) if query.where is not None else ()))]
+    facts = [analysis.facts(expr) for expr in (*expressions, *((query.where,) if query.where is not None else ()))]
     return all(one.steady and one.total for one in facts)
 
 
-def tests_before_loop(query: plan.Query, analysis: ExpressionAnalysis) -> bool:
+def has_test_before_loop(query: plan.Query, analysis: ExpressionAnalysis) -> bool:
     """Whether a part of WHERE is tested before the loop, for it reads nothing of the element."""
     own = {source.id for source in query.sources}
-    return any(own.isdisjoint(analysis.of(part).sources) for part in split_and(query.where))
+    return any(own.isdisjoint(analysis.facts(part).sources) for part in split_and(query.where))
 
 
 def open_inner_loops(
@@ -50,7 +50,7 @@ def open_inner_loops(
     loops = SourceLoops(builder, query, body, inside=True)
     outputs = {output.name: output.expr for output in query.columns if output.name in read}
     where = () if query.where is None else (query.where,)
-    body.count([*list_source_expressions(query), *where, *outputs.values()])
+    body.count_uses([*list_source_expressions(query), *where, *outputs.values()])
     loops.read_constant_sources()
     conditions, guarded = place_conditions(builder, query, loops)
     inner = query.sources[0]
@@ -58,7 +58,7 @@ def open_inner_loops(
     if wanted is not None and loops.has_row_index(inner):
         loops.wanted[inner.id] = wanted
         codegen.single_column_queries.add(inner.id)
-    body = loops.open(body, conditions, guarded)
+    body = loops.open_loops(body, conditions, guarded)
     if inner.id in codegen.single_column_queries and all(isinstance(expr, plan.Column) for expr in outputs.values()):
         codegen.single_column_queries.add(source.id)
         codegen.names[source.id], codegen.tuples[source.id] = codegen.names[inner.id], tuple(outputs)
@@ -69,8 +69,8 @@ def open_inner_loops(
         return body
     build = codegen.build_at(source.span)
     codegen.tuples[source.id] = tuple(outputs)
-    name = codegen.names[source.id] = codegen.local(source.name)
-    body.add(build.assign(name, build.pack(*(write_expression(builder, expr, body) for expr in outputs.values()))))
+    name = codegen.names[source.id] = codegen.new_name(source.name)
+    body.emit(build.assign(name, build.pack(*(write_expression(builder, expr, body) for expr in outputs.values()))))
     body.locals.append(name)
     return body
 

@@ -73,17 +73,17 @@ def write_world_items(
     reading = build.name(_bind_reading(codegen, table, build))
     if table.schema.parameters:
         arguments = [write_expression(builder, argument, body) for argument in source.arguments]
-        return build.call(codegen.helper(list_rows), reading, *arguments)
-    asked = tuple((demand.column, demand.operator) for demand in demands)
+        return build.call(codegen.use(list_rows), reading, *arguments)
+    comparisons = tuple((demand.column, demand.operator) for demand in demands)
     values = [write_expression(builder, demand.value, body) for demand in demands]
-    return build.call(codegen.helper(list_keys), reading, build.name(codegen.constant(asked, "demands")), *values)
+    return build.call(codegen.use(list_keys), reading, build.name(codegen.embed(comparisons, "demands")), *values)
 
 
 def bind_column_reader(codegen: CodegenContext, source: int, name: str, build: AstBuilder) -> str:
     """A name for the function from a key to a column."""
     table = codegen.worlds[source]
     value = build.call(
-        codegen.helper(get_column_reader), build.name(_bind_reading(codegen, table, build)), build.constant(name)
+        codegen.use(get_column_reader), build.name(_bind_reading(codegen, table, build)), build.constant(name)
     )
     return codegen.bind(("column", id(table), name), f"read_{name}", value, build)
 
@@ -91,16 +91,16 @@ def bind_column_reader(codegen: CodegenContext, source: int, name: str, build: A
 def bind_element_reader(codegen: CodegenContext, source: int, build: AstBuilder) -> str:
     """A name for the function from a key to the element."""
     table = codegen.worlds[source]
-    value = build.call(codegen.helper(get_element_reader), build.name(_bind_reading(codegen, table, build)))
+    value = build.call(codegen.use(get_element_reader), build.name(_bind_reading(codegen, table, build)))
     return codegen.bind(("element", id(table)), "element", value, build)
 
 
 def _bind_reading(codegen: CodegenContext, table: AttachedTable, build: AstBuilder) -> str:
-    snapshot = build.name(codegen.constant(plan_snapshot(codegen.analysis.roots), "snapshot"))
-    value = build.call(codegen.helper(get_readings), build.name("run"), snapshot)
+    snapshot = build.name(codegen.embed(plan_snapshot(codegen.analysis.roots), "snapshot"))
+    value = build.call(codegen.use(get_readings), build.name("run"), snapshot)
     readings = codegen.bind("readings", "readings", value, build)
     known = (table.table, find_first_place(table, codegen.analysis.roots))
-    value = build.call(codegen.helper(get_reading), build.name(readings), build.name(codegen.constant(known, "table")))
+    value = build.call(codegen.use(get_reading), build.name(readings), build.name(codegen.embed(known, "table")))
     return codegen.bind(("reading", id(table)), "reading", value, build)
 
 
@@ -108,24 +108,24 @@ def _bind_reading(codegen: CodegenContext, table: AttachedTable, build: AstBuild
 
 
 def get_readings(run: Run, snapshot: Snapshot) -> Readings:
-    return snapshot.begin(run.host.memories.now, run.check)
+    return snapshot.copy_tables(run.host.memories.now, run.check)
 
 
 def get_reading(readings: Readings, known: tuple[Any, Span | None]) -> Reading:
-    return readings.of(*known)
+    return readings.get_reading(*known)
 
 
 def get_column_reader(reading: Reading, name: str) -> Read:
-    return reading.reader(name)
+    return reading.make_reader(name)
 
 
 def get_element_reader(reading: Reading) -> Read:
-    return reading.element
+    return reading.get_element
 
 
 def list_keys(reading: Reading, demands: Sequence[tuple[str, str]], *values: Any) -> list[Any]:
-    return reading.asked(demands, values) if demands else reading.keys(NOTHING)
+    return reading.find_keys(demands, values) if demands else reading.list_keys(NOTHING)
 
 
 def list_rows(reading: Reading, *arguments: Any) -> list[Any]:
-    return reading.rows(arguments)
+    return reading.call_function(arguments)

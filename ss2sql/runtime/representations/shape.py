@@ -42,7 +42,7 @@ class Representations:
         self.most = most
         self.functions: dict[str, Callable[..., Any]] = dict(representations.ALL)
 
-    def represent(
+    def represent_rows(
         self,
         form: plan.Representation,
         rows: Rows,
@@ -60,7 +60,7 @@ class Representations:
             return None
         sizes, size = ValueSizes(self.most), 0
 
-        def own_rows(some: Sequence[Row]) -> list[Row]:
+        def copy_rows(some: Sequence[Row]) -> list[Row]:
             """Copies of rows, if there is room for them: until then rows may share their values."""
             nonlocal size
             if check is None or len(some) <= ITEMS_PER_CHECK:
@@ -74,57 +74,57 @@ class Representations:
                 check()
             return own
 
-        def whole(positions: Sequence[int] | None) -> Any:
+        def represent_paths(positions: Sequence[int] | None) -> Any:
             results: Sequence[Any] = rows.rows if rows.paths is None else rows.paths  # type: ignore[assignment]
             if positions is None:
                 chosen = results
             elif isinstance(results, SearchPaths):
-                chosen = results.chosen(positions)
+                chosen = results.choose_paths(positions)
             else:
                 chosen = [results[index] for index in positions]
             if rows.paths is None:
                 if form.name == "value" and self.is_built_in(form):
                     chosen = chosen[:1]
-                own = list(chosen) if rows.plain else own_rows(chosen)
+                own = list(chosen) if rows.plain else copy_rows(chosen)
                 return self._call_representation(form, rows.columns, own, arguments, named, check)
             if not (arguments or named or form.hidden) and self.is_built_in(form) and form.name in PATH_FORMS:
                 if rows.plain and form.name == "list":
                     flat = (
-                        chosen.cells()
+                        chosen.iterate_cells()
                         if isinstance(chosen, SearchPaths)
                         else map(list, map(chain.from_iterable, chosen))
                     )
                     return list(iterate_checked_paths(flat, check))
                 represent, columns = representations.ALL[form.name], rows.columns
-                paths = chosen if rows.plain else map(own_rows, chosen)
+                paths = chosen if rows.plain else map(copy_rows, chosen)
                 return [represent(Table(columns, path, check=check)) for path in iterate_checked_paths(paths, check)]
             return [
                 self._call_representation(
-                    form, rows.columns, list(path) if rows.plain else own_rows(path), arguments, named, check
+                    form, rows.columns, list(path) if rows.plain else copy_rows(path), arguments, named, check
                 )
                 for path in iterate_checked_paths(chosen, check)
             ]
 
         with pause_collector() if form.name in BUILT_IN_FORMS and self.is_built_in(form) else nullcontext():
             if rows.groups is None:
-                return whole(None)
-            return {_make_group_key(key, form): whole(positions) for key, positions in rows.groups}
+                return represent_paths(None)
+            return {_make_group_key(key, form): represent_paths(positions) for key, positions in rows.groups}
 
     def represent_subquery(
         self, query: plan.Query, rows: Rows, arguments: Sequence[Any], named: Mapping[str, Any], sizes: ValueSizes
     ) -> Any:
         """The value of a query inside of a script, as a value of the language."""
         if self.is_shared(query.representation, rows):
-            return self.shared(query.representation, rows, sizes)
-        value = self.represent(query.representation, rows, arguments, named, sizes.pause)
-        return sizes.checked(self.make_language_value(query.representation.name, value))
+            return self.share_values(query.representation, rows, sizes)
+        value = self.represent_rows(query.representation, rows, arguments, named, sizes.pause)
+        return sizes.check_value(self.make_language_value(query.representation.name, value))
 
     def is_shared(self, form: plan.Representation, rows: Rows) -> bool:
         """Whether what the script goes on with is a list of the values that the rows hold, and no copy of them."""
         asks = bool(form.arguments or form.named or form.hidden)
         return form.name in SHARED_FORMS and self.is_built_in(form) and not asks and rows.groups is None
 
-    def shared(self, form: plan.Representation, rows: Rows, sizes: ValueSizes) -> Any:
+    def share_values(self, form: plan.Representation, rows: Rows, sizes: ValueSizes) -> Any:
         """Such a value.
 
         Nobody changes it in place, so a query of queries of queries of four rows each takes as long as its rows do:
@@ -132,11 +132,11 @@ class Representations:
         """
         make, columns, check = SHARED_FORMS[form.name], rows.columns, sizes.pause
         if rows.paths is None:
-            return sizes.checked(make(Table(columns, rows.rows or [], check=check)))
+            return sizes.check_value(make(Table(columns, rows.rows or [], check=check)))
         if form.name != "value":
-            sizes.room(CELL_SIZE * len(columns) * sum(iterate_with_check(measure_lengths(rows.paths), check)))
+            sizes.check_room(CELL_SIZE * len(columns) * sum(iterate_with_check(measure_lengths(rows.paths), check)))
         paths = iterate_checked_paths(map(list, rows.paths), check)
-        return sizes.checked([make(Table(columns, path, check=check)) for path in paths])
+        return sizes.check_value([make(Table(columns, path, check=check)) for path in paths])
 
     def _call_representation(
         self,
@@ -152,31 +152,31 @@ class Representations:
             shown = -form.hidden
             seen, told = [row[:shown] for row in own], [row[shown:] for row in own]
             table = Table(columns[:shown], seen, told, form.facts, form.labels, check)
-        given = {name: copy_for_python(value) for name, value in named.items()}
+        copies = {name: copy_for_python(value) for name, value in named.items()}
         try:
-            return self.functions[form.name](table, *map(copy_for_python, arguments), **given)
+            return self.functions[form.name](table, *map(copy_for_python, arguments), **copies)
         except Error as error:
-            raise error.located(form.span) from None
+            raise error.with_span(form.span) from None
         except TypeError as error:
             if error.__traceback__ is not None and error.__traceback__.tb_next is not None:
-                self._note(error, form)
+                self._add_place(error, form)
                 raise  # it was raised inside the function, not by the call of it
-            message = f"AS {form.name} {self._refused(form.name, len(arguments), str(error))}"
+            message = f"AS {form.name} {self._explain_refusal(form.name, len(arguments), str(error))}"
             raise RepresentationError("V001", message, form.span, (self._describe_usage(form.name),)) from error
         except Exception as error:
-            self._note(error, form)
+            self._add_place(error, form)
             raise
 
-    def _note(self, error: Exception, form: plan.Representation) -> None:
+    def _add_place(self, error: Exception, form: plan.Representation) -> None:
         """Says on an exception of the user where its representation is asked for."""
         note_place(error, form.name, [form.span] if form.span else [], "representation")
 
-    def _refused(self, name: str, given: int, reason: str) -> str:
+    def _explain_refusal(self, name: str, number: int, reason: str) -> str:
         """What is wrong with the arguments: Python counts the table, which nobody wrote, among them."""
         _, *parameters = signature(self.functions[name]).parameters.values()
         most = sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in parameters)
-        if given > most and not any(p.kind is p.VAR_POSITIONAL for p in parameters):
-            return f"takes {f'at most {most}' if most else 'no'} argument{'' if most == 1 else 's'}, not {given}"
+        if number > most and not any(p.kind is p.VAR_POSITIONAL for p in parameters):
+            return f"takes {f'at most {most}' if most else 'no'} argument{'' if most == 1 else 's'}, not {number}"
         return f"cannot take these arguments: {reason.partition('() ')[2] or reason}"
 
     def _describe_usage(self, name: str) -> str:
@@ -185,7 +185,7 @@ class Representations:
         names = [p.name if p.default is p.empty else f"[{p.name}]" for p in parameters]
         return f"it is called as AS {name}({', '.join(names)})" if names else "leave them out"
 
-    def asked(self) -> dict[str, str]:
+    def list_hidden_columns(self) -> dict[str, str]:
         """What representations ask for beside the columns, by name; see `asks`."""
         found = {name: getattr(function, HIDDEN_COLUMNS_ATTRIBUTE, "") for name, function in self.functions.items()}
         return {name: wanted for name, wanted in found.items() if wanted}
@@ -212,7 +212,6 @@ def expand_stars(query: plan.Query, rows: Rows, check: Check | None = None) -> R
 
 
 def _make_group_key(value: Any, form: plan.Representation) -> Any:
-    """The value of a group as a key of a dict."""
     own = copy_for_python(value)
     try:
         hash(own)

@@ -49,19 +49,19 @@ class CallMemo:
         self.limit = limit
         self.told_apart = False
 
-    def begin(self) -> tuple[Any, ...]:
-        """Empties the memo for one more execution and gives what it held, for `end`."""
+    def begin_execution(self) -> tuple[Any, ...]:
+        """Empties the memo for one more execution and gives what it held, for `end_execution`."""
         outer = (self.plain, self.exact, self.failures, self.calls, self.hits, self.told_apart)
         self.plain, self.exact, self.failures, self.calls, self.hits = {}, {}, {}, 0, 0
         return outer
 
-    def end(self, outer: tuple[Any, ...]) -> tuple[int, int]:
+    def end_execution(self, outer: tuple[Any, ...]) -> tuple[int, int]:
         """Puts back what the memo held before, and gives the numbers of calls and of hits."""
         counts = self.calls, self.hits
         self.plain, self.exact, self.failures, self.calls, self.hits, self.told_apart = outer
         return counts
 
-    def keep(self, arguments: tuple[Any, ...], result: Any) -> None:
+    def keep_result(self, arguments: tuple[Any, ...], result: Any) -> None:
         plain, exact = self.plain, self.exact
         if len(plain) + len(exact) >= self.limit:
             if not self.limit:

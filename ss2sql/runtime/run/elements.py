@@ -25,7 +25,7 @@ def list_elements(value: Any) -> list[Any]:
     if kind is list:
         return list(value)
     if isinstance(value, Frame):
-        return value.elements()
+        return value.list_dicts()
     if kind is dict and value and set(map(type, value.values())) == {list}:
         return _zip_columns(value)
     if kind not in PLAIN_TYPES and has_adapter(value.object if kind is Opaque else value):

@@ -43,14 +43,14 @@ class CodePage:
         self._lines.extend(f"{line}\n" for line in source.text.split("\n"))
         return first
 
-    def position(self, span: Span) -> Position:
+    def add_span(self, span: Span) -> Position:
         """The position that stands for the span; columns count bytes, as Python's do."""
         source = span.source
         first = self._first.get(id(source))
         if first is None:
             first = self._append_source(source)
-        line, column = source.line_column(span.start)
-        end_line, end_column = source.line_column(span.end)
+        line, column = source.find_line_column(span.start)
+        end_line, end_column = source.find_line_column(span.end)
         position = (
             first + line,
             first + end_line,
@@ -67,26 +67,26 @@ class CodePage:
 
     def note_call(self, span: Span, function: str) -> None:
         """Notes which function is called at the span, for the note on a user's exception."""
-        self._functions[self.position(span)] = function
+        self._functions[self.add_span(span)] = function
 
     def note_eval(self, span: Span) -> None:
         """Notes that the code of another page is called at the span."""
-        self._evals.add(self.position(span))
+        self._evals.add(self.add_span(span))
 
-    def span(self, position: Position) -> Span | None:
+    def find_span(self, position: Position) -> Span | None:
         """The span at a position; by its line alone where Python was told to forget columns."""
         found = self._spans.get(position)
         return found if found is not None or position[0] is None else self._by_line.get(position[0])
 
-    def function(self, position: Position) -> str:
+    def find_name(self, position: Position) -> str:
         """The function that is called at a position, or the name that is read there."""
-        span = self.span(position)
+        span = self.find_span(position)
         return self._functions.get(position) or (span.text if span and span.text.isidentifier() else "<script>")
 
     def is_eval_call(self, position: Position) -> bool:
         return position in self._evals
 
-    def show(self) -> None:
+    def show_in_traceback(self) -> None:
         """Hands the lines to Python's traceback."""
         linecache.cache[self.name] = (sum(map(len, self._lines)), None, self._lines, self.name)
 
@@ -102,18 +102,18 @@ def locate_error(error: Exception) -> Exception:
     if not trail:
         return error
     for page, _, _ in trail:
-        page.show()
+        page.show_in_traceback()
     page, position, innermost = trail[-1]
-    span = page.span(position)
+    span = page.find_span(position)
     if isinstance(error, NameError) and innermost and span is not None and span.text.isidentifier():
         error = _build_unset_error(span.text, error)  # any other name is one of generated code, and a mistake of ours
     if isinstance(error, Error):
         if not isinstance(error, Stopped):
-            error.located(span)
+            error.with_span(span)
             _add_eval_places(error, trail)
     else:
         evals = [place for place, _ in _iterate_evals(trail) if place != span]
-        note_place(error, page.function(position), [span] if span else [], evals=evals)
+        note_place(error, page.find_name(position), [span] if span else [], evals=evals)
     return error
 
 
@@ -144,7 +144,7 @@ def _add_eval_places(error: Error, trail: list[tuple[CodePage, Position, bool]])
 def _iterate_evals(trail: list[tuple[CodePage, Position, bool]]) -> Iterator[tuple[Span, str]]:
     """The evals around the place where a trail ends, innermost first, as an Error relates to them."""
     for page, position, _ in reversed(trail):
-        span = page.span(position)
+        span = page.find_span(position)
         if span is not None and page.is_eval_call(position):
             yield span, EVAL_LABEL
 

@@ -66,7 +66,7 @@ _ctrl_c = _CtrlC()
 
 def can_interrupt(frame: FrameType | None) -> bool:
     """Whether a run may end at once where it is: in code of the user, and in stages that only compute."""
-    if any(map(_loses_errors, _iterate_callers(frame))):
+    if any(map(_does_lose_errors, _iterate_callers(frame))):
         return False
     while frame is not None:
         name = frame.f_globals.get("__name__") or ""
@@ -88,7 +88,7 @@ def _iterate_callers(frame: FrameType | None) -> Iterator[FrameType]:
         frame = frame.f_back
 
 
-def _loses_errors(frame: FrameType) -> bool:
+def _does_lose_errors(frame: FrameType) -> bool:
     """Whether Python prints and forgets an error that leaves this frame."""
     code = frame.f_code
     return (
@@ -138,11 +138,11 @@ def without_keyboard_interrupt(work: Callable[P, T]) -> Callable[P, T]:
     """Decorator: what Ctrl-C does not break off in the middle."""
 
     @wraps(work)
-    def unbroken(*arguments: P.args, **named: P.kwargs) -> T:
+    def call_uninterrupted(*arguments: P.args, **named: P.kwargs) -> T:
         with defer_keyboard_interrupt():
             return work(*arguments, **named)
 
-    return unbroken
+    return call_uninterrupted
 
 
 def close_frames(error: BaseException) -> None:

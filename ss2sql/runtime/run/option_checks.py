@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from typing import Any
 
-from ss2sql.errors import SessionError, did_you_mean
+from ss2sql.errors import SessionError, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.runtime.run.run_state import measure_memory
 from ss2sql.runtime.run.value_sizes import MAX_SIZE, MIN_REMEMBERED_LIMIT
@@ -28,7 +28,7 @@ def check_word(what: str, words: Iterable[Any], known: Collection[str]) -> None:
         raise SessionError("S002", f"{what}s are named in a list, not {words!r}", hints=('write ["name", ...]',))
     for word in words:
         if word not in known:
-            raise SessionError("S002", f"there is no {what} {word!r}", hints=did_you_mean(str(word), known))
+            raise SessionError("S002", f"there is no {what} {word!r}", hints=suggest_names(str(word), known))
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Limits:
     max_steps: int | None = None
     max_output: int | None = None
 
-    def check(self) -> None:
+    def check_limits(self) -> None:
         """Raises SessionError S002 for limits that make no sense, or that cannot be kept here."""
         check_bound("max_size", self.max_size, MIN_REMEMBERED_LIMIT)
         if self.max_size is None or self.max_size > MAX_SIZE:

@@ -49,7 +49,7 @@ def check_probability(value: Any) -> Any:
 
 def is_proven(promised: Type, check: Callable[[Any], Any]) -> bool:
     """Whether the type of a value already says what the check would find."""
-    if not promised.only(Kind.NUMBER) or promised.low is None or promised.low < 0:
+    if not promised.is_only(Kind.NUMBER) or promised.low is None or promised.low < 0:
         return False
     return check is not check_probability or (promised.high is not None and promised.high <= 1)
 

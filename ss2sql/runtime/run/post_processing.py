@@ -38,7 +38,7 @@ class QueryForm:
     array_calls: int = 0
 
     @staticmethod
-    def of(
+    def for_query(
         query: plan.Query,
         aggregates: tuple[plan.Aggregate, ...],
         search: SearchForm | None = None,
@@ -70,14 +70,14 @@ class PostProcessing:
     def finish(self, found: Iterator[Any], results: list[Any], answer: Rows) -> None:
         """Fills `results`, and the groups of the answer where there are partitions."""
         if self.query.aggregated:
-            self._aggregate(found, results)
+            self._make_group_rows(found, results)
             return
         if self.query.search is None and not self.query.group:
-            self._in_order(found, results)
+            self._sort_flat_rows(found, results)
             return
         keys: list[Row] = []
         try:
-            results.extend(self._take_as_many(found))
+            results.extend(self._check_number(found))
         finally:
             keys += [key for _, key in results]
             results[:] = [result for result, _ in results]
@@ -93,29 +93,29 @@ class PostProcessing:
         if self.query.group:
             answer.groups = self._group_positions([keys[at] for at in places])
 
-    def _in_order(self, found: Iterator[Any], results: list[Any]) -> None:
+    def _sort_flat_rows(self, found: Iterator[Any], results: list[Any]) -> None:
         """ORDER BY of a flat query: its keys stand after the columns of its rows."""
         width, whole = len(self.form.columns), list[Row]()
         try:
-            whole.extend(self._take_as_many(found))
+            whole.extend(self._check_number(found))
             self._check_room(len(whole))
             columns = [list(map(itemgetter(width + number), whole)) for number in range(len(self.form.descending))]
-            whole = [whole[at] for at in self._places(len(whole), columns)[self.kept]]
+            whole = [whole[at] for at in self._sort_places(len(whole), columns)[self.kept]]
         finally:
             results += [row[:width] for row in whole]
 
     def _sort_results(self, results: list[Any], keys: list[Row]) -> list[Any]:
         columns = list(zip(*keys, strict=True)) or [()] * len(self.form.descending)
-        return [results[at] for at in self._places(len(results), columns)]
+        return [results[at] for at in self._sort_places(len(results), columns)]
 
-    def _places(self, count: int, columns: Sequence[Sequence[Any]]) -> list[int]:
+    def _sort_places(self, count: int, columns: Sequence[Sequence[Any]]) -> list[int]:
         """The places of results in the order of their keys; of those beyond LIMIT none may be there."""
         try:
             return sort_positions(count, columns, self.form.descending, self.end)
         except Error as error:
-            raise error.located(self.query.order[0].expr.span) from None
+            raise error.with_span(self.query.order[0].expr.span) from None
 
-    def _take_as_many(self, found: Iterator[Any]) -> Iterator[Any]:
+    def _check_number(self, found: Iterator[Any]) -> Iterator[Any]:
         """The results, if there are not too many, else one too many."""
         return found if self.most is None else islice(found, self.most + 1)
 
@@ -125,7 +125,7 @@ class PostProcessing:
 
     # --- groups ----------------------------------------------------------------------------------------
 
-    def _aggregate(self, found: Iterator[Any], results: list[Any]) -> None:
+    def _make_group_rows(self, found: Iterator[Any], results: list[Any]) -> None:
         """One row per group; HAVING, the columns and the keys of ORDER BY for one group after the other.
 
         Of a flat query `found` are the groups already, of a search the members of all groups.
@@ -209,7 +209,7 @@ def find_aggregates(query: plan.Query) -> list[plan.Aggregate]:
 
 def is_row_count(node: plan.Aggregate) -> bool:
     """Whether an aggregate is the number of rows, whatever their values are."""
-    return node.function == "count" and (node.argument is None or not node.argument.type.may(Kind.NONE))
+    return node.function == "count" and (node.argument is None or not node.argument.type.may_be(Kind.NONE))
 
 
 def make_aggregate(node: plan.Aggregate) -> Callable[[list[Any]], Any]:
@@ -218,7 +218,7 @@ def make_aggregate(node: plan.Aggregate) -> Callable[[list[Any]], Any]:
         return len
     assert node.argument is not None
     known, row = node.argument.type, GROUPS[node.function]
-    if known.may(Kind.NONE) or node.may_be_empty:
-        return row.of_group
+    if known.may_be(Kind.NONE) or node.may_be_empty:
+        return row.aggregate_group
     form = next((form for form in row.python if form.when([known])), None)
     return row.value if form is None or isinstance(form.text, str) else form.text

@@ -14,7 +14,7 @@ from ss2sql.errors import Cancelled, OutOfMemory, OutOfSteps, Timeout
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.rows import Rows
-from ss2sql.language.values import deep_copy
+from ss2sql.language.values import copy_deep
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.query_cache import QueryCaches
@@ -83,14 +83,14 @@ class Stats:
     def time_stage(self, stage: str, work: Callable[P, T]) -> Callable[P, T]:
         """Wraps a function so that the time of each call counts for a stage."""
 
-        def measured(*arguments: P.args, **named: P.kwargs) -> T:
+        def call_timed(*arguments: P.args, **named: P.kwargs) -> T:
             started = perf_counter()
             try:
                 return work(*arguments, **named)
             finally:
                 self.add_seconds(stage, started)
 
-        return measured
+        return call_timed
 
     def add_seconds(self, stage: str, started: float) -> None:
         """Adds the time since `started` to a stage."""
@@ -106,18 +106,18 @@ class Host(Protocol):
     @property
     def graphs(self) -> CachePolicy | None: ...
 
-    def variable(self, name: str, run: Run) -> Any: ...
-    def assign(self, name: str, value: Any) -> None: ...
-    def call(self, function: plan.Function, run: Run) -> Callable[..., Any]: ...
+    def get_variable(self, name: str, run: Run) -> Any: ...
+    def assign_variable(self, name: str, value: Any) -> None: ...
+    def get_callable(self, function: plan.Function, run: Run) -> Callable[..., Any]: ...
     def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]: ...
     def bind_late(self, name: str, literal: Any) -> None: ...
-    def temporal(self, name: str, when: float | None) -> Any: ...
+    def read_temporal(self, name: str, when: float | None) -> Any: ...
     def store_temporal(self, name: str, keep: Any, value: Any) -> None: ...
-    def shape(
+    def shape_rows(
         self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run
     ) -> Any: ...
     def read_table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]: ...
-    def integers(self, source: plan.TableSource, *places: int) -> list[Any] | None: ...
+    def read_integer_columns(self, source: plan.TableSource, *places: int) -> list[Any] | None: ...
 
 
 @dataclass(slots=True)
@@ -129,7 +129,7 @@ class RunBounds:
     memory_owner: str = "the run"  # what takes time and memory, in messages
     next_check_time: float = 0.0  # when to measure the memory again
 
-    def check(self) -> None:
+    def check_bounds(self) -> None:
         """Raises OutOfMemory or Timeout when it has to end."""
         if self.ceiling is not None and time.monotonic() >= self.next_check_time:
             if (measure_memory() or 0) > self.ceiling:
@@ -138,12 +138,10 @@ class RunBounds:
             self.next_check_time = time.monotonic() + LOOK_SECONDS
         if self.deadline is not None and time.monotonic() >= self.deadline:
             raise Timeout(
-                "T001",
-                f"{self.memory_owner} took longer than its timeout",
-                hints=("raise timeout=, or ask for less",),
+                "T001", f"{self.memory_owner} took longer than its timeout", hints=("raise timeout=, or ask for less",)
             )
 
-    def left(self) -> RemainingBounds:
+    def get_remaining(self) -> RemainingBounds:
         seconds = None if self.deadline is None else max(self.deadline - time.monotonic(), 0.0)
         size = None if self.ceiling is None else max(self.ceiling - (measure_memory() or 0), 0)
         return RemainingBounds(seconds, size, self.ceiling)
@@ -157,13 +155,13 @@ class RemainingBounds:
     size: int | None = None
     ceiling: int | None = None
 
-    def begin(self) -> Callable[[], None]:
+    def begin_reading(self) -> Callable[[], None]:
         """The check of a reading that begins now."""
         deadline = None if self.seconds is None else time.monotonic() + self.seconds
         ceiling = None
         if self.size is not None and self.ceiling is not None:
             ceiling = max(self.ceiling, (measure_memory() or 0) + self.size)
-        return RunBounds(deadline, ceiling, "the run with the reading of its result").check
+        return RunBounds(deadline, ceiling, "the run with the reading of its result").check_bounds
 
 
 @dataclass(slots=True)
@@ -223,36 +221,36 @@ class Run:
         """Raises Cancelled, Timeout, OutOfMemory or OutOfSteps when the run has to end."""
         if self.interrupted:
             raise Cancelled("T002", "the run was interrupted")
-        self.sizes.look()
+        self.sizes.raise_found()
         self.check_steps()
         if self.progress is not None:
-            self.progress.show()
-        self.bounds.check()
+            self.progress.show_line()
+        self.bounds.check_bounds()
 
-    def variable(self, name: str) -> Any:
+    def get_variable(self, name: str) -> Any:
         """The value of a script variable or of a parameter of this run."""
-        value = self.source(name)
-        return value.value() if isinstance(value, Frame) else value
+        value = self.get_source(name)
+        return value.make_value() if isinstance(value, Frame) else value
 
-    def source(self, name: str) -> Any:
+    def get_source(self, name: str) -> Any:
         """The same as it stands in FROM: a data frame stays one."""
         if name in self.arguments:
             return self.arguments[name]
         if name in self.handed:
             return self.handed[name]()
-        return self.host.variable(name, self)
+        return self.host.get_variable(name, self)
 
-    def assign(self, name: str, value: Any) -> Any:
+    def assign_variable(self, name: str, value: Any) -> Any:
         """Sets a script variable (or this run's parameter of that name) and gives the value back."""
         if name in self.arguments:
             self.arguments[name] = value
         else:
-            self.host.assign(name, self.own(value))
+            self.host.assign_variable(name, self.copy_for_keeping(value))
         return value
 
-    def own(self, value: Any) -> Any:
+    def copy_for_keeping(self, value: Any) -> Any:
         """The value for after the run: a copy where parts of it may be those of a list that the user may change."""
-        return deep_copy(value) if self.reads_user_objects else value
+        return copy_deep(value) if self.reads_user_objects else value
 
     @property
     def reads_user_objects(self) -> bool:

@@ -24,7 +24,7 @@ class KeptSteps(NamedTuple):
 
 def measure_lengths(paths: Sequence[Sequence[Row]]) -> Iterator[int]:
     """The number of rows of each path."""
-    return paths.lengths() if isinstance(paths, SearchPaths) else map(len, paths)
+    return paths.iterate_lengths() if isinstance(paths, SearchPaths) else map(len, paths)
 
 
 class SearchPaths(Sequence[list[Row]]):
@@ -49,27 +49,27 @@ class SearchPaths(Sequence[list[Row]]):
         self._places: dict[int, int] = {}  # of steps among all results, made when first needed
         self._idle: list[_PathWalk] = []  # stands where the path ends that was read last; another thread begins its own
 
-    def add(self, end: End) -> None:
+    def add_result(self, end: End) -> None:
         self._ends.append(end)
 
-    def extend(self, ends: Iterable[End]) -> None:
+    def add_results(self, ends: Iterable[End]) -> None:
         """More results; those that came before an error are kept."""
         self._ends.extend(ends)
 
-    def chosen(self, positions: Sequence[int]) -> SearchPaths:
+    def choose_paths(self, positions: Sequence[int]) -> SearchPaths:
         """The paths at these positions."""
         if isinstance(positions, range) and positions == range(len(self)):
             return self
         ends = [self._ends[position] for position in positions]
         return SearchPaths(self._kept, self._decode, ends, self._list_all_ends)
 
-    def cells(self) -> Iterator[list[Any]]:
+    def iterate_cells(self) -> Iterator[list[Any]]:
         """The paths, each as one flat list of values, row after row; nobody may change one before the last is made."""
         if self._kept is not None:
-            for path, row in self._read(self._ends, flat=True):
+            for path, row in self._read_paths(self._ends, flat=True):
                 yield [*path, *row]
             return
-        walk = self._walk(self._width)
+        walk = self._make_walk(self._width)
         steps: list[int] = []  # on the path that was made last; depth first, the next one grows from one of them
         made: list[list[Any]] = []
         for end in self._ends:
@@ -83,7 +83,7 @@ class SearchPaths(Sequence[list[Row]]):
             steps.append(end[0])
             made.append(cells)
 
-    def lengths(self) -> Iterator[int]:
+    def iterate_lengths(self) -> Iterator[int]:
         """The number of rows of each path, without putting it together: every step is looked at once."""
         known, parent_of = {0: 0}, self._parent_of
         for number, parent, *_ in self._ends:
@@ -110,7 +110,7 @@ class SearchPaths(Sequence[list[Row]]):
         del counts[0]
         return counts
 
-    def depth(self, most: int) -> tuple[int, bool]:
+    def measure_depth(self, most: int) -> tuple[int, bool]:
         """How far from the start the last result is, where every step is one; whether that is all, after `most` looks.
 
         A step has a greater number than its parent; breadth first the results are in the order of their numbers, depth
@@ -141,43 +141,42 @@ class SearchPaths(Sequence[list[Row]]):
     def __getitem__(self, position: slice) -> list[list[Row]]: ...
     def __getitem__(self, position: int | slice) -> list[Row] | list[list[Row]]:
         if isinstance(position, slice):
-            return [[*path, row] for path, row in self._read(self._ends[position], flat=False)]
+            return [[*path, row] for path, row in self._read_paths(self._ends[position], flat=False)]
         end = self._ends[position]
         try:
             walk = self._idle.pop()
         except IndexError:
-            walk = self._walk(0)
+            walk = self._make_walk(0)
         path = [*walk.collect_rows_before(end), end[2:]]
         self._idle = [walk]
         return path
 
     def __iter__(self) -> Iterator[list[Row]]:
-        for path, row in self._read(self._ends, flat=False):
+        for path, row in self._read_paths(self._ends, flat=False):
             yield [*path, row]
 
-    def _read(self, ends: Sequence[End], flat: bool) -> Iterator[tuple[list[Any], Row]]:
+    def _read_paths(self, ends: Sequence[End], flat: bool) -> Iterator[tuple[list[Any], Row]]:
         """For each result the rows before its own, as one list that changes from result to result, and its own."""
-        walk = self._walk(self._width if flat else 0)
+        walk = self._make_walk(self._width if flat else 0)
         known = self._kept is None  # then the last result may be the parent of the next one
         for end in ends:
             yield walk.collect_rows_before(end), end[2:]
             if known:
-                walk.follow(end[0], end[2:])
+                walk.add_step(end[0], end[2:])
 
-    def _walk(self, width: int) -> _PathWalk:
+    def _make_walk(self, width: int) -> _PathWalk:
         """A walk from path to path that gives cells, `width` of a row, or rows where that is 0."""
         if self._kept is None:
-            return _PathWalk(self._parent_of, lambda step: self._end(step)[2:], None, width)
+            return _PathWalk(self._parent_of, lambda step: self._get_end(step)[2:], None, width)
         decode = None if self._decode is tuple else self._decode
         return _PathWalk(self._parent_of, self._kept.rows.__getitem__, decode, width)
 
     @property
     def _parent_of(self) -> Callable[[int], int]:
         """What gives the number of a step's parent, 0 where it is the first."""
-        return (lambda step: self._end(step)[1]) if self._kept is None else self._kept.parents.__getitem__
+        return (lambda step: self._get_end(step)[1]) if self._kept is None else self._kept.parents.__getitem__
 
-    def _end(self, step: int) -> End:
-        """The result that a step is."""
+    def _get_end(self, step: int) -> End:
         if not self._places:
             self._places = {end[0]: place for place, end in enumerate(self._list_all_ends)}
         return self._list_all_ends[self._places[step]]
@@ -228,7 +227,7 @@ class _PathWalk:
         self._shared.extend(chain.from_iterable(decoded) if self._width else decoded)
         return self._shared
 
-    def follow(self, step: int, row: Row) -> None:
+    def add_step(self, step: int, row: Row) -> None:
         """One more step on the path, which is a result."""
         self._steps.append(step)
         if self._width:

@@ -21,7 +21,7 @@ def finish_rows(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]]
         try:
             order = sort_rows(list(order), [extras[index][1] for index in order], descending)
         except ExecutionError as error:
-            raise error.located(query.order[0].expr.span) from None
+            raise error.with_span(query.order[0].expr.span) from None
     if kept.stop is not None and not lowered.limited:
         order = list(order[kept])
     if query.group and not query.aggregated:
@@ -34,7 +34,7 @@ def finish_rows(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]]
             members.setdefault(key, []).append(position)
         sink.groups = [(make_group_key(shown[key]), positions) for key, positions in members.items()]
     if sink.paths is not None:
-        sink.paths = sink.paths.chosen(order) if isinstance(sink.paths, SearchPaths) else []
+        sink.paths = sink.paths.choose_paths(order) if isinstance(sink.paths, SearchPaths) else []
     elif not isinstance(order, range):
         assert sink.rows is not None
         sink.rows = [sink.rows[index] for index in order]

@@ -57,7 +57,7 @@ class ValueSizes:
 
     # --- what values are made with -------------------------------------------------------------------------
 
-    def checked(self, value: Any) -> Any:
+    def check_value(self, value: Any) -> Any:
         """The value, which was made just now. Raises ExecutionError X014 if it is too large, X004 if it is too deep."""
         kind = type(value)
         if kind is str:
@@ -66,7 +66,7 @@ class ValueSizes:
         elif (
             kind is list and (len(value) > SMALL_LENGTH or not _NESTING.isdisjoint(map(type, value)))
         ) or kind is dict:
-            self._check(value, self._measure([value]))
+            self._check_measure(value, self._measure_value([value]))
         return value
 
     def added(self, left: Any, right: Any) -> Any:
@@ -74,21 +74,21 @@ class ValueSizes:
         if type(left) is list and type(right) is list:
             result = left + right
             if len(result) > SMALL_LENGTH:
-                (size, depth), (more, other) = self._measure([left]), self._measure([right])
-                self._check(result, (size + more, max(depth, other)))
+                (size, depth), (more, other) = self._measure_value([left]), self._measure_value([right])
+                self._check_measure(result, (size + more, max(depth, other)))
                 return result
-            return result if _NESTING.isdisjoint(map(type, result)) else self.checked(result)
-        return self.checked(add_values(left, right))
+            return result if _NESTING.isdisjoint(map(type, result)) else self.check_value(result)
+        return self.check_value(add_values(left, right))
 
     def zipped(self, *lists: Any) -> Any:
         """`zip(a, b)`."""
         if not all(type(items) is list for items in lists):
             return zip_lists(*lists)  # which refuses it
         length = min(map(len, lists))
-        self.room(CELL_SIZE * (len(lists) + 1) * length)
-        measures = [self._measure([items if len(items) == length else items[:length]]) for items in lists]
+        self.check_room(CELL_SIZE * (len(lists) + 1) * length)
+        measures = [self._measure_value([items if len(items) == length else items[:length]]) for items in lists]
         result = zip_lists(*lists)
-        self._check(
+        self._check_measure(
             result, (CELL_SIZE * length + sum(size for size, _ in measures), 1 + max(deep for _, deep in measures))
         )
         return result
@@ -96,31 +96,31 @@ class ValueSizes:
     def numbers(self, *bounds: Any) -> Any:
         """`range(...)`."""
         if set(map(type, bounds)) <= {int, bool} and all(bounds[2:]):
-            self.room(CELL_SIZE * len(range(*bounds)[:RANGE_LIMIT]))
+            self.check_room(CELL_SIZE * len(range(*bounds)[:RANGE_LIMIT]))
         return make_range(*bounds)
 
     def replaced(self, value: Any, old: Any, new: Any) -> Any:
         """`replace(s, old, new)`."""
         if type(value) is type(old) is type(new) is str and old:
-            self.room(len(value) + value.count(old) * len(new), "a text")
-        return self.checked(replace_text(value, old, new))
+            self.check_room(len(value) + value.count(old) * len(new), "a text")
+        return self.check_value(replace_text(value, old, new))
 
     def joined(self, values: Any, separator: Any = "") -> Any:
         """`join(list, separator)`."""
         if type(values) is list and type(separator) is str:
-            self.room(len(separator) * len(values), "a text")
-        return self.checked(join_list(values, separator))
+            self.check_room(len(separator) * len(values), "a text")
+        return self.check_value(join_list(values, separator))
 
     def wrap_function(self, name: str, python: Callable[..., Any]) -> Callable[..., Any]:
         """A built-in function, whose results are measured where they may be larger than what it is given."""
         if name in MEASURED_FUNCTIONS:
             own: Callable[..., Any] = getattr(self, MEASURED_FUNCTIONS[name])
             return own
-        return (lambda *arguments: self.checked(python(*arguments))) if OPERATIONS[name].grows else python
+        return (lambda *arguments: self.check_value(python(*arguments))) if OPERATIONS[name].grows else python
 
     # --- measuring -----------------------------------------------------------------------------------------
 
-    def room(self, size: int, what: str = "a list") -> None:
+    def check_room(self, size: int, what: str = "a list") -> None:
         """Raises ExecutionError X014 if there is no room for a value of this size."""
         if size > self.limit:
             raise self.build_size_error(what)
@@ -129,12 +129,12 @@ class ValueSizes:
         """The size of rows and what came before them. Raises ExecutionError X014 if that is too large for a value."""
         size = before
         for start in range(0, len(rows), ITEMS_PER_CHECK):
-            size += self._measure(rows[start : start + ITEMS_PER_CHECK])[0]
+            size += self._measure_value(rows[start : start + ITEMS_PER_CHECK])[0]
             if size > self.limit:
                 raise self.build_size_error("the result of a query")
         return size
 
-    def _measure(self, level: Sequence[Any]) -> Measure:
+    def _measure_value(self, level: Sequence[Any]) -> Measure:
         """The size and the depth of lists, dicts or rows. Beyond the limits both are any that are beyond them.
 
         All that lie at one depth are looked at together, 0.05 us for each, where one by one it would be 0.6.
@@ -174,7 +174,7 @@ class ValueSizes:
                 break
         return unknown, size, depth
 
-    def _check(self, value: Any, measure: Measure) -> None:
+    def _check_measure(self, value: Any, measure: Measure) -> None:
         size, depth = measure
         if size > self.limit and not _is_small_value(value):
             raise self.build_size_error("a dict" if type(value) is dict else "a list")
@@ -197,9 +197,9 @@ class ValueSizes:
         except Exception:
             if self.refused is None:
                 raise
-        self.look()
+        self.raise_found()
 
-    def look(self) -> None:
+    def raise_found(self) -> None:
         """Raises what was found out where it could not be raised."""
         if self.refused is not None:
             error, self.refused = self.refused, None

@@ -127,7 +127,7 @@ def a_star_unique(problem: Problem) -> Iterator[Found]:
     expand, watch, found = problem.expand, problem.on_expand, problem.found
     best: dict[Any, Any] = {START: 0}  # the least total of a path to each key so far
     taken: dict[Any, Any] = {}  # those at which keys came out of the queue
-    given: set[Any] = set()
+    closed: set[Any] = set()
     queue: list[Any] = []
     number = highest = 0
     for state in problem.starts:
@@ -145,8 +145,8 @@ def a_star_unique(problem: Problem) -> Iterator[Found]:
         if guess > highest:
             highest = guess
         if not goes_on:
-            if key not in given:
-                given.add(key)
+            if key not in closed:
+                closed.add(key)
                 if guess < highest:
                     found(guess, highest)
                 yield (path[1],) if problem.last else collect_path(path), last

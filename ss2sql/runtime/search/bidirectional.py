@@ -35,8 +35,8 @@ class BackwardSearch:
         assert noted.goals is not None
         assert noted.before is not None
         self.search_run, self.items, self.before = search_run, items, noted.before
-        self.elements = list(map(noted.elements, items))
-        self.key = search_run.shapes.freeze
+        self.elements = list(map(noted.read_elements, items))
+        self.key = search_run.shapes.freeze_state
         self.depth = 0
         self.edges: dict[Hashable, list[tuple[int, int]]] = {}
         self.seen: set[Hashable] = set()
@@ -48,7 +48,7 @@ class BackwardSearch:
                 self.seen.add(key)
                 self.last.append(goal)
 
-    def grow(self) -> None:
+    def add_level(self) -> None:
         self.depth += 1
         depth, before, key_of, edges, seen = self.depth, self.before, self.key, self.edges, self.seen
         level: list[State] = []
@@ -73,12 +73,12 @@ class BackwardSearch:
         self.last = level
         self.search_run.stats.backward.append(GraphLevel(len(level), steps))
 
-    def knows_ways_on(self, depth: int) -> bool:
+    def has_all_states(self, depth: int) -> bool:
         """Whether the backward search has reached all states that so many steps from the start can have."""
         bound = self.search_run.bound
         return not self.last or (bound is not None and depth + self.depth >= bound)
 
-    def chosen(self, depth: int, elements: list[Any], state: State) -> list[Any]:
+    def choose_elements(self, depth: int, elements: list[Any], state: State) -> list[Any]:
         """The elements of a frozen state of that level from which the goal can be reached in time."""
         bound = self.search_run.bound
         assert bound is not None
@@ -116,8 +116,8 @@ def balance_backward_search(backward: BackwardSearch, depth: int, level: Sequenc
     new = set(level) - backward.met  # more than one row may lead to a state
     backward.met |= new
     try:
-        while not backward.knows_ways_on(depth) and len(backward.last) <= len(new):
-            backward.grow()
+        while not backward.has_all_states(depth) and len(backward.last) <= len(new):
+            backward.add_level()
             if most is not None and len(backward.seen) > most:
                 _note_failure(backward.search_run, f"more than max_rows={most} states lead to the goal")
                 return None

@@ -47,10 +47,10 @@ class RowGraph:
         nodes = len(self.rows) - 1
         return nodes if self.bound is None else min(nodes, self.bound)
 
-    def found(self, path: Sequence[int]) -> Found:
+    def make_result(self, path: Sequence[int]) -> Found:
         return [self.rows[self.targets[edge]] for edge in path], self.lasts[path[-1]] if self.lasts else None
 
-    def marks(self) -> list[Row] | None:
+    def list_marks(self) -> list[Row] | None:
         """For each edge the row that it leads to, where a result is nothing but its rows."""
         return None if self.lasts else list(map(self.rows.__getitem__, self.targets))
 

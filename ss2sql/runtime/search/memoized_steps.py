@@ -34,7 +34,7 @@ class StateSteps:
         self.error: Exception | None = None
         self.elements = 0
 
-    def walk(self) -> Iterator[Step]:
+    def walk_steps(self) -> Iterator[Step]:
         known, place = self.known, 0
         while True:
             while place < len(known):
@@ -72,7 +72,7 @@ class MemoizedSteps:
         """The function. When nobody has it any more, steps that are not known yet are given back to the counters."""
         return self._iterate_open_steps if self._compares else self._iterate_all_steps
 
-    def _steps(self, state: State) -> tuple[StateSteps | None, bool]:
+    def _get_steps(self, state: State) -> tuple[StateSteps | None, bool]:
         """The steps of a state, None where objects are in it, and whether somebody has begun to walk over them."""
         try:
             key = dumps(state, 2)
@@ -89,26 +89,26 @@ class MemoizedSteps:
 
     def _iterate_all_steps(self, state: State, closed: AbstractSet[Any]) -> Any:
         """The steps of a search that compares no rows."""
-        found, begun = self._steps(state)
+        found, begun = self._get_steps(state)
         if found is None:
             return self._expand(state, ())
         if found.rest is None:
             self._look(found.elements)
             return found.known
-        return self._walk(found, begun)
+        return self._walk_again(found, begun)
 
-    def _walk(self, found: StateSteps, begun: bool) -> Iterator[Step]:
-        yield from found.walk()
+    def _walk_again(self, found: StateSteps, begun: bool) -> Iterator[Step]:
+        yield from found.walk_steps()
         if begun:
             self._look(found.elements)
 
     def _iterate_open_steps(self, state: State, closed: AbstractSet[Any]) -> Any:
         """The steps to rows that are not on the path, which is the same whenever one of them is drawn."""
-        found, begun = self._steps(state)
+        found, begun = self._get_steps(state)
         if found is None:
             return self._expand(state, closed, ignore_key)
         if found.rest is not None:
-            return self._opened(found, begun, state, closed)
+            return self._walk_open(found, begun, state, closed)
         self._look(found.elements)
         steps = [step for step in found.known if step[1] not in closed]
         pruned = len(found.known) - len(steps)
@@ -118,25 +118,25 @@ class MemoizedSteps:
             self._prune(pruned)
         return steps
 
-    def _opened(self, found: StateSteps, begun: bool, state: State, closed: AbstractSet[Any]) -> Iterator[Step]:
+    def _walk_open(self, found: StateSteps, begun: bool, state: State, closed: AbstractSet[Any]) -> Iterator[Step]:
         """The same while they are evaluated.
 
         A step to a row on the path may fail, which the written order does not evaluate: then nothing is remembered.
         """
-        given = pruned = 0
+        generated = pruned = 0
         try:
-            for step in self._walk(found, begun):
+            for step in self._walk_again(found, begun):
                 if step[1] in closed:
                     pruned += 1
                 else:
-                    given += 1
+                    generated += 1
                     yield step
             pruned += sum(key in closed for key in found.dropped)
         except Stopped:
             raise
         except Exception:
             pruned = 0
-            yield from islice(self._expand(state, closed, ignore_key), given, None)
+            yield from islice(self._expand(state, closed, ignore_key), generated, None)
         finally:
             self._prune(pruned)
 

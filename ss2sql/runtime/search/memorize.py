@@ -38,22 +38,22 @@ def iterate_results(search_run: SearchRun, graph: RowGraph) -> Iterator[Found]:
     if not by_weight and first is None:
         return
     if first is not None:  # often the only one
-        rows, last = graph.found(first)
+        rows, last = graph.make_result(first)
         yield rows if thaw is None else thaw(rows), last
     if thaw is not None:
         graph.rows[1:] = thaw(graph.rows[1:])
     if by_weight:
-        yield from map(graph.found, enumerate_by_weight(graph, search_run.order == "probability"))
+        yield from map(graph.make_result, enumerate_by_weight(graph, search_run.order == "probability"))
         return
-    marks = graph.marks()
+    marks = graph.list_marks()
     others = islice(enumerate_by_length(graph, marks), 1, None)
-    yield from map(graph.found, others) if marks is None else zip(others, repeat(None))
+    yield from map(graph.make_result, others) if marks is None else zip(others, repeat(None))
 
 
 def build_graph(search_run: SearchRun) -> RowGraph:
     """The graph of the rows within `search_run.bound` steps."""
     if search_run.run.foreteller is not None:
-        search_run.run.foreteller.begin(search_run)
+        search_run.run.foreteller.begin_search(search_run)
     cache_policy = search_run.run.host.graphs
     memory = None if cache_policy is None else cache_policy.open_cached_graph(search_run)
     if memory is not None:
@@ -81,15 +81,17 @@ def _build_graph(search_run: SearchRun, notes: Notes | None, backward: BackwardS
         if backward is not None:
             backward = balance_backward_search(backward, depth, states)
         rows, edges, steps_before = len(graph.rows), len(graph.targets), search_run.stats.generated
-        leading = backward if backward and backward.knows_ways_on(depth) else None
+        leading = backward if backward and backward.has_all_states(depth) else None
         nodes: Nodes = level
-        choose: ChooseElements | None = None if leading is None else partial(leading.chosen, depth)
+        choose: ChooseElements | None = None if leading is None else partial(leading.choose_elements, depth)
         if notes is not None:
-            chosen = None if leading is None else [leading.chosen(depth, leading.items, state) for state in states]
+            chosen = (
+                None if leading is None else [leading.choose_elements(depth, leading.items, state) for state in states]
+            )
             notes.begin_level(states, chosen)
             choose = notes
             if search_run.run.foreteller is not None:
-                blocks = search_run.run.foreteller.blocks(states, notes, numbers)
+                blocks = search_run.run.foreteller.prefetch_blocks(states, notes, numbers)
                 nodes = (node for _, node in zip(blocks, level, strict=True))
         level = onward(graph, nodes, numbers, sys.maxsize if most is None else most + 1, choose)
         if most is not None and len(graph.rows) - 1 > most:

@@ -46,7 +46,7 @@ class KeyedMemorize:
     shapes: FrozenShapes
     shown: NotedSearch | None
 
-    def paths(self) -> Iterator[Found]:
+    def find_paths(self) -> Iterator[Found]:
         """The paths without a repeated key: shortest, cheapest or likeliest first, ties in source order.
 
         Only steps from which a goal is still reachable within the bound extend a path.
@@ -63,7 +63,7 @@ class KeyedMemorize:
             self.check()
             rank, places, path, keys, result = heappop(queue)
             if result:
-                yield self._found(path, thaw)
+                yield self._make_result(path, thaw)
                 continue
             if bound is not None and len(path) == bound:
                 continue
@@ -111,7 +111,7 @@ class KeyedMemorize:
             level, depth = following, depth + 1
         return nodes, roots
 
-    def _found(self, path: list[KeyedEdge], thaw: Thaw) -> Found:
+    def _make_result(self, path: list[KeyedEdge], thaw: Thaw) -> Found:
         """The result, with the rows of this path; a step belongs to many paths."""
         rows = list(thaw(edge.row for edge in path))
         last = path[-1].last
@@ -120,9 +120,7 @@ class KeyedMemorize:
         search, sources = self.query.search, len(self.query.sources)
         assert search is not None
         carried = {
-            place: self.problem.starts[0][place]
-            for place, (name, _) in enumerate(search.start)
-            if _carries_path_value(name)
+            place: self.problem.starts[0][place] for place, (name, _) in enumerate(search.start) if _is_path_value(name)
         }
         # A column that was not compared is that of the step, the others are those of the first step to the row.
         compared = search.key if search.by == "row" else ()
@@ -132,17 +130,17 @@ class KeyedMemorize:
             for place, value in carried.items():
                 state[place] = value
             last = (*edge.last[:sources], *state)
-            row, after = self._shown(last)
+            row, after = self._read_row(last)
             for place in kept:
                 row[place] = rows[number][place]
             rows[number] = tuple(row)
             carried = {place: after[place] for place in carried}
         return rows, last
 
-    def _shown(self, last: tuple[Any, ...]) -> tuple[list[Any], State]:
+    def _read_row(self, last: tuple[Any, ...]) -> tuple[list[Any], State]:
         assert self.shown is not None
         sources = self.shown.sources
-        before, notes = self.shapes.freeze(last[sources:]), Notes(self.shown)
+        before, notes = self.shapes.freeze_state(last[sources:]), Notes(self.shown)
         before += self.problem.starts[0][len(before) :]  # whether it is a start, where first steps have a condition
         notes.begin_level([before], [[last[:sources] if sources > 1 else last[0]]])
         for _ in self.shown.expand(before, (), notes):
@@ -155,12 +153,12 @@ class KeyedMemorize:
         return list(self.shown.row(note)), after
 
 
-def shows_path_values(search: plan.Search) -> bool:
+def has_path_rows(search: plan.Search) -> bool:
     """Whether the rows that are shown are those of one path."""
-    return any(_carries_path_value(name) for name, _ in search.start) or (search.by == "row" and bool(search.key))
+    return any(_is_path_value(name) for name, _ in search.start) or (search.by == "row" and bool(search.key))
 
 
-def _carries_path_value(variable: str) -> bool:
+def _is_path_value(variable: str) -> bool:
     """Whether a variable is carried for what a step says of its path."""
     return not variable.isidentifier()
 

@@ -9,8 +9,8 @@ queue find all paths of almost the same total before the first comes out. So the
 made exactly as the path would make it, by an A* search forwards from the total so far; what is lowered is
 only its estimate. Rounding never swaps two numbers, so of several ways to a node the best total stays best.
 
-None of this knows that the nodes of a path are in its own way, nor how many steps it may still take. `around` does, by
-a search for each path: dear, but less so than a great many paths that lead nowhere.
+None of this knows that the nodes of a path are in its own way, nor how many steps it may still take. `bound_around`
+does, by a search for each path: dear, but less so than a great many paths that lead nowhere.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class PathBounds:
         self.steps = 0  # edges that were looked at
         self._due = CHECK_EVERY
 
-    def onward(self, node: int, total: Any) -> Any:
+    def bound_onward(self, node: int, total: Any) -> Any:
         """The least total of a path that is at `node` with this total and takes at least one more step to a goal.
 
         The goal must be reachable. Nodes that the path has visited are not excluded.
@@ -61,7 +61,7 @@ class PathBounds:
 
     def _search_onward(self, node: int, total: Any) -> None:
         """Finds the best path to a goal, which gives the least total from each of its nodes."""
-        found = self._search(node, total, 0, (), limited=False)
+        found = self._search_around(node, total, 0, (), limited=False)
         assert found is not None
         least, remaining_path = found
         if len(self._known) > MAX_KNOWN:
@@ -71,16 +71,16 @@ class PathBounds:
             edge, remaining_path = remaining_path
             node, total = self.graph.targets[edge], self.combine(total, self.graph.weights[edge])
 
-    def around(
+    def bound_around(
         self, node: int, total: Any, taken: int, visited: Container[Hashable]
     ) -> tuple[Any, RemainingPath] | None:
         """The least total of a path that goes on from `node` around the nodes visited, and the rest of this path.
 
         The path has `taken` steps at `node`.
         """
-        return self._search(node, total, taken, visited, limited=self.graph.bound is not None)
+        return self._search_around(node, total, taken, visited, limited=self.graph.bound is not None)
 
-    def _search(
+    def _search_around(
         self, node: int, total: Any, taken: int, visited: Container[Hashable], limited: bool
     ) -> tuple[Any, RemainingPath] | None:
         """An A* search. With `limited`, a more expensive path to a node counts if it has fewer steps."""
@@ -95,7 +95,7 @@ class PathBounds:
             if any(other <= total and steps <= taken for other, steps in done.get(node, ())):
                 continue
             done.setdefault(node, []).append((total, taken))
-            self.look_at(node)
+            self.count_edges(node)
             steps = taken + limited
             for edge in graph.edges[node]:
                 target = graph.targets[edge]
@@ -109,7 +109,7 @@ class PathBounds:
                     heappush(queue, (estimate, True, target, further, steps, number, longer))
         return None
 
-    def look_at(self, node: int) -> None:
+    def count_edges(self, node: int) -> None:
         self.steps += 1 + len(self.graph.edges[node])
         if self.steps > self._due:
             self._due = self.steps + CHECK_EVERY

@@ -26,7 +26,7 @@ PATIENCE_FACTOR = 10  # 14,000 paths of Hanoi with 4 disks need 1.5, a crowded g
 
 def enumerate_by_length(graph: RowGraph, marks: Sequence[Any] | None = None) -> Iterator[list[Any]]:
     """The paths from the start to a goal as lists of edges, or of what `marks` has in place of each edge."""
-    return PathsByLength(graph, marks).paths()
+    return PathsByLength(graph, marks).find_paths()
 
 
 class PathsByLength:
@@ -43,15 +43,15 @@ class PathsByLength:
         """How many edges were looked at."""
         return self.distance_walks.steps + (self.careful.steps if self.careful else 0)
 
-    def paths(self) -> Iterator[list[Any]]:
+    def find_paths(self) -> Iterator[list[Any]]:
         """The paths from the start to a goal as lists of marks."""
         quick = self.distance_walks
-        length = quick.first()
+        length = quick.get_shortest()
         while length <= self.graph.longest:
-            yield from quick.paths(length)
+            yield from quick.find_paths(length)
             if quick.lost:
                 self.careful = SimplePathWalks(self.graph, self.marks)
-                yield from islice(self.careful.paths(length), quick.given, None)
+                yield from islice(self.careful.find_paths(length), quick.found_count, None)
                 return
             length = quick.longer
 
@@ -70,19 +70,19 @@ class DistanceWalks:
         self.patience = PATIENCE_FACTOR * (len(graph.rows) + len(graph.targets))
         self.trusted = self.patience  # how many steps may be taken before the next path
         self.lost = False
-        self.given = 0  # paths of this length
+        self.found_count = 0  # paths of this length
 
-    def first(self) -> int:
+    def get_shortest(self) -> int:
         return min(self.even[0], self.odd[0])
 
-    def paths(self, length: int) -> Iterator[list[Any]]:
+    def find_paths(self, length: int) -> Iterator[list[Any]]:
         """The paths of this length as lists of marks; `longer` is then the next possible length.
 
-        Sets `lost` and ends after `given` edges without a path.
+        Sets `lost` and ends after `found_count` edges without a path.
         """
         self.graph.check()
         self.longer = UNREACHABLE
-        self.given = turns = 0
+        self.found_count = turns = 0
         goals, edges = self.graph.goals, self.edges
         distances = (self.even, self.odd)
         visited = bytearray(len(goals))
@@ -98,7 +98,7 @@ class DistanceWalks:
                 if not left:
                     if goals[node]:
                         self.trusted = self.steps + self.patience
-                        self.given += 1
+                        self.found_count += 1
                         yield [*path, mark]
                     if self.longer > length + 1:
                         self._note_longer_walk(node, length)
@@ -109,7 +109,7 @@ class DistanceWalks:
                     stack.append(iter(edges[node] or self._list_edges(node)))
                     break
                 elif self.longer > length + 1:
-                    self._note(node, length - left, left)
+                    self._note_bound(node, length - left, left)
             else:
                 stack.pop()
                 if nodes:
@@ -134,9 +134,9 @@ class DistanceWalks:
     def _note_longer_walk(self, node: int, depth: int) -> None:
         """Notes the length of the shortest walk that goes on from the last node."""
         for _, following in self.edges[node] or self._list_edges(node):
-            self._note(following, depth + 1, -1)
+            self._note_bound(following, depth + 1, -1)
 
-    def _note(self, node: int, depth: int, left: int) -> None:
+    def _note_bound(self, node: int, depth: int, left: int) -> None:
         """Notes the least length of a walk with more than `left` steps after the `depth` ones to the node."""
         for parity, distances in enumerate((self.even, self.odd)):
             further = distances[node]

@@ -32,7 +32,7 @@ def enumerate_by_weight(graph: RowGraph, likeliest: bool) -> Iterator[Sequence[i
     return (
         enumerate_by_length(graph)
         if _is_ordered_by_length(graph, likeliest)
-        else PathsByWeight(graph, likeliest).paths()
+        else PathsByWeight(graph, likeliest).find_paths()
     )
 
 
@@ -58,15 +58,15 @@ class PathsByWeight:
         """How many edges were looked at."""
         return self.bounds.steps
 
-    def paths(self) -> Iterator[Sequence[int]]:
+    def find_paths(self) -> Iterator[Sequence[int]]:
         """The paths from the start to a goal as lists of edges."""
-        given = 0
+        found_count = 0
         for path in self._iterate_paths(by_search=False):
             yield path
-            given += 1
+            found_count += 1
         if self.lost:
             # What waits in the queue are mostly ways that lead nowhere.
-            yield from islice(self._iterate_paths(by_search=True), given, None)
+            yield from islice(self._iterate_paths(by_search=True), found_count, None)
 
     def _iterate_paths(self, by_search: bool) -> Iterator[Sequence[int]]:
         """The paths; without `by_search` it sets `lost` and ends after too many dead ends."""
@@ -84,19 +84,19 @@ class PathsByWeight:
                 continue
             trail.move_to(place)
             if by_search and remaining_path is None:
-                known = bounds.around(node, total, len(path), trail.keys)
+                known = bounds.bound_around(node, total, len(path), trail.keys)
                 if known is not None:
                     heappush(queue, (known[0], path, True, total, node, place, known[1]))
                 continue
-            self._go_on(queue, trail, entry)
+            self._extend_path(queue, trail, entry)
             if not by_search and bounds.steps > trusted:
                 self.lost = True
                 return
 
-    def _go_on(self, queue: list[QueueEntry], trail: PathKeys, entry: QueueEntry) -> None:
+    def _extend_path(self, queue: list[QueueEntry], trail: PathKeys, entry: QueueEntry) -> None:
         graph, bounds = self.graph, self.bounds
         bound, path, _, total, node, place, remaining_path = entry
-        bounds.look_at(node)
+        bounds.count_edges(node)
         depth = len(path) + 1
         for edge in graph.edges[node]:
             target = graph.targets[edge]
@@ -108,5 +108,5 @@ class PathsByWeight:
             if depth + bounds._edge_distances[target] <= graph.longest:
                 there = (place, (), target, depth)
                 known = remaining_path[1] if remaining_path is not None and remaining_path[0] == edge else None
-                least = bounds.onward(target, reached) if known is None else bound
+                least = bounds.bound_onward(target, reached) if known is None else bound
                 heappush(queue, (least, longer, True, reached, target, there, known))

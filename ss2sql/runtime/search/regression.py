@@ -188,8 +188,8 @@ def _invert_expression(query: plan.Query, step: plan.Expr, whole: plan.Expr, aft
                 raise _NotReversibleError(f"'{function.name}' has no inverse: register it with inverse=")
             place = [at for at, argument in enumerate(arguments) if not _is_constant_state(query, argument)]
             if len(place) == 1 and arguments[place[0]] == whole:
-                given = (*arguments[: place[0]], after, *arguments[place[0] + 1 :])
-                return replace(step, function=function.inverted(), arguments=given)
+                inverted = (*arguments[: place[0]], after, *arguments[place[0] + 1 :])
+                return replace(step, function=function.make_inverse(), arguments=inverted)
     raise _NotReversibleError("CONNECT BY is neither a call of a function with an inverse nor a sum of whole numbers")
 
 
@@ -198,7 +198,7 @@ def _is_constant_state(query: plan.Query, expr: plan.Expr) -> bool:
 
 
 def _is_int(expr: plan.Expr) -> bool:
-    return expr.type.only(Kind.INT)
+    return expr.type.is_only(Kind.INT)
 
 
 def _make_call(step: plan.Call, name: str, left: plan.Expr, right: plan.Expr) -> plan.Call:

@@ -56,7 +56,7 @@ class SimplePathWalks:
         self._known: list[int] = []  # a way to a goal from the last node of the path, backwards
         self._known_bounds: PathBranch | None = None
 
-    def paths(self, length: int) -> Iterator[list[Any]]:
+    def find_paths(self, length: int) -> Iterator[list[Any]]:
         """The paths of at least this length as lists of the marks of their edges."""
         root = self._make_branch(0, 1)
         while length < UNREACHABLE:
@@ -79,7 +79,7 @@ class SimplePathWalks:
                 kid = branch.child_branches.get(at) or self._enter_branch(branch, at, len(path) + 1, length)
                 if kid is None:
                     continue
-                self._look_at(kid.node)
+                self._count_edges(kid.node)
                 visited[kid.node] = 1
                 path.append(marks[branch.node][at])
                 above.append((branch, rest, at))
@@ -117,7 +117,7 @@ class SimplePathWalks:
         if self._known_bounds is branch and self._known[-1:] == [node]:
             self._known.pop()
         else:
-            reached, remaining_path = self._around(node, depth)
+            reached, remaining_path = self._find_path_around(node, depth)
             if reached > length:
                 branch.bounds[at] = reached
                 return None
@@ -128,7 +128,7 @@ class SimplePathWalks:
             self.kept += 1
         return kid
 
-    def _around(self, start: int, depth: int) -> tuple[int, list[int]]:
+    def _find_path_around(self, start: int, depth: int) -> tuple[int, list[int]]:
         """The length of the shortest path that goes on from `start`, its node after `depth` steps, and its other nodes.
 
         The nodes are in reverse order. An A* search whose estimate is the distance.
@@ -147,7 +147,7 @@ class SimplePathWalks:
                     last = before[last]
                 return -taken, remaining_path
             before[node] = last
-            self._look_at(node)
+            self._count_edges(node)
             for target in targets[node]:
                 if not visited[target] and target not in before:
                     bound = 1 - taken + near[target]
@@ -155,7 +155,7 @@ class SimplePathWalks:
                         heappush(queue, (bound, taken - 1, target, node))
         return UNREACHABLE, []
 
-    def _look_at(self, node: int) -> None:
+    def _count_edges(self, node: int) -> None:
         self.steps += 1 + len(self.targets[node])
         if self.steps > self._due:
             self._due = self.steps + CHECK_EVERY

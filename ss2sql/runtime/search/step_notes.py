@@ -41,11 +41,11 @@ class Places(NamedTuple):
 class NotedSearch:
     """A search whose steps are noted.
 
-    `expand(state, closed, notes)` is the step function, see runtime/search/step_contract.py; it asks `notes.known()`
-    for the pairs of the state, and where there are none `notes.begin(elements)`. `goals(start)` and `before(last)` go
-    backwards, where that is possible: the states at the goal, the state before a step. `probable`: the weight is a
-    probability. `plain`: all elements are values. `row(note)` is the row of a step that was asked, `after(note,
-    before)` the state after it, None where CONNECT BY was not evaluated.
+    `expand(state, closed, notes)` is the step function, see runtime/search/step_contract.py; it asks
+    `notes.get_known_pairs()` for the pairs of the state, and where there are none `notes.begin_state(elements)`.
+    `goals(start)` and `before(last)` go backwards, where that is possible: the states at the goal, the state before a
+    step. `probable`: the weight is a probability. `plain`: all elements are values. `row(note)` is the row of a step
+    that was asked, `after(note, before)` the state after it, None where CONNECT BY was not evaluated.
     """
 
     expand: Callable[[State, Container[Any], Any], Iterator[Step]]
@@ -60,11 +60,11 @@ class NotedSearch:
     after: Callable[[Note, State], State | None]
     nothing: Note
 
-    def blank(self) -> Note:
+    def make_blank_note(self) -> Note:
         """A note of which nothing is known."""
         return self.nothing.copy()
 
-    def elements(self, item: Any) -> tuple[Any, ...]:
+    def read_elements(self, item: Any) -> tuple[Any, ...]:
         """The elements of all sources."""
         return item if self.sources > 1 else (item,)
 
@@ -82,7 +82,7 @@ def make_noted_search(
     states = places.states
     take, whole = _make_getter(places.rows), None if None in states else _make_getter(states)
 
-    def after(note: Note, before: State) -> State | None:
+    def read_next_state(note: Note, before: State) -> State | None:
         if whole is not None:
             found = whole(note)
         else:
@@ -93,7 +93,7 @@ def make_noted_search(
         return found
 
     nothing = [*[UNSET] * places.size, False]
-    return NotedSearch(expand, goals, before, places, probable, sources, plain, take, after, nothing)
+    return NotedSearch(expand, goals, before, places, probable, sources, plain, take, read_next_state, nothing)
 
 
 def _make_getter(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
@@ -116,21 +116,23 @@ class Notes:
     def begin_level(self, states: Sequence[State], chosen: Sequence[list[Any]] | None = None) -> None:
         """Other states, frozen; `chosen` are the elements that are tried, where that is known."""
         self.at = -1
-        self.pairs = [None for _ in states] if chosen is None else [self.paired(*one) for one in enumerate(chosen)]
+        self.pairs = (
+            [None for _ in states] if chosen is None else [self.pair_elements(*one) for one in enumerate(chosen)]
+        )
 
-    def known(self) -> list[Pair] | None:
+    def get_known_pairs(self) -> list[Pair] | None:
         """The pairs of the next state, as far as there are."""
         self.at += 1
         return self.pairs[self.at]
 
-    def begin(self, items: list[Any]) -> list[Pair]:
+    def begin_state(self, items: list[Any]) -> list[Pair]:
         """The pairs of this state, whose elements are these."""
-        found = self.pairs[self.at] = self.paired(self.at, items)
+        found = self.pairs[self.at] = self.pair_elements(self.at, items)
         return found
 
-    def paired(self, at: int, items: list[Any]) -> list[Pair]:
+    def pair_elements(self, at: int, items: list[Any]) -> list[Pair]:
         """The same for the elements of one of the states."""
-        return [(self.noted.blank(), item) for item in items]
+        return [(self.noted.make_blank_note(), item) for item in items]
 
 
 def list_elements(noted: NotedSearch, start: State) -> list[Any]:
@@ -147,9 +149,9 @@ class Elements(Notes):
     counted = 0
     items: list[Any]
 
-    def known(self) -> None:
+    def get_known_pairs(self) -> None:
         return None
 
-    def begin(self, items: list[Any]) -> list[Pair]:
+    def begin_state(self, items: list[Any]) -> list[Pair]:
         self.items = items
         return []

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from ss2sql.language import plan
 from ss2sql.language.frozen_values import FrozenRow, State, thaw_value
 from ss2sql.language.step_identity import write_expr
-from ss2sql.language.values import deep_copy
+from ss2sql.language.values import copy_deep
 from ss2sql.runtime.search.step_contract import Found, Problem, Step
 
 
@@ -48,20 +48,20 @@ class Trace:
         self._count = 0
         self._latest: Event | None = None  # of the step that was generated just now
 
-    def add(self, word: str, state: Any, row: FrozenRow | None, g: Any = None, h: Any = None) -> Event:
+    def add_event(self, word: str, state: Any, row: FrozenRow | None, g: Any = None, h: Any = None) -> Event:
         """The first event of a step, or of a start where there is no step `here`."""
         parent, depth = (None, 0) if self.here is None else (self.here.n, self.here.depth + 1)
         shown = dict(zip(self.names, map(thaw_value, row), strict=False)) if row else None
         event = self._latest = Event(self._count, parent, depth, word, state, shown, g, h)
         self._count += 1
-        self._note(event)
+        self._append_event(event)
         return event
 
-    def leave(self, word: str, row: FrozenRow | None) -> None:
+    def note_dropped(self, word: str, row: FrozenRow | None) -> None:
         """A step leaves no trace in the search; the step function says so."""
-        self.add(word, None, row)
+        self.add_event(word, None, row)
 
-    def again(self, word: str, event: Event) -> None:
+    def repeat_event(self, word: str, event: Event) -> None:
         """One more event of a step.
 
         A step that repeats another and was generated just now has not entered the frontier: this is its first event.
@@ -71,22 +71,22 @@ class Trace:
                 self.events[-1] = event._replace(event=word)
             return
         self._latest = None
-        self._note(event._replace(event=word))
+        self._append_event(event._replace(event=word))
 
-    def reach(self, event: Event, stops: bool) -> None:
+    def note_result(self, event: Event, stops: bool) -> None:
         """The path of a step is a result."""
-        self.again("goal", event)
+        self.repeat_event("goal", event)
         if stops:
-            self.again("stopped", event)
+            self.repeat_event("stopped", event)
 
-    def _note(self, event: Event) -> None:
+    def _append_event(self, event: Event) -> None:
         self.total += 1
         if len(self.events) < self.most:
             self.events.append(event)
 
-    def keep(self) -> None:
+    def copy_values(self) -> None:
         """Makes the events independent of values that somebody else may change."""
-        self.events = [event._replace(state=deep_copy(event.state), row=deep_copy(event.row)) for event in self.events]
+        self.events = [event._replace(state=copy_deep(event.state), row=copy_deep(event.row)) for event in self.events]
 
 
 class TracedState(tuple[Any, ...]):
@@ -114,15 +114,15 @@ class TracedSearch:
         self._expand, self._likeliest = problem.expand, problem.likeliest
         trace.names = name_row_values(query)
         starts = list(map(TracedState, problem.starts))
-        self.problem = replace(problem, starts=starts, expand=self.expand, outdated=self.outdated)
+        self.problem = replace(problem, starts=starts, expand=self.expand_state, outdated=self.note_outdated)
 
-    def expand(self, state: Any, *more: Any) -> Iterator[Step]:
+    def expand_state(self, state: Any, *more: Any) -> Iterator[Step]:
         trace, here = self.trace, state.event
         if here is None:
             trace.here = None
             nothing = None if self.search.weight is None else -1 if self._likeliest else 0
-            here = trace.add("generated", self._named(state), None, self._shown(nothing))
-        trace.again("expanded", here)
+            here = trace.add_event("generated", self._name_variables(state), None, self._show_total(nothing))
+        trace.repeat_event("expanded", here)
         steps = self._expand(state, *more)
         while True:
             trace.here = here
@@ -131,38 +131,38 @@ class TracedSearch:
                 return
             row, key, goal, goes_on, after, weight, estimate, last = step
             if goal is None:  # an edge to a row that is known
-                trace.add("repeated", None, row)
+                trace.add_event("repeated", None, row)
                 yield step
                 continue
-            g = self._shown(weight) if self.totals or weight is None else here.g + weight
+            g = self._show_total(weight) if self.totals or weight is None else here.g + weight
             if self._likeliest and not self.totals:
                 g = here.g * weight
             reached = TracedState(after or ())
-            event = reached.event = trace.add("generated", self._named(after), row, g, estimate)
+            event = reached.event = trace.add_event("generated", self._name_variables(after), row, g, estimate)
             if not self.is_memorize:
                 last = TraceToken(event, not goes_on, last)
             elif goal:  # the paths come when the graph is there
-                trace.reach(event, not goes_on)
+                trace.note_result(event, not goes_on)
             yield row, key, goal, goes_on, reached, weight, estimate, last
 
-    def outdated(self, state: Any, token: TraceToken | None) -> None:
+    def note_outdated(self, state: Any, token: TraceToken | None) -> None:
         """A step leads to what another one has reached as well."""
-        self.trace.again("repeated", state.event if token is None else token.event)
+        self.trace.repeat_event("repeated", state.event if token is None else token.event)
 
-    def found(self, results: Iterator[Found]) -> Iterator[Found]:
+    def strip_traces(self, results: Iterator[Found]) -> Iterator[Found]:
         """The results as they are without a trace."""
         for path, token in results:
             if self.is_memorize:
                 yield path, token
             else:
-                self.trace.reach(token.event, token.stops)
+                self.trace.note_result(token.event, token.stops)
                 yield path, token.last
 
-    def _shown(self, total: Any) -> Any:
+    def _show_total(self, total: Any) -> Any:
         """A total as the script has it; likelihoods are multiplied from -1."""
         return -total if self._likeliest and total is not None else total
 
-    def _named(self, state: State | None) -> dict[str, Any] | None:
+    def _name_variables(self, state: State | None) -> dict[str, Any] | None:
         """The START WITH variables by name; what the search carries beside them has no name."""
         if not state:
             return None

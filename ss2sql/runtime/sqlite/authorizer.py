@@ -41,15 +41,15 @@ class Authorizer:
         lock_down_connection(connection)
         connection.authorizer = self._authorize_action
 
-    def scalar(self, name: str, function: Callable[..., Any], arguments: int = -1) -> None:
+    def add_scalar(self, name: str, function: Callable[..., Any], arguments: int = -1) -> None:
         self.connection.create_scalar_function(name, function, arguments)
         self.functions.add(name.lower())
 
-    def aggregate(self, name: str, factory: Callable[[], Any]) -> None:
+    def add_aggregate(self, name: str, factory: Callable[[], Any]) -> None:
         self.connection.create_aggregate_function(name, factory)
         self.functions.add(name.lower())
 
-    def execute(self, text: str, values: Mapping[str, Any], cursor: apsw.Cursor | None = None) -> apsw.Cursor:
+    def execute_reading(self, text: str, values: Mapping[str, Any], cursor: apsw.Cursor | None = None) -> apsw.Cursor:
         """The cursor on the rows of one statement that only reads. Raises apsw.Error for anything else."""
         cursor = cursor or self.connection.cursor()
         cursor.exec_trace = self._check_prepared_statement

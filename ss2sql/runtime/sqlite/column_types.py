@@ -21,13 +21,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type
 from ss2sql.language.operations.intervals import MAX, widen_bounds
 
-_KINDS = {
-    "null": Kind.NONE,
-    "integer": Kind.INT,
-    "real": Kind.FLOAT,
-    "text": Kind.STR,
-    "blob": Kind.OBJECT,
-}
+_KINDS = {"null": Kind.NONE, "integer": Kind.INT, "real": Kind.FLOAT, "text": Kind.STR, "blob": Kind.OBJECT}
 NUMBER = Kind.INT | Kind.FLOAT
 STORED = NUMBER | Kind.NONE | Kind.STR | Kind.OBJECT
 # As of two million steps, which take 0.05 s: some 150,000 rows of a view of four columns.
@@ -105,18 +99,18 @@ def infer_view_types(
 def _limit_steps(connection: apsw.Connection) -> Iterator[None]:
     left = TIMES
 
-    def count() -> bool:
+    def count_step() -> bool:
         nonlocal left
         left -= 1
         if left < 0:
             raise _TooManyStepsError
         return False
 
-    connection.set_progress_handler(count, EVERY, id=count)
+    connection.set_progress_handler(count_step, EVERY, id=count_step)
     try:
         yield
     finally:
-        connection.set_progress_handler(None, id=count)
+        connection.set_progress_handler(None, id=count_step)
 
 
 # --- the first look ------------------------------------------------------------------------------------
@@ -190,9 +184,9 @@ def _do_index_ends_suffice(column: TableColumn, kinds: Kind) -> bool:
 def _iterate_gap_conditions(column: TableColumn, allowed: Type) -> Iterator[str]:
     """Conditions for values that a column does not have, each a stretch of an index: None, numbers, text, BLOBs."""
     name = column.quoted
-    if not allowed.may(Kind.NONE):
+    if not allowed.may_be(Kind.NONE):
         yield f"{name} IS NULL"
-    if not allowed.may(NUMBER):
+    if not allowed.may_be(NUMBER):
         yield f"{name} < ''"
     else:
         low, high = _write_bounds(allowed)
@@ -200,9 +194,9 @@ def _iterate_gap_conditions(column: TableColumn, allowed: Type) -> Iterator[str]
             yield f"{name} < {low}"
         if high is not None:
             yield f"{name} > {high} AND {name} < ''"
-    if not allowed.may(Kind.STR):
+    if not allowed.may_be(Kind.STR):
         yield f"{name} >= '' AND {name} < x''"
-    if not allowed.may(Kind.OBJECT):
+    if not allowed.may_be(Kind.OBJECT):
         yield f"{name} >= x''"
 
 
@@ -210,27 +204,27 @@ def _write_type_test(column: TableColumn, allowed: Type) -> str:
     """The condition that a value is of a type. The + has SQLite compare values as they are, whatever is declared."""
     name = f"+{column.quoted}"
     parts = []
-    if allowed.may(NUMBER):
+    if allowed.may_be(NUMBER):
         low, high = _write_bounds(allowed)
         number = [] if low is None else [f"{name} >= {low}"]
         number += [f"{name} < ''"] if high is None else [f"{name} <= {high}"]
-        if not allowed.may(Kind.FLOAT):
+        if not allowed.may_be(Kind.FLOAT):
             number.append(f"typeof({column.quoted}) = 'integer'")
-        if not (allowed.may(Kind.INT) or column.real):
+        if not (allowed.may_be(Kind.INT) or column.real):
             number.append(f"typeof({column.quoted}) = 'real'")
         parts.append(" AND ".join(number))
-    if allowed.may(Kind.STR):
+    if allowed.may_be(Kind.STR):
         parts.append(f"{name} >= '' AND {name} < x''")
-    if allowed.may(Kind.OBJECT):
+    if allowed.may_be(Kind.OBJECT):
         parts.append(f"{name} >= x''")
-    if allowed.may(Kind.NONE):
+    if allowed.may_be(Kind.NONE):
         parts.append(f"{name} IS NULL")
     return " OR ".join(parts) or "FALSE"
 
 
 def _write_bounds(allowed: Type) -> tuple[str | None, str | None]:
     """The bounds of numbers as SQL. In a column of numbers alone, an infinity breaks what is known."""
-    finite = allowed.may(Kind.FLOAT) and not allowed.may(Kind.STR | Kind.OBJECT)
+    finite = allowed.may_be(Kind.FLOAT) and not allowed.may_be(Kind.STR | Kind.OBJECT)
     low = -MAX if allowed.low is None and finite else allowed.low
     high = MAX if allowed.high is None and finite else allowed.high
     return _write_literal(low), _write_literal(high)

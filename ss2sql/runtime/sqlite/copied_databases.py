@@ -26,7 +26,7 @@ class CopiedDatabase:
         self._seen: tuple[Any, ...] | None = None
         self.stale = True
 
-    def refresh(self) -> bool:
+    def refresh_copy(self) -> bool:
         """Copies the database where it is `stale` and may have changed; gives whether it did so.
 
         Raises SessionError S004 in another thread than that of the connection, S002 where it is closed.
@@ -34,7 +34,7 @@ class CopiedDatabase:
         if not self.stale:
             return False
         try:
-            now = self._state()
+            now = self._read_state()
             self.stale = False
             if now == self._seen and not self.source.in_transaction:  # a ROLLBACK changes nothing that is counted
                 return False
@@ -50,7 +50,7 @@ class CopiedDatabase:
         self._seen = now
         return True
 
-    def _state(self) -> tuple[Any, ...]:
+    def _read_state(self) -> tuple[Any, ...]:
         pragmas = [self.source.execute(f"PRAGMA {name}").fetchall() for name in ("data_version", "schema_version")]
         return (*pragmas, self.source.total_changes, self.source.in_transaction)
 

@@ -80,7 +80,7 @@ class KnownTable:
         """The columns that are read; those of the primary key, which sorts rows, always are."""
         return [one for one in self.columns if read is None or one.name in read or one.name in self.keys]
 
-    def look(
+    def find_types(
         self,
         types_of: Callable[[apsw.Connection, str, Sequence[TableColumn], Mapping[str, Type]], dict[str, Type]],
         connection: apsw.Connection,
@@ -92,9 +92,9 @@ class KnownTable:
             self.types.update(before.types)
         table = f"{quote_name(self.source.schema)}.{quote_name(self.source.table)}"
         of_now = {name for name, (version, _) in self.types.items() if version is not None and version == self.version}
-        asked = [one for one in self._find_columns_read(read) if one.name not in of_now]
-        seen = [one for one in asked if one.name in self.types]
-        new = [one for one in asked if one.name not in self.types]
+        wanted = [one for one in self._find_columns_read(read) if one.name not in of_now]
+        seen = [one for one in wanted if one.name in self.types]
+        new = [one for one in wanted if one.name not in self.types]
         for columns in filter(None, (seen, new)):
             known = {one.name: self.types[one.name][1] for one in columns if one.name in self.types}
             types = types_of(connection, table, columns, known)
@@ -102,8 +102,10 @@ class KnownTable:
 
     def build_source(self, read: Container[str] | None) -> plan.TableSource:
         """The source with the types of the columns that are read; the others are of all kinds."""
-        asked = {one.name for one in self._find_columns_read(read)}
-        typed = ((one.name, self.types[one.name][1] if one.name in asked else Type(STORED)) for one in self.columns)
+        names_read = {one.name for one in self._find_columns_read(read)}
+        typed = (
+            (one.name, self.types[one.name][1] if one.name in names_read else Type(STORED)) for one in self.columns
+        )
         return replace(self.source, columns=tuple(typed))
 
 
@@ -123,7 +125,7 @@ class Tables:
         self.copied: dict[str, CopiedDatabase] = {}  # connections of sqlite3 that are attached, by name
         self.graphs: GraphStore | None = None  # of remembered graphs, in tables that are no tables of scripts' own
 
-    def attach(self, name: str, path: Path) -> None:
+    def attach_file(self, name: str, path: Path) -> None:
         """Makes the tables of a SQLite file known as `name.table`. Raises SessionError S002 for any other file."""
         try:
             what = "" if path.is_file() else f"{path} is a folder" if path.is_dir() else f"there is no file {path}"
@@ -154,13 +156,13 @@ class Tables:
         from ss2sql.runtime.sqlite.copied_databases import CopiedDatabase
 
         copied = CopiedDatabase(self.connection, name, source)
-        copied.refresh()
+        copied.refresh_copy()
         self.copied[name] = copied
 
-    def refresh(self, schema: str | None = None) -> None:
+    def refresh_copies(self, schema: str | None = None) -> None:
         """Copies what connections of `sqlite3` hold, where that has changed; once in a turn."""
         for name, copied in self.copied.items():
-            if schema in (None, name) and copied.refresh():
+            if schema in (None, name) and copied.refresh_copy():
                 self._known.clear()
 
     @property
@@ -174,9 +176,9 @@ class Tables:
 
     def _make_room(self, name: str) -> None:
         for twin in [known for known in self.attached if known.lower() == name.lower()]:  # SQLite sees no case
-            self.detach(twin)
+            self.detach_file(twin)
 
-    def detach(self, name: str) -> None:
+    def detach_file(self, name: str) -> None:
         """Forgets the file or connection of this name, if there is one. Raises SessionError S002 while it is read."""
         if name in self.attached:
             try:
@@ -188,52 +190,52 @@ class Tables:
             self.files.pop(name, None)
             self.copied.pop(name, None)
 
-    def names(self) -> list[str]:
+    def list_names(self) -> list[str]:
         """The names of all tables and views, those of SQLite and of ss2sql apart."""
-        rows = self._fetch("SELECT name, type FROM pragma_table_list ORDER BY schema <> 'main', name")
+        rows = self._fetch_rows("SELECT name, type FROM pragma_table_list ORDER BY schema <> 'main', name")
         return [
             name for name, kind in rows if kind in ("table", "view") and not name.startswith(("sqlite_", "ss2sql_"))
         ]
 
-    def find(self, schema: str | None, name: str, read: Container[str] | None = None) -> plan.TableSource | None:
+    def find_table(self, schema: str | None, name: str, read: Container[str] | None = None) -> plan.TableSource | None:
         """The table or view with this name, exactly as it is written there; None if there is none.
 
         What its data show is found out of the columns that are `read`, as far as somebody knows; the others may have
         values of all kinds.
         """
-        self.refresh(schema)
+        self.refresh_copies(schema)
         listed = self._find_listing(schema, name)
         if listed is None:
             return None
         home, exact, kind, without_rowid = listed
-        version = self._version(home)
+        version = self._read_version(home)
         known = self._known.get((home, exact))
         if known is not None and known.is_complete_for(version, read):
             return known.build_source(read)
         try:
             with self.connection:  # all of it is read from one state of the file
-                found = self._read(home, exact, kind, bool(without_rowid), version, known, read)
+                found = self._read_table(home, exact, kind, bool(without_rowid), version, known, read)
         except READ_ERRORS as error:
             hints = (f"look at the definition of the {kind} in the database",)
             raise ExecutionError("X009", f"the {kind} '{name}' cannot be read: {error}", hints=hints) from error
         self._known[(home, exact)] = found
         return found.build_source(read)
 
-    def column_names(self, name: str) -> tuple[str, ...]:
+    def list_columns(self, name: str) -> tuple[str, ...]:
         """The columns of a table or view, without a look at its rows; none of a view that cannot be read."""
         listed = self._find_listing(None, name)
         if listed is None:
             return ()
         home, exact, _, _ = listed
         try:
-            self._prepare(home, exact)
-            return tuple(column for column, _, _, hidden in self._columns(home, exact) if hidden != 1)
+            self._check_view(home, exact)
+            return tuple(column for column, _, _, hidden in self._describe_columns(home, exact) if hidden != 1)
         except READ_ERRORS:
             return ()
 
     def _find_listing(self, schema: str | None, name: str) -> tuple[Any, ...] | None:
         """Schema, exact name, type and whether it has no rowid, of a table or view that scripts may read."""
-        rows = self._fetch(
+        rows = self._fetch_rows(
             "SELECT schema, name, type, wr FROM pragma_table_list"
             " WHERE name = ? AND (? IS NULL OR schema = ?) AND type IN ('table', 'view')"
             " ORDER BY schema <> 'main'",
@@ -241,34 +243,34 @@ class Tables:
         )
         return rows[0] if rows and not name.startswith("sqlite_") else None
 
-    def _prepare(self, schema: str, name: str) -> None:
+    def _check_view(self, schema: str, name: str) -> None:
         """Finds out whether SQLite can read a view, without a look at its rows. Raises apsw.Error."""
         self.connection.execute(f"EXPLAIN SELECT * FROM {quote_name(schema)}.{quote_name(name)}").fetchall()
 
-    def _columns(self, schema: str, name: str) -> list[tuple[Any, ...]]:
+    def _describe_columns(self, schema: str, name: str) -> list[tuple[Any, ...]]:
         """Name, declared type, place in the primary key, and whether it is hidden, of each column."""
         return self.connection.execute(
             "SELECT name, type, pk, hidden FROM pragma_table_xinfo(?, ?) ORDER BY cid", (name, schema)
         ).fetchall()
 
-    def rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
+    def read_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
         """All rows of a table in its order."""
-        return self._fetch(_write_full_select(source, [quote_name(name) for name, _ in source.columns]))
+        return self._fetch_rows(_write_full_select(source, [quote_name(name) for name, _ in source.columns]))
 
-    def integers(self, source: plan.TableSource, *places: int) -> list[Any] | None:
+    def read_integer_columns(self, source: plan.TableSource, *places: int) -> list[Any] | None:
         """Columns of whole numbers as arrays, in the order of the table; None where rows are as good.
 
         A million pairs take 0.2 s, as rows 0.5. Of a smaller table it would be the import of NumPy that takes long.
         """
         home = f"{quote_name(source.schema)}.{quote_name(source.table)}"
         most = self.connection.limit(apsw.SQLITE_LIMIT_LENGTH) // DIGITS
-        if not MANY_ROWS <= self._fetch(f"SELECT count(*) FROM {home}")[0][0] <= most:
+        if not MANY_ROWS <= self._fetch_rows(f"SELECT count(*) FROM {home}")[0][0] <= most:
             return None
         import numpy as np
 
         names = [quote_name(source.columns[place][0]) for place in places]
         shown = ", ".join(f"group_concat({name})" for name in names)
-        (texts,) = self._fetch(f"SELECT {shown} FROM ({_write_full_select(source, names)})")
+        (texts,) = self._fetch_rows(f"SELECT {shown} FROM ({_write_full_select(source, names)})")
         return [np.fromstring(text, np.int64, sep=",") for text in texts]
 
     def read_unreadable_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
@@ -277,31 +279,31 @@ class Tables:
         texts = [f"typeof({name}) = 'text'" for name in names]
         # The bytes of a text are in the encoding of the file.
         values = [f"iif({test}, CAST({name} AS BLOB), {name})" for name, test in zip(names, texts, strict=True)]
-        (encoding,) = self._fetch("PRAGMA encoding")[0]
+        (encoding,) = self._fetch_rows("PRAGMA encoding")[0]
 
-        def readable(row: tuple[Any, ...]) -> tuple[Any, ...]:
+        def decode_row(row: tuple[Any, ...]) -> tuple[Any, ...]:
             cells = zip(row[: len(names)], row[len(names) :], strict=True)
             return tuple(decode_text(value, encoding) if is_text else value for value, is_text in cells)
 
-        return list(map(readable, self._fetch(_write_full_select(source, [*values, *texts]))))
+        return list(map(decode_row, self._fetch_rows(_write_full_select(source, [*values, *texts]))))
 
-    def _fetch(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    def _fetch_rows(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         """The rows of a statement. Raises ExecutionError X009 where SQLite refuses it: the file may be locked."""
         try:
             return self.connection.execute(text, bindings).fetchall()
         except READ_ERRORS as error:
             raise build_sqlite_error(error) from error
 
-    def _version(self, schema: str) -> Version:
+    def _read_version(self, schema: str) -> Version:
         """Changes when this or another connection has changed the database; None where a ROLLBACK may change it."""
         if self.connection.in_transaction:
             return None
-        versions = self._fetch(f"PRAGMA {quote_name(schema)}.data_version")
-        cookies = self._fetch(f"PRAGMA {quote_name(schema)}.schema_version")
+        versions = self._fetch_rows(f"PRAGMA {quote_name(schema)}.data_version")
+        cookies = self._fetch_rows(f"PRAGMA {quote_name(schema)}.schema_version")
         own = 0 if self.graphs is None else self.graphs.changes
         return (versions, cookies, self.connection.total_changes() - own)
 
-    def _read(
+    def _read_table(
         self,
         schema: str,
         name: str,
@@ -311,7 +313,7 @@ class Tables:
         before: KnownTable | None,
         read: Container[str] | None,
     ) -> KnownTable:
-        rows = [row for row in self._columns(schema, name) if row[3] != 1]
+        rows = [row for row in self._describe_columns(schema, name) if row[3] != 1]
         columns = [column for column, *_ in rows]
         keys = [column for _, column in sorted((key, column) for column, _, key, _ in rows if key)]
         if kind == "view":
@@ -321,7 +323,7 @@ class Tables:
         else:
             taken = {column.lower() for column in columns}
             order = tuple(word for word in ("rowid", "_rowid_", "oid") if word not in taken)[:1]
-        listed = self._fetch(
+        listed = self._fetch_rows(
             "SELECT name, origin, partial FROM pragma_index_list(?, ?) ORDER BY origin, name", (name, schema)
         )
         indexed = any(origin != "pk" or not without_rowid for _, origin, _ in listed)
@@ -335,10 +337,10 @@ class Tables:
         rowid = {key for (key, *_), index in indexes if not index and not without_rowid}
         declared = tuple(TableColumn(c, words, c in led, c in rowid) for c, words, *_ in rows)
         if kind == "view":
-            self._prepare(schema, name)
+            self._check_view(schema, name)
             declared = tuple(map(TableColumn, columns))
         known = KnownTable(version, source, declared, frozenset(keys))
-        known.look(infer_view_types if kind == "view" else infer_table_types, self.connection, before, read)
+        known.find_types(infer_view_types if kind == "view" else infer_table_types, self.connection, before, read)
         return known
 
     def _find_indexes(
@@ -353,7 +355,7 @@ class Tables:
         found: dict[tuple[str, ...], str] = {}
         if keys and order == tuple(keys):
             (kept,) = (index for index, origin in listed if origin == "pk")
-            parts = self._parts(schema, kept)
+            parts = self._list_index_columns(schema, kept)
             ascends = [not down and coll == self._find_collation(schema, name, key) for key, down, coll in parts]
             if all(coll == "BINARY" for _, _, coll in parts):
                 found[tuple(keys)] = ""
@@ -363,14 +365,14 @@ class Tables:
         elif len(keys) == 1 and all(origin != "pk" for _, origin in listed):
             found[(keys[0],)] = ""  # a primary key that no index keeps is the rowid
         for index, _ in listed:
-            parts = self._parts(schema, index)
+            parts = self._list_index_columns(schema, index)
             if all(column is not None and collation == "BINARY" for column, _, collation in parts):
                 found.setdefault(tuple(column for column, _, _ in parts), index)
         return tuple(sorted(found.items(), key=lambda entry: -len(entry[0])))
 
-    def _parts(self, schema: str, index: str) -> list[tuple[Any, ...]]:
+    def _list_index_columns(self, schema: str, index: str) -> list[tuple[Any, ...]]:
         """The columns of an index, each with whether it descends, and its collation."""
-        return self._fetch(
+        return self._fetch_rows(
             "SELECT name, desc, coll FROM pragma_index_xinfo(?, ?) WHERE key ORDER BY seqno", (index, schema)
         )
 

@@ -43,13 +43,13 @@ class ElementCalls:
             _ElementCall(call, sql_callbacks[call.function], numbers, limit, execution) for call in table.calls
         ]
 
-    def make_column_reader(self, asked: CallRequest) -> ColumnsFor:
+    def make_column_reader(self, request: CallRequest) -> ColumnsFor:
         """What gives the number of rows and the columns that are wanted."""
         lists, search, limit, callers = self.lists, self.search, self.limit, [call.caller for call in self.calls]
-        wanted, without, memo = asked.columns, asked.without, callers[0].memo
+        wanted, without, memo = request.columns, request.without, callers[0].memo
         again: dict[Arguments | bytes, tuple[int, int, Found]] = {}  # what is wanted again, its calls first
 
-        def columns(arguments: Arguments) -> tuple[int, Found]:
+        def read_columns(arguments: Arguments) -> tuple[int, Found]:
             known = again.get(_make_exact_key(arguments)) if again else None
             if known is not None:
                 search.generated += known[0]
@@ -59,11 +59,11 @@ class ElementCalls:
             try:
                 of_list, calls = lists[arguments[0]]
             except KeyError:
-                of_list, calls = self._known(arguments[0])
+                of_list, calls = self._get_list_columns(arguments[0])
             hits, kept = memo.hits, len(of_list[0])
             search.generated += kept
-            given = arguments if without is None else arguments[:-1]
-            columns = of_list + [results(given) for results in calls]
+            own = arguments if without is None else arguments[:-1]
+            columns = of_list + [results(own) for results in calls]
             if without is not None and arguments[-1] in columns[without]:
                 left_out = arguments[-1]
                 places = [value != left_out for value in columns[without]]
@@ -76,12 +76,12 @@ class ElementCalls:
                 again[_make_exact_key(arguments)] = len(of_list[0]), kept, columns
             return kept, columns
 
-        return columns
+        return read_columns
 
-    def _known(self, value: Any) -> tuple[Columns, list[Results]]:
+    def _get_list_columns(self, value: Any) -> tuple[Columns, list[Results]]:
         walked = self.walk(value)
-        columns = [walked.column(number) for number in range(self.width)]
-        known = self.lists[value] = columns, [call.over(columns) for call in self.calls]
+        columns = [walked.read_column(number) for number in range(self.width)]
+        known = self.lists[value] = columns, [call.make_list_call(columns) for call in self.calls]
         return known
 
     def __iter__(self) -> Iterator[tuple[str, tuple[Any, ...], Any]]:
@@ -90,7 +90,7 @@ class ElementCalls:
             for key, results in call.made.items():
                 arguments = key if isinstance(key, tuple) else loads(key)
                 columns, _ = self.lists[arguments[0]]
-                for row, result in zip(call.rows(columns, arguments), results, strict=True):
+                for row, result in zip(call.make_argument_rows(columns, arguments), results, strict=True):
                     yield call.name, row, result
 
 
@@ -117,15 +117,16 @@ class _ElementCall:
         self.execution = execution
         self.made: dict[Arguments | bytes, Sequence[Any]] = {}
 
-    def over(self, columns: Columns) -> Results:
+    def make_list_call(self, columns: Columns) -> Results:
         """What gives the values of the call for all elements of a list, whose columns these are."""
-        made, caller, used, rows, interning = self.made, self.caller, self.key, self.rows, self.execution.interning
+        made, caller, used, rows = self.made, self.caller, self.key, self.make_argument_rows
+        interning = self.execution.interning
         size, most = len(used), self.limit // (len(columns[0]) + 1)
         if self._has_repeats(columns):
             return lambda arguments: list(starmap(caller.call, rows(columns, arguments)))
-        values, block = self._values(columns), caller.call_in_blocks(self.execution)
+        values, block = self._make_python_rows(columns), caller.call_in_blocks(self.execution)
 
-        def results(arguments: Arguments) -> Sequence[Any]:
+        def call_for_list(arguments: Arguments) -> Sequence[Any]:
             if size < len(arguments):
                 arguments = tuple([arguments[at] if at in used else None for at in range(len(arguments))])
             key = _make_exact_key(arguments)
@@ -143,35 +144,35 @@ class _ElementCall:
                 made[key] = found
             return found
 
-        return results
+        return call_for_list
 
-    def rows(self, columns: Columns, arguments: Arguments) -> Iterable[tuple[Any, ...]]:
+    def make_argument_rows(self, columns: Columns, arguments: Arguments) -> Iterable[tuple[Any, ...]]:
         """The arguments of each call as SQL values."""
         length = len(columns[0])
-        given = [columns[at] if of_list else repeat(arguments[at], length) for of_list, at in self.places]
-        return zip(*given, strict=True)
+        inputs = [columns[at] if of_list else repeat(arguments[at], length) for of_list, at in self.places]
+        return zip(*inputs, strict=True)
 
-    def _values(self, columns: Columns) -> Callable[[Arguments], Iterable[tuple[Any, ...]]]:
+    def _make_python_rows(self, columns: Columns) -> Callable[[Arguments], Iterable[tuple[Any, ...]]]:
         """The same for Python code: lists anew for each call of a function that may change them."""
         interning, changes = self.execution.interning, self.caller.function.changes
-        convert, marshalled = interning.fresh if changes else interning.decode_read_only, interning.marshalled.get
-        given: list[Iterable[Any]] = [columns[at] if of_list else () for of_list, at in self.places]
-        copied = [place for place, column in enumerate(given) if bytes in map(type, column)]
+        convert, marshalled = interning.decode_copy if changes else interning.decode_read_only, interning.marshalled.get
+        inputs: list[Iterable[Any]] = [columns[at] if of_list else () for of_list, at in self.places]
+        copied = [place for place, column in enumerate(inputs) if bytes in map(type, column)]
         moved = [(place, at) for place, (of_list, at) in enumerate(self.places) if not of_list]
 
-        def values(arguments: Arguments) -> Iterable[tuple[Any, ...]]:
+        def make_rows(arguments: Arguments) -> Iterable[tuple[Any, ...]]:
             for place in copied:
-                given[place] = map(convert, columns[self.places[place][1]])
+                inputs[place] = map(convert, columns[self.places[place][1]])
             for place, at in moved:
                 value = arguments[at]
                 known = marshalled(value) if changes else None
                 if known is not None:
-                    given[place] = map(loads, repeat(known))
+                    inputs[place] = map(loads, repeat(known))
                 else:
-                    given[place] = map(convert, repeat(value)) if type(value) is bytes else repeat(value)
-            return zip(*given, strict=False)  # as many as the elements are
+                    inputs[place] = map(convert, repeat(value)) if type(value) is bytes else repeat(value)
+            return zip(*inputs, strict=False)  # as many as the elements are
 
-        return values
+        return make_rows
 
     def _has_repeats(self, columns: Columns) -> bool:
         """Whether two elements give the same arguments."""

@@ -81,9 +81,9 @@ class StatementExecution:
         self.elements: dict[Any, ElementColumns] = {}
         self.memoized_values: dict[bytes, Any] = {}  # what was made of inner queries
         self.outermost: Any = None  # the cursor of the first list that was walked
-        self.readings = snapshot.begin(run.host.memories.now, run.check)  # of worlds
+        self.readings = snapshot.copy_tables(run.host.memories.now, run.check)  # of worlds
 
-    def remember(self, key: tuple[Any, ...], value: Any) -> Any:
+    def keep_value(self, key: tuple[Any, ...], value: Any) -> Any:
         """Keeps a value for `recall`, by a key that tells 1 from 1.0."""
         if len(self.memoized_values) >= MEMO_LIMIT:
             forget_older_half(self.memoized_values)
@@ -95,7 +95,7 @@ class StatementExecution:
         sources = (node for node in walk(self.query) if isinstance(node, plan.ValueSource)) if self.query else ()
         return next((source.span for source in sources), None)
 
-    def span(self, place: str) -> Span | None:
+    def find_span(self, place: str) -> Span | None:
         """The span of the call at a place `line:column` of the script."""
         for node in walk(self.query) if self.query is not None else ():
             for name in ("place", "span"):
@@ -113,30 +113,30 @@ class Database:
         self.guard = guard = Authorizer(connection)
         self.active_runs = active_runs  # the runs of the session, the innermost last
         self.stack: list[StatementExecution] = []
-        self.lists = ListModules(connection, self._walk, self._calls)
+        self.lists = ListModules(connection, self._open_table, self._make_element_calls)
         self.worlds = WorldModules(connection, lambda: self.current)
         self.search = SearchState()
         self.memos: dict[str, CallMemo] = {}  # of each function of the user, for the execution that runs
         self.memo_limit = memo_limit
         self.sql_callbacks: dict[str, FunctionCallback] = {}  # of each function of the user
         for name, scalar in SCALAR_FUNCTIONS.items():
-            guard.scalar(name, self._bound(scalar))
+            guard.add_scalar(name, self._bind_interning(scalar))
         for name, factory in AGGREGATE_FUNCTIONS.items():
-            guard.aggregate(name, self._wrap_factory(factory))
+            guard.add_aggregate(name, self._wrap_factory(factory))
         for name, arguments in FUNCTIONS.items():
-            guard.scalar(name, getattr(self.search, name), arguments)
-        guard.scalar("next_number", self.search.numbers.next, 0)
-        guard.scalar("expand", self.search.expansions.next, 0)
-        guard.scalar("expand", self.search.expand, 1)
-        guard.scalar("next_position", StepNumbers().next, 0)  # of results that are put into groups
-        guard.scalar("recall", lambda *key: self.stack[-1].memoized_values.get(dumps(key, 2)))
-        guard.scalar("remember", lambda *given: self.stack[-1].remember(given[:-1], given[-1]))
+            guard.add_scalar(name, getattr(self.search, name), arguments)
+        guard.add_scalar("next_number", self.search.numbers.next, 0)
+        guard.add_scalar("expand", self.search.expansions.next, 0)
+        guard.add_scalar("expand", self.search.expand, 1)
+        guard.add_scalar("next_position", StepNumbers().next, 0)  # of results that are put into groups
+        guard.add_scalar("recall", lambda *key: self.stack[-1].memoized_values.get(dumps(key, 2)))
+        guard.add_scalar("remember", lambda *values: self.stack[-1].keep_value(values[:-1], values[-1]))
         for name, check in (("cost", check_cost), ("heuristic", check_heuristic), ("probability", check_probability)):
-            guard.scalar(f"step_{name}", self._make_weight_function(check), 2)
-        guard.scalar("truth", self._truth, 1)
+            guard.add_scalar(f"step_{name}", self._make_weight_function(check), 2)
+        guard.add_scalar("truth", self._call_truth, 1)
         self.register_builtin("field", read_column)
         for name, same in (("eq", True), ("ne", False)):
-            guard.scalar(name, self._equality(same))
+            guard.add_scalar(name, self._make_equality(same))
         connection.set_progress_handler(self._check_progress, CHECK_EVERY)
 
     @property
@@ -145,54 +145,56 @@ class Database:
 
     # --- registration ----------------------------------------------------------------------------------
 
-    def _bound(self, scalar: Callable[..., Any]) -> Callable[..., Any]:
+    def _bind_interning(self, scalar: Callable[..., Any]) -> Callable[..., Any]:
         stack = self.stack
         return lambda *arguments: scalar(stack[-1].interning, *arguments)
 
     def _wrap_factory(self, factory: Callable[[Interning], Any]) -> Callable[[], Any]:
-        def make() -> Any:
+        def make_aggregate() -> Any:
             execution = self.current
             aggregate = factory(execution.interning)
             if hasattr(aggregate, "place"):
                 aggregate.final = make_final_callback(aggregate, execution)
             return aggregate
 
-        return make
+        return make_aggregate
 
     def _make_weight_function(self, check: Callable[[Any], Any]) -> Callable[..., Any]:
         """`step_cost(value, place)` and its kin: the value, if it is one."""
         stack = self.stack
 
-        def function(value: Any, place: str) -> Any:
+        def check_weight(value: Any, place: str) -> Any:
             execution = stack[-1]
             try:
                 weight = check(execution.interning.decode(value))
             except Error as error:
                 execution.failed = True
-                raise error.located(execution.span(place)) from None
+                raise error.with_span(execution.find_span(place)) from None
             # A float where sums could leave the integers of SQLite; nothing but the order of steps shows it.
             return int(weight) if type(weight) is bool else weight if weight <= NO_LIMIT else float(weight)
 
-        return function
+        return check_weight
 
-    def _truth(self, value: Any) -> int:
+    def _call_truth(self, value: Any) -> int:
         """`truth(value)`: Python's truth as 0 or 1."""
         if type(value) is not bytes:
             return 1 if value else 0
         return value == TRUE or int(get_truth(self.current.interning.decode(value)))
 
-    def _equality(self, same: bool) -> Callable[..., int]:
+    def _make_equality(self, same: bool) -> Callable[..., int]:
         """`eq` and `ne` compare handles where they can, without a look at the values."""
         stack = self.stack
 
-        def function(left: Any, right: Any, place: str) -> int:
-            return int(stack[-1].interning.equal(left, right) is same)
+        def compare_values(left: Any, right: Any, place: str) -> int:
+            return int(stack[-1].interning.are_equal(left, right) is same)
 
-        return function
+        return compare_values
 
     def register_builtin(self, name: str, python: Callable[..., Any]) -> None:
         """A built-in function on values of the language; its last SQL argument is the place of the call."""
-        self.guard.scalar(get_builtin_name(name), make_builtin_callback(name, python, self.stack, name in PREDICATES))
+        self.guard.add_scalar(
+            get_builtin_name(name), make_builtin_callback(name, python, self.stack, name in PREDICATES)
+        )
 
     def register_user(self, function: UserFunction, sql_name: str) -> None:
         """A function of the user; see function_callbacks.py."""
@@ -200,31 +202,30 @@ class Database:
         if function.vectorized:
             function = make_row_function(function)
         caller = self.sql_callbacks[function.name] = FunctionCallback(function, memo, self.stack)
-        self.guard.scalar(sql_name, caller.call)
+        self.guard.add_scalar(sql_name, caller.call)
 
-    def _walk(self, name: str, arguments: tuple[Any, ...], cursor: Any) -> ElementColumns:
-        """What the table of this name gives for its arguments."""
+    def _open_table(self, name: str, arguments: tuple[Any, ...], cursor: Any) -> ElementColumns:
         execution = self.current
         execution.outermost = execution.outermost or cursor
         table = execution.modules[name]
-        walked = self._elements(execution, arguments[0], table)
+        walked = self._encode_elements(execution, arguments[0], table)
         if execution.book.counts == "product":
             self.search.walks.append((arguments[0], walked.length))
         return walked
 
-    def _calls(self, name: str, cursor: Any, asked: CallRequest) -> ColumnsFor:
+    def _make_element_calls(self, name: str, cursor: Any, request: CallRequest) -> ColumnsFor:
         """What gives the columns of a table that calls functions with the elements of a list."""
         execution = self.current
         execution.outermost = execution.outermost or cursor
         calls = execution.element_calls.get(name)
         if calls is None:
             table = execution.modules[name]
-            walk = partial(self._elements, execution, table=table)
+            walk = partial(self._encode_elements, execution, table=table)
             calls = ElementCalls(table, self.sql_callbacks, self.memo_limit, execution, walk, self.search)
             execution.element_calls[name] = calls
-        return calls.make_column_reader(asked)
+        return calls.make_column_reader(request)
 
-    def _elements(self, execution: StatementExecution, value: Any, table: ListTable) -> ElementColumns:
+    def _encode_elements(self, execution: StatementExecution, value: Any, table: ListTable) -> ElementColumns:
         """The elements of a value as columns of SQL values; kept, for inner loops ask again and again."""
         key = (value, type(value), table.columns)
         found = execution.elements.get(key)
@@ -233,7 +234,7 @@ class Database:
                 found = read_element_columns(execution.interning, value, table.columns)
             except Error as error:
                 execution.failed = True
-                raise error.located(execution.find_value_source()) from None
+                raise error.with_span(execution.find_value_source()) from None
             if len(execution.elements) >= 10_000:
                 execution.elements.clear()
             execution.elements[key] = found
@@ -246,10 +247,10 @@ class Database:
         if self.stack:
             run = self.current.run
             if run.progress is not None:
-                run.progress.look(self.current.outermost, self.search)
+                run.progress.note_progress(self.current.outermost, self.search)
             run.check()
             if run.steps_left is not None and self.current.query is not None and self.current.query.search is not None:
-                run.check_steps(self.search.tried(self.current.book, self.current.results()))
+                run.check_steps(self.search.count_generated(self.current.book, self.current.results()))
         elif self.active_runs:
             self.active_runs[-1].check()
         return False
@@ -273,32 +274,34 @@ class Database:
         for an error of SQLite, X010 for more results than run.max_rows; run.calls_made are then the calls so far.
         """
         execution = StatementExecution(run, lowered.query, lowered.calls, lowered.snapshot)
-        with self._running(execution):
+        with self._push_execution(execution):
             try:
-                return self._attempt(lowered, execution, evaluate, sink, most)
+                return self._try_execution(lowered, execution, evaluate, sink, most)
             except OtherFormError:
-                sink.clear()
+                sink.clear_rows()
                 execution.interning.watched = frozenset()
-                return self._attempt(by_value(), execution, evaluate, sink, most)
+                return self._try_execution(by_value(), execution, evaluate, sink, most)
 
     def open_cursor(self, lowered: SqlQuery, interning: Interning, evaluate: Callable[[Parameter], Any]) -> apsw.Cursor:
         """The rows of a statement that runs beside another one; the caller closes them."""
-        return self._begin(lowered.text, lowered.modules, self._values(lowered, interning, evaluate))
+        return self._open_cursor(lowered.text, lowered.modules, self._bind_values(lowered, interning, evaluate))
 
-    def _begin(
+    def _open_cursor(
         self, text: str, modules: Iterable[str], values: Mapping[str, Any], cursor: apsw.Cursor | None = None
     ) -> apsw.Cursor:
         """The cursor on the rows of a statement, whose virtual tables may have to come in front of tables first."""
         try:
-            return self.guard.execute(text, values, cursor)
+            return self.guard.execute_reading(text, values, cursor)
         except apsw.SQLError:
-            if not self.lists.shadow_tables(modules):
+            if not self.lists.do_shadow_tables(modules):
                 raise
-            return self.guard.execute(text, values, cursor)
+            return self.guard.execute_reading(text, values, cursor)
 
-    def _values(self, lowered: SqlQuery, interning: Interning, evaluate: Callable[[Parameter], Any]) -> dict[str, Any]:
+    def _bind_values(
+        self, lowered: SqlQuery, interning: Interning, evaluate: Callable[[Parameter], Any]
+    ) -> dict[str, Any]:
         """The values to be bound, when the statement's virtual tables are there."""
-        self.lists.make(lowered.modules)
+        self.lists.register_modules(lowered.modules)
         if self.stack:
             self.current.modules.update(lowered.modules)
         return {
@@ -307,34 +310,34 @@ class Database:
         }
 
     @contextmanager
-    def _running(self, execution: StatementExecution) -> Iterator[None]:
+    def _push_execution(self, execution: StatementExecution) -> Iterator[None]:
         """Makes the execution the innermost one, with empty memos, and adds up at its end what it has done."""
         run, memos = execution.run, {name: self.memos[name] for name in execution.calls}
-        outer = {name: memo.begin() for name, memo in memos.items()}
-        search = self.search.begin(execution.interning.frozen, False)
+        outer = {name: memo.begin_execution() for name, memo in memos.items()}
+        search = self.search.begin_search(execution.interning.frozen, False)
         self.stack.append(execution)
         try:
             with run.sizes.raise_refusals():
                 yield
         except Stopped as stopped:
-            raise stopped.located(execution.query.span if execution.query else None) from None
+            raise stopped.with_span(execution.query.span if execution.query else None) from None
         except Exception as error:
             run.calls_made = CompletedCalls(execution.interning, memos, execution.element_calls.values())
             if not isinstance(error, READ_ERRORS) or (execution.failed and isinstance(error, UnicodeDecodeError)):
                 raise  # it comes from a function of the user
-            raise find_run_error(error, run).located(execution.query.span if execution.query else None) from error
+            raise find_run_error(error, run).with_span(execution.query.span if execution.query else None) from error
         finally:
             self.stack.pop()
             for name, memo in memos.items():
-                calls, hits = memo.end(outer[name])
+                calls, hits = memo.end_execution(outer[name])
                 run.stats.calls[name] += calls
                 run.stats.remembered[name] += hits
             if execution.query is not None and execution.query.search is not None:
-                self.search.count(run.stats, execution.book, execution.results())
+                self.search.add_counts(run.stats, execution.book, execution.results())
                 run.overestimated |= self.search.overestimated
-            self.search.end(search)
+            self.search.end_search(search)
 
-    def _attempt(
+    def _try_execution(
         self,
         lowered: SqlQuery,
         execution: StatementExecution,
@@ -346,11 +349,11 @@ class Database:
         execution.book, execution.truths = lowered.bookkeeping, lowered.truths
         for name in lowered.calls:
             self.memos[name].told_apart = name in lowered.told_apart
-        self.search.begin(interning.frozen, lowered.plain_keys, lowered.bookkeeping.keyed)
+        self.search.begin_search(interning.frozen, lowered.plain_keys, lowered.bookkeeping.keyed)
         if lowered.bookkeeping.compares_raw_rows and interning.pure:
             self.search.trust_plain_rows()
         interning.mixed = self.search.mixed
-        values = self._values(lowered, interning, evaluate)
+        values = self._bind_values(lowered, interning, evaluate)
         interning.watched = frozenset(values[name] for name in lowered.plain)
         self.search.note_walked_lists(
             [values[name] for name in execution.book.members], [values[name] for name in execution.book.sources]
@@ -360,12 +363,12 @@ class Database:
         cursor = self.connection.cursor()
         try:
             late = lowered.late
-            self._begin(lowered.text, lowered.modules, values, cursor)
+            self._open_cursor(lowered.text, lowered.modules, values, cursor)
             plain, searches = lowered.plain_rows, lowered.query.gives_paths
             if (plain or not searches) and not lowered.keys and not lowered.orders:
                 # The rows are all that is wanted. Plain ones, and ends of paths, are what SQLite gives as it is.
-                given = islice(cursor if late is None else late.rows(execution.readings, cursor), most)
-                rows = given if execution.run.max_rows is None else iterate_within_limit(given, execution.run.max_rows)
+                found = islice(cursor if late is None else late.iterate_rows(execution.readings, cursor), most)
+                rows = found if execution.run.max_rows is None else iterate_within_limit(found, execution.run.max_rows)
                 if not searches:
                     assert sink.rows is not None
                     execution.results = sink.rows.__len__
@@ -374,7 +377,7 @@ class Database:
                     )
                     return [((), ())] * len(sink.rows)
                 paths = self._iterate_paths(lowered, execution, sink, tuple)
-                paths.extend(rows)
+                paths.add_results(rows)
                 return [((), ())] * len(paths)
             return list(islice(self._read_results(lowered, execution, cursor, sink), most))
         finally:
@@ -394,12 +397,12 @@ class Database:
 
         This is how text that was lowered in one session runs in another that has the same functions.
         """
-        self.lists.make(sql.modules)
+        self.lists.register_modules(sql.modules)
         execution = StatementExecution(run, calls=dict.fromkeys(self.memos, ()))
-        with self._running(execution):
+        with self._push_execution(execution):
             execution.modules.update(sql.modules)
             values = {name: _encode_bound_value(execution.interning, value) for name, value in sql.parameters.items()}
-            return [tuple(map(execution.interning.decode, row)) for row in self._begin(sql, sql.modules, values)]
+            return [tuple(map(execution.interning.decode, row)) for row in self._open_cursor(sql, sql.modules, values)]
 
     def _read_results(
         self, lowered: SqlQuery, execution: StatementExecution, cursor: apsw.Cursor, sink: Rows
@@ -422,7 +425,7 @@ class Database:
         most = execution.run.max_rows
         for raw in cursor:
             row = decode(raw[2:])
-            paths.add((*raw[:2], *row[:width]))
+            paths.add_result((*raw[:2], *row[:width]))
             check_room(len(paths), most)
             yield row[width:keys], row[keys:]
 
@@ -436,7 +439,7 @@ def _check_room(run: Run, results: list[Any] | None, result: Any) -> None:
 def _has_other_form(interning: Interning, values: Mapping[str, Any]) -> bool:
     """Whether a parameter equals one whose handle stands for all such values, in another form."""
     others = [value for value in values.values() if type(value) is bytes and value not in interning.watched]
-    return any(interning.equal(value, watched) for value in others for watched in interning.watched)
+    return any(interning.are_equal(value, watched) for value in others for watched in interning.watched)
 
 
 def _encode_parameter(
@@ -444,7 +447,7 @@ def _encode_parameter(
 ) -> Any:
     value = evaluate(parameter)
     if only_walked and type(value) is list:
-        return interning.keep(value)  # to make one value of a list of 10,000 dicts takes 10 ms
+        return interning.encode_frame(value)  # to make one value of a list of 10,000 dicts takes 10 ms
     return int(value) if parameter.flag else _encode_bound_value(interning, value)
 
 
@@ -452,5 +455,5 @@ def _encode_bound_value(interning: Interning, value: Any) -> Any:
     if value is True or value is False:
         return TRUE if value else FALSE
     if isinstance(value, Frame):
-        return interning.keep(value)
+        return interning.encode_frame(value)
     return value if type(value) is BlobValue else interning.encode(value)

@@ -85,7 +85,7 @@ def close_file(connection: apsw.Connection) -> None:
 
 
 @contextmanager
-def use_files(connection: apsw.Connection) -> Iterator[None]:
+def while_using_files(connection: apsw.Connection) -> Iterator[None]:
     """While a session works with its files. Raises SessionError S005 where another copy of SQLite has one open."""
     files = _files.get(connection)
     if not files:

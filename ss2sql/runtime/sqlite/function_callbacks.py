@@ -41,22 +41,22 @@ class FunctionCallback:
         self.stack = stack
         self.remembers = function.volatility != "volatile"
         self.giver = f"the function '{function.name}'"
-        self.call = self._call()
+        self.call = self._make_sql_call()
 
-    def _refuse(
+    def _raise_through_sqlite(
         self, execution: StatementExecution, arguments: tuple[Any, ...], error: Exception, result: Any
     ) -> NoReturn:
         """Raises what goes through SQLite for an exception of a call, and has it remembered where calls are."""
         if type(error) is OtherFormError:  # the statement is run again, but this call is not made again
             execution.interning.watched = frozenset()
             if self.remembers:
-                self.memo.keep(arguments, execution.interning.encode_object(result, self.giver))
+                self.memo.keep_result(arguments, execution.interning.encode_object(result, self.giver))
             raise error
         execution.failed = True
         name, passing = self.function.name, error
         spans = execution.calls.get(name, ())
         if isinstance(error, Error) and (result is not _MISSING or error.code == "X012"):  # the value is refused
-            passing = error.located(spans[0] if spans else None)
+            passing = error.with_span(spans[0] if spans else None)
         else:  # a function raised it, or an object that fails when it is looked at, such as a generator
             note_place(error, name, spans)
             if isinstance(error, StopIteration):
@@ -73,12 +73,12 @@ class FunctionCallback:
             return True
         return all(type(value) is not bytes or value in interning.marshalled for value in arguments)
 
-    def _call(self) -> Callable[..., Any]:
+    def _make_sql_call(self) -> Callable[..., Any]:
         """What SQLite calls: a real call where no memory has its value, at 0.6 us beside the function itself."""
         memo, stack, giver, remembers = self.memo, self.stack, self.giver, self.remembers
         body, changes, name = self.function.function, self.function.changes, self.function.name
 
-        def call(*arguments: Any) -> Any:
+        def call_from_sql(*arguments: Any) -> Any:
             result: Any
             if memo.plain:
                 result = memo.plain.get(arguments)
@@ -98,7 +98,7 @@ class FunctionCallback:
                     raise error
             run, values = execution.run, arguments
             if bytes in map(type, arguments):
-                convert = execution.interning.fresh if changes else execution.interning.decode_read_only
+                convert = execution.interning.decode_copy if changes else execution.interning.decode_read_only
                 values = tuple([convert(value) if type(value) is bytes else value for value in arguments])
             if run.interrupted or run.bounds.deadline is not None:
                 run.check()  # a slow function must not keep a timeout waiting
@@ -110,12 +110,12 @@ class FunctionCallback:
                 if (encoded is None or type(encoded) is str) and name in execution.truths:
                     raise OtherFormError  # SQLite would take it for false
             except Exception as reason:
-                self._refuse(execution, arguments, reason, result)
+                self._raise_through_sqlite(execution, arguments, reason, result)
             if remembers and self.can_remember(execution.interning, arguments):
-                memo.keep(arguments, encoded)
+                memo.keep_result(arguments, encoded)
             return encoded
 
-        return call
+        return call_from_sql
 
     def call_in_blocks(self, execution: StatementExecution) -> CallBlock:
         """What makes several calls and gives their values, which whoever asks remembers; 0.5 us each.
@@ -125,10 +125,10 @@ class FunctionCallback:
         memo, body, giver, run = self.memo, self.function.function, self.giver, execution.run
         encode, timed, call = execution.interning.encode_object, run.bounds.deadline is not None, self.call
 
-        def block(values: Iterable[tuple[Any, ...]], given: Callable[[], Iterable[tuple[Any, ...]]]) -> list[Any]:
+        def call_block(values: Iterable[tuple[Any, ...]], reread: Callable[[], Iterable[tuple[Any, ...]]]) -> list[Any]:
             made: list[Any] = []
             if memo.plain or memo.exact or memo.failures:  # of an attempt before, or of calls elsewhere
-                return list(starmap(call, given()))
+                return list(starmap(call, reread()))
             result: Any = _MISSING
             try:
                 for arguments in values:
@@ -141,15 +141,15 @@ class FunctionCallback:
                 raise
             except Exception as error:
                 memo.calls += 1
-                rows = list(given())
+                rows = list(reread())
                 for arguments, encoded in zip(rows, made, strict=False):
-                    memo.keep(arguments, encoded)
-                self._refuse(execution, rows[len(made)], error, result)
+                    memo.keep_result(arguments, encoded)
+                self._raise_through_sqlite(execution, rows[len(made)], error, result)
             finally:
                 memo.calls += len(made)
             return made
 
-        return block
+        return call_block
 
 
 class CompletedCalls:
@@ -191,7 +191,7 @@ def make_builtin_callback(
 
     makes = name in OPERATIONS and OPERATIONS[name].grows
 
-    def function(*arguments: Any) -> Any:
+    def call_builtin(*arguments: Any) -> Any:
         execution = stack[-1]
         run, interning = execution.run, execution.interning
         if run.interrupted or run.bounds.deadline is not None:
@@ -202,29 +202,29 @@ def make_builtin_callback(
             return int(result) if predicate else interning.encode_object(result, name)
         except Error as error:
             execution.failed = True
-            raise error.located(execution.span(arguments[-1])) from error.__cause__
+            raise error.with_span(execution.find_span(arguments[-1])) from error.__cause__
 
     quick = FAST_CALLBACKS.get(name)
-    return function if quick is None else quick(function, stack)
+    return call_builtin if quick is None else quick(call_builtin, stack)
 
 
 def make_final_callback(aggregate: Any, execution: StatementExecution) -> Callable[[], Any]:
     """The aggregate's `final`, whose errors get the place of its call."""
     final = aggregate.final
 
-    def located() -> Any:
+    def locate_errors() -> Any:
         try:
             return final()
         except Error as error:
-            raise error.located(execution.span(aggregate.place)) from None
+            raise error.with_span(execution.find_span(aggregate.place)) from None
 
-    return located
+    return locate_errors
 
 
 def _make_item_callback(general: Callable[..., Any], stack: list[StatementExecution]) -> Callable[..., Any]:
     """`item`: the elements of a list are made SQL values once. 0.1 us, where the general way takes 1 us and more."""
 
-    def item(container: Any, index: Any, place: str) -> Any:
+    def get_item(container: Any, index: Any, place: str) -> Any:
         parts = stack[-1].parts
         try:
             if index >= 0:
@@ -233,24 +233,24 @@ def _make_item_callback(general: Callable[..., Any], stack: list[StatementExecut
             pass
         return general(container, index, place)
 
-    return item
+    return get_item
 
 
 def _make_membership_callback(negated: bool) -> Callable[..., Callable[..., Any]]:
     """`in` and `not_in`: the elements of a list are put into a set once."""
 
-    def quick(general: Callable[..., Any], stack: list[StatementExecution]) -> Callable[..., Any]:
-        def contains(item: Any, container: Any, place: str) -> Any:
+    def make_quick_test(general: Callable[..., Any], stack: list[StatementExecution]) -> Callable[..., Any]:
+        def contains_item(item: Any, container: Any, place: str) -> Any:
             execution = stack[-1]
             try:
                 members = execution.members[container]
             except KeyError:
                 return general(item, container, place)
-            return (execution.interning.key(item) in members) is not negated
+            return (execution.interning.make_key(item) in members) is not negated
 
-        return contains
+        return contains_item
 
-    return quick
+    return make_quick_test
 
 
 class ItemCache(dict[Any, list[Any]]):
@@ -277,7 +277,7 @@ class MemberCache(dict[Any, frozenset[Any]]):
         value = self.interning.decode(handle)
         if type(value) is not list:
             raise KeyError
-        members = self[handle] = frozenset(self.interning.key(self.interning.encode(item)) for item in value)
+        members = self[handle] = frozenset(self.interning.make_key(self.interning.encode(item)) for item in value)
         return members
 
 

@@ -21,7 +21,7 @@ RESERVED_NAMES = SQLITE_FUNCTIONS | {
 }
 
 # The built-in functions and operators as the plan knows them.
-BUILT_IN: Mapping[str, plan.Function] = {name: row.function() for name, row in OPERATIONS.items()}
+BUILT_IN: Mapping[str, plan.Function] = {name: row.make_function() for name, row in OPERATIONS.items()}
 
 
 def choose_function_names(functions: Mapping[str, Any]) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """How values travel through SQLite: None, ints, floats and strings as themselves, all else as a handle.
 
 A handle is a short BLOB that stands for one exact value, so 10, 10.0 and True inside of lists come back as
-they were put in. Equality is another matter: `key` gives equal values one SQL value.
+they were put in. Equality is another matter: `make_key` gives equal values one SQL value.
 """
 
 from __future__ import annotations
@@ -82,16 +82,16 @@ class Interning:
             marshalled = dumps(value, 2)
         except ValueError:
             return self._encode_objects(value)
-        return self._handles.get(marshalled) or self._add(marshalled, marshalled, value)
+        return self._handles.get(marshalled) or self._add_handle(marshalled, marshalled, value)
 
-    def made(self, value: Any) -> Any:
+    def encode_made(self, value: Any) -> Any:
         """The same of a list or dict that the script made. Raises ExecutionError X014 or X004 where it is too large."""
         encoded = self.encode(value)
         if type(encoded) is bytes and len(self.marshalled.get(encoded, _LARGE_PADDING)) >= SMALL_BYTES:
-            self.sizes.checked(value)
+            self.sizes.check_value(value)
         return encoded
 
-    def keep(self, source: Any) -> bytes:
+    def encode_frame(self, source: Any) -> bytes:
         """A handle for a data frame, which is walked and never compared."""
         self._made += 1
         handle = self._tags[True] + self._made.to_bytes(5, "big")
@@ -132,7 +132,7 @@ class Interning:
         if kind is list and not marshalled[::5].strip(b"[i"):  # lists and small integers: five bytes each
             return self._make_handle(marshalled, marshalled, True)
         if kind is list and is_marshalled_value(marshalled):
-            return self._add(marshalled, marshalled, value)
+            return self._add_handle(marshalled, marshalled, value)
         handle = self.encode(convert_value(value, giver))
         if is_shallow(value):  # else these bytes may be those of another object, such as a scalar of NumPy
             self._handles[marshalled] = handle
@@ -151,11 +151,11 @@ class Interning:
         if found is not None:
             return found
         try:
-            return self.plain(value)
+            return self.decode_plain(value)
         except KeyError:
             return value
 
-    def plain(self, handle: bytes) -> Any:
+    def decode_plain(self, handle: bytes) -> Any:
         """The value behind a handle of plain data, for who does not change it. KeyError for all other BLOBs."""
         try:
             return self._values[handle]
@@ -166,7 +166,7 @@ class Interning:
         self._values[handle] = value
         return value
 
-    def fresh(self, value: Any) -> Any:
+    def decode_copy(self, value: Any) -> Any:
         """A copy of the value for Python code, which may change it; opaque objects are the same objects."""
         marshalled = self.marshalled.get(value) if type(value) is bytes else None
         if marshalled is not None:
@@ -179,11 +179,11 @@ class Interning:
         if type(value) is not bytes:
             return value
         try:
-            return self.plain(value)
+            return self.decode_plain(value)
         except KeyError:
-            return self.fresh(value)
+            return self.decode_copy(value)
 
-    def key(self, value: Any) -> Any:
+    def make_key(self, value: Any) -> Any:
         """One SQL value for all equal values: SQLite's `IS` and Python's `==` on keys are the language's equality.
 
         The key of True is 1. Keys of structured values are handles. They are hashable.
@@ -193,16 +193,16 @@ class Interning:
         try:
             return self._keys[value]
         except KeyError:
-            return self._key(value)
+            return self._make_handle_key(value)
 
     # The same serves as a key of Python's dicts and sets.
-    frozen = key
+    frozen = make_key
 
-    def equal(self, left: Any, right: Any) -> bool:
+    def are_equal(self, left: Any, right: Any) -> bool:
         """Whether two SQL values stand for equal values."""
-        return bool(self.key(left) == self.key(right))
+        return bool(self.make_key(left) == self.make_key(right))
 
-    def _add(self, exact: Hashable, marshalled: bytes | None, value: Any) -> bytes:
+    def _add_handle(self, exact: Hashable, marshalled: bytes | None, value: Any) -> bytes:
         """A new handle for what `exact` tells from all other values."""
         if (self.watched or self.pure) and (marshalled is None or find_several_forms(marshalled)):
             self._check_other_form(marshalled, value)  # it may raise, so nothing of the value is kept yet
@@ -238,11 +238,11 @@ class Interning:
             raise build_depth_error("the script made") from None
         handle = self._handles.get(exact)
         if handle is None:
-            handle = self._add(exact, None, value)
+            handle = self._add_handle(exact, None, value)
             self._objects[handle] = value
         return handle
 
-    def _key(self, handle: bytes) -> Any:
+    def _make_handle_key(self, handle: bytes) -> Any:
         """The key of a structured value that nobody has compared yet."""
         marshalled = self.marshalled.get(handle)
         key: Any = handle
@@ -251,13 +251,13 @@ class Interning:
             if value is handle:  # a BLOB of a table, which may also have come from Python
                 return self.encode(value)
             if type(value) is not str and type(value) is not bytes:
-                key = self._key_of(make_hashable(value), handle)
+                key = self._find_frozen_key(make_hashable(value), handle)
         self._keys[handle] = key
         return key
 
-    def _key_of(self, frozen: Any, handle: bytes) -> Any:
+    def _find_frozen_key(self, frozen: Any, handle: bytes) -> Any:
         if type(frozen) is bytes:  # the marshal bytes of a list, which is the key of all lists that equal it
-            return self._handles.get(frozen) or self._add(frozen, frozen, loads(frozen))
+            return self._handles.get(frozen) or self._add_handle(frozen, frozen, loads(frozen))
         return self._classes.setdefault(frozen, handle)
 
 

@@ -23,7 +23,7 @@ class ElementColumns:
     """The elements of a value as `columns` of SQL values: `this` is the first, those of the module follow.
 
     After them follow the value itself and the numbers of the rows. None is a column that has not been read yet:
-    `column` gives it, and `make` one of the first `width`.
+    `read_column` gives it, and `make` one of the first `width`.
     """
 
     __slots__ = ("columns", "length", "make", "value", "width")
@@ -35,7 +35,7 @@ class ElementColumns:
         self.width = width
         self.make = make
 
-    def column(self, number: int) -> Sequence[SqlValue]:
+    def read_column(self, number: int) -> Sequence[SqlValue]:
         """The column with this number, -1 for the numbers of the rows."""
         column = self.columns[number]
         if column is None:
@@ -82,7 +82,7 @@ class ElementModule:
         self.name = name
         self.names = (*choose_column_names(table.columns).values(), *(call.name for call in table.calls))
         self.first_call = len(table.columns) + 1
-        self.asked: list[CallRequest] = []  # of plans, by their numbers
+        self.requests: list[CallRequest] = []  # of plans, by their numbers
         self.arguments = table.arguments
 
     def Connect(  # noqa: N802 - the name is SQLite's
@@ -105,7 +105,7 @@ class ListModules:
         self._made: set[str] = set()
         self._first: set[str] = set()  # those that hide a table of the database
 
-    def make(self, wanted: Mapping[str, ListTable]) -> None:
+    def register_modules(self, wanted: Mapping[str, ListTable]) -> None:
         """Registers the modules with these names where there are none.
 
         Tables of one name have the same columns; they may call a function with its arguments in another order.
@@ -118,7 +118,7 @@ class ListModules:
                 )
                 self._made.add(name)
 
-    def shadow_tables(self, wanted: Iterable[str]) -> bool:
+    def do_shadow_tables(self, wanted: Iterable[str]) -> bool:
         """Makes the modules shadow tables of the same names; whether there are any that were not shadowed before.
 
         SQLite looks a name up among temporary tables first. Scripts still find the shadowed table, by its schema.
@@ -168,9 +168,9 @@ class _Table:
             index.idxStr += f", {self.module.names[without - 1]} IS NOT ?"
         used = range(first) if MANY in index.colUsed else sorted(index.colUsed.intersection(range(first)))
         request = CallRequest(tuple(used), without)
-        if request not in self.module.asked:
-            self.module.asked.append(request)
-        index.idxNum = self.module.asked.index(request)
+        if request not in self.module.requests:
+            self.module.requests.append(request)
+        index.idxNum = self.module.requests.index(request)
         return True
 
     def _is_exclusion(self, index: Any, number: int) -> bool:
@@ -212,7 +212,7 @@ class _Cursor:
     def Column(self, number: int) -> SqlValue:  # noqa: N802
         column = self.columns[number]  # 0.1 us for a value, a fifth of it for each look-up
         if column is None:
-            column = self.walked.column(number)
+            column = self.walked.read_column(number)
         return column[self.position]
 
     def Rowid(self) -> int:  # noqa: N802
@@ -235,7 +235,10 @@ class _CallingCursor(_Cursor):
 
     def Filter(self, number: int, name: str, arguments: tuple[SqlValue, ...]) -> None:  # noqa: N802
         if self.columns_for is None or number != self.number:
-            self.columns_for, self.number = self.module.calls(self.module.name, self, self.module.asked[number]), number
+            self.columns_for, self.number = (
+                self.module.calls(self.module.name, self, self.module.requests[number]),
+                number,
+            )
         self.length, self.columns = self.columns_for(arguments)
         self.position = 0
 

@@ -26,7 +26,7 @@ _PLAIN = Kind.NONE | Kind.INT | Kind.FLOAT | Kind.STR
 
 def is_plain_in_sql(kind: Type) -> bool:
     """Whether values have their own form in SQL; a bool alone is 0 or 1."""
-    return kind.only(_PLAIN) or kind.kinds == Kind.BOOL
+    return kind.is_only(_PLAIN) or kind.kinds == Kind.BOOL
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +39,11 @@ class RowBuffer:
     filled: frozenset[int]
     together: frozenset[int]
 
-    def bound(self, row: CurrentRow, over: list[bool], reading: Reading) -> tuple[Fill, Walk]:
+    def make_fill(self, row: CurrentRow, over: list[bool], reading: Reading) -> tuple[Fill, Walk]:
         """The function that fills a row, and one that makes a walk over keys and fills each row."""
-        known = [reading.known(group) for group in self.groups]
-        known += [reading.handles(name).get for name in self.handled]
-        return self.make(row, over, row.alone, row.forget, reading.make_key_cleaner, *known)
+        known = [reading.get_read_values(group) for group in self.groups]
+        known += [reading.get_handles(name).get for name in self.handled]
+        return self.make(row, over, row.alone, row.remove_unfilled, reading.make_key_cleaner, *known)
 
 
 def make_row_buffer(schema: Schema, numbers: Sequence[int]) -> RowBuffer:
@@ -84,21 +84,21 @@ def _build_functions(
     lines = ["row.key = key", "if alone: forget()"]
     if keys:
         lines.append(f"row[{keys}] = key if type(key) is int and {INT_MIN} <= key <= {INT_MAX} else clean(key)")
-    given = []
+    parameters = []
     for number, places in enumerate(groups):
-        noted = [f"row[{column}] = {place.code('values' if keyed else 'key')}" for column, place in places]
+        noted = [f"row[{column}] = {place.write_code('values' if keyed else 'key')}" for column, place in places]
         if not keyed:
             lines += noted
             continue
-        given.append(f"group{number}")
+        parameters.append(f"group{number}")
         lines += [f"values = group{number}(key)", "if values is None:", f" if {places[0][0]} in row:"]
         lines += [f"  row.pop({column}, None)" for column, _ in places]
         lines += ["else:", *(f" {line}" for line in noted)]
     for column in handled:
-        given.append(f"handle{column}")
+        parameters.append(f"handle{column}")
         lines += [f"value = handle{column}(key)", f"if value is not None: row[{column}] = value"]
         lines.append(f"elif {column} in row: del row[{column}]")
-    text = [f"def make({', '.join(['row', 'over', 'alone', 'forget', 'clean', *given])}):"]
+    text = [f"def make({', '.join(['row', 'over', 'alone', 'forget', 'clean', *parameters])}):"]
     text += [" def fill(key):", *(f"  {line}" for line in lines)]
     text += [" def walk(keys):", "  for key in keys:", *(f"   {line}" for line in lines), "   yield"]
     text += ["  over.append(True)", "  yield", " return fill, walk"]

@@ -62,7 +62,7 @@ def _return_key(key: Any) -> Any:
 class StepNumbers:
     """Numbers from 1 for what nobody has to keep: `next` is a C function, 0.04 us a call.
 
-    They go on from run to run of a connection; `given` counts those of one run, which `restart` begins.
+    They go on from run to run of a connection; `count` has those of one run, which `restart_count` begins.
     """
 
     def __init__(self) -> None:
@@ -70,14 +70,14 @@ class StepNumbers:
         self._before = 0
         self.next = self._count.__next__
 
-    def restart(self, given: int = 0) -> int:
+    def restart_count(self, count: int = 0) -> int:
         """Begins to count, where so many were given already, and says how many were given until now."""
-        before = self.given
-        self._before += before - given
+        before = self.count
+        self._before += before - count
         return before
 
     @property
-    def given(self) -> int:
+    def count(self) -> int:
         """How many were given in this run."""
         return int(self._count.__reduce__()[1][0]) - 1 - self._before
 
@@ -86,43 +86,55 @@ class SearchState:
     """Steps are numbered from 1; 0 is the parent of the first ones.
 
     One object serves a connection: what SQLite calls are its methods themselves, for a function around them would
-    cost as much as they do. `begin` makes it ready for one execution, `end` gives it back to the one before.
+    cost as much as they do. `begin_search` makes it ready for one execution, `end_search` gives it back to the one
+    before.
     """
 
     # What stands in a slot is found faster than in a dict: a search over edges runs a quarter fewer instructions.
     __slots__ = (
-        *("always_plain", "compared", "current_path", "expanded", "expansions", "generated", "given", "highest", "key"),
-        *("keyed", "last_dropped", "late_pruned", "members", "met", "numbers", "overestimated", "parents", "plain"),
-        *("pruned", "rows", "shared", "taken", "tested_key", "tested_row", "walks"),
+        *("always_plain", "compared", "current_path", "expanded", "expansions", "generated", "highest", "key"),
+        *(
+            "keyed",
+            "last_dropped",
+            "returned",
+            "late_pruned",
+            "members",
+            "met",
+            "numbers",
+            "overestimated",
+            "parents",
+            "plain",
+        ),
+        *("pruned", "returned", "rows", "shared", "taken", "tested_key", "tested_row", "walks"),
     )
 
     def __init__(self) -> None:
         self.numbers = StepNumbers()  # of steps that are not kept
         self.expansions = StepNumbers()  # of steps that went on, the start among them
-        self._reset(lambda value: value, True, False)
+        self._reset_state(lambda value: value, True, False)
 
-    def begin(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool = False) -> dict[str, Any]:
-        """Starts afresh and gives what has to be handed to `end`.
+    def begin_search(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool = False) -> dict[str, Any]:
+        """Starts afresh and gives what has to be handed to `end_search`.
 
         `key` gives equal SQL values one hashable value; what is compared needs none where it is `plain`, see also
         `trust_plain_rows`. `keyed`: something else than rows is compared, and kept beside them.
         """
         outer = {name: getattr(self, name) for name in self.__slots__}
-        outer |= {"counted": [numbers.restart() for numbers in (self.numbers, self.expansions)]}
-        self._reset(key, plain, keyed)
+        outer |= {"counted": [numbers.restart_count() for numbers in (self.numbers, self.expansions)]}
+        self._reset_state(key, plain, keyed)
         return outer
 
     def trust_plain_rows(self) -> None:
         """Lets rows stand for themselves until `mixed` is called."""
         self.plain = True
 
-    def end(self, outer: dict[str, Any]) -> None:
-        for numbers, given in zip((self.numbers, self.expansions), outer.pop("counted"), strict=True):
-            numbers.restart(given)  # those of a statement inside of another are none of that one
+    def end_search(self, outer: dict[str, Any]) -> None:
+        for numbers, count in zip((self.numbers, self.expansions), outer.pop("counted"), strict=True):
+            numbers.restart_count(count)  # those of a statement inside of another are none of that one
         for name, value in outer.items():
             setattr(self, name, value)
 
-    def _reset(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool) -> None:
+    def _reset_state(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool) -> None:
         self.key = key
         self.always_plain = self.plain = plain
         self.tested_row: tuple[Any, ...] = ()  # the row that a repeat test let pass
@@ -137,10 +149,10 @@ class SearchState:
         self.rows: list[tuple[Any, ...]] = [()]
         self.met: dict[Any, Any] = {}  # row -> the step that reached it, or its best rank
         self.taken: dict[Any, Any] = {}  # row -> the rank at which it was taken
-        self.given: set[Any] = set()
+        self.returned: set[Any] = set()
         self.keyed = keyed
         self.compared: list[Any] = [()] if keyed else self.rows
-        self.current_path = StepPathKeys(self.parents, self.compared, _return_key if keyed else self._key_of)
+        self.current_path = StepPathKeys(self.parents, self.compared, _return_key if keyed else self._make_key)
         self.last_dropped = 0
         self.walks: list[tuple[Any, int]] = []  # the lists that were walked, and their lengths
         self.members: frozenset[Any] = frozenset()  # those right of IN
@@ -151,13 +163,13 @@ class SearchState:
         self.members = frozenset(members)
         self.shared = [source for source in sources if source in self.members]
 
-    def count(self, stats: Stats, book: Bookkeeping, results: int) -> None:
+    def add_counts(self, stats: Stats, book: Bookkeeping, results: int) -> None:
         """Adds what the search has done; `results` is the number of paths."""
-        stats.generated += self.tried(book, results)
+        stats.generated += self.count_generated(book, results)
         stats.expanded += self._count_continued(book, results)
         stats.pruned += self.pruned
 
-    def tried(self, book: Bookkeeping, results: int) -> int:
+    def count_generated(self, book: Bookkeeping, results: int) -> int:
         """The number of steps that have been generated until now."""
         generated = self.generated
         if not generated and book.counts == "product":
@@ -177,11 +189,11 @@ class SearchState:
     def _count_continued(self, book: Bookkeeping, results: int) -> int:
         if book.all_go_on:
             return self._count_entered(book, results)
-        return self.expanded + max(0, self.expansions.given - book.starts)
+        return self.expanded + max(0, self.expansions.count - book.starts)
 
     def _count_entered(self, book: Bookkeeping, results: int) -> int:
         if book.steps_unkept:
-            return self.numbers.given
+            return self.numbers.count
         return results if book.all_results else len(self.rows) - 1
 
     @property
@@ -194,15 +206,15 @@ class SearchState:
         if not self.plain or self.always_plain:
             return
         self.plain = False
-        self.met = {self._key_of(row): value for row, value in self.met.items()}
-        self.taken = {self._key_of(row): value for row, value in self.taken.items()}
-        self.given = set(map(self._key_of, self.given))
-        self.tested_key = self._key_of(self.tested_key)
+        self.met = {self._make_key(row): value for row, value in self.met.items()}
+        self.taken = {self._make_key(row): value for row, value in self.taken.items()}
+        self.returned = set(map(self._make_key, self.returned))
+        self.tested_key = self._make_key(self.tested_key)
         if self.keyed:
-            self.compared[:] = map(self._key_of, self.compared)
-        self.current_path.keys = set(map(self._key_of, self.current_path.keys))
+            self.compared[:] = map(self._make_key, self.compared)
+        self.current_path.keys = set(map(self._make_key, self.current_path.keys))
 
-    def _key_of(self, row: tuple[Any, ...]) -> Hashable:
+    def _make_key(self, row: tuple[Any, ...]) -> Hashable:
         return row if self.plain else tuple(map(self.key, row))
 
     def get_kept_steps(self) -> KeptSteps:
@@ -262,20 +274,20 @@ class SearchState:
 
     def visit(self, *key: Any) -> int:
         """Lets the state of a start count as visited; false if another start has it."""
-        found = self._key_of(key)
+        found = self._make_key(key)
         if found in self.met:
             return 0
         self.met[found] = self.taken[found] = float("-inf")
         self.current_path.keys.add(found)
         return 1
 
-    def _compared(self, step: int) -> Any:
+    def _get_compared(self, step: int) -> Any:
         """What is compared of a step that has entered."""
-        return self.compared[step] if self.keyed else self._key_of(self.compared[step])
+        return self.compared[step] if self.keyed else self._make_key(self.compared[step])
 
     def reached(self, *row: Any) -> int:
         """Whether a step has reached the row."""
-        key = row if self.plain else self._key_of(row)
+        key = row if self.plain else self._make_key(row)
         if key in self.met:
             self.pruned += 1
             return 1
@@ -284,7 +296,7 @@ class SearchState:
 
     def arrive(self, step: int) -> int:
         """Whether a step that is taken is the first to reach its row; it then is the one that has."""
-        if not step or self.met.setdefault(self._compared(step), step) == step:
+        if not step or self.met.setdefault(self._get_compared(step), step) == step:
             return 1
         if step != self.last_dropped:  # it is asked for the result and for the children
             self.last_dropped = step
@@ -294,7 +306,7 @@ class SearchState:
 
     def closed(self, rank: Any, *row: Any) -> int:
         """Whether the row was taken at a rank so good that no way through a step of this rank can be better."""
-        taken = self.taken.get(self._key_of(row))
+        taken = self.taken.get(self._make_key(row))
         if taken is None or taken > rank:
             return 0
         self.pruned += 1
@@ -302,7 +314,7 @@ class SearchState:
 
     def improves(self, rank: Any, *row: Any) -> int:
         """Whether the step is better than the best to the row so far."""
-        key = row if self.plain else self._key_of(row)
+        key = row if self.plain else self._make_key(row)
         if rank < self.met.get(key, inf):
             self.tested_row, self.tested_key = row, key
             return 1
@@ -313,7 +325,7 @@ class SearchState:
         """Whether a step that is taken is still the best to its row; the start is. `guess` is that of `expand`."""
         if not step:
             return 1
-        key = self.compared[step] if self.plain else self._compared(step)
+        key = self.compared[step] if self.plain else self._get_compared(step)
         if self.met[key] < rank:
             return 0
         self.taken[key] = rank
@@ -330,13 +342,13 @@ class SearchState:
 
     def give_once(self, step: int, rank: Any) -> int:
         """Whether a step is still the best to its row, which was not given out before."""
-        key = self._compared(step)
+        key = self._get_compared(step)
         if self.met[key] < rank:
             return 0
         self.taken[key] = rank
-        if key in self.given:
+        if key in self.returned:
             return 0
-        self.given.add(key)
+        self.returned.add(key)
         return self.give(rank)
 
     def on_path(self, parent: int, *row: Any) -> int:
@@ -344,7 +356,7 @@ class SearchState:
         current_path = self.current_path
         if parent != current_path.end:
             current_path.follow_to(parent)
-        key = row if self.plain else self._key_of(row)
+        key = row if self.plain else self._make_key(row)
         if key in current_path.keys:
             self.pruned += 1
             return 1

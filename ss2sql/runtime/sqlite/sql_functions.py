@@ -22,12 +22,12 @@ NO_LIMIT = 2**63  # more rows than any query has
 
 def make_list_function(interning: Interning, *items: Any) -> Any:
     """`list(a, b)`: a list literal."""
-    return interning.made(list(map(interning.decode, items)))
+    return interning.encode_made(list(map(interning.decode, items)))
 
 
 def make_record_function(interning: Interning, *pairs: Any) -> Any:
     """`record('name', value, ...)`: a row as a dict."""
-    return interning.made(dict(zip(pairs[::2], map(interning.decode, pairs[1::2]), strict=True)))
+    return interning.encode_made(dict(zip(pairs[::2], map(interning.decode, pairs[1::2]), strict=True)))
 
 
 def make_sequence_function(interning: Interning, *values: Any) -> Any:
@@ -37,7 +37,7 @@ def make_sequence_function(interning: Interning, *values: Any) -> Any:
 
 def compute_key(interning: Interning, value: Any) -> Any:
     """`make_dict_key(a)`: the same SQL value for all values that equal a, for SQLite's own equality."""
-    return interning.key(value)
+    return interning.make_key(value)
 
 
 SCALAR_FUNCTIONS: dict[str, Callable[..., Any]] = {
@@ -50,21 +50,21 @@ SCALAR_FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 def read_element_columns(interning: Interning, value: Any, columns: tuple[str, ...]) -> ElementColumns:
     """The elements of a source's value as columns of SQL values: the elements themselves, then their `columns`."""
-    given = interning.decode(value)
+    elements = interning.decode(value)
     encode = interning.encode
-    if isinstance(given, Frame):
-        return _read_frame_columns(interning, value, given, columns)
-    items = list_elements(given)
+    if isinstance(elements, Frame):
+        return _read_frame_columns(interning, value, elements, columns)
+    items = list_elements(elements)
     dicts: bool | None = None  # whether they are; nobody knows yet
 
-    def make(number: int) -> list[Any]:
+    def make_column(number: int) -> list[Any]:
         nonlocal dicts
         if number and dicts is None:
             dicts = set(map(type, items)) == {dict}
         parts = _read_parts(items, columns[number - 1], dicts is True) if number else items
         return parts if NUMBERS.issuperset(map(type, parts)) else list(map(encode, parts))
 
-    return ElementColumns(value, len(items), len(columns) + 1, make)
+    return ElementColumns(value, len(items), len(columns) + 1, make_column)
 
 
 def _read_parts(items: list[Any], name: str, dicts: bool) -> list[Any]:
@@ -80,13 +80,13 @@ def _read_parts(items: list[Any], name: str, dicts: bool) -> list[Any]:
 def _read_frame_columns(interning: Interning, handle: Any, frame: Frame, columns: tuple[str, ...]) -> ElementColumns:
     """The columns of a data frame as they are read; numbers and texts are SQL values already."""
 
-    def make(number: int) -> list[Any]:
+    def make_column(number: int) -> list[Any]:
         if number == 0:
-            return list(map(interning.encode, frame.elements()))
+            return list(map(interning.encode, frame.list_dicts()))
         column = frame.columns[columns[number - 1]]
-        return column.values if column.type.only(_UNENCODED_KINDS) else list(map(interning.encode, column.values))
+        return column.values if column.type.is_only(_UNENCODED_KINDS) else list(map(interning.encode, column.values))
 
-    return ElementColumns(handle, frame.length, len(columns) + 1, make)
+    return ElementColumns(handle, frame.length, len(columns) + 1, make_column)
 
 
 NUMBERS = frozenset({int, float, type(None)})  # which are SQL values as they are
@@ -134,7 +134,7 @@ class Collect:
             raise
 
     def value(self) -> Any:
-        return self.interning.made(self.values)
+        return self.interning.encode_made(self.values)
 
 
 class CollectRows(Collect):
@@ -158,7 +158,7 @@ class CollectSet(CollectRows):
 
     def value(self) -> Any:
         rows = [tuple(row) for row in self.values]
-        return self.interning.made(convert_value(as_set(Table((), rows)), "AS set"))
+        return self.interning.encode_made(convert_value(as_set(Table((), rows)), "AS set"))
 
 
 class CollectNothing(Collect):
@@ -197,7 +197,7 @@ def _make_aggregate_class(name: str) -> Callable[[Interning], Collect]:
             self.values.append(self.interning.decode(value))
 
         def value(self) -> Any:
-            return self.interning.encode(GROUPS[name].of_group(self.values))
+            return self.interning.encode(GROUPS[name].aggregate_group(self.values))
 
     return Aggregate
 

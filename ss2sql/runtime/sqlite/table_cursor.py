@@ -37,7 +37,7 @@ class Cursor:
         self.module = module
         self.reading: Reading | None = None
         self.interning: Interning | None = None
-        self.given: dict[str, SqlValue] = {}
+        self.parameters: dict[str, SqlValue] = {}
         self.keys: Any = iter(())  # the rest of the walk, an iterator of a list
         self.count = 0  # of all elements of the walk
         self.over: list[bool] = []
@@ -50,12 +50,12 @@ class Cursor:
     def Filter(self, number: int, plan: str, arguments: Sequence[SqlValue]) -> None:  # noqa: N802
         if self.reading is None:
             self.reading, self.interning = self.module.current()
-            self.row.expect(())
+            self.row.buffer_columns(())
         demands = read_plan(plan)
         if self.module.parameters:
-            found = self._rows(self.reading, demands, arguments)
+            found = self._read_rows(self.reading, demands, arguments)
         else:
-            found = self.reading.asked(demands, arguments) if demands else self.reading.keys(NOTHING)
+            found = self.reading.find_keys(demands, arguments) if demands else self.reading.list_keys(NOTHING)
         self.count = len(found)
         self.over.clear()
         if len(found) == 1:  # a lookup in a join; a generator would take 0.3 us more
@@ -71,13 +71,17 @@ class Cursor:
         if self.keys is not _NO_MORE:
             self.Next = self.row.walk(self.keys).__next__
 
-    def _rows(self, reading: Reading, demands: Sequence[tuple[str, str]], arguments: Sequence[SqlValue]) -> list[Any]:
+    def _read_rows(
+        self, reading: Reading, demands: Sequence[tuple[str, str]], arguments: Sequence[SqlValue]
+    ) -> list[Any]:
         """The rows of a table function, without filters on its columns."""
         assert self.interning is not None
         pairs = zip(demands, arguments, strict=True)
-        self.given = {name: value for (name, operator), value in pairs if operator == ":="}
-        values = [self.interning.decode(self.given[name]) for name in self.module.parameters if name in self.given]
-        return reading.rows(values)
+        self.parameters = {name: value for (name, operator), value in pairs if operator == ":="}
+        values = [
+            self.interning.decode(self.parameters[name]) for name in self.module.parameters if name in self.parameters
+        ]
+        return reading.call_function(values)
 
     @property
     def place(self) -> int:
@@ -87,14 +91,14 @@ class Cursor:
     def Rowid(self) -> int:  # noqa: N802
         """The identity of the row, the same in every plan: SQLite combines the parts of OR by it."""
         assert self.reading is not None
-        return self.place if self.reading.schema.keyed is None else self.reading.number(self.row.key)
+        return self.place if self.reading.schema.keyed is None else self.reading.number_key(self.row.key)
 
     def Close(self) -> None:  # noqa: N802
         # Frees all that was read at the end of the query, before the collector of cycles runs.
         self.keys, self.reading, self.interning, self.Next = _NO_MORE, None, None, self._end
-        self.row.let_go()
+        self.row.clear_row()
 
-    def reader(self, number: int) -> Read:
+    def make_reader(self, number: int) -> Read:
         """The function that reads a column of SQL."""
         module, reading, interning = self.module, self.reading, self.interning
         assert reading is not None
@@ -103,23 +107,23 @@ class Cursor:
         if number < 0:
             return lambda key: self.Rowid()
         if number == 0:
-            return self._this(reading, interning)
+            return self._make_this_reader(reading, interning)
         if number < first:
             name = module.columns[number - 1][0]
-            read, kind = reading.reader(name), reading.schema.kinds[name]
+            read, kind = reading.make_reader(name), reading.schema.kinds[name]
             if is_plain_in_sql(kind):
                 return read
             if reading.schema.keyed is None:
                 return lambda row: interning.encode(read(row))
-            return _make_encoder(read, interning.encode, reading.handles(name))
+            return _make_encoder(read, interning.encode, reading.get_handles(name))
         if number < first + len(module.parameters):
             parameter = module.parameters[number - first]
-            return lambda key: self.given.get(parameter)
+            return lambda key: self.parameters.get(parameter)
         return lambda key: self.place
 
-    def _this(self, reading: Reading, interning: Interning) -> Read:
+    def _make_this_reader(self, reading: Reading, interning: Interning) -> Read:
         if reading.schema.keyed is not None:
-            return _make_encoder(reading.element, interning.encode, reading.handles(""))
+            return _make_encoder(reading.get_element, interning.encode, reading.get_handles(""))
         names = tuple(reading.schema.kinds)
         return lambda row: interning.encode(dict(zip(names, row, strict=True)))
 
@@ -141,9 +145,9 @@ class CurrentRow(dict[int, SqlValue]):
         self.cursor = cursor
         self.key: Any = None
         self.alone: list[int] = []  # the columns of this row that `fill` does not set
-        self.let_go()
+        self.clear_row()
 
-    def let_go(self) -> None:
+    def clear_row(self) -> None:
         self.clear()
         self.alone.clear()
         self.readers: dict[int, Read] = {}
@@ -152,16 +156,16 @@ class CurrentRow(dict[int, SqlValue]):
         self.together: frozenset[int] = frozenset()
         self.fill, self.walk = _fill_nothing, _walk_nothing
 
-    def expect(self, numbers: tuple[int, ...]) -> None:
+    def buffer_columns(self, numbers: tuple[int, ...]) -> None:
         """Buffers the columns with these numbers from now on."""
         cursor = self.cursor
         assert cursor.reading is not None
         self.numbers = numbers
         filling = cursor.module.get_row_buffer(cursor.reading.schema, numbers)
         self.filled, self.together = filling.filled, filling.together
-        self.fill, self.walk = filling.bound(self, cursor.over, cursor.reading)
+        self.fill, self.walk = filling.make_fill(self, cursor.over, cursor.reading)
 
-    def forget(self) -> None:
+    def remove_unfilled(self) -> None:
         """Removes the columns that `fill` does not set."""
         for number in self.alone:
             self.pop(number, None)
@@ -170,8 +174,8 @@ class CurrentRow(dict[int, SqlValue]):
     def __missing__(self, number: int) -> SqlValue:
         read = self.readers.get(number)
         if read is None:
-            read = self.readers[number] = self.cursor.reader(number)
-            self.expect((*self.numbers, number))
+            read = self.readers[number] = self.cursor.make_reader(number)
+            self.buffer_columns((*self.numbers, number))
             self.cursor.continue_walk()
         value = self[number] = read(self.key)
         if number in self.together:
@@ -193,10 +197,10 @@ def _walk_nothing(keys: Any) -> Any:
 
 
 def _make_encoder(read: Callable[[Any], Any], encode: Callable[[Any], SqlValue], known: dict[Any, SqlValue]) -> Read:
-    def encoded(key: Any) -> SqlValue:
+    def encode_key(key: Any) -> SqlValue:
         value = known.get(key)
         if value is None:
             value = known[key] = encode(read(key))
         return value
 
-    return encoded
+    return encode_key

@@ -18,7 +18,7 @@ from ss2sql.runtime.sqlite.row_buffer import RowBuffer, make_row_buffer
 from ss2sql.runtime.sqlite.table_cursor import Cursor
 from ss2sql.vtables.attached_worlds import AttachedTable
 from ss2sql.vtables.reading import Reading
-from ss2sql.vtables.schema import Schema, failure
+from ss2sql.vtables.schema import Schema, world_error
 
 if TYPE_CHECKING:
     from ss2sql.runtime.sqlite.executor import StatementExecution
@@ -56,7 +56,7 @@ class WorldModules:
             count += 1
             name = f"{wanted} {count}"
         if name not in self._signatures:
-            self._register(name, table)
+            self._register_module(name, table)
         self.tables[name] = table
         return name
 
@@ -64,7 +64,7 @@ class WorldModules:
         rows = self.connection.execute("SELECT 1 FROM pragma_table_list WHERE name = ? COLLATE NOCASE", (name,))
         return name not in self._signatures and rows.fetchone() is not None
 
-    def _register(self, name: str, table: AttachedTable) -> None:
+    def _register_module(self, name: str, table: AttachedTable) -> None:
         schema = table.schema
         names = choose_column_names(tuple(schema.kinds))
         own = schema.walked is None and not schema.parameters
@@ -77,23 +77,23 @@ class WorldModules:
             schema.parameters,
             schema.required,
             schema.signature,
-            lambda: self._current(name),
+            lambda: self._get_current(name),
         )
         self.connection.create_module(
             name, cast(Any, module), use_bestindex_object=True, eponymous=True, eponymous_only=True, read_only=True
         )
         self._signatures[name] = table.signature
 
-    def _current(self, name: str) -> tuple[Reading, Interning]:
+    def _get_current(self, name: str) -> tuple[Reading, Interning]:
         """The running query's reading of a table, and its Interning."""
         table = self.tables.get(name)
         if table is None:
-            raise failure(f"the table '{name}' is not attached any more")
+            raise world_error(f"the table '{name}' is not attached any more")
         execution = self.current()
         readings = execution.readings
-        return readings.of(table.table, readings.places.get(table)), execution.interning
+        return readings.get_reading(table.table, readings.places.get(table)), execution.interning
 
-    def forget(self, tables: Iterable[AttachedTable]) -> None:
+    def forget_tables(self, tables: Iterable[AttachedTable]) -> None:
         """Releases tables that are no longer attached."""
         for table in tables:
             if self.tables.get(table.module) is table:
@@ -157,7 +157,7 @@ class _Table:
     def BestIndexObject(self, index: Any) -> bool:  # noqa: N802
         """Passes conditions on; a plan in which a parameter is unknown is rejected."""
         module = self.module
-        given: dict[int, int] = {}
+        positions: dict[int, int] = {}
         texts: list[str] = []
         rows = _ROWS
         first = module.first_parameter
@@ -168,10 +168,10 @@ class _Table:
             usable = index.get_aConstraint_usable(number)
             if first <= column < first + len(module.parameters):
                 mentioned.add(column)
-                if not usable or operator != "=" or column in given:
+                if not usable or operator != "=" or column in positions:
                     return False
-                given[column] = number
-            elif usable and 0 < column < first and self._passes(index, number, column, operator):
+                positions[column] = number
+            elif usable and 0 < column < first and self._can_pass(index, number, column, operator):
                 name = module.columns[column - 1][0]
                 texts.append(f"{name} {operator} ?")
                 index.set_aConstraintUsage_argvIndex(number, len(texts))
@@ -180,7 +180,7 @@ class _Table:
         missing = [name for column, name in required if column not in mentioned]
         if missing:
             raise apsw.SQLError(f"{module.name}: {module.signature} needs {' and '.join(missing)}")
-        for column, number in sorted(given.items()):
+        for column, number in sorted(positions.items()):
             texts.append(f"{module.parameters[column - first]} := ?")
             index.set_aConstraintUsage_argvIndex(number, len(texts))
             index.set_aConstraintUsage_omit(number, True)  # SQLite ignores this after sixteen other conditions
@@ -191,7 +191,7 @@ class _Table:
         index.idxStr = ", ".join(texts) or "all"
         return True
 
-    def _passes(self, index: Any, number: int, column: int, operator: str | None) -> bool:
+    def _can_pass(self, index: Any, number: int, column: int, operator: str | None) -> bool:
         """Whether the adapter can use a condition. For IN SQLite would filter value by value, and change the order."""
         return operator in self.module.columns[column - 1][1] and not index.get_aConstraintUsage_in(number)
 

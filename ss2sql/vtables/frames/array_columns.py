@@ -25,7 +25,7 @@ Array = numpy.ndarray[Any, Any]
 _FRACTIONS = ("s", "ms", "us", "ns")
 
 
-def array_column(array: Array, missing: Array | None, place: str, suffix: str = "") -> Column:
+def convert_array(array: Array, missing: Array | None, place: str, suffix: str = "") -> Column:
     """The column for an array.
 
     Args:
@@ -49,10 +49,10 @@ def array_column(array: Array, missing: Array | None, place: str, suffix: str = 
             return text_column(_join_gaps(missing, numpy.isnat(array)), lambda: _format_times(array, suffix))
         case "m":
             return _make_duration_column(array, missing, place)
-    return object_column(array.tolist(), place)
+    return convert_objects(array.tolist(), place)
 
 
-def object_column(values: list[Any], place: str) -> Column:
+def convert_objects(values: list[Any], place: str) -> Column:
     """The column for values of any kinds."""
     known = convert_value(convert_cells(values), place)
     return Column(type_of(known).item or Type(), lambda: known)
@@ -131,15 +131,15 @@ def _make_duration_column(array: Array, missing: Array | None, place: str) -> Co
     if numpy.datetime_data(array.dtype)[0] in ("Y", "M"):
         hints = ("convert it to days or seconds",)
         raise ExecutionError("X004", f"{place} holds durations in months, which have no length", hints=hints)
-    return array_column(array / numpy.timedelta64(1, "s"), _join_gaps(missing, numpy.isnat(array)), place)
+    return convert_array(array / numpy.timedelta64(1, "s"), _join_gaps(missing, numpy.isnat(array)), place)
 
 
 def reader(source: Any, name: str) -> Reader | None:
     """What reads the array; None where it is a list to scripts."""
-    return (lambda: _read(source.copy(), name)) if source.dtype.names and source.ndim == 1 else None
+    return (lambda: _read_array(source.copy(), name)) if source.dtype.names and source.ndim == 1 else None
 
 
-def _read(array: Any, name: str) -> Frame:
+def _read_array(array: Any, name: str) -> Frame:
     names = distinct_names(array.dtype.names, name)
-    columns = {word: array_column(array[word], None, f"the column '{word}' of '{name}'") for word in names}
+    columns = {word: convert_array(array[word], None, f"the column '{word}' of '{name}'") for word in names}
     return Frame(columns, len(array))

@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language.kinds import INT_MIN
-from ss2sql.vtables.frames.array_columns import array_column, empty_column, object_column, text_column, time_column
+from ss2sql.vtables.frames.array_columns import convert_array, convert_objects, empty_column, text_column, time_column
 from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
 
 if TYPE_CHECKING:
@@ -19,47 +19,47 @@ def reader(source: Any, name: str) -> Reader:
     """The reader of a table, which reads it once, since it is immutable."""
     known: list[Frame] = []
 
-    def read() -> Frame:
+    def read_frame() -> Frame:
         if not known:
-            known.append(_read(source, name))
+            known.append(_read_arrow(source, name))
         return known[0]
 
-    return read
+    return read_frame
 
 
-def _read(table: Any, name: str) -> Frame:
+def _read_arrow(table: Any, name: str) -> Frame:
     names = distinct_names(table.schema.names, name)
     parts = zip(names, table.columns, strict=True)
     columns = {word: make_arrow_column(part, f"the column '{word}' of '{name}'") for word, part in parts}
     return Frame(columns, table.num_rows)
 
 
-def make_arrow_column(given: Any, place: str) -> Column:
+def make_arrow_column(array: Any, place: str) -> Column:
     """The column for an array, in one piece or in several."""
     types = pyarrow.types
-    kind, length = given.type, len(given)
+    kind, length = array.type, len(array)
     if types.is_dictionary(kind):
-        given, kind = given.cast(kind.value_type), kind.value_type
-    array = given.combine_chunks() if isinstance(given, pyarrow.ChunkedArray) else given
+        array, kind = array.cast(kind.value_type), kind.value_type
+    array = array.combine_chunks() if isinstance(array, pyarrow.ChunkedArray) else array
     missing = array.is_null().to_numpy(zero_copy_only=False) if array.null_count else None
     if types.is_null(kind):
         return empty_column(length)
     if types.is_string(kind) or types.is_large_string(kind):
         return text_column(missing, array.to_pylist)
     if types.is_boolean(kind):
-        return array_column(array.fill_null(False).to_numpy(zero_copy_only=False), missing, place)
+        return convert_array(array.fill_null(False).to_numpy(zero_copy_only=False), missing, place)
     if types.is_integer(kind) or types.is_floating(kind):
-        return array_column(array.fill_null(0).to_numpy(zero_copy_only=False), missing, place)
+        return convert_array(array.fill_null(0).to_numpy(zero_copy_only=False), missing, place)
     if types.is_date(kind):
-        return array_column(_count_ticks(array.cast(pyarrow.date32()), 32).view("M8[D]"), missing, place)
+        return convert_array(_count_ticks(array.cast(pyarrow.date32()), 32).view("M8[D]"), missing, place)
     if types.is_timestamp(kind):
         suffix = "" if kind.tz is None else "+00:00"
-        return array_column(_count_ticks(array, 64).view(f"M8[{kind.unit}]"), missing, place, suffix)
+        return convert_array(_count_ticks(array, 64).view(f"M8[{kind.unit}]"), missing, place, suffix)
     if types.is_duration(kind):
-        return array_column(_count_ticks(array, 64).view(f"m8[{kind.unit}]"), missing, place)
+        return convert_array(_count_ticks(array, 64).view(f"m8[{kind.unit}]"), missing, place)
     if types.is_time(kind):
         return time_column(_count_ticks(array, 32 if types.is_time32(kind) else 64).view(f"M8[{kind.unit}]"), missing)
-    return object_column(array.to_pylist(), place)
+    return convert_objects(array.to_pylist(), place)
 
 
 def _count_ticks(array: Any, bits: int) -> Any:

@@ -53,9 +53,9 @@ def _convert_numpy(value: Any) -> Any:
     if numpy is None or not isinstance(value, (numpy.ndarray, numpy.generic)):
         return value
     if value.dtype.kind in "mM":
-        from ss2sql.vtables.frames.array_columns import array_column
+        from ss2sql.vtables.frames.array_columns import convert_array
 
         array = value.reshape(-1) if isinstance(value, numpy.ndarray) else numpy.array([value])
-        converted = array_column(array, None, "a cell").values
+        converted = convert_array(array, None, "a cell").values
         return converted if isinstance(value, numpy.ndarray) else converted[0]
     return convert_cell(value.tolist())

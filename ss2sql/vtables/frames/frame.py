@@ -36,22 +36,22 @@ class Frame(Typed):
         self.length = length
         super().__init__(_type_of_rows() if not columns else _type_of(columns))
 
-    def value(self) -> Any:
+    def make_value(self) -> Any:
         """The value of the language: a dict of columns; of a frame without columns a list of empty rows."""
         if not self.columns:
             return [{}] * self.length
         return {name: column.values for name, column in self.columns.items()}
 
-    def rows(self, names: Sequence[str]) -> list[tuple[Any, ...]]:
+    def list_rows(self, names: Sequence[str]) -> list[tuple[Any, ...]]:
         """The rows as tuples of the values in some columns."""
         if not names:
             return [()] * self.length
         return list(zip(*(self.columns[name].values for name in names), strict=True))
 
-    def elements(self) -> list[dict[str, Any]]:
+    def list_dicts(self) -> list[dict[str, Any]]:
         """The rows as dicts."""
         names = tuple(self.columns)
-        return [dict(zip(names, row, strict=True)) for row in self.rows(names)]
+        return [dict(zip(names, row, strict=True)) for row in self.list_rows(names)]
 
     def __repr__(self) -> str:
         return f"<data frame of {self.length:,} rows: {', '.join(self.columns)}>"

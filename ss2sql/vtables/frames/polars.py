@@ -6,7 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language.kinds import INT_MIN
-from ss2sql.vtables.frames.array_columns import array_column, empty_column, object_column, text_column, time_column
+from ss2sql.vtables.frames.array_columns import convert_array, convert_objects, empty_column, text_column, time_column
 from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
 
 if TYPE_CHECKING:
@@ -17,16 +17,16 @@ polars: Any = import_module("polars")
 
 def reader(source: Any, name: str) -> Reader:
     """The reader of a frame, which reads it anew every time, since it is mutable."""
-    return lambda: _read(source.clone(), name)
+    return lambda: _read_polars(source.clone(), name)
 
 
-def _read(frame: Any, name: str) -> Frame:
+def _read_polars(frame: Any, name: str) -> Frame:
     names = distinct_names(frame.columns, name)
-    columns = {word: _column(frame.get_column(word), f"the column '{word}' of '{name}'") for word in names}
+    columns = {word: _convert_series(frame.get_column(word), f"the column '{word}' of '{name}'") for word in names}
     return Frame(columns, frame.height)
 
 
-def _column(series: Any, place: str) -> Column:
+def _convert_series(series: Any, place: str) -> Column:
     kind = series.dtype
     missing = series.is_null().to_numpy() if series.null_count() else None
     match kind:
@@ -35,19 +35,19 @@ def _column(series: Any, place: str) -> Column:
         case polars.String() | polars.Categorical() | polars.Enum():
             return text_column(missing, series.to_list)
         case polars.Boolean():
-            return array_column(series.fill_null(False).to_numpy(), missing, place)
+            return convert_array(series.fill_null(False).to_numpy(), missing, place)
         case polars.Date():
-            return array_column(_count_ticks(series).view("M8[D]"), missing, place)
+            return convert_array(_count_ticks(series).view("M8[D]"), missing, place)
         case polars.Datetime():
             suffix = "" if kind.time_zone is None else "+00:00"
-            return array_column(_count_ticks(series).view(f"M8[{kind.time_unit}]"), missing, place, suffix)
+            return convert_array(_count_ticks(series).view(f"M8[{kind.time_unit}]"), missing, place, suffix)
         case polars.Duration():
-            return array_column(_count_ticks(series).view(f"m8[{kind.time_unit}]"), missing, place)
+            return convert_array(_count_ticks(series).view(f"m8[{kind.time_unit}]"), missing, place)
         case polars.Time():
             return time_column(_count_ticks(series).view("M8[ns]"), missing)
     if kind.is_float() or (kind.is_integer() and kind not in (polars.Int128, getattr(polars, "UInt128", None))):
-        return array_column(series.fill_null(0).to_numpy(), missing, place)
-    return object_column(series.to_list(), place)
+        return convert_array(series.fill_null(0).to_numpy(), missing, place)
+    return convert_objects(series.to_list(), place)
 
 
 def _count_ticks(series: Any) -> Any:

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.vtables.body_columns import Quaternion, Vector
 from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps
-from ss2sql.vtables.mujoco.mujoco_shapes import Shapes
-from ss2sql.vtables.mujoco.mujoco_tables import Bodies, Contacts, Geoms, Joints, Sensors
+from ss2sql.vtables.mujoco.mujoco_shapes import MuJoCoShapes
+from ss2sql.vtables.mujoco.mujoco_tables import MuJoCoBodies, MuJoCoContacts, MuJoCoGeoms, MuJoCoJoints, MuJoCoSensors
 
 Array = NDArray[Any]
 FURTHEST = 1e9  # m, the greatest measured distance
@@ -35,7 +35,7 @@ class MuJoCoWorld(BodyWorld):
         data: the `mujoco.MjData`.
     """
 
-    tables = (Bodies, Geoms, Joints, Sensors, Contacts, Closest, Near, Overlaps)
+    tables = (MuJoCoBodies, MuJoCoGeoms, MuJoCoJoints, MuJoCoSensors, MuJoCoContacts, Closest, Near, Overlaps)
     serves: ClassVar[Sequence[str]] = ("mujoco._structs.MjData",)
 
     def __init__(self, model: Any, data: Any = None) -> None:
@@ -46,7 +46,7 @@ class MuJoCoWorld(BodyWorld):
             raise SessionError("S002", message, hints=("attach a mujoco.MjData",))
         self.data = data
         self.model = data.model if model is data else model
-        self.shapes = Shapes(self.model, self.data)
+        self.shapes = MuJoCoShapes(self.model, self.data)
         self._names: dict[str, list[str]] = {}
 
     @property
@@ -59,7 +59,7 @@ class MuJoCoWorld(BodyWorld):
             message = "MuJoCo has not computed these data yet: call mujoco.mj_forward(model, data)"
             raise ExecutionError("X011", message)
 
-    def names(self, kind: str, count: int) -> list[str]:
+    def list_names(self, kind: str, count: int) -> list[str]:
         """The names of all elements of a kind; those without one have an empty name."""
         if kind not in self._names:
             mujoco = import_module("mujoco")
@@ -67,7 +67,7 @@ class MuJoCoWorld(BodyWorld):
             self._names[kind] = [mujoco.mj_id2name(self.model, known, number) or "" for number in range(count)]
         return self._names[kind]
 
-    def force_of(self, contact: int) -> float:
+    def measure_force(self, contact: int) -> float:
         """The force of a contact along its normal."""
         found = np.zeros(6)
         import_module("mujoco").mj_contactForce(self.model, self.data, contact, found)
@@ -101,58 +101,58 @@ class MuJoCoWorld(BodyWorld):
         pairs = zip(model.sensor_objtype.tolist(), model.sensor_objid.tolist(), strict=True)
         return np.array([owners[kind][target] for kind, target in pairs if kind in owners], int)
 
-    def positions(self) -> tuple[list[int], Array]:
+    def read_positions(self) -> tuple[list[int], Array]:
         return list(range(self.model.nbody)), self.data.xpos
 
-    def point(self, value: Any) -> Sequence[float]:
+    def find_point(self, value: Any) -> Sequence[float]:
         """A body's position by its id takes 1 us, by its column 20 us; joins read two for each pair."""
         if type(value) is int and 0 <= value < self.model.nbody:
             return tuple(self.data.xpos[value].tolist())
-        return super().point(value)
+        return super().find_point(value)
 
-    def gap(self, one: int, other: int) -> float:
+    def measure_gap(self, one: int, other: int) -> float:
         """To the tolerance of MuJoCo's own `mj_geomDistance`, between the nearest shapes of both.
 
         Infinite without shapes, and between planes, which have no distance in MuJoCo.
         """
         measure = import_module("mujoco").mj_geomDistance
-        pairs = product(self._solids(one), self._solids(other))
+        pairs = product(self._list_solids(one), self._list_solids(other))
         least = min((measure(self.model, self.data, a, b, FURTHEST, None) for a, b in pairs), default=FURTHEST)
         return inf if least >= FURTHEST else float(least)
 
-    def _solids(self, body: int) -> list[int]:
-        found: list[int] = np.flatnonzero((self.model.geom_bodyid == body) & self.shapes.solid).tolist()
+    def _list_solids(self, body: int) -> list[int]:
+        found: list[int] = np.flatnonzero((self.model.geom_bodyid == body) & self.shapes.solid_shapes).tolist()
         return found
 
-    def touching(self, body: int) -> bool:
-        return self._touches(self.data, body)
+    def is_touching(self, body: int) -> bool:
+        return self._is_touching_in(self.data, body)
 
-    def _touches(self, data: Any, body: int) -> bool:
+    def _is_touching_in(self, data: Any, body: int) -> bool:
         contacts = data.contact
         owners = self.model.geom_bodyid[contacts.geom[contacts.dist <= 0]]
         return bool((owners == body).any())
 
     def would_touch(self, body: int, position: Vector, turn: Quaternion) -> bool:
         """Tests the pose in a copy of the data."""
-        mujoco, copy = import_module("mujoco"), self._copy
+        mujoco, copy = import_module("mujoco"), self._data_copy
         for name in ("qpos", "mocap_pos", "mocap_quat"):
             getattr(copy, name)[:] = getattr(self.data, name)
-        self._place(copy, body, position, turn)
+        self._move_body(copy, body, position, turn)
         mujoco.mj_kinematics(self.model, copy)
         mujoco.mj_comPos(self.model, copy)
         mujoco.mj_collision(self.model, copy)
-        return self._touches(copy, body)
+        return self._is_touching_in(copy, body)
 
     @cached_property
-    def _copy(self) -> Any:
+    def _data_copy(self) -> Any:
         return import_module("mujoco").MjData(self.model)
 
-    def put(self, body: int, position: Vector, turn: Quaternion) -> None:
+    def put_body(self, body: int, position: Vector, turn: Quaternion) -> None:
         """Moves a body that has a free joint, or is a mocap body, and computes what follows."""
-        self._place(self.data, body, position, turn)
+        self._move_body(self.data, body, position, turn)
         import_module("mujoco").mj_forward(self.model, self.data)
 
-    def _place(self, data: Any, body: int, position: Vector, turn: Quaternion) -> None:
+    def _move_body(self, data: Any, body: int, position: Vector, turn: Quaternion) -> None:
         model = self.model
         joint, mocap = int(model.body_jntadr[body]), int(model.body_mocapid[body])
         pose = (*position, turn[3], *turn[:3])
@@ -162,6 +162,6 @@ class MuJoCoWorld(BodyWorld):
         elif mocap >= 0:
             data.mocap_pos[mocap], data.mocap_quat[mocap] = pose[:3], pose[3:]
         else:
-            name = self.names("body", model.nbody)[body]
+            name = self.list_names("body", model.nbody)[body]
             hints = ("give it a free joint, or make it a mocap body",)
             raise ExecutionError("X007", f"the body '{name}' cannot be moved freely", hints=hints)

@@ -19,7 +19,7 @@ KINDS: Array = np.array(
 )
 
 
-class Shapes:
+class MuJoCoShapes:
     """The shapes of a model, where they are now."""
 
     def __init__(self, model: Any, data: Any) -> None:
@@ -27,7 +27,7 @@ class Shapes:
         self.data = data
 
     @cached_property
-    def touchable(self) -> Array:
+    def touchable_bodies(self) -> Array:
         """Whether anything can collide with a body."""
         model = self.model
         touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
@@ -35,23 +35,23 @@ class Shapes:
         return found
 
     @cached_property
-    def solid(self) -> Array:
+    def solid_shapes(self) -> Array:
         """Whether a shape counts for its body: it can touch others, or the body has none that can."""
         model = self.model
         touches = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-        found: Array = touches | ~self.touchable[model.geom_bodyid]
+        found: Array = touches | ~self.touchable_bodies[model.geom_bodyid]
         return found
 
-    def kinds_of_bodies(self) -> Array:
+    def list_body_kinds(self) -> Array:
         """The kind of the only shape of each body, else `compound` or `ghost`."""
-        model, solid = self.model, self.solid
+        model, solid = self.model, self.solid_shapes
         counts = np.bincount(model.geom_bodyid[solid], minlength=model.nbody)
         kinds = np.where(counts > 1, "compound", "ghost").astype(object)
         single = solid & (counts[model.geom_bodyid] == 1)
         kinds[model.geom_bodyid[single]] = KINDS[model.geom_type[single]]
         return kinds
 
-    def volumes(self) -> Array:
+    def measure_volumes(self) -> Array:
         """In m³; NaN for shapes without an end."""
         kind = self.model.geom_type
         a, b, c = self.model.geom_size.T
@@ -76,13 +76,15 @@ class Shapes:
             found.append(abs(float(np.einsum("ij,ij->", first, np.cross(second, third)))) / 6)
         return found
 
-    def volumes_of_bodies(self) -> Array:
+    def measure_body_volumes(self) -> Array:
         """The sum of the volumes of their shapes."""
-        model, solid = self.model, self.solid
-        found: Array = np.bincount(model.geom_bodyid[solid], weights=self.volumes()[solid], minlength=model.nbody)
+        model, solid = self.model, self.solid_shapes
+        found: Array = np.bincount(
+            model.geom_bodyid[solid], weights=self.measure_volumes()[solid], minlength=model.nbody
+        )
         return found
 
-    def boxes(self) -> Array:
+    def measure_boxes(self) -> Array:
         """The two corners of the box around each shape: an array of (shape, corner, axis)."""
         model, data = self.model, self.data
         kind, size = model.geom_type, model.geom_size
@@ -101,11 +103,11 @@ class Shapes:
         )  # fmt: skip
         middle = np.where((kind == PLANE)[:, None], data.geom_xpos, centre)
         boxes = np.stack((middle - half, middle + half), axis=1)
-        self._end_planes(boxes)
+        self._bound_planes(boxes)
         found: Array = np.clip(boxes, -FAR, FAR)
         return found
 
-    def _end_planes(self, boxes: Array) -> None:
+    def _bound_planes(self, boxes: Array) -> None:
         """Ends the box of a plane along two axes at its front."""
         for plane in np.flatnonzero(self.model.geom_type == PLANE):
             normal = self.data.geom_xmat[plane].reshape(3, 3)[:, 2]
@@ -113,18 +115,18 @@ class Shapes:
             if abs(normal[axis]) > 1 - 1e-12:
                 boxes[plane, 1 if normal[axis] > 0 else 0, axis] = self.data.geom_xpos[plane, axis]
 
-    def boxes_of_bodies(self) -> Array:
+    def measure_body_boxes(self) -> Array:
         """The boxes around their shapes; around the origin of a body without one."""
-        model, solid = self.model, self.solid
+        model, solid = self.model, self.solid_shapes
         low, high = self.data.xpos.copy(), self.data.xpos.copy()
         bare = np.bincount(model.geom_bodyid[solid], minlength=model.nbody) == 0
         low[~bare], high[~bare] = FAR, -FAR
-        boxes, owners = self.boxes()[solid], model.geom_bodyid[solid]
+        boxes, owners = self.measure_boxes()[solid], model.geom_bodyid[solid]
         np.minimum.at(low, owners, boxes[:, 0])
         np.maximum.at(high, owners, boxes[:, 1])
         return np.stack((low, high), axis=1)
 
-    def quaternions(self, index: Array) -> Array:
+    def read_quaternions(self, index: Array) -> Array:
         """The orientations of shapes, the real part first."""
         turn = import_module("mujoco").mju_mat2Quat
         found = np.empty((len(index), 4))

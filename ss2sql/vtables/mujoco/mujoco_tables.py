@@ -65,54 +65,54 @@ class _Numbered(Table):
 
     @property
     def names(self) -> Sequence[str]:
-        return self.world.names(self.kind, self.size)
+        return self.world.list_names(self.kind, self.size)
 
-    def checked(self, keys: Keys) -> Array:
+    def check_keys(self, keys: Keys) -> Array:
         """The keys as an index of arrays."""
         index = np.asarray(keys, int)
         if len(index) and (index.min() < 0 or index.max() >= self.size):
             raise make_gone_error(self.kind, next(int(key) for key in keys if not 0 <= key < self.size))
         return index
 
-    def called(self, keys: Keys) -> list[str]:
+    def read_names(self, keys: Keys) -> list[str]:
         names = self.names
-        return [names[key] for key in self.checked(keys)]
+        return [names[key] for key in self.check_keys(keys)]
 
 
 class _Oriented(_Numbered, ABC):
     """Elements with an orientation."""
 
     @abstractmethod
-    def quaternions(self, keys: Keys) -> Array:
+    def read_quaternions(self, keys: Keys) -> Array:
         """Their orientations; MuJoCo's quaternions begin with the real part."""
 
-    def turn(self, keys: Keys) -> tuple[Array, ...]:
-        quaternions = self.quaternions(keys)
+    def read_turns(self, keys: Keys) -> tuple[Array, ...]:
+        quaternions = self.read_quaternions(keys)
         w, x, y, z = quaternions.T
         return x, y, z, w, quaternions[:, _REAL_LAST]
 
-    def angles(self, keys: Keys) -> Array:
-        return np.array([compute_euler_angles(x, y, z, w) for w, x, y, z in self.quaternions(keys).tolist()])
+    def read_angles(self, keys: Keys) -> Array:
+        return np.array([compute_euler_angles(x, y, z, w) for w, x, y, z in self.read_quaternions(keys).tolist()])
 
 
 def _read_from_model(name: str) -> Callable[[Any, Keys], Array]:
     """A group that is an array of the model."""
 
-    def read(table: _Numbered, keys: Keys) -> Array:
-        found: Array = getattr(table.world.model, name)[table.checked(keys)]
+    def read_array(table: _Numbered, keys: Keys) -> Array:
+        found: Array = getattr(table.world.model, name)[table.check_keys(keys)]
         return found
 
-    return read
+    return read_array
 
 
 def _read_from_data(name: str, part: slice = _ALL) -> Callable[[Any, Keys], Array]:
     """A group that is an array of the data, or some columns of one."""
 
-    def read(table: _Numbered, keys: Keys) -> Array:
-        found: Array = getattr(table.world.data, name)[table.checked(keys)]
+    def read_array(table: _Numbered, keys: Keys) -> Array:
+        found: Array = getattr(table.world.data, name)[table.check_keys(keys)]
         return found if part is _ALL else found[:, part]
 
-    return read
+    return read_array
 
 
 def _split_coordinates(points: Array) -> tuple[Array, ...]:
@@ -124,20 +124,17 @@ def _list_shapes(kinds: Array) -> tuple[Any, ...]:
     return kinds, *(kinds == known for known in _SHAPES)
 
 
-class Bodies(_Oriented):
+class MuJoCoBodies(_Oriented):
     name, count, kind = "bodies", "nbody", "body"
     text = "the bodies of the model; the first is `world`, which all that stands still belongs to"
     columns = make_body_columns()
     places = PLACES
     arrays: ClassVar[Mapping[str, str]] = {
-        "called": "name", "itself": "obj", "place": "x y z", "turn": ROTATION, "angles": "rot", "speed": "vx vy vz",
-        "spin": SPIN, "pushed": "force", "turned": "torque", "weight": "mass", "shape": SHAPE, "size_of": "volume",
-        "box": "aabb", "driven": "isRobot", "sensing": "isSensor", "touchable": "isEnabled",
-        "movable": "hasBody", "pose": "pose",
-        "axes": "posX posY posZ",
-        "point": "pos",
-        "velocity": "velocity",
-        "moving": "linearVelocity",
+        "read_names": "name", "read_elements": "obj", "read_places": "x y z", "read_turns": ROTATION,
+        "read_angles": "rot", "read_speeds": "vx vy vz", "read_spins": SPIN, "pushed": "force", "turned": "torque",
+        "weight": "mass", "read_shapes": SHAPE, "read_volumes": "volume", "read_boxes": "aabb", "are_driven": "isRobot",
+        "are_sensing": "isSensor", "are_touchable": "isEnabled", "are_movable": "hasBody", "read_poses": "pose",
+        "axes": "posX posY posZ", "point": "pos", "read_velocities": "velocity", "moving": "linearVelocity",
     }  # fmt: skip
 
     def keys(self, where: Where) -> Iterable[int]:
@@ -147,72 +144,72 @@ class Bodies(_Oriented):
         inside = self.world.filter_by_position(where)
         return inside if isinstance(allowed, range) else [body for body in inside if body in allowed]
 
-    def itself(self, keys: Keys) -> list[Any]:
-        return [self.element(int(key)) for key in self.checked(keys)]
+    def read_elements(self, keys: Keys) -> list[Any]:
+        return [self.element(int(key)) for key in self.check_keys(keys)]
 
     # Equal columns are groups of their own, because an unread column costs as much as a read one.
 
     point = _read_from_data("xpos")
 
-    def quaternions(self, keys: Keys) -> Array:
-        found: Array = self.world.data.xquat[self.checked(keys)]
+    def read_quaternions(self, keys: Keys) -> Array:
+        found: Array = self.world.data.xquat[self.check_keys(keys)]
         return found
 
-    def place(self, keys: Keys) -> tuple[Array, ...]:
+    def read_places(self, keys: Keys) -> tuple[Array, ...]:
         return tuple(self.point(keys).T)
 
-    axes = place
+    axes = read_places
 
-    def velocity(self, keys: Keys) -> Array:
-        model, data, index = self.world.model, self.world.data, self.checked(keys)
+    def read_velocities(self, keys: Keys) -> Array:
+        model, data, index = self.world.model, self.world.data, self.check_keys(keys)
         known = data.cvel[index]  # of the point that is now at the centre of mass of the whole kinematic tree
         lever = data.xpos[index] - data.subtree_com[model.body_rootid[index]]
         linear: Array = known[:, 3:] + np.cross(known[:, :3], lever)
         return linear
 
-    def speed(self, keys: Keys) -> tuple[Array, ...]:
-        return tuple(self.velocity(keys).T)
+    def read_speeds(self, keys: Keys) -> tuple[Array, ...]:
+        return tuple(self.read_velocities(keys).T)
 
-    moving = velocity
+    moving = read_velocities
 
-    def spin(self, keys: Keys) -> tuple[Array, ...]:
-        angular = self.world.data.cvel[self.checked(keys), :3]
+    def read_spins(self, keys: Keys) -> tuple[Array, ...]:
+        angular = self.world.data.cvel[self.check_keys(keys), :3]
         return (*angular.T, angular)
 
     pushed = _read_from_data("xfrc_applied", slice(3))
     turned = _read_from_data("xfrc_applied", slice(3, 6))
     weight = _read_from_model("body_mass")
 
-    def shape(self, keys: Keys) -> tuple[Any, ...]:
-        return _list_shapes(self.world.shapes.kinds_of_bodies()[self.checked(keys)])
+    def read_shapes(self, keys: Keys) -> tuple[Any, ...]:
+        return _list_shapes(self.world.shapes.list_body_kinds()[self.check_keys(keys)])
 
-    def size_of(self, keys: Keys) -> list[float | None]:
-        return _list_bounds(self.world.shapes.volumes_of_bodies()[self.checked(keys)])
+    def read_volumes(self, keys: Keys) -> list[float | None]:
+        return _list_bounds(self.world.shapes.measure_body_volumes()[self.check_keys(keys)])
 
-    def box(self, keys: Keys) -> Array:
-        return self.world.shapes.boxes_of_bodies()[self.checked(keys)]
+    def read_boxes(self, keys: Keys) -> Array:
+        return self.world.shapes.measure_body_boxes()[self.check_keys(keys)]
 
-    def driven(self, keys: Keys) -> Array:
+    def are_driven(self, keys: Keys) -> Array:
         roots = self.world.model.body_rootid
-        return np.isin(roots[self.checked(keys)], roots[self.world.driven_bodies])
+        return np.isin(roots[self.check_keys(keys)], roots[self.world.driven_bodies])
 
-    def sensing(self, keys: Keys) -> Array:
-        return np.isin(self.checked(keys), self.world.sensing_bodies)
+    def are_sensing(self, keys: Keys) -> Array:
+        return np.isin(self.check_keys(keys), self.world.sensing_bodies)
 
-    def touchable(self, keys: Keys) -> Array:
-        found: Array = self.world.shapes.touchable[self.checked(keys)]
+    def are_touchable(self, keys: Keys) -> Array:
+        found: Array = self.world.shapes.touchable_bodies[self.check_keys(keys)]
         return found
 
-    def movable(self, keys: Keys) -> Array:
+    def are_movable(self, keys: Keys) -> Array:
         model = self.world.model
-        found: Array = model.body_dofnum[model.body_weldid[self.checked(keys)]] > 0
+        found: Array = model.body_dofnum[model.body_weldid[self.check_keys(keys)]] > 0
         return found
 
-    def pose(self, keys: Keys) -> Array:
-        return np.hstack((self.point(keys), self.quaternions(keys)[:, _REAL_LAST]))
+    def read_poses(self, keys: Keys) -> Array:
+        return np.hstack((self.point(keys), self.read_quaternions(keys)[:, _REAL_LAST]))
 
 
-class Geoms(_Oriented):
+class MuJoCoGeoms(_Oriented):
     name, count, kind = "geoms", "ngeom", "geom"
     text = "the shapes of the bodies"
     columns = (
@@ -223,30 +220,30 @@ class Geoms(_Oriented):
         *(replace(c, filter="") for c in make_body_columns() if c.name in _GEOM_COLUMNS),
     )
     arrays: ClassVar[Mapping[str, str]] = {
-        "called": "name", "owner": "body", "place": POSITION, "turn": ROTATION, "angles": "rot", "shape": SHAPE,
-        "extent": "size", "size_of": "volume", "box": "aabb",
+        "read_names": "name", "owner": "body", "read_places": POSITION, "read_turns": ROTATION, "read_angles": "rot",
+        "read_shapes": SHAPE, "extent": "size", "read_volumes": "volume", "read_boxes": "aabb",
     }  # fmt: skip
 
     owner = _read_from_model("geom_bodyid")
     extent = _read_from_model("geom_size")
 
-    def place(self, keys: Keys) -> tuple[Array, ...]:
-        return _split_coordinates(self.world.data.geom_xpos[self.checked(keys)])
+    def read_places(self, keys: Keys) -> tuple[Array, ...]:
+        return _split_coordinates(self.world.data.geom_xpos[self.check_keys(keys)])
 
-    def quaternions(self, keys: Keys) -> Array:
-        return self.world.shapes.quaternions(self.checked(keys))
+    def read_quaternions(self, keys: Keys) -> Array:
+        return self.world.shapes.read_quaternions(self.check_keys(keys))
 
-    def shape(self, keys: Keys) -> tuple[Any, ...]:
-        return _list_shapes(KINDS[self.world.model.geom_type[self.checked(keys)]])
+    def read_shapes(self, keys: Keys) -> tuple[Any, ...]:
+        return _list_shapes(KINDS[self.world.model.geom_type[self.check_keys(keys)]])
 
-    def size_of(self, keys: Keys) -> list[float | None]:
-        return _list_bounds(self.world.shapes.volumes()[self.checked(keys)])
+    def read_volumes(self, keys: Keys) -> list[float | None]:
+        return _list_bounds(self.world.shapes.measure_volumes()[self.check_keys(keys)])
 
-    def box(self, keys: Keys) -> Array:
-        return self.world.shapes.boxes()[self.checked(keys)]
+    def read_boxes(self, keys: Keys) -> Array:
+        return self.world.shapes.measure_boxes()[self.check_keys(keys)]
 
 
-class Joints(_Numbered):
+class MuJoCoJoints(_Numbered):
     name, count, kind = "joints", "njnt", "joint"
     text = "the joints by which bodies move"
     columns = (
@@ -261,31 +258,31 @@ class Joints(_Numbered):
         Column("axis", VECTOR, "", "around which it turns or along which it slides"),
     )
     arrays: ClassVar[Mapping[str, str]] = {
-        "called": "name", "shape": "type", "owner": "body", "state": "angle speed", "limits": "lower upper",
-        "direction": "axis",
+        "read_names": "name", "read_types": "type", "owner": "body", "read_states": "angle speed",
+        "read_limits": "lower upper", "direction": "axis",
     }  # fmt: skip
 
-    def shape(self, keys: Keys) -> list[str]:
-        return [_JOINTS[kind] for kind in self.world.model.jnt_type[self.checked(keys)]]
+    def read_types(self, keys: Keys) -> list[str]:
+        return [_JOINTS[kind] for kind in self.world.model.jnt_type[self.check_keys(keys)]]
 
     owner = _read_from_model("jnt_bodyid")
     direction = _read_from_data("xaxis")
 
-    def state(self, keys: Keys) -> tuple[list[float | None], list[float | None]]:
-        model, data, index = self.world.model, self.world.data, self.checked(keys)
+    def read_states(self, keys: Keys) -> tuple[list[float | None], list[float | None]]:
+        model, data, index = self.world.model, self.world.data, self.check_keys(keys)
         simple = model.jnt_type[index] >= 2
         positions = data.qpos[model.jnt_qposadr[index]]
         velocities = data.qvel[model.jnt_dofadr[index]]
-        return _where(simple, positions), _where(simple, velocities)
+        return _replace_unknown(simple, positions), _replace_unknown(simple, velocities)
 
-    def limits(self, keys: Keys) -> tuple[list[float | None], list[float | None]]:
-        model, index = self.world.model, self.checked(keys)
+    def read_limits(self, keys: Keys) -> tuple[list[float | None], list[float | None]]:
+        model, index = self.world.model, self.check_keys(keys)
         limited = model.jnt_limited[index].astype(bool)
         lower, upper = model.jnt_range[index].T
-        return _where(limited, lower), _where(limited, upper)
+        return _replace_unknown(limited, lower), _replace_unknown(limited, upper)
 
 
-class Sensors(_Numbered):
+class MuJoCoSensors(_Numbered):
     name, count, kind = "sensors", "nsensor", "sensor"
     text = "the sensors and what they measure"
     columns = (
@@ -295,23 +292,28 @@ class Sensors(_Numbered):
         Column("value", float | None, "", "what it measures, if that is one number"),
         Column("values", list, "", "what it measures"),
     )
-    arrays: ClassVar[Mapping[str, str]] = {"called": "name", "sort": "type", "one": "value", "all": "values"}
+    arrays: ClassVar[Mapping[str, str]] = {
+        "read_names": "name",
+        "read_types": "type",
+        "read_single_values": "value",
+        "read_values": "values",
+    }
 
-    def sort(self, keys: Keys) -> list[str]:
-        kind, numbers = import_module("mujoco").mjtSensor, self.world.model.sensor_type[self.checked(keys)]
+    def read_types(self, keys: Keys) -> list[str]:
+        kind, numbers = import_module("mujoco").mjtSensor, self.world.model.sensor_type[self.check_keys(keys)]
         return [kind(int(number)).name.removeprefix("mjSENS_").lower() for number in numbers]
 
-    def one(self, keys: Keys) -> list[float | None]:
-        return [values[0] if len(values) == 1 else None for values in self.all(keys)]
+    def read_single_values(self, keys: Keys) -> list[float | None]:
+        return [values[0] if len(values) == 1 else None for values in self.read_values(keys)]
 
-    def all(self, keys: Keys) -> list[list[float]]:
-        model, index = self.world.model, self.checked(keys)
+    def read_values(self, keys: Keys) -> list[list[float]]:
+        model, index = self.world.model, self.check_keys(keys)
         measured = self.world.data.sensordata.tolist()
         starts, sizes = model.sensor_adr[index].tolist(), model.sensor_dim[index].tolist()
         return [measured[start : start + size] for start, size in zip(starts, sizes, strict=True)]
 
 
-class Contacts(TableFunction):
+class MuJoCoContacts(TableFunction):
     name = "contacts"
     text = "where bodies touch, or nearly do: all, those of body a, or those between a and b"
     columns = (
@@ -331,17 +333,17 @@ class Contacts(TableFunction):
         owners = world.model.geom_bodyid[contacts.geom].tolist()
         normals, places, gaps = -contacts.frame[:, :3], contacts.pos, contacts.dist
         for number, (one, other) in enumerate(owners):
-            pair = requested.in_order(one, other)
+            pair = requested.order_pair(one, other)
             if pair is not None:
                 normal = normals[number] if pair == (one, other) else -normals[number]
                 half = normal * gaps[number] / 2
                 points = places[number] + half, places[number] - half
-                yield (*map(element, pair), *pair, *points, normal, gaps[number], world.force_of(number))
+                yield (*map(element, pair), *pair, *points, normal, gaps[number], world.measure_force(number))
 
 
 def _list_bounds(values: Array) -> list[float | None]:
     return [None if value != value else value for value in values.tolist()]
 
 
-def _where(known: Array, values: Array) -> list[float | None]:
+def _replace_unknown(known: Array, values: Array) -> list[float | None]:
     return [value if yes else None for yes, value in zip(known.tolist(), values.tolist(), strict=True)]

@@ -19,8 +19,8 @@ from ss2sql.errors import ExecutionError
 from ss2sql.vtables.body_columns import Quaternion, Vector, make_gone_error
 from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps
 from ss2sql.vtables.ode import convex_distance
-from ss2sql.vtables.ode.ode_shapes import position_of, shape_of, size_of, solid_of
-from ss2sql.vtables.ode.ode_tables import Bodies, Contacts
+from ss2sql.vtables.ode.ode_shapes import make_convex, name_shape, read_position, read_size
+from ss2sql.vtables.ode.ode_tables import OdeBodies, OdeContacts
 
 _COPIED = ("GeomSphere", "GeomBox", "GeomCapsule", "GeomCCylinder", "GeomCylinder")
 
@@ -33,8 +33,7 @@ class GeomNumbers:
         self.by_number: WeakValueDictionary[int, Any] = WeakValueDictionary()
         self.next = 1
 
-    def of(self, geom: Any) -> int:
-        """The number of a geom."""
+    def get_number(self, geom: Any) -> int:
         known = self.by_geom.get(geom)
         if known is None:
             known = self.by_geom[geom] = self.next
@@ -54,7 +53,7 @@ class OdeWorld(BodyWorld):
         clock: gives the seconds of simulation, since `ode.World` has no clock.
     """
 
-    tables = (Bodies, Contacts, Closest, Near, Overlaps)
+    tables = (OdeBodies, OdeContacts, Closest, Near, Overlaps)
     serves: ClassVar[Sequence[str]] = ("ode.SpaceBase",)
 
     def __init__(self, source: Any, clock: Callable[[], float] | None = None) -> None:
@@ -67,101 +66,100 @@ class OdeWorld(BodyWorld):
     def time(self) -> float | None:
         return None if self.clock is None else self.clock()
 
-    def found(self) -> dict[int, Any]:
+    def find_geoms(self) -> dict[int, Any]:
         """All geoms, ordered by number, since ODE changes their order in every step."""
         walked = list(_walk_geoms(self.space))
-        return {self.numbers.of(geom): geom for geom in reversed(walked)}  # a space lists its newest geom first
+        return {self.numbers.get_number(geom): geom for geom in reversed(walked)}  # a space lists its newest geom first
 
-    def geom(self, key: Any) -> Any:
+    def get_geom(self, key: Any) -> Any:
         """The geom with a number. Raises Gone where it is none of this space any more."""
         geom = self.numbers.by_number.get(key)
-        if geom is None or not self._holds(geom):
+        if geom is None or not self._is_in_space(geom):
             raise make_gone_error("geom", key)
         return geom
 
-    def holds(self, number: Any) -> bool:
-        """Whether there is a geom with this number."""
+    def has_geom(self, number: Any) -> bool:
         geom = self.numbers.by_number.get(number)
         if geom is None:
-            return number in self.found()  # a new geom gets its number here
-        return self._holds(geom)
+            return number in self.find_geoms()  # a new geom gets its number here
+        return self._is_in_space(geom)
 
-    def _holds(self, geom: Any) -> bool:
+    def _is_in_space(self, geom: Any) -> bool:
         # getSpace is stale for a removed geom, and None for spaces within a space.
         return bool(self.space.query(geom) or any(space.query(geom) for space in _list_spaces(self.space)))
 
-    def near(self) -> list[tuple[int, int]]:
+    def list_near_pairs(self) -> list[tuple[int, int]]:
         """The pairs of geoms whose boxes overlap and which may touch, ordered by number."""
-        collide2, of = import_module("ode").collide2, self.numbers.of
-        self.found()  # new geoms get their numbers in the order of their creation
+        collide2, of = import_module("ode").collide2, self.numbers.get_number
+        self.find_geoms()  # new geoms get their numbers in the order of their creation
         pairs = set()
 
-        def note(_: object, one: Any, other: Any) -> None:
+        def note_pair(_: object, one: Any, other: Any) -> None:
             if one.isSpace() or other.isSpace():
-                collide2(one, other, None, note)
+                collide2(one, other, None, note_pair)
             else:
                 first, second = of(one), of(other)
                 pairs.add((min(first, second), max(first, second)))
 
         for space in [self.space, *_list_spaces(self.space)]:
-            space.collide(None, note)
+            space.collide(None, note_pair)
         return sorted(pairs)
 
-    def touches(self, one: int, other: int) -> list[Any]:
+    def list_contacts(self, one: int, other: int) -> list[Any]:
         """The contacts of two geoms."""
-        found: list[Any] = import_module("ode").collide(self.geom(one), self.geom(other))
+        found: list[Any] = import_module("ode").collide(self.get_geom(one), self.get_geom(other))
         return found
 
-    def positions(self) -> tuple[list[int], Any]:
-        found = self.found()
+    def read_positions(self) -> tuple[list[int], Any]:
+        found = self.find_geoms()
         ids = sorted(found)
-        return ids, np.array([position_of(found[number]) for number in ids], float).reshape(len(ids), 3)
+        return ids, np.array([read_position(found[number]) for number in ids], float).reshape(len(ids), 3)
 
-    def touching(self, body: int) -> bool:
-        self.geom(body)  # raises Gone
-        return any(body in pair and self.touches(*pair) for pair in self.near())
+    def is_touching(self, body: int) -> bool:
+        self.get_geom(body)  # raises Gone
+        return any(body in pair and self.list_contacts(*pair) for pair in self.list_near_pairs())
 
     def would_touch(self, body: int, position: Vector, turn: Quaternion) -> bool:
         """Tests the pose with a copy of the geom, since moving the geom itself would wake up its body."""
-        ode, geom = import_module("ode"), self.geom(body)
+        ode, geom = import_module("ode"), self.get_geom(body)
         kind = type(geom).__name__
         if kind not in _COPIED:
-            raise ExecutionError("X007", f"the pose of a {shape_of(geom)} cannot be tried out")
-        size = (geom.getLengths(),) if kind == "GeomBox" else size_of(geom)
+            raise ExecutionError("X007", f"the pose of a {name_shape(geom)} cannot be tried out")
+        size = (geom.getLengths(),) if kind == "GeomBox" else read_size(geom)
         copy = getattr(ode, kind)(None, *size)
         x, y, z, w = turn
         copy.setPosition(position)
         copy.setQuaternion((w, x, y, z))
         owner = geom.getBody()
-        for other in self.found().values():
+        for other in self.find_geoms().values():
             mine = other is geom or (owner is not None and other.getBody() is owner)
-            if not mine and other.isEnabled() and _may_touch(geom, other) and ode.collide(copy, other):
+            if not mine and other.isEnabled() and _can_touch(geom, other) and ode.collide(copy, other):
                 return True
         return False
 
-    def meets(self, one: int, other: int) -> bool:
-        return bool(self.touches(one, other))
+    def do_touch(self, one: int, other: int) -> bool:
+        return bool(self.list_contacts(one, other))
 
-    def gap(self, one: int, other: int) -> float:
+    def measure_gap(self, one: int, other: int) -> float:
         """Exact for spheres, boxes, capsules, cylinders and planes; ODE itself only tests whether geoms touch.
 
         It is 0 where they touch, and infinite between two planes.
         """
-        if self.touches(one, other):
+        if self.list_contacts(one, other):
             return 0.0
-        first, second = self.geom(one), self.geom(other)
-        if shape_of(first) == "plane":
+        first, second = self.get_geom(one), self.get_geom(other)
+        if name_shape(first) == "plane":
             first, second = second, first
-        if shape_of(first) == "plane":
+        if name_shape(first) == "plane":
             return inf
-        if shape_of(second) == "plane":
-            return convex_distance.measure_distance_to_plane(solid_of(first), *second.getParams())
-        return convex_distance.measure_distance(solid_of(first), solid_of(second))
+        if name_shape(second) == "plane":
+            return convex_distance.measure_distance_to_plane(make_convex(first), *second.getParams())
+        return convex_distance.measure_distance(make_convex(first), make_convex(second))
 
-    def put(self, body: int, position: Vector, turn: Quaternion) -> None:
-        geom = self.geom(body)
+    def put_body(self, body: int, position: Vector, turn: Quaternion) -> None:
+        geom = self.get_geom(body)
         if not geom.placeable():
-            raise ExecutionError("X007", f"the {shape_of(geom)} {self.column(body, 'name')} cannot be moved")
+            raise ExecutionError("X007", f"the {name_shape(geom)} {self.read_column(body, 'name')} cannot be moved")
         x, y, z, w = turn
         moved = geom if geom.getBody() is None else geom.getBody()
         moved.setPosition(position)
@@ -169,7 +167,6 @@ class OdeWorld(BodyWorld):
 
 
 def _walk_geoms(space: Any) -> Iterator[Any]:
-    """The geoms of a space and of the spaces in it."""
     for geom in space:
         if geom.isSpace():
             yield from _walk_geoms(geom)
@@ -178,14 +175,13 @@ def _walk_geoms(space: Any) -> Iterator[Any]:
 
 
 def _list_spaces(space: Any) -> Iterator[Any]:
-    """The spaces in a space."""
     for geom in space:
         if geom.isSpace():
             yield geom
             yield from _list_spaces(geom)
 
 
-def _may_touch(one: Any, other: Any) -> bool:
+def _can_touch(one: Any, other: Any) -> bool:
     """Whether the categories of two geoms let them collide, by ODE's rule."""
     forth = one.getCategoryBits() & other.getCollideBits()
     back = other.getCategoryBits() & one.getCollideBits()

@@ -33,7 +33,7 @@ class Convex:
     layer: float = 0.0
     disc: float = 0.0
 
-    def support_point(self, direction: Array) -> Array:
+    def find_support_point(self, direction: Array) -> Array:
         """The support point of the core: the furthest one in a direction."""
         along = direction @ self.axes
         local = np.where(along >= 0, self.half, -self.half)
@@ -67,17 +67,17 @@ def measure_distance(one: Convex, other: Convex) -> float:
 def measure_distance_to_plane(one: Convex, normal: Sequence[float], offset: float) -> float:
     """How far a solid is above the plane of all points with `normal @ point == offset`."""
     up = np.asarray(normal, float)
-    return float(one.support_point(-up) @ up) - offset - one.layer
+    return float(one.find_support_point(-up) @ up) - offset - one.layer
 
 
 def _measure_core_distance(one: Convex, other: Convex) -> float:
-    nearest = one.support_point(other.centre - one.centre) - other.support_point(one.centre - other.centre)
+    nearest = one.find_support_point(other.centre - one.centre) - other.find_support_point(one.centre - other.centre)
     simplex = [nearest]
     for _ in range(MOST_ROUNDS):
         square = float(nearest @ nearest)
         if square < 1e-18:
             return 0.0
-        point = one.support_point(-nearest) - other.support_point(nearest)
+        point = one.find_support_point(-nearest) - other.find_support_point(nearest)
         if square - float(nearest @ point) <= PRECISION * square or any(np.array_equal(point, p) for p in simplex):
             break  # nothing lies nearer to the origin in this direction
         nearest, simplex = _find_nearest_point([*simplex, point])

@@ -19,18 +19,18 @@ _SHAPES = {
 _SOLIDS = ("sphere", "box", "capsule", "cylinder")
 
 
-def shape_of(geom: Any) -> str:
+def name_shape(geom: Any) -> str:
     """The kind of a geom's shape; of a GeomTransform that of the geom in it."""
     kind = type(geom).__name__
     if kind == "GeomTransform":
         inner = geom.getGeom()
-        return "ghost" if inner is None else shape_of(inner)
+        return "ghost" if inner is None else name_shape(inner)
     return _SHAPES.get(kind, "ghost")
 
 
-def size_of(geom: Any) -> tuple[float, ...]:
+def read_size(geom: Any) -> tuple[float, ...]:
     """Radius, edges, or radius and length."""
-    match shape_of(geom):
+    match name_shape(geom):
         case "sphere":
             return (geom.getRadius(),)
         case "box":
@@ -39,7 +39,7 @@ def size_of(geom: Any) -> tuple[float, ...]:
             return tuple(geom.getParams())
 
 
-def position_of(geom: Any) -> Vector:
+def read_position(geom: Any) -> Vector:
     """Where a geom is; of a plane the point next to the origin."""
     if geom.placeable():
         position: Vector = geom.getPosition()
@@ -48,7 +48,7 @@ def position_of(geom: Any) -> Vector:
     return a * offset, b * offset, c * offset
 
 
-def turn_of(geom: Any) -> Quaternion:
+def read_turn(geom: Any) -> Quaternion:
     """How a geom is turned: x, y, z, w. ODE's quaternions begin with the real part."""
     if not geom.placeable():
         return 0.0, 0.0, 0.0, 1.0
@@ -56,11 +56,11 @@ def turn_of(geom: Any) -> Quaternion:
     return x, y, z, w
 
 
-def volume_of(geom: Any) -> float | None:
+def compute_volume(geom: Any) -> float | None:
     """The volume of a geom, if it has one that can be computed."""
     if type(geom).__name__ == "GeomTransform":
-        return None if geom.getGeom() is None else volume_of(geom.getGeom())
-    match shape_of(geom), size_of(geom) if shape_of(geom) in _SOLIDS else ():
+        return None if geom.getGeom() is None else compute_volume(geom.getGeom())
+    match name_shape(geom), read_size(geom) if name_shape(geom) in _SOLIDS else ():
         case "sphere", (radius,):
             return 4 / 3 * pi * radius**3
         case "box", (x, y, z):
@@ -72,9 +72,9 @@ def volume_of(geom: Any) -> float | None:
     return None
 
 
-def solid_of(geom: Any) -> convex_distance.Convex:
+def make_convex(geom: Any) -> convex_distance.Convex:
     """A geom as a solid whose distances can be computed."""
-    kind = shape_of(geom)
+    kind = name_shape(geom)
     axes, place = np.array(geom.getRotation()).reshape(3, 3), np.array(geom.getPosition())
     if type(geom).__name__ == "GeomTransform":
         geom = geom.getGeom()
@@ -82,4 +82,4 @@ def solid_of(geom: Any) -> convex_distance.Convex:
         axes = axes @ np.array(geom.getRotation()).reshape(3, 3)
     if kind not in _SOLIDS:
         raise ExecutionError("X007", f"the distance of a {kind} cannot be computed", hints=("ask for `contacts`",))
-    return convex_distance.make_convex(kind, size_of(geom), place.tolist(), axes)
+    return convex_distance.make_convex(kind, read_size(geom), place.tolist(), axes)

@@ -38,108 +38,111 @@ _SHAPES = {"sphere": "sphere", "box": "box", "cylinder": "cylinder", "trimesh": 
 _LINK_COLUMNS = f"{POSITION} {ROTATION} rot pose {SHAPE} {VELOCITY} {SPIN} mass volume aabb isEnabled".split()
 
 
-class _Solids(Posed):
+class _OpenRaveSolids(Posed):
     """What bodies and their links have in common: `things` of OpenRAVE with a pose and geometries."""
 
     SOLIDS: ClassVar[dict[str, str]] = {
-        **Posed.PLACED, "called": "name", "weight": "mass", "size": "volume", "box": "aabb", "touchable": "isEnabled",
+        **Posed.PLACED, "read_name": "name", "read_mass": "mass", "read_volume": "volume", "read_box": "aabb",
+        "is_touchable": "isEnabled",
     }  # fmt: skip
     world: OpenRaveWorld
 
     @abstractmethod
-    def thing(self, key: Any) -> Any:
+    def get_part(self, key: Any) -> Any:
         """The body or link with a key."""
 
     @abstractmethod
-    def geometries(self, key: Any) -> list[Any]:
+    def list_geometries(self, key: Any) -> list[Any]:
         """Its shapes."""
 
     @abstractmethod
-    def motion(self, key: Any) -> list[float]:
+    def read_motion(self, key: Any) -> list[float]:
         """Its velocity and its spin, three numbers each."""
 
-    def called(self, key: Any) -> str:
-        return str(self.thing(key).GetName())
+    def read_name(self, key: Any) -> str:
+        return str(self.get_part(key).GetName())
 
-    def kind_of(self, key: Any) -> str:
-        kinds = [shape_of(geometry) for geometry in self.geometries(key)]
+    def read_kind(self, key: Any) -> str:
+        kinds = [name_shape(geometry) for geometry in self.list_geometries(key)]
         return "ghost" if not kinds else kinds[0] if len(kinds) == 1 else "compound"
 
-    def position_of(self, key: Any) -> Vector:
-        return pose(self.thing(key).GetTransform())[1]
+    def read_position(self, key: Any) -> Vector:
+        return split_transform(self.get_part(key).GetTransform())[1]
 
-    def turn_of(self, key: Any) -> Quaternion:
-        w, x, y, z = pose(self.thing(key).GetTransform())[0]
+    def read_turn(self, key: Any) -> Quaternion:
+        w, x, y, z = split_transform(self.get_part(key).GetTransform())[0]
         return x, y, z, w
 
-    def velocity_of(self, key: Any) -> Vector:
-        x, y, z = self.motion(key)[:3]
+    def read_velocity(self, key: Any) -> Vector:
+        x, y, z = self.read_motion(key)[:3]
         return x, y, z
 
-    def spin_of(self, key: Any) -> Vector:
-        x, y, z = self.motion(key)[3:]
+    def read_spin(self, key: Any) -> Vector:
+        x, y, z = self.read_motion(key)[3:]
         return x, y, z
 
-    def size(self, key: Any) -> float | None:
-        volumes = [_volume(geometry) for geometry in self.geometries(key)]
+    def read_volume(self, key: Any) -> float | None:
+        volumes = [_compute_volume(geometry) for geometry in self.list_geometries(key)]
         known = [volume for volume in volumes if volume is not None]
         return sum(known) if len(known) == len(volumes) else None
 
-    def box(self, key: Any) -> tuple[Vector, Vector]:
-        found = self.thing(key).ComputeAABB()
+    def read_box(self, key: Any) -> tuple[Vector, Vector]:
+        found = self.get_part(key).ComputeAABB()
         middle, half = np.asarray(found.pos()), np.asarray(found.extents())
         return clip_to_finite(middle - half), clip_to_finite(middle + half)
 
-    def touchable(self, key: Any) -> bool:
-        return bool(self.thing(key).IsEnabled())
+    def is_touchable(self, key: Any) -> bool:
+        return bool(self.get_part(key).IsEnabled())
 
 
-class Bodies(_Solids):
+class OpenRaveBodies(_OpenRaveSolids):
     name, key = "bodies", "id"
     text = "the bodies of the environment, robots among them"
     columns = make_body_columns(without="force torque hasBody")
     places = PLACES
     groups: ClassVar[Mapping[str, str]] = {
-        **_Solids.SOLIDS, "itself": "obj", "robot": "isRobot", "sensing": "isSensor",
+        **_OpenRaveSolids.SOLIDS, "read_element": "obj", "is_robot": "isRobot", "is_sensing": "isSensor",
     }  # fmt: skip
 
     def keys(self, where: Where) -> Iterable[int]:
         number, name = where.equal("id"), where.equal("name")
         if not where.keys().isdisjoint("xyz"):
             allowed = set(self.world.filter_by_position(where))
-            found = [body for body in self.world.all() if body.GetEnvironmentId() in allowed]
+            found = [body for body in self.world.list_bodies() if body.GetEnvironmentId() in allowed]
         else:
-            found = self.world.all()
+            found = self.world.list_bodies()
         for body in found:
             known = int(body.GetEnvironmentId())
             if number in (None, known) and name in (None, str(body.GetName())):
                 yield known
 
-    def thing(self, key: Any) -> Any:
-        return self.world.thing(key)
+    def get_part(self, key: Any) -> Any:
+        return self.world.get_body(key)
 
-    def geometries(self, key: Any) -> list[Any]:
-        return [geometry for link in self.world.thing(key).GetLinks() for geometry in link.GetGeometries()]
+    def list_geometries(self, key: Any) -> list[Any]:
+        return [geometry for link in self.world.get_body(key).GetLinks() for geometry in link.GetGeometries()]
 
-    def itself(self, key: int) -> Any:
-        self.thing(key)  # which must exist
+    def read_element(self, key: int) -> Any:
+        self.get_part(key)  # which must exist
         return self.element(key)
 
-    def motion(self, key: Any) -> list[float]:
-        return _floats(self.world.thing(key).GetLinkVelocities()[0])  # the first link carries the body's pose
+    def read_motion(self, key: Any) -> list[float]:
+        return _convert_floats(
+            self.world.get_body(key).GetLinkVelocities()[0]
+        )  # the first link carries the body's pose
 
-    def weight(self, key: int) -> float:
-        return float(sum(link.GetMass() for link in self.world.thing(key).GetLinks()))
+    def read_mass(self, key: int) -> float:
+        return float(sum(link.GetMass() for link in self.world.get_body(key).GetLinks()))
 
-    def robot(self, key: int) -> bool:
-        return bool(self.world.thing(key).IsRobot())
+    def is_robot(self, key: int) -> bool:
+        return bool(self.world.get_body(key).IsRobot())
 
-    def sensing(self, key: int) -> bool:
-        body = self.world.thing(key)
+    def is_sensing(self, key: int) -> bool:
+        body = self.world.get_body(key)
         return bool(body.IsRobot() and len(body.GetAttachedSensors()))
 
 
-class Links(_Solids):
+class OpenRaveLinks(_OpenRaveSolids):
     name = "links"
     text = "the rigid parts that bodies consist of"
     columns = (
@@ -148,31 +151,31 @@ class Links(_Solids):
         Column("name", str, "", "its name"),
         *(replace(column, filter="") for column in make_body_columns() if column.name in _LINK_COLUMNS),
     )
-    groups: ClassVar[Mapping[str, str]] = {**_Solids.SOLIDS, "owner": "body number"}
+    groups: ClassVar[Mapping[str, str]] = {**_OpenRaveSolids.SOLIDS, "read_owner": "body number"}
 
     def keys(self, where: Where) -> Iterable[tuple[int, int]]:
-        for body in self.world.all():
+        for body in self.world.list_bodies():
             for number in range(len(body.GetLinks())):
                 yield int(body.GetEnvironmentId()), number
 
-    def thing(self, key: tuple[int, int]) -> Any:
-        return _part(self.world.thing(key[0]).GetLinks(), "link", key)
+    def get_part(self, key: tuple[int, int]) -> Any:
+        return _get_link_or_joint(self.world.get_body(key[0]).GetLinks(), "link", key)
 
-    def geometries(self, key: tuple[int, int]) -> list[Any]:
-        return list(self.thing(key).GetGeometries())
+    def list_geometries(self, key: tuple[int, int]) -> list[Any]:
+        return list(self.get_part(key).GetGeometries())
 
-    def owner(self, key: tuple[int, int]) -> tuple[int, int]:
-        self.thing(key)  # which must exist
+    def read_owner(self, key: tuple[int, int]) -> tuple[int, int]:
+        self.get_part(key)  # which must exist
         return key
 
-    def motion(self, key: Any) -> list[float]:
-        return _floats(self.thing(key).GetVelocity())
+    def read_motion(self, key: Any) -> list[float]:
+        return _convert_floats(self.get_part(key).GetVelocity())
 
-    def weight(self, key: tuple[int, int]) -> float:
-        return float(self.thing(key).GetMass())
+    def read_mass(self, key: tuple[int, int]) -> float:
+        return float(self.get_part(key).GetMass())
 
 
-class Joints(Table):
+class OpenRaveJoints(Table):
     name = "joints"
     text = "the joints by which links move"
     columns = (
@@ -185,33 +188,34 @@ class Joints(Table):
         Column("upper", float | None, "rad or m", "how far it can go up"),
     )
     groups: ClassVar[Mapping[str, str]] = {
-        "owner": "body", "kind": "name type", "state": "angle speed", "limits": "lower upper",
+        "read_owner": "body", "read_name_and_type": "name type", "read_state": "angle speed",
+        "read_limits": "lower upper",
     }  # fmt: skip
     world: OpenRaveWorld
 
     def keys(self, where: Where) -> Iterable[tuple[int, int]]:
-        for body in self.world.all():
+        for body in self.world.list_bodies():
             for number in range(len(body.GetJoints())):
                 yield int(body.GetEnvironmentId()), number
 
-    def joint(self, key: tuple[int, int]) -> Any:
-        return _part(self.world.thing(key[0]).GetJoints(), "joint", key)
+    def get_joint(self, key: tuple[int, int]) -> Any:
+        return _get_link_or_joint(self.world.get_body(key[0]).GetJoints(), "joint", key)
 
-    def owner(self, key: tuple[int, int]) -> int:
-        self.joint(key)  # which must exist
+    def read_owner(self, key: tuple[int, int]) -> int:
+        self.get_joint(key)  # which must exist
         return key[0]
 
-    def kind(self, key: tuple[int, int]) -> tuple[str, str]:
-        joint = self.joint(key)
+    def read_name_and_type(self, key: tuple[int, int]) -> tuple[str, str]:
+        joint = self.get_joint(key)
         return str(joint.GetName()), joint.GetType().name.lower()
 
-    def state(self, key: tuple[int, int]) -> tuple[float | None, float | None]:
-        joint = self.joint(key)
-        return _single(joint.GetValues()), _single(joint.GetVelocities())
+    def read_state(self, key: tuple[int, int]) -> tuple[float | None, float | None]:
+        joint = self.get_joint(key)
+        return _take_single(joint.GetValues()), _take_single(joint.GetVelocities())
 
-    def limits(self, key: tuple[int, int]) -> tuple[float | None, float | None]:
-        lower, upper = self.joint(key).GetLimits()
-        return _single(lower), _single(upper)
+    def read_limits(self, key: tuple[int, int]) -> tuple[float | None, float | None]:
+        lower, upper = self.get_joint(key).GetLimits()
+        return _take_single(lower), _take_single(upper)
 
 
 class OpenRaveWorld(BodyWorld):
@@ -221,7 +225,7 @@ class OpenRaveWorld(BodyWorld):
         source: the `openravepy.Environment`.
     """
 
-    tables = (Bodies, Links, Joints, Closest, Near, Overlaps)
+    tables = (OpenRaveBodies, OpenRaveLinks, OpenRaveJoints, Closest, Near, Overlaps)
     serves: ClassVar[Sequence[str]] = (
         "openravepy.openravepy_int.Environment",
         "openravepy._openravepy_.openravepy_int.Environment",
@@ -237,35 +241,35 @@ class OpenRaveWorld(BodyWorld):
     def time(self) -> float:
         return float(self.environment.GetSimulationTime()) / 1e6  # OpenRAVE counts microseconds
 
-    def all(self) -> list[Any]:
+    def list_bodies(self) -> list[Any]:
         """All bodies, in the order of their numbers."""
         return sorted(self.environment.GetBodies(), key=lambda body: int(body.GetEnvironmentId()))
 
-    def thing(self, key: Any) -> Any:
+    def get_body(self, key: Any) -> Any:
         """The body with a number. Raises Gone where there is none."""
         found = self.environment.GetBodyFromEnvironmentId(key)
         if found is None:
             raise make_gone_error("body", key)
         return found
 
-    def positions(self) -> tuple[list[int], Any]:
-        found = self.all()
-        points = [pose(body.GetTransform())[1] for body in found]
+    def read_positions(self) -> tuple[list[int], Any]:
+        found = self.list_bodies()
+        points = [split_transform(body.GetTransform())[1] for body in found]
         return [int(body.GetEnvironmentId()) for body in found], np.array(points, float).reshape(len(found), 3)
 
-    def meets(self, one: int, other: int) -> bool:
-        return bool(self.environment.CheckCollision(self.thing(one), self.thing(other)))
+    def do_touch(self, one: int, other: int) -> bool:
+        return bool(self.environment.CheckCollision(self.get_body(one), self.get_body(other)))
 
-    def touching(self, body: int) -> bool:
-        return bool(self.environment.CheckCollision(self.thing(body)))
+    def is_touching(self, body: int) -> bool:
+        return bool(self.environment.CheckCollision(self.get_body(body)))
 
     def would_touch(self, body: int, position: Vector, turn: Quaternion) -> bool:
-        found = self.thing(body)
+        found = self.get_body(body)
         with found:  # OpenRAVE restores its pose at the end
-            self.put(body, position, turn)
+            self.put_body(body, position, turn)
             return bool(self.environment.CheckCollision(found))
 
-    def gap(self, one: int, other: int) -> float:
+    def measure_gap(self, one: int, other: int) -> float:
         """Measured by the environment's collision checker, if that can."""
         openravepy, checker = import_module("openravepy"), self.environment.GetCollisionChecker()
         before, report = checker.GetCollisionOptions(), openravepy.CollisionReport()
@@ -274,25 +278,25 @@ class OpenRaveWorld(BodyWorld):
             hints = ('env.SetCollisionChecker(openravepy.RaveCreateCollisionChecker(env, "pqp"))',)
             raise ExecutionError("X007", "the collision checker of the environment measures no distances", hints=hints)
         try:
-            touch = self.environment.CheckCollision(self.thing(one), self.thing(other), report)
+            touch = self.environment.CheckCollision(self.get_body(one), self.get_body(other), report)
             return 0.0 if touch else float(report.minDistance)
         finally:
             checker.SetCollisionOptions(before)
 
-    def put(self, body: int, position: Vector, turn: Quaternion) -> None:
+    def put_body(self, body: int, position: Vector, turn: Quaternion) -> None:
         x, y, z, w = turn
-        self.thing(body).SetTransform(np.array([w, x, y, z, *position]))
+        self.get_body(body).SetTransform(np.array([w, x, y, z, *position]))
 
 
-def pose(transform: Any) -> tuple[tuple[float, ...], Vector]:
+def split_transform(transform: Any) -> tuple[tuple[float, ...], Vector]:
     """The quaternion of a transform, the real part first, and its position."""
     values = np.asarray(transform, float)
     is_list = values.shape == (7,)
     x, y, z = (values[4:] if is_list else values[:3, 3]).tolist()
-    return tuple(values[:4].tolist()) if is_list else _quaternion(values[:3, :3]), (x, y, z)
+    return tuple(values[:4].tolist()) if is_list else _convert_rotation(values[:3, :3]), (x, y, z)
 
 
-def _quaternion(matrix: NDArray[Any]) -> tuple[float, ...]:
+def _convert_rotation(matrix: NDArray[Any]) -> tuple[float, ...]:
     """The quaternion of a rotation matrix, from its largest part, which rounding affects least."""
     xx, yy, zz = np.diag(matrix)
     squares = np.array([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz])
@@ -305,13 +309,13 @@ def _quaternion(matrix: NDArray[Any]) -> tuple[float, ...]:
     return tuple((found / np.linalg.norm(found)).tolist())
 
 
-def shape_of(geometry: Any) -> str:
+def name_shape(geometry: Any) -> str:
     """The shape of a geometry of a link."""
     return _SHAPES.get(geometry.GetType().name.lower(), "ghost")
 
 
-def _volume(geometry: Any) -> float | None:
-    match shape_of(geometry):
+def _compute_volume(geometry: Any) -> float | None:
+    match name_shape(geometry):
         case "sphere":
             return float(4 / 3 * pi * geometry.GetSphereRadius() ** 3)
         case "box":
@@ -321,15 +325,15 @@ def _volume(geometry: Any) -> float | None:
     return None
 
 
-def _floats(values: Any) -> list[float]:
+def _convert_floats(values: Any) -> list[float]:
     return [float(value) for value in values]
 
 
-def _single(values: Any) -> float | None:
+def _take_single(values: Any) -> float | None:
     return float(values[0]) if len(values) == 1 else None
 
 
-def _part(parts: Sequence[Any], what: str, key: tuple[int, int]) -> Any:
+def _get_link_or_joint(parts: Sequence[Any], what: str, key: tuple[int, int]) -> Any:
     if key[1] >= len(parts):
         raise make_gone_error(what, key)
     return parts[key[1]]

@@ -11,20 +11,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ss2sql.errors import did_you_mean
+from ss2sql.errors import suggest_names
 from ss2sql.vtables.content_digest import digest_world
 from ss2sql.vtables.contract import Element, Gone
-from ss2sql.vtables.pybullet.bodies import Bodies
+from ss2sql.vtables.pybullet.bodies import BulletBodies
 from ss2sql.vtables.pybullet.cameras import Cameras
-from ss2sql.vtables.pybullet.client import Calls, NumberedClient, client_number
+from ss2sql.vtables.pybullet.client import Calls, NumberedClient, get_client_number
 from ss2sql.vtables.pybullet.collision import CollisionFunctions
 from ss2sql.vtables.pybullet.collision_shapes import CollisionShapes
-from ss2sql.vtables.pybullet.contact_tables import Closest, Contacts, Near, Overlaps, Rays
-from ss2sql.vtables.pybullet.joints import Joints
-from ss2sql.vtables.pybullet.links import Links
+from ss2sql.vtables.pybullet.contact_tables import BulletClosest, BulletContacts, BulletNear, BulletOverlaps, Rays
+from ss2sql.vtables.pybullet.joints import BulletJoints
+from ss2sql.vtables.pybullet.links import BulletLinks
 from ss2sql.vtables.pybullet.representations import Representations
-from ss2sql.vtables.pybullet.shapes import Shapes
-from ss2sql.vtables.schema import failure
+from ss2sql.vtables.pybullet.shapes import BulletShapes
+from ss2sql.vtables.schema import world_error
 
 __all__ = ["PyBulletWorld"]
 
@@ -41,7 +41,10 @@ class PyBulletWorld(Representations, CollisionFunctions):
     A scene has names, sensors, forces, cameras and a clock.
     """
 
-    tables = (Bodies, Links, Joints, Shapes, Contacts, Closest, Near, Overlaps, Rays, Cameras)
+    tables = (
+        BulletBodies, BulletLinks, BulletJoints, BulletShapes, BulletContacts, BulletClosest, BulletNear,
+        BulletOverlaps, Rays, Cameras,
+    )  # fmt: skip
     serves = ("pybullet_utils.bullet_client.BulletClient", "ss2sql.vtables.pybullet.scene.Scene")
 
     def __init__(
@@ -53,8 +56,8 @@ class PyBulletWorld(Representations, CollisionFunctions):
         self.client = client
         self.calls = Calls(client)
         self.shapes = CollisionShapes(self)
-        self._number = client_number(client)
-        self._info = self.calls.numbered("getBodyInfo")
+        self._number = get_client_number(client)
+        self._info = self.calls.get_numbered_call("getBodyInfo")
         self.names: Mapping[int, str] = names if names is not None else getattr(source, "names", {})
         self.sensors: Mapping[int, Any] = sensors if sensors is not None else getattr(source, "sensors", {})
         self._ids: dict[str, int] = {}  # by name, from the last search
@@ -66,8 +69,8 @@ class PyBulletWorld(Representations, CollisionFunctions):
 
     def check(self) -> None:
         """Raises where the client is disconnected, even if another one has its number now."""
-        if client_number(self.client) != self._number or not self.calls.isConnected():
-            raise failure("the PyBullet client is disconnected", "connect anew, and attach the new client")
+        if get_client_number(self.client) != self._number or not self.calls.isConnected():
+            raise world_error("the PyBullet client is disconnected", "connect anew, and attach the new client")
 
     def fingerprint(self) -> str:
         """A hash of all tables without the cameras' pictures, which follow from the rest and take longest."""
@@ -75,7 +78,7 @@ class PyBulletWorld(Representations, CollisionFunctions):
         seen = [(body, *(getattr(one, word) for word in words)) for body, one in sorted(self.sensors.items())]
         return f"{digest_world(self, without=('cameras.sees',))} {seen}"
 
-    def has(self, body: Any) -> bool:
+    def has_body(self, body: Any) -> bool:
         """Whether there is a body with this id."""
         try:
             self._info(body, self.calls.number)
@@ -83,50 +86,54 @@ class PyBulletWorld(Representations, CollisionFunctions):
             return False
         return True
 
-    def present(self, body: int) -> None:
+    def check_body(self, body: int) -> None:
         """Raises Gone for a missing body, for which many of PyBullet's functions answer as if it were empty."""
-        if not self.has(body):
+        if not self.has_body(body):
             self.check()
             raise Gone("it was removed")
 
     def name_of(self, body: int) -> str:
         """The name that it was given, that of its file, or `body_7`."""
-        given = self.names.get(body)
-        if given is not None:
-            return given
+        name = self.names.get(body)
+        if name is not None:
+            return name
         return self.calls.getBodyInfo(body)[1].decode(errors="replace") or f"body_{body}"
 
-    def body(self, wanted: Any) -> int:
+    def find_body(self, wanted: Any) -> int:
         """The id of a body, given by its element, its id, its name, or one of its links."""
         match wanted:
             case bool():
                 pass
             case int():
-                if self.has(wanted):
+                if self.has_body(wanted):
                     return wanted
-                raise failure(f"there is no body {wanted}", "ask for the bodies anew: SELECT id, name FROM the world")
+                raise world_error(
+                    f"there is no body {wanted}", "ask for the bodies anew: SELECT id, name FROM the world"
+                )
             case (int() as body, *_):
-                return self.body(body)
+                return self.find_body(body)
             case str():
-                return self._named(wanted)
+                return self._find_named(wanted)
         shown = f"{wanted!r} of another world" if isinstance(wanted, Element) else repr(wanted)
-        raise failure(f"{shown} is no body", "give an element of this world, the id of a body, or its name")
+        raise world_error(f"{shown} is no body", "give an element of this world, the id of a body, or its name")
 
-    def _named(self, name: str) -> int:
+    def _find_named(self, name: str) -> int:
         """The id of the body with a name, cached: a search takes a microsecond for each body."""
         known = self._ids.get(name)
-        if known is not None and self.has(known) and self.name_of(known) == name:
+        if known is not None and self.has_body(known) and self.name_of(known) == name:
             return known
-        names = {body: self.name_of(body) for body in self.ids()}
+        names = {body: self.name_of(body) for body in self.list_ids()}
         found = [body for body, its in names.items() if its == name]
         if len(found) > 1:
-            raise failure(f"{len(found)} bodies are called '{name}'", f"give the id of one: {found[0]}, {found[1]} ...")
+            raise world_error(
+                f"{len(found)} bodies are called '{name}'", f"give the id of one: {found[0]}, {found[1]} ..."
+            )
         if not found:
-            raise failure(f"no body is called '{name}'", *did_you_mean(name, names.values()))
+            raise world_error(f"no body is called '{name}'", *suggest_names(name, names.values()))
         self._ids[name] = found[0]
         return found[0]
 
-    def element(self, body: int) -> Element | None:
+    def get_element(self, body: int) -> Element | None:
         """A body as scripts see it; None for PyBullet's -1."""
         from ss2sql.vtables.schema import get_tables
 

@@ -7,23 +7,25 @@ from itertools import repeat
 from math import pi
 from typing import Any, ClassVar
 
-from ss2sql.vtables.body_columns import PLACES, SHAPE, SPIN, VELOCITY, make_body_columns, shape_row
+from ss2sql.vtables.body_columns import PLACES, SHAPE, SPIN, VELOCITY, make_body_columns, make_shape_row
 from ss2sql.vtables.contract import Column, Element, Table, Where
 from ss2sql.vtables.pybullet.links import SOFT, UNKNOWN
-from ss2sql.vtables.pybullet.poses import Box, unite
+from ss2sql.vtables.pybullet.poses import Box, unite_boxes
 from ss2sql.vtables.pybullet.spatial_index import AXES, get_spatial_index
 
 KINDS = {2: "sphere", 3: "box", 4: "cylinder", 5: "mesh", 6: "plane", 7: "capsule", 9: "terrain"}  # PyBullet's GEOM_...
 _TYPES = (*KINDS.values(), "compound", "ghost")
-FORM_ROWS = {(kind, robot): (*shape_row(kind), robot, kind != "ghost") for kind in _TYPES for robot in (False, True)}
+FORM_ROWS = {
+    (kind, robot): (*make_shape_row(kind), robot, kind != "ghost") for kind in _TYPES for robot in (False, True)
+}
 SINGLE_ROWS: dict[int, tuple[Any, ...]] = {  # of bodies with one shape
     number: FORM_ROWS[kind, False] for number, kind in KINDS.items()
 }
-SOFT_ROW = (*shape_row(None), False, True)
+SOFT_ROW = (*make_shape_row(None), False, True)
 FIXED = 4  # PyBullet's JOINT_FIXED
 
 
-class Bodies(Table):
+class BulletBodies(Table):
     """One row for each body. Positions are those of its centre of mass, as PyBullet gives them.
 
     PyBullet does not know velocity, mass, friction, restitution, shape and volume of a soft body: these are None. Its
@@ -42,21 +44,21 @@ class Bodies(Table):
     )
     places = PLACES
     blocks: ClassVar[Mapping[str, str]] = {
-        "called": "name",
-        "stand": "pos(x=posX y=posY z=posZ) quat(qx qy qz qw)",
-        "movement": "velocity=linearVelocity(vx vy vz) angularVelocity(wx wy wz)",
-        "matter": "mass hasBody friction restitution",
-        "sensing": "isSensor",
+        "read_names": "name",
+        "read_poses": "pos(x=posX y=posY z=posZ) quat(qx qy qz qw)",
+        "read_velocities": "velocity=linearVelocity(vx vy vz) angularVelocity(wx wy wz)",
+        "read_masses": "mass hasBody friction restitution",
+        "are_sensing": "isSensor",
     }
     groups: ClassVar[Mapping[str, str]] = {
-        "angles": "rot",
-        "pose": "pose",
-        "around": "aabb",
-        "size": "volume",
-        "push": "force torque",
-        "look": "colour",
-        "form": f"{SHAPE} isRobot isEnabled",
-        "itself": "obj",
+        "read_angles": "rot",
+        "read_pose": "pose",
+        "read_box": "aabb",
+        "read_volume": "volume",
+        "read_forces": "force torque",
+        "read_color": "colour",
+        "read_shape": f"{SHAPE} isRobot isEnabled",
+        "read_element": "obj",
     }
 
     def __init__(self, world: Any) -> None:
@@ -64,48 +66,48 @@ class Bodies(Table):
         self.calls = world.calls
         self.error = world.calls.error  # PyBullet's exception, mostly for bodies that are gone
         self._client = world.calls.number
-        self._where = world.calls.numbered("getBasePositionAndOrientation")
-        self._velocity = world.calls.numbered("getBaseVelocity")
-        self._dynamics = world.calls.numbered("getDynamicsInfo")
-        self._joints = world.calls.numbered("getNumJoints")
-        self._info = world.calls.numbered("getBodyInfo")
+        self._where = world.calls.get_numbered_call("getBasePositionAndOrientation")
+        self._velocity = world.calls.get_numbered_call("getBaseVelocity")
+        self._dynamics = world.calls.get_numbered_call("getDynamicsInfo")
+        self._joints = world.calls.get_numbered_call("getNumJoints")
+        self._info = world.calls.get_numbered_call("getBodyInfo")
 
     def keys(self, where: Where) -> list[int]:
         world = self.world
         wanted = where.equal("id")
         if wanted is not None:
             key = int(wanted)
-            found = [key] if wanted == key and world.has(key) else []
+            found = [key] if wanted == key and world.has_body(key) else []
         elif where.keys().isdisjoint(AXES):
-            found = world.ids()
+            found = world.list_ids()
         else:
-            found = get_spatial_index(world).between(*((where.low(axis), where.high(axis)) for axis in AXES))
+            found = get_spatial_index(world).find_between(*((where.low(axis), where.high(axis)) for axis in AXES))
         name = where.equal("name")
         return found if name is None else [body for body in found if world.name_of(body) == name]
 
-    def called(self, keys: Sequence[int]) -> list[str]:
+    def read_names(self, keys: Sequence[int]) -> list[str]:
         try:
             if self.world.names:
                 return list(map(self.world.name_of, keys))
             info, client = self._info, self._client
             return [info(key, client)[1].decode(errors="replace") or f"body_{key}" for key in keys]
         except self.error as error:
-            raise self._reason(keys, error) from None
+            raise self._explain_refusal(keys, error) from None
 
-    def stand(self, keys: Sequence[int]) -> list[Any]:
+    def read_poses(self, keys: Sequence[int]) -> list[Any]:
         try:
             return list(map(self._where, keys, repeat(self._client)))
         except self.error as error:
-            raise self._reason(keys, error) from None
+            raise self._explain_refusal(keys, error) from None
 
-    def movement(self, keys: Sequence[int]) -> list[Any]:
+    def read_velocities(self, keys: Sequence[int]) -> list[Any]:
         info, velocity, client = self._dynamics, self._velocity, self._client
         try:
             return [UNKNOWN if info(key, -1, client)[10] == SOFT else velocity(key, client) for key in keys]
         except self.error as error:
-            raise self._reason(keys, error) from None
+            raise self._explain_refusal(keys, error) from None
 
-    def matter(self, keys: Sequence[int]) -> list[Any]:
+    def read_masses(self, keys: Sequence[int]) -> list[Any]:
         info, joints, client = self._dynamics, self._joints, self._client
         rows: list[tuple[Any, ...]] = []
         try:
@@ -119,55 +121,55 @@ class Bodies(Table):
                     mass += info(key, link, client)[0]
                 rows.append((mass, mass > 0, base[1], base[5]))
         except self.error as error:
-            raise self._reason(keys, error) from None
+            raise self._explain_refusal(keys, error) from None
         return rows
 
-    def sensing(self, keys: Sequence[int]) -> list[bool]:
+    def are_sensing(self, keys: Sequence[int]) -> list[bool]:
         sensors = self.world.sensors
         for key in keys:
-            self.world.present(key)
+            self.world.check_body(key)
         return [key in sensors for key in keys]
 
-    def _reason(self, keys: Sequence[int], error: Exception) -> Exception:
+    def _explain_refusal(self, keys: Sequence[int], error: Exception) -> Exception:
         """Why the simulator refused: a body is gone, or something else."""
         for key in keys:
-            self.world.present(key)
+            self.world.check_body(key)
         return error
 
-    def angles(self, key: int) -> Any:
-        return self.calls.getEulerFromQuaternion(self.stand([key])[0][1])
+    def read_angles(self, key: int) -> Any:
+        return self.calls.getEulerFromQuaternion(self.read_poses([key])[0][1])
 
-    def pose(self, key: int) -> Any:
-        ((pos, quat),) = self.stand([key])
+    def read_pose(self, key: int) -> Any:
+        ((pos, quat),) = self.read_poses([key])
         return (*pos, *quat)
 
-    def around(self, key: int) -> Box:
+    def read_box(self, key: int) -> Box:
         return measure_box(self.world, key)
 
-    def size(self, key: int) -> float | None:
+    def read_volume(self, key: int) -> float | None:
         total = 0.0
-        for _, _, shape in self.world.shapes.of(key):
+        for _, _, shape in self.world.shapes.read_shapes(key):
             volume = get_volume(shape)
             if volume is None:
                 return None
             total += volume
         return total if total or not (self.world.shapes.is_soft(key) or self._is_terrain(key)) else None
 
-    def push(self, key: int) -> tuple[Any, Any]:
-        self.world.present(key)
+    def read_forces(self, key: int) -> tuple[Any, Any]:
+        self.world.check_body(key)
         scene = self.world.scene
         if scene is None:
             return None, None
         return list(scene.forces.get(key, (0.0, 0.0, 0.0))), [0.0, 0.0, 0.0]  # scenes push at the centre of mass
 
-    def look(self, key: int) -> Any:
-        self.world.present(key)  # PyBullet takes a missing body for an invisible one
+    def read_color(self, key: int) -> Any:
+        self.world.check_body(key)  # PyBullet takes a missing body for an invisible one
         seen = self.calls.getVisualShapeData(key)
         return list(seen[0][7]) if seen else None
 
-    def form(self, key: int) -> tuple[Any, ...]:
+    def read_shape(self, key: int) -> tuple[Any, ...]:
         calls = self.calls
-        shapes = self.world.shapes.of(key)
+        shapes = self.world.shapes.read_shapes(key)
         joints = range(calls.getNumJoints(key))
         if not joints and len(shapes) == 1:
             return SINGLE_ROWS[shapes[0][2][2]]
@@ -181,8 +183,8 @@ class Bodies(Table):
             return SOFT_ROW
         return FORM_ROWS["terrain" if self._is_terrain(key) else "ghost", robot]
 
-    def itself(self, key: int) -> Element:
-        self.world.present(key)
+    def read_element(self, key: int) -> Element:
+        self.world.check_body(key)
         return self.element(key)
 
     def _is_terrain(self, key: int) -> bool:
@@ -194,9 +196,9 @@ class Bodies(Table):
 def measure_box(world: Any, body: int) -> Box:
     """The box around a body and its links."""
     calls = world.calls
-    world.present(body)
+    world.check_body(body)
     boxes = [calls.getAABB(body, link) for link in range(-1, calls.getNumJoints(body))]
-    return unite(boxes)
+    return unite_boxes(boxes)
 
 
 def get_volume(shape: Any) -> float | None:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from ss2sql.vtables.pybullet.forward_kinematics import get_link_poses
 from ss2sql.vtables.pybullet.links import read_link_pose
-from ss2sql.vtables.pybullet.poses import Box, Point, Rotation, unite
+from ss2sql.vtables.pybullet.poses import Box, Point, Rotation, unite_boxes
 
 SLACK = 1e-3  # metres: shapes made of corners reach this far beyond them
 
@@ -23,7 +23,7 @@ class ShapeExtent(NamedTuple):
     ball: float = 0.0
     disc: float = 0.0
 
-    def along(self, turn: Rotation) -> Point:
+    def measure_reach(self, turn: Rotation) -> Point:
         """Its reach along x, y and z when it is turned."""
         (a, b, c), ball, disc = self
         x, y, z, w = turn
@@ -87,17 +87,17 @@ def measure_solid_box(world: Any, body: int) -> Box:
             boxes.append(box)
             reach = measure_link_reach(world, body, link, box)
             boxes.append(((x - reach, y - reach, z - reach), (x + reach, y + reach, z + reach)))
-    return unite(boxes)
+    return unite_boxes(boxes)
 
 
 class Surroundings:
     """The boxes around all bodies at one moment. Finding those near a robot takes 3 us among 55 of them."""
 
     def __init__(self, world: Any) -> None:
-        self.boxes = {body: measure_solid_box(world, body) for body in world.ids()}
+        self.boxes = {body: measure_solid_box(world, body) for body in world.list_ids()}
         self._flat = [(body, *low, *high) for body, (low, high) in self.boxes.items()]
 
-    def near(self, box: Box, margin: float) -> list[tuple[int, float, float, float, float, float, float]]:
+    def find_near(self, box: Box, margin: float) -> list[tuple[int, float, float, float, float, float, float]]:
         """The bodies whose boxes are closer to this one than a margin, each with its box."""
         far = max(margin, 0.0) + SLACK
         (ax, ay, az), (bx, by, bz) = box

@@ -23,46 +23,46 @@ class BodyFunctions(BodyWorld):
     calls: Any
     sensors: Mapping[int, Any]
 
-    def ids(self) -> list[int]:
+    def list_ids(self) -> list[int]:
         """The ids of all bodies, in their order. PyBullet shuffles them when bodies die."""
-        ask, places = self.calls.numbered("getBodyUniqueId"), range(self.calls.getNumBodies())
+        ask, places = self.calls.get_numbered_call("getBodyUniqueId"), range(self.calls.getNumBodies())
         return sorted(map(ask, places, repeat(self.calls.number)))
 
-    def positions(self) -> tuple[list[int], Any]:
-        ids, where = self.ids(), self.calls.getBasePositionAndOrientation
+    def read_positions(self) -> tuple[list[int], Any]:
+        ids, where = self.list_ids(), self.calls.getBasePositionAndOrientation
         return ids, np.array([where(body)[0] for body in ids], dtype=float).reshape(len(ids), 3)
 
-    def point(self, value: Any) -> Sequence[float]:
+    def find_point(self, value: Any) -> Sequence[float]:
         """A point, given by coordinates, by a body or by a link."""
         if isinstance(value, (list, Element)):
-            return super().point(value)
+            return super().find_point(value)
         known = self.memory.get("places")  # in a query that moves nothing
         if known is not None and type(value) is int and value in known.at:
             return known.at[value]  # type: ignore[no-any-return]
-        return read_link_pose(self, (self.body(value), value[1] if isinstance(value, tuple) else -1))[0]
+        return read_link_pose(self, (self.find_body(value), value[1] if isinstance(value, tuple) else -1))[0]
 
-    def box(self, name: str, value: Any) -> Any:
+    def find_box(self, name: str, value: Any) -> Any:
         """A box, given by two opposite corners, or by a body with a box around it."""
         if isinstance(value, (list, Element)):
-            return super().box(name, value)
-        found: Box = measure_box(self, self.body(value))
+            return super().find_box(name, value)
+        found: Box = measure_box(self, self.find_body(value))
         return found
 
-    def pose(self, body: int) -> Any:
+    def read_pose(self, body: int) -> Any:
         """Where a body is, and how it is turned; a tenth of the time that its columns take."""
         return self.calls.getBasePositionAndOrientation(body)
 
-    def put(self, body: int, position: Vector, turn: Quaternion) -> None:
+    def put_body(self, body: int, position: Vector, turn: Quaternion) -> None:
         """Moves a body to a pose, where it stands still: PyBullet forgets its velocity."""
         self.calls.resetBasePositionAndOrientation(body, position, turn)
 
     @function
     def isSensing(self, sensor: Any, body: Any) -> bool:  # noqa: N802 - the paper's word
         """Whether a sensor sees a body: the middle of one of its links is in range, in its cone, and not hidden."""
-        eye = self.sensors.get(self.body(sensor))
+        eye = self.sensors.get(self.find_body(sensor))
         if eye is None:
             raise make_parameter_error("isSensing", "a sensor", sensor)
-        wanted = self.body(body)
+        wanted = self.find_body(body)
         for link in range(-1, self.calls.getNumJoints(wanted)):
             low, high = self.calls.getAABB(wanted, link)
             middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))

@@ -27,27 +27,27 @@ class Cameras(Table):
         Column("angle", float, "deg", "how much it sees, from bottom to top"),
         Column("sees", list, text="the ids of the bodies in its picture"),
     )
-    groups: ClassVar[Mapping[str, str]] = {"view": "eye target up angle", "picture": "sees"}
+    groups: ClassVar[Mapping[str, str]] = {"read_view": "eye target up angle", "read_sensed": "sees"}
 
     def keys(self, where: Where) -> list[str]:
-        return [name for name in self._views() if where.allows("name", name)]
+        return [name for name in self._get_views() if where.allows("name", name)]
 
-    def view(self, key: str) -> tuple[Any, ...]:
-        view = self._view(key)
+    def read_view(self, key: str) -> tuple[Any, ...]:
+        view = self._get_view(key)
         return view.eye, view.target, view.up, view.angle
 
-    def picture(self, key: str) -> list[int]:
-        calls, view = self.world.calls, self._view(key)
+    def read_sensed(self, key: str) -> list[int]:
+        calls, view = self.world.calls, self._get_view(key)
         looking = calls.computeViewMatrix(view.eye, view.target, view.up)
         seeing = calls.computeProjectionMatrixFOV(view.angle, WIDTH / HEIGHT, NEAR, FAR)
         renderer = calls.ER_TINY_RENDERER
         *_, seen = calls.getCameraImage(WIDTH, HEIGHT, looking, seeing, renderer=renderer)
         return [int(body) for body in np.unique(np.asarray(seen)) if body >= 0]  # tuples where PyBullet lacks NumPy
 
-    def _views(self) -> dict[str, Any]:
+    def _get_views(self) -> dict[str, Any]:
         return getattr(self.world.scene, "views", {})
 
-    def _view(self, key: str) -> Any:
-        if key not in self._views():
+    def _get_view(self, key: str) -> Any:
+        if key not in self._get_views():
             raise Gone
-        return self._views()[key]
+        return self._get_views()[key]

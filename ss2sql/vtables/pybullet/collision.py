@@ -25,31 +25,31 @@ class CollisionFunctions(BodyFunctions):
         Bodies collide where they come nearer than `margin`, in m: 0 counts what just touches, -0.001 lets it touch.
         """
         near = _check_margin("collision", margin)
-        body = self.body(one)
+        body = self.find_body(one)
         if other is None:
-            return self.touching(body, near)
+            return self.is_touching(body, near)
         if isinstance(other, list):
-            return self.would_touch(body, *self.place("collision", body, other), near)
-        return self.meets(body, self.body(other), near)
+            return self.would_touch(body, *self.find_pose("collision", body, other), near)
+        return self.do_touch(body, self.find_body(other), near)
 
     @function("volatile")
     def checkCollision(self, body: Any, margin: Any = 0.0) -> bool:  # noqa: N802 - the paper's word
         """Whether a body collides with any other where it is now, after all `move`s; `margin` as in `collision`."""
-        return self.touching(self.body(body), _check_margin("checkCollision", margin))
+        return self.is_touching(self.find_body(body), _check_margin("checkCollision", margin))
 
-    def gap(self, one: int, other: int) -> float:
+    def measure_gap(self, one: int, other: int) -> float:
         """The shortest distance between the surfaces of two bodies."""
         points = self.calls.getClosestPoints(one, other, 1e6)
         return min((point[8] for point in points), default=float("inf"))
 
-    def meets(self, one: int, other: int, margin: float = 0.0) -> bool:
+    def do_touch(self, one: int, other: int, margin: float = 0.0) -> bool:
         """Whether two bodies come nearer than a margin."""
         return one != other and bool(self.calls.getClosestPoints(one, other, margin))
 
-    def touching(self, body: int, margin: float = 0.0) -> bool:
+    def is_touching(self, body: int, margin: float = 0.0) -> bool:
         """Whether a body comes nearer to any other than a margin."""
-        around = self._surroundings()
-        return any(self.meets(body, other[0], margin) for other in around.near(around.boxes[body], margin))
+        around = self._get_surroundings()
+        return any(self.do_touch(body, other[0], margin) for other in around.find_near(around.boxes[body], margin))
 
     def would_touch(self, body: int, position: Vector, turn: Quaternion, margin: float = 0.0) -> bool:
         """Whether a part of a body, put to a pose, comes nearer to any other body than a margin.
@@ -58,11 +58,11 @@ class CollisionFunctions(BodyFunctions):
         last step has moved.
         """
         closest = self.calls.getClosestPoints
-        robot = self._robot(body).at(turn)
+        robot = self._get_robot(body).turn_base(turn)
         x, y, z = position
         (ax, ay, az), (bx, by, bz) = robot.box
         whole = (ax + x, ay + y, az + z), (bx + x, by + y, bz + z)
-        others = [other for other in self._surroundings().near(whole, margin) if other[0] != body]
+        others = [other for other in self._get_surroundings().find_near(whole, margin) if other[0] != body]
         if not others:
             return False
         far = max(margin, 0.0) + SLACK
@@ -79,22 +79,22 @@ class CollisionFunctions(BodyFunctions):
                     return True
         return False
 
-    def _surroundings(self) -> Surroundings:
+    def _get_surroundings(self) -> Surroundings:
         known = self.memory
         if "surroundings" not in known:
             known["surroundings"] = Surroundings(self)
         return known["surroundings"]  # type: ignore[no-any-return]
 
-    def _robot(self, body: int) -> Robot:
+    def _get_robot(self, body: int) -> Robot:
         known = self.memory.setdefault("robots", {})
         if body not in known:
-            known[body] = build_robot(self, self._shapes(), body)
+            known[body] = build_robot(self, self._get_shape_cache(), body)
         return known[body]  # type: ignore[no-any-return]
 
-    def _shapes(self) -> ShapeCache:
+    def _get_shape_cache(self) -> ShapeCache:
         if self._shape_cache is None:
             self._shape_cache = ShapeCache(self.calls)
-        self._shape_cache.check()
+        self._shape_cache.clear_after_reset()
         return self._shape_cache
 
 

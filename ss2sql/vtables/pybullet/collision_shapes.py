@@ -33,43 +33,45 @@ class CollisionShapes:
 
     def __init__(self, world: Any) -> None:
         self._world, self._client = world, world.calls.number
-        self._dynamics = world.calls.numbered("getDynamicsInfo")
-        self._touched = world.calls.numbered("getCollisionShapeData")
-        self._seen = world.calls.numbered("getVisualShapeData")
+        self._dynamics = world.calls.get_numbered_call("getDynamicsInfo")
+        self._touched = world.calls.get_numbered_call("getCollisionShapeData")
+        self._seen = world.calls.get_numbered_call("getVisualShapeData")
 
     def is_soft(self, body: int) -> bool:
         """Whether a body is soft, so that PyBullet knows little but its position."""
         return self._dynamics(body, -1, self._client)[10] == SOFT  # type: ignore[no-any-return]
 
-    def of(self, body: int) -> list[tuple[int, int, Shape]]:
+    def read_shapes(self, body: int) -> list[tuple[int, int, Shape]]:
         """The collision shapes of a body: link, number within the link, and PyBullet's data; none for soft bodies.
 
         The data's own body and link are wrong from the second shape of a link on.
         """
-        self._world.present(body)  # PyBullet writes warnings about bodies that are gone
+        self._world.check_body(body)  # PyBullet writes warnings about bodies that are gone
         if self.is_soft(body):
             return []
         links = range(-1, self._world.calls.getNumJoints(body))
         seen = self._seen(body, 0, self._client)
         for shape in seen:
             if shape[2] == CAPSULE:
-                return [(link, n, shape) for link in links for n, shape in enumerate(self._read(body, link, seen))]
+                return [
+                    (link, n, shape) for link in links for n, shape in enumerate(self._read_shapes(body, link, seen))
+                ]
         ask, client = self._touched, self._client
         return [(link, n, shape) for link in links for n, shape in enumerate(ask(body, link, client))]
 
-    def of_link(self, body: int, link: int) -> Sequence[Shape]:
+    def read_link_shapes(self, body: int, link: int) -> Sequence[Shape]:
         """The collision shapes of one link."""
-        self._world.present(body)
-        return () if self.is_soft(body) else self._read(body, link, self._seen(body, 0, self._client))
+        self._world.check_body(body)
+        return () if self.is_soft(body) else self._read_shapes(body, link, self._seen(body, 0, self._client))
 
-    def _read(self, body: int, link: int, seen: Sequence[Shape]) -> Sequence[Shape]:
+    def _read_shapes(self, body: int, link: int, seen: Sequence[Shape]) -> Sequence[Shape]:
         visible = [shape for shape in seen if shape[1] == link]
-        if _answers(self._world, body, link, visible):
+        if _is_safe_to_read(self._world, body, link, visible):
             return self._touched(body, link, self._client)  # type: ignore[no-any-return]
         return [(*shape[:5], None, None) for shape in visible]
 
 
-def _answers(world: Any, body: int, link: int, visible: Sequence[Shape]) -> bool:
+def _is_safe_to_read(world: Any, body: int, link: int, visible: Sequence[Shape]) -> bool:
     """Whether it is safe to read the collision shapes of a link with these visual shapes."""
     if not any(shape[2] == CAPSULE for shape in visible):
         return True
@@ -78,7 +80,7 @@ def _answers(world: Any, body: int, link: int, visible: Sequence[Shape]) -> bool
     if len(visible) > 1:
         return False
     measured = _Measured(world, body, link, visible[0])
-    return measured.is_plain() or (link < 0 and not measured.may_have_ends())
+    return measured.is_plain() or (link < 0 and not measured.can_have_ends())
 
 
 class _Measured:
@@ -103,14 +105,14 @@ class _Measured:
             if abs(margin - self.radius) > self.near:
                 return False
             margin = 0.0
-        box = self._around((self.radius, self.radius, self.radius + self.length / 2))
+        box = self._measure_half_edges((self.radius, self.radius, self.radius + self.length / 2))
         return all(abs(a + margin - b) < self.near for a, b in zip(box, self.half, strict=True))
 
-    def may_have_ends(self) -> bool:
+    def can_have_ends(self) -> bool:
         """Whether its collision shape could be a capsule between two ends, of this length in any direction."""
         import numpy as np
 
-        adds = np.transpose([self._around(axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))])
+        adds = np.transpose([self._measure_half_edges(axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))])
         sizes, (*_, blind) = np.linalg.svd(adds)[1:]
         single, near = sizes[2] > BLIND * sizes[0], self.near  # else the box is the same for many directions
         for inner, outer in ((self.margin, 0.0), (MARGIN, self.margin)):  # by itself, or put into another shape
@@ -125,6 +127,6 @@ class _Measured:
                     return True
         return False
 
-    def _around(self, half: Point) -> Point:
+    def _measure_half_edges(self, half: Point) -> Point:
         """Half the edges of the box around a box that is turned as the capsule is."""
-        return ShapeExtent(ShapeExtent(half).along(self.turn)).along(self.own)
+        return ShapeExtent(ShapeExtent(half).measure_reach(self.turn)).measure_reach(self.own)

@@ -28,7 +28,7 @@ _PAIR = (
 )
 
 
-class Contacts(TableFunction):
+class BulletContacts(TableFunction):
     """Points where bodies touch."""
 
     name = "contacts"
@@ -37,12 +37,12 @@ class Contacts(TableFunction):
 
     def rows(self, a: Any = None, b: Any = None) -> Iterator[tuple[Any, ...]]:
         world = self.world
-        chosen = {name: world.body(body) for name, body in (("bodyA", a), ("bodyB", b)) if body is not None}
+        chosen = {name: world.find_body(body) for name, body in (("bodyA", a), ("bodyB", b)) if body is not None}
         for point in world.calls.getContactPoints(**chosen) or ():
             yield (*_make_pair(world, point), point[9])
 
 
-class Closest(TableFunction):
+class BulletClosest(TableFunction):
     """Where bodies come near each other."""
 
     name = "closest"
@@ -53,7 +53,7 @@ class Closest(TableFunction):
         world = self.world
         if read_numbers([distance], 1) is None:
             raise make_parameter_error("closest", "a distance in metres", distance)
-        first, second = (world.ids() if body is None else [world.body(body)] for body in (a, b))
+        first, second = (world.list_ids() if body is None else [world.find_body(body)] for body in (a, b))
         both = a is None and b is None
         for one in first:
             for other in second:
@@ -64,10 +64,10 @@ class Closest(TableFunction):
 
 def _make_pair(world: Any, point: Any) -> tuple[Any, ...]:
     _, a, b, link_a, link_b, point_a, point_b, normal, distance, *_ = point
-    return world.element(a), world.element(b), a, b, link_a, link_b, point_a, point_b, normal, distance
+    return world.get_element(a), world.get_element(b), a, b, link_a, link_b, point_a, point_b, normal, distance
 
 
-class Near(TableFunction):
+class BulletNear(TableFunction):
     """Bodies near a point."""
 
     name, table = "near", "bodies"
@@ -76,10 +76,10 @@ class Near(TableFunction):
     def rows(self, point: Any, radius: float) -> list[int]:
         if read_numbers([radius], 1) is None:
             raise make_parameter_error("near", "a radius in metres", radius)
-        return get_spatial_index(self.world).near(self.world.point(point), radius)
+        return get_spatial_index(self.world).find_near(self.world.find_point(point), radius)
 
 
-class Overlaps(TableFunction):
+class BulletOverlaps(TableFunction):
     """Bodies in a box."""
 
     name, table = "overlaps", "bodies"
@@ -87,10 +87,10 @@ class Overlaps(TableFunction):
 
     def rows(self, box: Any) -> list[int]:
         world = self.world
-        low, high = world.box("overlaps", box)
+        low, high = world.find_box("overlaps", box)
         known = world.memory.setdefault("boxes", {})  # PyBullet's own boxes are one step old
         found = []
-        for body in world.ids():
+        for body in world.list_ids():
             least, most = known.get(body) or known.setdefault(body, measure_box(world, body))
             if all(a <= d and c <= b for a, b, c, d in zip(low, high, least, most, strict=True)):
                 found.append(body)
@@ -124,13 +124,13 @@ class Rays(TableFunction):
             for number, hit in enumerate(world.calls.rayTestBatch(starts[part], ends[part]), first):
                 body, link, _, pos, normal = hit[:5]
                 if body >= 0:
-                    yield number, world.element(body), body, link, pos, normal, dist(starts[number], pos)
+                    yield number, world.get_element(body), body, link, pos, normal, dist(starts[number], pos)
 
 
 def _read_points(world: Any, value: Any) -> list[tuple[float, ...]]:
     if isinstance(value, list) and (not value or isinstance(value[0], list)):
         return [_read_point(point) for point in value]
-    return [_read_point(value if isinstance(value, list) else world.point(value))]
+    return [_read_point(value if isinstance(value, list) else world.find_point(value))]
 
 
 def _read_point(value: Any) -> tuple[float, ...]:

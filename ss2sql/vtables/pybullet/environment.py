@@ -42,7 +42,7 @@ class Environment(Scene):
                 setattr(self, name, getattr(scene, name))
         try:
             for body in bodies:
-                copy = self.ids[body] = self.adopt(_BodyCopy(world, body, self.client).make(), world.name_of(body))
+                copy = self.ids[body] = self.adopt(_BodyCopy(world, body, self.client).make_body(), world.name_of(body))
                 if body in world.sensors:
                     self.sensors[copy] = world.sensors[body]
                 if scene is not None and body in scene.forces:
@@ -99,15 +99,15 @@ class _BodyCopy:
         self.shapes = ShapeCopier(client)
         self.more: list[Link] = []
 
-    def make(self) -> int:
+    def make_body(self) -> int:
         """Makes the body; gives its new id."""
         low, high = measure_box(self.world, self.body)
-        if self.world.shapes.is_soft(self.body) or (low != high and not self.world.shapes.of(self.body)):
-            self._refuse()  # soft, or a terrain, without data in PyBullet
+        if self.world.shapes.is_soft(self.body) or (low != high and not self.world.shapes.read_shapes(self.body)):
+            self._refuse_body()  # soft, or a terrain, without data in PyBullet
         try:
-            base, *links = [self._link(link) for link in self.links]
+            base, *links = [self._copy_link(link) for link in self.links]
         except self.calls.error:
-            self._refuse()  # PyBullet cannot make all shapes again that it has made from a file
+            self._refuse_body()  # PyBullet cannot make all shapes again that it has made from a file
         links += self.more
         pose = to_world(self.calls.getBasePositionAndOrientation(self.body), to_local(base.local, NOWHERE))
         made: int = self.client.createMultiBody(
@@ -130,17 +130,17 @@ class _BodyCopy:
             linkJointAxis=[link.axis for link in links],
         )
         if made < 0:
-            self._refuse()
-        self._move(made)
-        self._colours(made)
+            self._refuse_body()
+        self._copy_pose(made)
+        self._copy_colors(made)
         return made
 
-    def _link(self, link: int) -> Link:
+    def _copy_link(self, link: int) -> Link:
         """A link of the copy. Parts beyond PyBullet's limit for a shape go into links without mass."""
         shape, *more = self._copy_collision_shapes(link) or [-1]
         for other in more:
             self.more.append(Link(0.0, (other, -1), NOWHERE, self.local[link], link, FIXED))
-        shapes = (shape, self._visual(link))
+        shapes = (shape, self._copy_visual_shape(link))
         mass, local = self.matter[link][0], self.local[link]
         if link < 0:
             return Link(mass, shapes, NOWHERE, local, -1, FIXED)
@@ -150,7 +150,7 @@ class _BodyCopy:
         parent = info[16]
         return Link(mass, shapes, to_world(self.local[parent], (info[14], turn)), local, parent, info[2], info[13])
 
-    def _move(self, made: int) -> None:
+    def _copy_pose(self, made: int) -> None:
         """Gives the copy the original's pose, velocity and joint states."""
         pose = self.calls.getBasePositionAndOrientation(self.body)
         self.client.resetBasePositionAndOrientation(made, *pose)
@@ -169,27 +169,26 @@ class _BodyCopy:
                 self.client.changeDynamics(made, joint, jointLowerLimit=low, jointUpperLimit=high)
 
     def _copy_collision_shapes(self, link: int) -> list[int]:
-        """The collision parts of a link."""
         parts = [
             (self._copy_solid(link, number, data), to_world(self.local[link], (data[5], data[6])))
-            for of, number, data in self.world.shapes.of(self.body)
+            for of, number, data in self.world.shapes.read_shapes(self.body)
             if of == link
         ]
-        return self.shapes.collision(parts)
+        return self.shapes.copy_collision_shapes(parts)
 
     def _copy_solid(self, link: int, number: int, data: Any) -> Part:
         corners = ()
         if data[5] is None:
-            self._refuse()  # its place is unknown
+            self._refuse_body()  # its place is unknown
         if KINDS.get(data[2]) == "mesh" and data[4] in UNNAMED:
             _, corners = self.calls.getMeshData(self.body, link, collisionShapeIndex=number)
-        return describe_part(data[2], data[3], data[4], corners) or self._refuse()
+        return describe_part(data[2], data[3], data[4], corners) or self._refuse_body()
 
-    def _refuse(self) -> NoReturn:
+    def _refuse_body(self) -> NoReturn:
         name = self.world.name_of(self.body)
         refuse_argument("environment", f"cannot copy the shape of '{name}'", "leave it out with WHERE")
 
-    def _visual(self, link: int) -> int:
+    def _copy_visual_shape(self, link: int) -> int:
         """The visual shape of a link of the copy; -1 for none.
 
         Meshes that were built from points cannot be read. In scenes they look like the collision shape, which replaces
@@ -197,13 +196,13 @@ class _BodyCopy:
         """
         seen = [shape for shape in self.seen if shape[1] == link]
         if any(shape[2] == self.calls.GEOM_MESH and shape[4] in UNNAMED for shape in seen):
-            touched = [data for of, _, data in self.world.shapes.of(self.body) if of == link]
+            touched = [data for of, _, data in self.world.shapes.read_shapes(self.body) if of == link]
             solid = make_solid(touched[0][2], touched[0][3]) if len(touched) == 1 else None
             return make_visual_shape(self.client, solid or Sphere(MARK), seen[0][7][:3])
         parts = [(describe_part(shape[2], shape[3], shape[4], ()), (shape[5], shape[6])) for shape in seen]
-        return self.shapes.visual([(part, pose) for part, pose in parts if part is not None])
+        return self.shapes.copy_visual_shape([(part, pose) for part, pose in parts if part is not None])
 
-    def _colours(self, made: int) -> None:
+    def _copy_colors(self, made: int) -> None:
         counts: Counter[int] = Counter()
         for shape in self.seen:
             self.client.changeVisualShape(made, shape[1], shapeIndex=counts[shape[1]], rgbaColor=shape[7])

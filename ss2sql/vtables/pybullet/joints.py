@@ -12,7 +12,7 @@ from ss2sql.vtables.pybullet.links import BodyPartTable, Key
 TYPES = {0: "revolute", 1: "prismatic", 2: "spherical", 3: "planar", 4: "fixed"}  # PyBullet's JOINT_...
 
 
-class Joints(BodyPartTable):
+class BulletJoints(BodyPartTable):
     """One row for each joint. It moves the link that has its number."""
 
     name = "joints"
@@ -36,13 +36,13 @@ class Joints(BodyPartTable):
         Column("motor", float, "Nm or N", "what its motor did in the last step"),
     )
     groups: ClassVar[Mapping[str, str]] = {
-        "numbers": "body number",
-        "build": "name type link parent axis lower upper maxForce maxVelocity damping friction",
-        "state": "angle speed motor",
+        "read_numbers": "body number",
+        "read_build": "name type link parent axis lower upper maxForce maxVelocity damping friction",
+        "read_state": "angle speed motor",
     }
 
-    def build(self, key: Key) -> tuple[Any, ...]:
-        info = self.ask(self.world.calls.getJointInfo, key)
+    def read_build(self, key: Key) -> tuple[Any, ...]:
+        info = self.call_simulator(self.world.calls.getJointInfo, key)
         lower, upper = (info[8], info[9]) if info[8] <= info[9] else (None, None)  # upside down: no ends
         if info[2] in (0, 1) and lower == upper == 0.0:
             lower = upper = None
@@ -50,6 +50,6 @@ class Joints(BodyPartTable):
         kind = TYPES.get(info[2], "other")
         return (name, kind, link, info[16], info[13], lower, upper, info[10], info[11], info[6], info[7])
 
-    def state(self, key: Key) -> tuple[float, float, float]:
-        angle, speed, _, motor = self.ask(self.world.calls.getJointState, key)
+    def read_state(self, key: Key) -> tuple[float, float, float]:
+        angle, speed, _, motor = self.call_simulator(self.world.calls.getJointState, key)
         return angle, speed, motor

@@ -29,20 +29,20 @@ class BodyPartTable(Table):
             if where.allows("number", number)
         ]
 
-    def numbers(self, key: Key) -> Key:
+    def read_numbers(self, key: Key) -> Key:
         """The group of the columns `body` and `number`."""
-        self.alive(key)
+        self.check_key(key)
         return key
 
-    def alive(self, key: Key) -> None:
+    def check_key(self, key: Key) -> None:
         """Raises Gone for a missing body or link, for which the simulator often answers as if it were empty."""
-        self.world.present(key[0])
+        self.world.check_body(key[0])
         if key[1] >= self.world.calls.getNumJoints(key[0]):
             raise Gone("its body has fewer links now")
 
-    def ask(self, function: Any, key: Key, *more: Any) -> Any:
+    def call_simulator(self, function: Any, key: Key, *more: Any) -> Any:
         """The result of a function of the simulator; raises Gone for a missing body or link."""
-        self.alive(key)
+        self.check_key(key)
         return function(key[0], key[1], *more)
 
 
@@ -50,11 +50,11 @@ def list_demanded_bodies(world: Any, where: Where) -> list[int]:
     """The bodies that meet a condition on the column `body`."""
     wanted = where.equal("body")
     if wanted is None:
-        return world.ids()  # type: ignore[no-any-return]
-    return [int(wanted)] if wanted == int(wanted) and world.has(int(wanted)) else []
+        return world.list_ids()  # type: ignore[no-any-return]
+    return [int(wanted)] if wanted == int(wanted) and world.has_body(int(wanted)) else []
 
 
-class Links(BodyPartTable):
+class BulletLinks(BodyPartTable):
     """One row for each link. The base is the link -1; a body without joints has no other.
 
     PyBullet's poses of all links but the base are one step old.
@@ -81,42 +81,44 @@ class Links(BodyPartTable):
         Column("colour", list | None, text="red, green, blue and opacity, from 0 to 1; None if it cannot be seen"),
     )
     groups: ClassVar[Mapping[str, str]] = {
-        "numbers": "body number",
-        "called": "name parent",
-        "place": "x y z pos quat",
-        "movement": "velocity angularVelocity",
-        "matter": "mass friction",
-        "around": "aabb",
-        "look": "colour",
+        "read_numbers": "body number",
+        "read_names": "name parent",
+        "read_pose": "x y z pos quat",
+        "read_velocity": "velocity angularVelocity",
+        "read_mass": "mass friction",
+        "read_box": "aabb",
+        "read_color": "colour",
     }
 
-    def called(self, key: Key) -> tuple[str, int | None]:
+    def read_names(self, key: Key) -> tuple[str, int | None]:
         if key[1] < 0:
-            return self.ask(lambda body, _: self.world.calls.getBodyInfo(body), key)[0].decode(errors="replace"), None
-        info = self.ask(self.world.calls.getJointInfo, key)
+            return self.call_simulator(lambda body, _: self.world.calls.getBodyInfo(body), key)[0].decode(
+                errors="replace"
+            ), None
+        info = self.call_simulator(self.world.calls.getJointInfo, key)
         return info[12].decode(errors="replace"), info[16]
 
-    def place(self, key: Key) -> tuple[Any, ...]:
-        self.alive(key)
+    def read_pose(self, key: Key) -> tuple[Any, ...]:
+        self.check_key(key)
         pos, quat = read_link_pose(self.world, key)
         return (*pos, pos, quat)
 
-    def movement(self, key: Key) -> Any:
+    def read_velocity(self, key: Key) -> Any:
         if key[1] < 0:
-            if self.ask(self.world.calls.getDynamicsInfo, key)[10] == SOFT:
+            if self.call_simulator(self.world.calls.getDynamicsInfo, key)[10] == SOFT:
                 return UNKNOWN
             return self.world.calls.getBaseVelocity(key[0])
-        return self.ask(self.world.calls.getLinkState, key, 1)[6:8]
+        return self.call_simulator(self.world.calls.getLinkState, key, 1)[6:8]
 
-    def matter(self, key: Key) -> tuple[float | None, float | None]:
-        info = self.ask(self.world.calls.getDynamicsInfo, key)
+    def read_mass(self, key: Key) -> tuple[float | None, float | None]:
+        info = self.call_simulator(self.world.calls.getDynamicsInfo, key)
         return (None, None) if info[10] == SOFT else (info[0], info[1])
 
-    def around(self, key: Key) -> Box:
-        return self.ask(self.world.calls.getAABB, key)  # type: ignore[no-any-return]
+    def read_box(self, key: Key) -> Box:
+        return self.call_simulator(self.world.calls.getAABB, key)  # type: ignore[no-any-return]
 
-    def look(self, key: Key) -> Any:
-        seen = self.ask(lambda body, _: self.world.calls.getVisualShapeData(body), key)
+    def read_color(self, key: Key) -> Any:
+        seen = self.call_simulator(lambda body, _: self.world.calls.getVisualShapeData(body), key)
         return next((list(shape[7]) for shape in seen if shape[1] == key[1]), None)
 
 

@@ -49,9 +49,11 @@ def make_occupancy_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) 
 def _make_plates(world: Any, edge: float) -> list[int]:
     """The shapes of plates of 1, 2, 4 ... cells along their edges, made once for each size of cells."""
     stock: ShapeCache = world.__dict__.setdefault("plates", ShapeCache(world.calls))
-    stock.check()
+    stock.clear_after_reset()
     sizes = [(2**level - GAP) * edge for level in range(LARGEST + 1)]
-    return [stock.shape(-1, -1, 0, (-1, -1, world.calls.GEOM_BOX, (size, size, THIN * edge), b"")) for size in sizes]
+    return [
+        stock.get_shape(-1, -1, 0, (-1, -1, world.calls.GEOM_BOX, (size, size, THIN * edge), b"")) for size in sizes
+    ]
 
 
 def _make_tester(world: Any, plates: list[int], body: int, origin: list[float], edge: float, height: float) -> Meets:
@@ -59,7 +61,7 @@ def _make_tester(world: Any, plates: list[int], body: int, origin: list[float], 
     closest = world.calls.getClosestPoints
     x, y = origin
 
-    def meets(level: int, column: int, row: int) -> bool:
+    def is_cell_occupied(level: int, column: int, row: int) -> bool:
         half = 2**level / 2
         middle = (x + (column + half) * edge, y + (row + half) * edge, height)
         return bool(
@@ -68,12 +70,12 @@ def _make_tester(world: Any, plates: list[int], body: int, origin: list[float], 
             )
         )  # fmt: skip
 
-    return meets
+    return is_cell_occupied
 
 
 def _is_convex(world: Any, body: int, edge: float) -> bool:
     """Whether a body is one convex shape, not so thin that it could be lost between two cells."""
-    shapes = world.shapes.of(body)
+    shapes = world.shapes.read_shapes(body)
     if len(shapes) != 1:
         return False
     kind, size = KINDS.get(shapes[0][2][2]), [length for length in shapes[0][2][3] if length]

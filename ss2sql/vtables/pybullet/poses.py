@@ -48,7 +48,7 @@ def to_local(pose: Pose, other: Pose) -> Pose:
     return rotate_point(back, (px - x, py - y, pz - z)), compose(back, turn)
 
 
-def unite(boxes: Sequence[Any]) -> Box:
+def unite_boxes(boxes: Sequence[Any]) -> Box:
     """The box around boxes, each of which is its lowest and its highest corner."""
     if len(boxes) == 1:
         return boxes[0]  # type: ignore[no-any-return]

@@ -30,7 +30,7 @@ def import_pybullet() -> Any:
 
 
 @cache
-def _client_type() -> Any:
+def _make_client_type() -> Any:
     bullet = import_pybullet()
     base: Any = require_sim_package("pybullet_utils.bullet_client").BulletClient
 
@@ -49,6 +49,6 @@ def _client_type() -> Any:
     return Client
 
 
-def connect() -> Any:
+def start_simulation() -> Any:
     """A new simulation without a window, a `pybullet_utils.bullet_client.BulletClient`."""
-    return _client_type()()
+    return _make_client_type()()

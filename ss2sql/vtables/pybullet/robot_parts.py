@@ -16,8 +16,8 @@ from ss2sql.vtables.pybullet.bounding_boxes import (
     measure_link_reach,
 )
 from ss2sql.vtables.pybullet.forward_kinematics import get_link_poses
-from ss2sql.vtables.pybullet.poses import UPRIGHT, Box, Point, Pose, Rotation, compose, to_local, to_world, unite
-from ss2sql.vtables.schema import failure
+from ss2sql.vtables.pybullet.poses import UPRIGHT, Box, Point, Pose, Rotation, compose, to_local, to_world, unite_boxes
+from ss2sql.vtables.schema import world_error
 
 ORIGIN: Point = (0.0, 0.0, 0.0)
 MOST_TURNS = 1000  # cached orientations of one robot, each about 6 kB
@@ -38,11 +38,13 @@ class Robot:
     def __init__(self, turn: Rotation, parts: Iterable[tuple[int, ShapeExtent, Pose]]) -> None:
         self.turn = turn
         self._shapes = tuple(parts)
-        self.parts = tuple(Part(shape, place, own, extent.along(own)) for shape, extent, (place, own) in self._shapes)
-        self.box = unite([_make_box(part.place, part.reach) for part in self.parts] or [(ORIGIN, ORIGIN)])
+        self.parts = tuple(
+            Part(shape, place, own, extent.measure_reach(own)) for shape, extent, (place, own) in self._shapes
+        )
+        self.box = unite_boxes([_make_box(part.place, part.reach) for part in self.parts] or [(ORIGIN, ORIGIN)])
         self._turned: dict[Rotation, Robot] = {turn: self}
 
-    def at(self, turn: Rotation) -> Robot:
+    def turn_base(self, turn: Rotation) -> Robot:
         """The same robot with another orientation of its base."""
         known = self._turned.get(turn)
         if known is None:
@@ -74,7 +76,7 @@ class ShapeCache:
         self._radius = 0.0
         self._sphere = -1
 
-    def check(self) -> None:
+    def clear_after_reset(self) -> None:
         """Clears the cache if the simulation was reset."""
         if self._sphere >= 0 and self._is_valid():
             return
@@ -93,7 +95,7 @@ class ShapeCache:
             return False
         return bool(found) and abs(found[0][8] - (1 - 2 * self._radius)) < 1e-12
 
-    def shape(self, body: int, link: int, number: int, data: Any) -> int:
+    def get_shape(self, body: int, link: int, number: int, data: Any) -> int:
         """The shape for a part of a body."""
         calls, (a, b, c), file = self._calls, data[3], data[4]
         kind = KINDS.get(data[2])
@@ -112,32 +114,32 @@ class ShapeCache:
             case "capsule":
                 made = make(calls.GEOM_CAPSULE, radius=b, height=a)
             case "mesh":
-                return self._mesh(body, link, number, key)
+                return self._make_mesh(body, link, number, key)
             case _:
                 raise _make_unmovable_error(body, f"it is a {kind or 'shape that PyBullet does not describe'}")
-        return self._keep(key, made, measure_extent(kind, data[3]))
+        return self._keep_shape(key, made, measure_extent(kind, data[3]))
 
-    def _mesh(self, body: int, link: int, number: int, key: Any) -> int:
+    def _make_mesh(self, body: int, link: int, number: int, key: Any) -> int:
         calls, (_, *scale, file) = self._calls, key
         if file != b"unknown_file":
             made = calls.createCollisionShape(calls.GEOM_MESH, fileName=file.decode(), meshScale=scale)
-            return self._keep(key, made, None)
+            return self._keep_shape(key, made, None)
         _, corners = calls.getMeshData(body, link, collisionShapeIndex=number)  # as seen from the link
         if corners in self._made:
             return self._made[corners]
         made = calls.createCollisionShape(calls.GEOM_MESH, vertices=corners)
-        return self._keep(corners, made, measure_corners_extent(corners))
+        return self._keep_shape(corners, made, measure_corners_extent(corners))
 
-    def _keep(self, key: Any, made: int, extent: ShapeExtent | None) -> int:
+    def _keep_shape(self, key: Any, made: int, extent: ShapeExtent | None) -> int:
         if made < 0:
-            raise failure("PyBullet cannot make a shape", "see what it has written to the standard output")
+            raise world_error("PyBullet cannot make a shape", "see what it has written to the standard output")
         self._made[key] = made
         self.extents[made] = extent
         return made
 
 
 def _make_unmovable_error(body: int, reason: str) -> ExecutionError:
-    return failure(f"bodies[{body}] cannot be tried at other places: {reason}")
+    return world_error(f"bodies[{body}] cannot be tried at other places: {reason}")
 
 
 def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
@@ -147,21 +149,21 @@ def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
     parts = []
     if world.shapes.is_soft(body):
         raise _make_unmovable_error(body, "it is soft")
-    for link, number, data in world.shapes.of(body):
+    for link, number, data in world.shapes.read_shapes(body):
         pose = poses[link]
         if data[5] is None:
             raise _make_unmovable_error(body, f"PyBullet does not tell how the capsules of its link {link} lie")
         if data[4] != b"unknown_file":  # others consist of corners, which are relative to the link
             pose = to_world(pose, (data[5], data[6]))
-        shape = stock.shape(body, link, number, data)
+        shape = stock.get_shape(body, link, number, data)
         extent = stock.extents[shape]
         if extent is None:
             reach = measure_link_reach(world, body, link, world.calls.getAABB(body, link))
             extent = ShapeExtent(ball=reach + dist(pose[0], poses[link][0]))
         place, turn = pose
-        parts.append((shape, extent, (_subtract(place, base[0]), turn)))
+        parts.append((shape, extent, (_subtract_points(place, base[0]), turn)))
     return Robot(base[1], parts)
 
 
-def _subtract(point: Point, other: Point) -> Point:
+def _subtract_points(point: Point, other: Point) -> Point:
     return point[0] - other[0], point[1] - other[1], point[2] - other[2]

@@ -7,9 +7,9 @@ from random import Random
 from types import TracebackType
 from typing import Any, ClassVar, Self
 
-from ss2sql.errors import SessionError, did_you_mean
+from ss2sql.errors import SessionError, suggest_names
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.vtables.pybullet.pybullet_loader import connect, import_pybullet
+from ss2sql.vtables.pybullet.pybullet_loader import import_pybullet, start_simulation
 from ss2sql.vtables.pybullet.solids import Colour, Plane, Solid, Vector, make_collision_shape, make_visual_shape
 
 TIME_STEP = 1 / 240  # seconds, Bullet's own
@@ -55,7 +55,7 @@ class Scene:
     bounds: ClassVar[tuple[Vector, Vector]]
 
     def __init__(self, seed: int, client: Any = None) -> None:
-        self.client = connect() if client is None else client
+        self.client = start_simulation() if client is None else client
         self.client.resetSimulation()
         self.client.setTimeStep(TIME_STEP)
         self.client.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
@@ -98,7 +98,7 @@ class Scene:
         for body, known in self.names.items():
             if known == name:
                 return body
-        raise SessionError("S002", f"no body is called '{name}'", hints=did_you_mean(name, self.names.values()))
+        raise SessionError("S002", f"no body is called '{name}'", hints=suggest_names(name, self.names.values()))
 
     def next_name(self, kind: str) -> str:
         """`box_1`, `box_2` and so on."""
@@ -112,8 +112,8 @@ class Scene:
         """Adds a body; without mass nothing moves it. `turned`: roll, pitch and yaw in radians."""
         body = self.client.createMultiBody(
             baseMass=mass,
-            baseCollisionShapeIndex=self._collision_shape(solid) if touchable else -1,
-            baseVisualShapeIndex=self._visual_shape(solid, colour),
+            baseCollisionShapeIndex=self._make_collision_shape(solid) if touchable else -1,
+            baseVisualShapeIndex=self._make_visual_shape(solid, colour),
             basePosition=position,
             baseOrientation=import_pybullet().getQuaternionFromEuler(turned),
         )
@@ -121,13 +121,13 @@ class Scene:
             self._planes.add(body)
         return self.adopt(body, name)
 
-    def _collision_shape(self, solid: Solid) -> int:
+    def _make_collision_shape(self, solid: Solid) -> int:
         # Bullet keeps shapes until the simulation ends: equal ones are made once.
         if solid not in self._shapes:
             self._shapes[solid] = make_collision_shape(self.client, solid)
         return self._shapes[solid]
 
-    def _visual_shape(self, solid: Solid, colour: Colour) -> int:
+    def _make_visual_shape(self, solid: Solid, colour: Colour) -> int:
         if (solid, colour) not in self._shapes:
             self._shapes[solid, colour] = make_visual_shape(self.client, solid, colour)
         return self._shapes[solid, colour]

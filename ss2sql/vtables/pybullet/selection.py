@@ -10,7 +10,7 @@ from ss2sql.language.representation_table import Table
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
 from ss2sql.vtables.pybullet.bodies import measure_box
-from ss2sql.vtables.pybullet.poses import Box, unite
+from ss2sql.vtables.pybullet.poses import Box, unite_boxes
 
 FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not extend an area
 
@@ -30,7 +30,7 @@ def list_selected_bodies(world: Any, form: str, table: Table) -> list[int]:
                 form, f"cannot mix worlds: {element!r} belongs to another one", "ask for the bodies of one world"
             )
     world.check()
-    found = dict.fromkeys(world.body(element.key) for element in selected)
+    found = dict.fromkeys(world.find_body(element.key) for element in selected)
     return list(found)
 
 
@@ -66,6 +66,6 @@ def measure_bounds(world: Any) -> Box:
     known: Box | None = getattr(world.scene, "bounds", None)
     if known is not None:
         return known
-    boxes = [measure_box(world, body) for body in world.ids()]
+    boxes = [measure_box(world, body) for body in world.list_ids()]
     boxes = [box for box in boxes if dist(*box) < FAR]
-    return unite(boxes) if boxes else ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    return unite_boxes(boxes) if boxes else ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))

@@ -60,7 +60,7 @@ class ShapeCopier:
     def __init__(self, client: Any) -> None:
         self.client = client
 
-    def collision(self, parts: list[tuple[Part, Pose]]) -> list[int]:
+    def copy_collision_shapes(self, parts: list[tuple[Part, Pose]]) -> list[int]:
         """Collision shapes, as few as PyBullet allows for the parts."""
         one, several = self.client.createCollisionShape, self.client.createCollisionShapeArray
         plain = [part for part in parts if "vertices" not in part[0]]
@@ -68,7 +68,7 @@ class ShapeCopier:
         some += [[part] for part in parts if "vertices" in part[0]]
         return [self._create_shape(group, "collision", one, several) for group in some]
 
-    def visual(self, parts: list[tuple[Part, Pose]]) -> int:
+    def copy_visual_shape(self, parts: list[tuple[Part, Pose]]) -> int:
         """A visual shape, -1 without parts; PyBullet shows the first MOST_PARTS parts."""
         parts = [({_VISUAL.get(name, name): value for name, value in part.items()}, pose) for part, pose in parts]
         return self._create_shape(parts, "visual", self.client.createVisualShape, self.client.createVisualShapeArray)

@@ -13,7 +13,7 @@ from ss2sql.vtables.pybullet.poses import to_world
 Key = tuple[int, int, int]
 
 
-class Shapes(Table):
+class BulletShapes(Table):
     """One row for each collision shape."""
 
     name = "shapes"
@@ -33,21 +33,25 @@ class Shapes(Table):
         Column("quat", list | None, text="how it is turned: a quaternion x, y, z, w; None where pos is"),
     )
     groups: ClassVar[Mapping[str, str]] = {
-        "numbers": "body link number",
-        "form": "type radius length size normal file volume",
-        "place": "pos quat",
+        "read_numbers": "body link number",
+        "read_shape": "type radius length size normal file volume",
+        "read_pose": "pos quat",
     }
 
     def keys(self, where: Where) -> list[Key]:
         world = self.world
-        return [(body, link, n) for body in list_demanded_bodies(world, where) for link, n, _ in world.shapes.of(body)]
+        return [
+            (body, link, n)
+            for body in list_demanded_bodies(world, where)
+            for link, n, _ in world.shapes.read_shapes(body)
+        ]
 
-    def numbers(self, key: Key) -> Key:
-        self._shape(key)
+    def read_numbers(self, key: Key) -> Key:
+        self._get_shape(key)
         return key
 
-    def form(self, key: Key) -> tuple[Any, ...]:
-        shape = self._shape(key)
+    def read_shape(self, key: Key) -> tuple[Any, ...]:
+        shape = self._get_shape(key)
         kind, (a, b, c), file = KINDS.get(shape[2], "mesh"), shape[3], shape[4].decode(errors="replace")
         radius = a if kind == "sphere" else b if kind in ("capsule", "cylinder") else None
         length = a if kind in ("capsule", "cylinder") else None
@@ -55,14 +59,14 @@ class Shapes(Table):
         normal = [a, b, c] if kind == "plane" else None
         return kind, radius, length, size, normal, file if file not in ("", "unknown_file") else None, get_volume(shape)
 
-    def place(self, key: Key) -> Any:
-        shape = self._shape(key)
+    def read_pose(self, key: Key) -> Any:
+        shape = self._get_shape(key)
         if shape[5] is None:
             return None, None
         return to_world(read_link_pose(self.world, key[:2]), (shape[5], shape[6]))
 
-    def _shape(self, key: Key) -> Any:
-        found = self.world.shapes.of_link(key[0], key[1])
+    def _get_shape(self, key: Key) -> Any:
+        found = self.world.shapes.read_link_shapes(key[0], key[1])
         if key[2] >= len(found):
             raise Gone("its body has other shapes now")
         return found[key[2]]

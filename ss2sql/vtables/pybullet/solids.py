@@ -90,7 +90,9 @@ def make_visual_shape(client: Any, solid: Solid, colour: Colour) -> int:
     if isinstance(solid, Box):
         half = (solid.x / 2, solid.y / 2, solid.z / 2)
         return int(client.createVisualShape(bullet.GEOM_BOX, halfExtents=half, rgbaColor=rgba))
-    vertices, normals, indices = _make_square(solid) if isinstance(solid, Plane) else _revolve(_make_outline(solid))
+    vertices, normals, indices = (
+        _make_square(solid) if isinstance(solid, Plane) else _revolve_outline(_make_outline(solid))
+    )
     return int(
         client.createVisualShape(
             bullet.GEOM_MESH, vertices=vertices, normals=normals, indices=indices, rgbaColor=rgba,
@@ -124,7 +126,7 @@ def _make_arc(radius: float, height: float, angles: Iterable[float]) -> Outline:
     return [(radius * x, height + radius * z, x, z) for x, z in normals]
 
 
-def _revolve(outline: Outline) -> Mesh:
+def _revolve_outline(outline: Outline) -> Mesh:
     """The solid of revolution of an outline around the z axis."""
     slices = 2 * len(outline) if len(outline) > 6 else 24
     angles = np.linspace(0, 2 * pi, slices + 1)

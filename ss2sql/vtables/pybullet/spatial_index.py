@@ -27,8 +27,8 @@ class SpatialIndex:
     """
 
     def __init__(self, world: Any) -> None:
-        where, number = world.calls.numbered("getBasePositionAndOrientation"), world.calls.number
-        self.ids: list[int] = world.ids()
+        where, number = world.calls.get_numbered_call("getBasePositionAndOrientation"), world.calls.number
+        self.ids: list[int] = world.list_ids()
         self._points = [where(body, number)[0] for body in self.ids]
         self.at = dict(zip(self.ids, self._points, strict=True))
         points = np.array(self._points, dtype=float).reshape(len(self.ids), 3)
@@ -46,7 +46,7 @@ class SpatialIndex:
                 self._cells.setdefault((floor(x / side), floor(y / side), floor(z / side)), []).append(place)
 
     def _find_in_cells(self, *ranges: tuple[float, float]) -> list[int] | None:
-        """The same as `_within`; None for a large box or many bodies in it, where arrays take 15 us."""
+        """The same as `_find_within`; None for a large box or many bodies in it, where arrays take 15 us."""
         (ax, bx), (ay, by), (az, bz) = ranges
         widest = max(bx - ax, by - ay, bz - az)
         if not (SIDES[0] <= widest <= SIDES[1] and max(map(abs, (ax, ay, az))) <= 1e6 * widest):
@@ -72,7 +72,7 @@ class SpatialIndex:
         inside.sort()
         return inside
 
-    def _within(self, *ranges: tuple[float, float]) -> Any:
+    def _find_within(self, *ranges: tuple[float, float]) -> Any:
         """The places in `ids` of the bodies within ranges, in their order."""
         part = slice(bisect_left(self._along, ranges[0][0]), bisect_right(self._along, ranges[0][1]))
         order = self._order[part]
@@ -84,19 +84,19 @@ class SpatialIndex:
                 found &= values <= high
         return np.sort(order[found])
 
-    def between(self, *ranges: tuple[float, float]) -> list[int]:
+    def find_between(self, *ranges: tuple[float, float]) -> list[int]:
         """The bodies whose x, y and z lie within ranges, ends included."""
         found = self._find_in_cells(*ranges)
         if found is None:
-            return self._numbers[self._within(*ranges)].tolist()  # type: ignore[no-any-return]
+            return self._numbers[self._find_within(*ranges)].tolist()  # type: ignore[no-any-return]
         return [self.ids[place] for place in found]
 
-    def near(self, point: tuple[float, ...], radius: float) -> list[int]:
+    def find_near(self, point: tuple[float, ...], radius: float) -> list[int]:
         """The bodies whose centres are at most this far from a point; one of two numbers is on the floor plan."""
         reach = radius + SLACK * (1 + abs(radius) + max(map(abs, point)))
         ranges = ((value - reach, value + reach) for value in point)
         size, points, ids = len(point), self._points, self.ids
-        found = self._within(*ranges).tolist()
+        found = self._find_within(*ranges).tolist()
         return [ids[place] for place in found if dist(points[place][:size], point) <= radius]
 
 
