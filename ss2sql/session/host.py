@@ -27,9 +27,8 @@ from ss2sql.language.rows import Rows
 from ss2sql.language.unreadable_text import is_unreadable
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.runtime import representations
-from ss2sql.runtime.python.call_memo import make_callable, make_unmemoized_call
+from ss2sql.runtime.python.call_memo import bind_function
 from ss2sql.runtime.representations.shape import Representations, expand_stars
-from ss2sql.runtime.run.array_calls import ArrayFunction
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT
 from ss2sql.runtime.run.option_checks import Limits
 from ss2sql.runtime.run.run_state import Run
@@ -341,15 +340,7 @@ class SessionHost:
         if function.builtin:
             python = OPERATIONS[function.name].value or self.own.get_function(function.name)
             return run.sizes.wrap_function(function.name, python)
-        known = run.callables.get(function.name)
-        if known is None:
-            entry = self._find_function(function.inverse_of or function.name)
-            if function.inverse_of:
-                known = make_unmemoized_call(entry.make_inverse(), run)
-            else:
-                known = (ArrayFunction if entry.vectorized else make_callable)(entry, run, self.memo_limit)
-            run.callables[function.name] = known
-        return known
+        return bind_function(function, run, self._find_function, self.memo_limit)
 
     def hand_over_calls(self, run: Run) -> None:
         """Adopts the results of calls that the statement before has made, so that nothing is called twice."""

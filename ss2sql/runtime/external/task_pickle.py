@@ -27,10 +27,9 @@ from ss2sql.language.recursion_limit import MAX_LEVELS, deepen_stack
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.external.step_evaluation import StepEvaluation, encode_values
-from ss2sql.runtime.python.call_memo import make_callable, make_unmemoized_call, report_calls
+from ss2sql.runtime.python.call_memo import bind_function, report_calls
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.representations.shape import Representations, expand_stars
-from ss2sql.runtime.run.array_calls import ArrayFunction
 from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.search.search_run import SearchRun
@@ -239,15 +238,7 @@ class _ExecutorHost:
             python = OPERATIONS[function.name].value
             assert python is not None  # those of the session are volatile
             return run.sizes.wrap_function(function.name, python)
-        known = run.callables.get(function.name)
-        if known is None:
-            entry = self.parcel.functions[function.inverse_of or function.name]
-            if function.inverse_of:
-                known = make_unmemoized_call(entry.make_inverse(), run)
-            else:
-                known = (ArrayFunction if entry.vectorized else make_callable)(entry, run, self.parcel.memo_limit)
-            run.callables[function.name] = known
-        return known
+        return bind_function(function, run, self.parcel.functions.__getitem__, self.memo_limit)
 
     def read_table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]:
         return self.parcel.tables[source.id]

@@ -20,9 +20,11 @@ from typing import Any, TypeAlias
 
 from ss2sql.errors import Stopped
 from ss2sql.frontend.user_functions import UserFunction
+from ss2sql.language import plan
 from ss2sql.language.conversion import is_finite
 from ss2sql.language.kinds import INT_MAX, INT_MIN
 from ss2sql.language.values import SCALARS, convert_value, copy_for_python, encode_list_form
+from ss2sql.runtime.run.array_calls import ArrayFunction
 from ss2sql.runtime.run.call_memory import FailedCall, forget_older_half
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.sqlite.interning import Interning
@@ -294,17 +296,28 @@ def make_result_check(function: UserFunction) -> Callable[[Any], Result]:
     return check_result
 
 
-def make_callable(function: UserFunction, run: Run, memo_limit: int) -> Any:
-    """The function on language values, as generated code calls it: one that is volatile gives the value alone."""
-    if function.volatility != "volatile":
+def bind_function(
+    function: plan.Function, run: Run, find: Callable[[str], UserFunction], memo_limit: int
+) -> Callable[..., Any]:
+    """The function of the user on language values, as generated code calls it: what is volatile gives the value alone.
+
+    `find` gives the function of a name. A run has one of each. The inverse of one takes a tuple of values.
+    """
+    if function.name not in run.callables:
+        entry = find(function.inverse_of or function.name)
+        entry = entry.make_inverse() if function.inverse_of else entry
+        run.callables[function.name] = _make_callable(entry, bool(function.inverse_of), run, memo_limit)
+    return run.callables[function.name]
+
+
+def _make_callable(function: UserFunction, inverse: bool, run: Run, memo_limit: int) -> Any:
+    if function.vectorized and not inverse:
+        return ArrayFunction(function, run, memo_limit)
+    if function.volatility != "volatile" and not inverse:
         return MemoizedCalls(function, run, memo_limit)
     call = make_checked_call(function, run)
-    return lambda *arguments: _copy_result(call(map(copy_for_python, arguments))[0])
-
-
-def make_unmemoized_call(function: UserFunction, run: Run) -> Callable[[tuple[Any, ...]], Result]:
-    """The function on a tuple of language values, for whoever asks for nothing twice."""
-    call = make_checked_call(function, run)
+    if not inverse:
+        return lambda *arguments: _copy_result(call(map(copy_for_python, arguments))[0])
     return (lambda arguments: call(map(copy_for_python, arguments))) if function.changes else call
 
 

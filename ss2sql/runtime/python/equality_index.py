@@ -9,7 +9,6 @@ that it raises again if the script comes there.
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from operator import itemgetter
 from typing import Any
@@ -58,10 +57,7 @@ def find_lookups(part: plan.Expr, analysis: ExpressionAnalysis, operator: str = 
 
 def index_tuples(rows: list[Any], *positions: int) -> dict[Hashable, list[Any]]:
     """The rows by the value of a column, or by the values of several."""
-    index: dict[Hashable, list[Any]] = defaultdict(list)
-    for row in rows:
-        index[_make_key([row[position] for position in positions])].append(row)
-    return dict(index)
+    return _build_index((_make_key([row[position] for position in positions]) for row in rows), rows)
 
 
 def index_plain_rows(rows: list[Any], *positions: int) -> dict[Hashable, list[Any]]:
@@ -101,10 +97,7 @@ def _build_index(keys: Iterable[Hashable], items: Iterable[Any]) -> dict[Hashabl
 
 def index_columns(items: list[Any], *names: str) -> dict[Hashable, list[Any]]:
     """The elements by the value of a column, or by the values of several."""
-    index: dict[Hashable, list[Any]] = defaultdict(list)
-    for item in items:
-        index[_make_key([read_column(item, name, None) for name in names])].append(item)
-    return dict(index)
+    return _build_index((_make_key([read_column(item, name, None) for name in names]) for item in items), items)
 
 
 def _make_key(values: Sequence[Any]) -> Hashable:
@@ -134,17 +127,9 @@ def index_computed_keys(rows: list[Any], key_of: Callable[[Any], list[Any]]) -> 
 
 
 def index_elements(items: list[Any]) -> dict[Hashable, list[Any]]:
-    index: dict[Hashable, list[Any]] = defaultdict(list)
-    for item in items:
-        index[make_hashable(item)].append(item)
-    return dict(index)
+    return _build_index(map(make_hashable, items), items)
 
 
-def look_up_by_column(index: dict[Hashable, list[Any]], value: Any) -> list[Any]:
-    """The elements whose column equals the value, in their order."""
-    return index.get(make_hashable(value), [])
-
-
-def look_up_by_columns(index: dict[Hashable, list[Any]], *values: Any) -> list[Any]:
+def look_up_elements(index: dict[Hashable, list[Any]], *values: Any) -> list[Any]:
     """The elements whose columns equal the values, in their order."""
     return index.get(_make_key(values), [])

@@ -30,8 +30,7 @@ from ss2sql.runtime.python.equality_index import (
     index_plain_rows,
     index_single_column,
     index_tuples,
-    look_up_by_column,
-    look_up_by_columns,
+    look_up_elements,
 )
 from ss2sql.runtime.python.expression_facts import ExpressionFacts
 from ss2sql.runtime.python.loop_items import (
@@ -452,7 +451,7 @@ class SourceLoops:
         if all(one.other.type.is_only(SCALAR_KINDS) for one in conditions):
             key = values[0] if len(values) == 1 else build.pack(*values)
             return build.call(build.part(kept, "get"), key, build.pack())
-        return build.call(codegen.use(look_up_by_column if len(conditions) == 1 else look_up_by_columns), kept, *values)
+        return build.call(codegen.use(look_up_elements), kept, *values)
 
     def _write_key_index(self, source: plan.Source, items: ast.expr) -> ast.expr:
         """The index by keys that a function of its own computes."""
