@@ -20,7 +20,7 @@ from IPython.core.displaypub import CapturingDisplayPublisher
 from IPython.core.interactiveshell import InteractiveShell
 
 import ss2sql
-from ss2sql.notebook.magic_options import Options, WrongOption, read_options
+from ss2sql.notebook.magic_options import Options, WrongOption, read_magic_options
 
 PAGE = Path(__file__).parent.parent / "docs" / "notebook.md"
 NOTEBOOK = PAGE.with_name("tutorial.ipynb")
@@ -77,7 +77,7 @@ def notebook(capsys: pytest.CaptureFixture[str]) -> Iterator[Notebook]:
     ],
 )  # fmt: skip
 def test_options(line: str, expected: Options) -> None:
-    assert read_options(line) == expected
+    assert read_magic_options(line) == expected
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_options(line: str, expected: Options) -> None:
 )  # fmt: skip
 def test_wrong_options(line: str, words: str) -> None:
     with pytest.raises(WrongOption, match=re.escape(words)):
-        read_options(line)
+        read_magic_options(line)
 
 
 @pytest.mark.parametrize(

@@ -77,13 +77,13 @@ def test_nested_calls_cost_what_they_are_long() -> None:
 
 
 def test_a_table_of_another_grammar_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shipped = parse_table.load_table()
+    shipped = parse_table.load_parse_table()
     for content in (None, {"format": 0}, {"format": parse_table.FORMAT, "grammar": "of another time"}):
         stale = tmp_path / "table.json"
         if content is not None:
             stale.write_text(json.dumps(content), encoding="utf-8")
         monkeypatch.setattr(parse_table, "TABLE", stale)
-        assert parse_table.load_table.__wrapped__() == shipped
+        assert parse_table.load_parse_table.__wrapped__() == shipped
 
 
 def test_the_module_writes_the_table_that_is_shipped(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,7 +101,10 @@ def test_the_module_writes_the_table_that_is_shipped(monkeypatch: pytest.MonkeyP
 
 def test_the_scanner_knows_the_words_of_the_grammar() -> None:
     kinds = {
-        kind for row in parse_table.load_table().rows for kind in row if not kind.islower() and not kind.startswith("_")
+        kind
+        for row in parse_table.load_parse_table().rows
+        for kind in row
+        if not kind.islower() and not kind.startswith("_")
     }
     words = {kind for kind in kinds if kind.isalpha()} - {"NAME", "INTEGER", "FLOAT", "STRING"}
     assert words == tokenizer.RESERVED | tokenizer.CONTEXTUAL

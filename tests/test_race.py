@@ -20,7 +20,7 @@ import ss2sql
 from ss2sql.bench import BenchRules, StatementRuns, make_runs, parse_strategy
 from ss2sql.bench import compare as deciding
 from ss2sql.bench.compare import find_variation
-from ss2sql.bench.laws import Answer, Verdict, compare_answers, compare_rows
+from ss2sql.bench.laws import Answer, Verdict, compare_answers, compare_group_rows
 from ss2sql.bench.strategies import list_strategies
 from ss2sql.errors import Source
 from ss2sql.frontend.syntax import ast
@@ -193,10 +193,10 @@ def test_forbidden_differences(one: Answer, other: Answer, unnamed: tuple[str, .
 
 
 def test_rows_of_groups() -> None:
-    assert compare_rows([("a", 1)], [("a", 1)]).words == "same"
-    assert compare_rows([("a", 1), ("b", 2)], [("b", 2), ("a", 1)]).words == "same, other order"
-    assert compare_rows([("a", 1)], [("a", 2)]).forbidden
-    assert not compare_rows([("a", 0.1)], [("a", 0.2)]).forbidden
+    assert compare_group_rows([("a", 1)], [("a", 1)]).words == "same"
+    assert compare_group_rows([("a", 1), ("b", 2)], [("b", 2), ("a", 1)]).words == "same, other order"
+    assert compare_group_rows([("a", 1)], [("a", 2)]).forbidden
+    assert not compare_group_rows([("a", 0.1)], [("a", 0.2)]).forbidden
 
 
 def raced(ss: ss2sql.Session, script: str, rules: BenchRules = QUICK) -> list[StatementRuns]:

@@ -23,7 +23,7 @@ from ss2sql.shell.dot_commands import COMMANDS
 from ss2sql.shell.piped_input import run_piped
 from ss2sql.shell.settings import SETTINGS, Settings
 from ss2sql.shell.shell import Shell
-from ss2sql.shell.statement_splitter import is_ready, split_pieces
+from ss2sql.shell.statement_splitter import is_ready, split_statements
 
 ENDLESS = command_lines.ENDLESS + ";"
 FUNCTIONS = '''
@@ -69,11 +69,11 @@ def said(shell: Shell, text: str, capsys: pytest.CaptureFixture[str]) -> tuple[s
      ("a); b;", ["a);", "b;"]), ("'open; 2;\n3;", ["'open; 2;", "3;"]), ("1;\n  .help\n\n 2;", ["1;", ".help", "2;"])],
 )  # fmt: skip
 def test_typed_text_is_cut_into_statements_and_commands(typed: str, expected: list[str]) -> None:
-    assert [piece.text for piece in split_pieces(typed)] == expected
-    assert [typed[piece.start : piece.end] for piece in split_pieces(typed)] == expected
+    assert [piece.text for piece in split_statements(typed)] == expected
+    assert [typed[piece.start : piece.end] for piece in split_statements(typed)] == expected
     assert all(
         piece.is_command == (piece.text in (".tables", ".help") or ".sql" in piece.text)
-        for piece in split_pieces(typed)
+        for piece in split_statements(typed)
     )
 
 
@@ -300,7 +300,7 @@ def test_a_pipe_is_read_line_by_line(shell: Shell, capsys, monkeypatch) -> None:
     run_piped(shell, Stream())  # type: ignore[arg-type]
     assert seen == ["", "1\n", "", "2\n"]
     cuts = []
-    monkeypatch.setattr(pipes, "split_pieces", lambda text: cuts.append(text) or split_pieces(text))
+    monkeypatch.setattr(pipes, "split_statements", lambda text: cuts.append(text) or split_statements(text))
     run_piped(shell, io.BytesIO(b"x = [\n" + b"1,\n" * 1000 + b"1];\n"))
     assert len(cuts) <= 2
     assert capsys.readouterr().err.startswith("x = [1, 1, 1")

@@ -18,7 +18,7 @@ from sessions import leaping
 import ss2sql
 from ss2sql import scenes
 from ss2sql.language.area_grid import Grid
-from ss2sql.runtime.representations.as_plane import blur_cells
+from ss2sql.runtime.representations.as_plane import blur_grid_cells
 from ss2sql.vtables.pybullet.scene import Scene
 from ss2sql.vtables.pybullet.solids import Box, Sphere
 
@@ -76,7 +76,7 @@ def test_the_listing_of_the_paper(client: Any, engine: Any) -> None:
         for body, value in zip(bodies, values, strict=True):
             x, y, _ = client.getBasePositionAndOrientation(body)[0]
             plain[int((y + 5) / 0.1), int((x + 5) / 0.1)] += value
-        assert grid == pytest.approx(blur_cells(plain, 3))
+        assert grid == pytest.approx(blur_grid_cells(plain, 3))
 
 
 def test_the_place_is_a_list_an_element_or_that_of_the_source(scene: Scene, engine: Any) -> None:
@@ -96,9 +96,9 @@ def test_a_blur_is_a_gaussian(engine: Any) -> None:
     for x, y in ((1, 0), (0, 2), (3, 4)):
         assert grid[20 + y, 10 + x] / grid[20, 10] == pytest.approx(np.exp(-(x * x + y * y) / (2 * 2**2)))
     assert grid[20 + 7, 10] == 0.0
-    assert np.array_equal(blur_cells(np.eye(3), 0), np.eye(3))
+    assert np.array_equal(blur_grid_cells(np.eye(3), 0), np.eye(3))
     whole = sum(np.exp(-x * x / 2) for x in range(-3, 4)) ** 2  # of which all but the middle leaves the grid
-    assert blur_cells(np.ones((1, 1)), 1) == pytest.approx(1 / whole)
+    assert blur_grid_cells(np.ones((1, 1)), 1) == pytest.approx(1 / whole)
 
 
 def test_planes_of_partitions_and_paths(scene: Scene, engine: Any) -> None:

@@ -27,13 +27,13 @@ def draw_chart(all_runs: Sequence[StatementRuns], path: Path) -> None:
         len(raced), 1, figsize=(10, sum(heights)), height_ratios=heights, layout="constrained", squeeze=False
     )
     for runs, (field,) in zip(raced, fields, strict=True):
-        _draw_field(runs, field)
+        _draw_statement_bars(runs, field)
     _draw_legend([result for runs in raced for result in runs.cells], figure)
     figure.savefig(path, dpi=150)
     pyplot.close(figure)
 
 
-def _draw_field(runs: StatementRuns, field: Any) -> None:
+def _draw_statement_bars(runs: StatementRuns, field: Any) -> None:
     places, marks = _place_bars(runs.cells)
     times = [result.best for result in runs.cells if result.best is not None]
     wide = bool(times) and max(times) > WIDE * min(times)
@@ -51,7 +51,7 @@ def _draw_field(runs: StatementRuns, field: Any) -> None:
         value = result.best * 1000
         field.barh(place, value - left, left=left, height=0.85, color=COLOURS[result.engine],
                    hatch="//" if result.forbidden else None, edgecolor="white")  # fmt: skip
-        field.annotate(_format_label(result), (value, place), (4, 0), textcoords="offset points", va="center",
+        field.annotate(_format_bar_label(result), (value, place), (4, 0), textcoords="offset points", va="center",
                        fontsize=8, color=RED if result.forbidden else "black")  # fmt: skip
     field.set_yticks([place for place, _ in marks], [name for _, name in marks])
     field.set_ylim(max(places) + 0.8, min(places) - 0.8)
@@ -74,7 +74,7 @@ def _place_bars(results: Sequence[BenchResult]) -> tuple[list[float], list[tuple
     return places, [(sum(found) / len(found), shorten(name, 34)) for name, found in of.items()]
 
 
-def _format_label(result: BenchResult) -> str:
+def _format_bar_label(result: BenchResult) -> str:
     """The time, and the answer where it differs."""
     assert result.best is not None
     told = "" if result.same else f", {result.answer}"

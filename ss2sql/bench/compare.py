@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import field
 
-from ss2sql.bench.laws import Answer, Verdict, compare_answers, compare_rows, find_broken_rule, is_identical
+from ss2sql.bench.laws import Answer, Verdict, compare_answers, compare_group_rows, find_broken_rule, is_identical
 from ss2sql.bench.results import BenchResult
 from ss2sql.bench.strategies import Strategy
 from ss2sql.fast_dataclasses import dataclass
@@ -110,7 +110,7 @@ class Comparer:
             words = AS_WRITTEN if finished.cell.strategy == self.own else REFERENCE
             return Verdict(words, same=True) if broken is None else Verdict(broken, True)
         if answer is None or self._answer is None:
-            return compare_rows(list(self.reference.result), list(finished.result))
+            return compare_group_rows(list(self.reference.result), list(finished.result))
         return compare_answers(self._answer, answer, self.unnamed)
 
 

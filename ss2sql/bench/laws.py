@@ -97,7 +97,7 @@ def compare_answers(own: Answer, other: Answer, unnamed: Sequence[str]) -> Verdi
     return Verdict(f"{_count_paths(other)}: SELECT does not name {', '.join(unnamed)}")
 
 
-def compare_rows(own: Sequence[Sequence[Any]], other: Sequence[Sequence[Any]]) -> Verdict:
+def compare_group_rows(own: Sequence[Sequence[Any]], other: Sequence[Sequence[Any]]) -> Verdict:
     """The verdict on rows of groups from another order of the same search, on which sums of floats may depend."""
     one, two = ([tuple(map(make_hashable, row)) for row in rows] for rows in (own, other))
     if one == two:

@@ -56,7 +56,7 @@ class StatementRuns:
         own = Strategy(search.options if search else ())
         name = own.name if search else NO_SEARCH
         comparer = Comparer.for_query(
-            _find_query(compile_run(self.session, self.tree, "auto").plan.statements[0].expr), name
+            _find_statement_query(compile_run(self.session, self.tree, "auto").plan.statements[0].expr), name
         )
         yield from self._run_strategy(own, name, comparer)
         if search is None:
@@ -125,7 +125,7 @@ class StatementRuns:
         else:
             paths = get_paths(result)
             cell.paths, cell.rows = None if paths is None else len(paths), len(result)
-            return FinishedRun(strategy, cell, _find_query(query.plan.statements[0].expr), result)
+            return FinishedRun(strategy, cell, _find_statement_query(query.plan.statements[0].expr), result)
         return None
 
     def _name_limit(self, stopped: Stopped) -> str:
@@ -145,7 +145,7 @@ class StatementRuns:
         return replace(tree, value=changed) if isinstance(tree, ast.Assign) else changed
 
 
-def _find_query(expr: plan.Expr) -> plan.Query | None:
+def _find_statement_query(expr: plan.Expr) -> plan.Query | None:
     """The query of a statement, perhaps assigned to a variable."""
     value = expr.value if isinstance(expr, plan.Assign) else expr
     return value.query if isinstance(value, plan.Subquery) else None

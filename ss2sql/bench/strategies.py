@@ -41,10 +41,10 @@ class Strategy:
         usual = "BREADTH FIRST" if self.repeats == "UNIQUE" else "DEPTH FIRST"
         words = [] if self.order in WEIGHTS or (self.repeats and self.order == usual) else [self.order]
         chosen = map(self.find_option, (*WEIGHTS, "HEURISTIC", self.repeats, "MAXIMUM"))
-        return " ".join([*words, *(_format_option(option) for option in chosen if option)])
+        return " ".join([*words, *(_format_search_option(option) for option in chosen if option)])
 
 
-def _format_option(option: ast.Option) -> str:
+def _format_search_option(option: ast.Option) -> str:
     if option.argument is None:
         return option.keyword
     argument = option.argument
@@ -62,13 +62,13 @@ def list_strategies(query: ast.Query, longest: int | None) -> list[Strategy]:
     """
     own = Strategy(query.options)
     found: list[Strategy] = []
-    for rule in _list_rules(own, bool(query.group)):
+    for rule in _list_repeats_rules(own, bool(query.group)):
         for order in _list_orders(query, own):
             if rule == "MEMORIZE":
                 if order and order[0].keyword not in WEIGHTS:
                     continue
                 order = tuple(option for option in order if option.keyword != "HEURISTIC")
-            found.append(Strategy((*order, *_make_rule(query, own, rule, longest), *_find_maximum(own))))
+            found.append(Strategy((*order, *_make_repeats_options(query, own, rule, longest), *_find_maximum(own))))
     by_name = {strategy.name: strategy for strategy in found}
     by_name.pop(own.name, None)
     return list(by_name.values())
@@ -88,7 +88,7 @@ def _list_orders(query: ast.Query, own: Strategy) -> Iterator[tuple[ast.Option, 
     yield (ast.Option("BREADTH FIRST", None, span=query.span),)
 
 
-def _list_rules(own: Strategy, grouped: bool) -> tuple[str, ...]:
+def _list_repeats_rules(own: Strategy, grouped: bool) -> tuple[str, ...]:
     if grouped:
         return (own.repeats,)
     if own.repeats == "MEMORIZE":
@@ -99,7 +99,7 @@ def _list_rules(own: Strategy, grouped: bool) -> tuple[str, ...]:
     )
 
 
-def _make_rule(query: ast.Query, own: Strategy, rule: str, longest: int | None) -> tuple[ast.Option, ...]:
+def _make_repeats_options(query: ast.Query, own: Strategy, rule: str, longest: int | None) -> tuple[ast.Option, ...]:
     if not rule:
         return ()
     written = own.find_option(rule)

@@ -73,7 +73,7 @@ def command(
 ) -> None:
     """Races engines and search strategies on a script, and compares their answers."""
     from ss2sql.bench import BenchRules, make_runs
-    from ss2sql.session.session import read_source
+    from ss2sql.session.session import read_script_source
 
     source = inputs.script
     for path in (json_file, plot_file):
@@ -82,7 +82,7 @@ def command(
     settings = BenchRules(ENGINES[engine], strategies, repeat, timeout, memory)  # type: ignore[arg-type]
     run: list[StatementRuns] = []
     with inputs.open_session(progress=False) as session:
-        following = make_runs(session, read_source(source), settings)
+        following = make_runs(session, read_script_source(source), settings)
         while True:
             with _mark_user_errors():
                 runs = next(following, None)

@@ -79,19 +79,19 @@ class UserError(Exception):
 
     def as_dict(self) -> dict[str, Any]:
         """The same keys as for errors of scripts, with the place in the user's file."""
-        place = dict.fromkeys(PLACE) if self.frame is None else _find_place(self.frame)
+        place = dict.fromkeys(PLACE) if self.frame is None else _find_user_line(self.frame)
         message = f"{type(self.error).__name__}: {self.error}"
-        return _make_entry("exception", message, place, notes=getattr(self.error, "__notes__", []))
+        return _make_error_json("exception", message, place, notes=getattr(self.error, "__notes__", []))
 
 
-def _find_place(frame: traceback.FrameSummary) -> dict[str, Any]:
+def _find_user_line(frame: traceback.FrameSummary) -> dict[str, Any]:
     columns = (frame.colno, frame.end_colno)
     column, end_column = (None if number is None else number + 1 for number in columns)
     line = frame.lineno
     return dict(zip(PLACE, (frame.filename, line, column, frame.end_lineno or line, end_column), strict=True))
 
 
-def _make_entry(title: str, message: str, place: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
+def _make_error_json(title: str, message: str, place: dict[str, Any] | None = None, **more: Any) -> dict[str, Any]:
     """Another error, with the same keys as for errors of scripts."""
     where = dict.fromkeys(PLACE) if place is None else place
     return {"code": None, "title": title, "message": message, **where, "hints": [], "related": [], **more}
@@ -118,12 +118,12 @@ def _end_with_error(error: Error) -> NoReturn:
     if writes_json():
         for one in error.errors:
             found = {"found": _describe_partial(error)} if isinstance(error, Stopped) else {}
-            _print_line(json.dumps({**one.as_dict(), **found}, ensure_ascii=False))
+            _print_to_stderr(json.dumps({**one.as_dict(), **found}, ensure_ascii=False))
         sys.exit(code)
     if isinstance(error, Cancelled):
-        _print_line(f"cancelled{_count_found(error)}")
+        _print_to_stderr(f"cancelled{_count_found(error)}")
     else:
-        _print_line(f"{render_all(error, wants_color(sys.stderr))}{describe_found(error)}")
+        _print_to_stderr(f"{render_all(error, wants_color(sys.stderr))}{describe_found(error)}")
     sys.exit(code)
 
 
@@ -151,7 +151,7 @@ def describe_found(error: Error) -> str:
 
 def end_after_interrupt() -> NoReturn:
     """Ends after Ctrl-C outside of a run."""
-    end_with_message("cancelled", _make_entry("cancelled", "cancelled"), CTRL_C)
+    end_with_message("cancelled", _make_error_json("cancelled", "cancelled"), CTRL_C)
 
 
 def end_with_usage_error(error: click.ClickException, arguments: Sequence[str]) -> NoReturn:
@@ -159,7 +159,7 @@ def end_with_usage_error(error: click.ClickException, arguments: Sequence[str]) 
     if not _wants_json(arguments):
         error.show()
     else:
-        _print_line(json.dumps(_make_entry("wrong usage", error.format_message()), ensure_ascii=False))
+        _print_to_stderr(json.dumps(_make_error_json("wrong usage", error.format_message()), ensure_ascii=False))
     sys.exit(error.exit_code)
 
 
@@ -176,22 +176,24 @@ def end_with_output_error(error: OSError, arguments: Sequence[str]) -> NoReturn:
     with suppress(OSError, ValueError), open(os.devnull, "w") as nowhere:
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
     message = f"the result cannot be written: {error.strerror or error}"
-    _print_line(json.dumps(_make_entry("cannot be written", message)) if _wants_json(arguments) else message)
+    _print_to_stderr(json.dumps(_make_error_json("cannot be written", message)) if _wants_json(arguments) else message)
     sys.exit(SCRIPT)
 
 
 def end_with_message(text: str, entry: dict[str, Any], code: int) -> NoReturn:
     """Ends with an error as text or as JSON."""
-    _print_line(json.dumps(entry, ensure_ascii=False) if writes_json() else text)
+    _print_to_stderr(json.dumps(entry, ensure_ascii=False) if writes_json() else text)
     sys.exit(code)
 
 
 def print_note(text: str) -> None:
     """Prints a note to stderr."""
-    _print_line(json.dumps(_make_entry("note", text), ensure_ascii=False) if writes_json() else escape_controls(text))
+    _print_to_stderr(
+        json.dumps(_make_error_json("note", text), ensure_ascii=False) if writes_json() else escape_controls(text)
+    )
 
 
-def _print_line(text: str) -> None:
+def _print_to_stderr(text: str) -> None:
     with suppress(OSError):  # where stderr cannot be written, the exit code is enough
         click.echo(text, err=True, color=True if wants_color(sys.stderr) else None)
 

@@ -10,7 +10,7 @@ from click.core import ParameterSource
 
 from ss2sql.cli.exit_codes import exit_with_code_on_error
 from ss2sql.cli.output import print_line
-from ss2sql.cli.run_command import run_options, run_script
+from ss2sql.cli.run_command import add_run_options, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_script_options, redirect_output
 from ss2sql.errors import Stopped
 
@@ -25,7 +25,7 @@ FORMATS = ("text", "json")
 @click.option("--analyze", is_flag=True, help="Run it, and tell what the run has done.")
 @click.option("--format", "form", type=click.Choice(FORMATS), default="text", show_default=True,
               help="For people, or for programs.")  # fmt: skip
-@run_options
+@add_run_options
 @exit_with_code_on_error
 def command(inputs: ScriptInputs, analyze: bool, form: str, progress: bool | None, **options: Any) -> None:
     """Tells how a script is run: engines, rewrites, calls, SQLite's plan in words, the SQL."""

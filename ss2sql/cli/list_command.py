@@ -112,7 +112,7 @@ FIXED_TOPICS: dict[str, Callable[[], Iterable[Entry]]] = {
 }
 
 
-def list_entries(topic: str, inputs: ScriptInputs = NO_INPUTS) -> list[Entry]:
+def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> list[Entry]:
     """The entries of a topic, with those of the user's inputs."""
     if topic in FIXED_TOPICS:
         return list(FIXED_TOPICS[topic]())
@@ -129,7 +129,7 @@ def _complete_name(context: click.Context, parameter: click.Parameter, incomplet
         return []
     return [
         CompletionItem(entry["name"], help=entry.get("title", entry["text"]))
-        for entry in list_entries(topic)
+        for entry in list_topic(topic)
         if entry["name"].lower().startswith(incomplete.lower())
     ]
 
@@ -154,7 +154,7 @@ def command(topic: str | None, words: tuple[str, ...], inputs: ScriptInputs, for
     if topic is None:
         entries: list[Entry] = [{"name": word, "text": text} for word, text in TOPICS.items()]
     else:
-        entries = _select_named(list_entries(topic, inputs), name, topic)
+        entries = _select_named(list_topic(topic, inputs), name, topic)
     if form == "json":
         print_line(json.dumps(entries, ensure_ascii=False, indent=2))
     elif name is not None:

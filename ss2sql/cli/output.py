@@ -176,9 +176,9 @@ def _print_table(result: Result, shown: int, target: Console) -> None:
 def _encode_result(result: Result, form: str, stream: bool) -> bytes:
     """Writes a result in a data format for other programs, always in UTF-8."""
     if form == "json":
-        return _encode_text(f"{result.json()}\n")
+        return _encode_for_stdout(f"{result.json()}\n")
     if form == "csv":
-        return _encode_text(str(result.csv()))
+        return _encode_for_stdout(str(result.csv()))
     from ss2sql.results import require_package
 
     file = io.BytesIO()
@@ -193,7 +193,7 @@ def _encode_result(result: Result, form: str, stream: bool) -> bytes:
     return file.getvalue()
 
 
-def _encode_text(text: str) -> bytes:
+def _encode_for_stdout(text: str) -> bytes:
     return text.encode("utf-8", "backslashreplace")
 
 

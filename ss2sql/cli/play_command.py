@@ -9,7 +9,7 @@ import click
 
 from ss2sql.cli.exit_codes import exit_with_code_on_error, print_note
 from ss2sql.cli.output import check_folder
-from ss2sql.cli.run_command import run_options, run_script
+from ss2sql.cli.run_command import add_run_options, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_script_options
 from ss2sql.errors import Stopped
 from ss2sql.results.watching.search_trace import MOST_EVENTS
@@ -23,7 +23,7 @@ from ss2sql.results.watching.search_trace import MOST_EVENTS
 @click.option("--trace", type=click.IntRange(min=1), default=MOST_EVENTS, show_default=True,
               help="The first so many events.")  # fmt: skip
 @click.option("--title", help="The title; else the names of the strategies.")
-@run_options
+@add_run_options
 @exit_with_code_on_error
 def command(
     inputs: ScriptInputs,

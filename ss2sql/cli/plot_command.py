@@ -9,7 +9,7 @@ import click
 
 from ss2sql.cli.exit_codes import exit_with_code_on_error, print_note
 from ss2sql.cli.output import check_folder, describe_size, make_write_error
-from ss2sql.cli.run_command import run_options, run_script
+from ss2sql.cli.run_command import add_run_options, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_script_options
 from ss2sql.errors import Stopped
 from ss2sql.results.watching.search_trace import MOST_EVENTS
@@ -48,7 +48,7 @@ def _check_picture_size(
 @click.option("--title", help="The title; else what was counted.")
 @click.option("--most", type=click.IntRange(min=1), help="At most so many paths or bars.")
 @click.option("--size", callback=_check_picture_size, metavar="WIDTHxHEIGHT", help="The size in inches, such as 8x5.")
-@run_options
+@add_run_options
 @exit_with_code_on_error
 def command(
     inputs: ScriptInputs,

@@ -34,7 +34,7 @@ RUN_OPTIONS = (
 )  # fmt: skip
 
 
-def run_options(command: Any) -> Any:
+def add_run_options(command: Any) -> Any:
     """Adds the options of a run; `run_script` takes their values."""
     for option in reversed(RUN_OPTIONS):
         command = option(command)
@@ -43,7 +43,7 @@ def run_options(command: Any) -> Any:
 
 @click.command("run")
 @add_script_options
-@run_options
+@add_run_options
 @add_output_options
 @exit_with_code_on_error
 def command(
@@ -63,7 +63,7 @@ def command(
 
 
 def run_script(session: Session, source: str | Path | Source, **options: Any) -> Result:
-    """Runs a script with the options of `run_options`; what it prints goes to stderr."""
+    """Runs a script with the options of `add_run_options`; what it prints goes to stderr."""
     try:
         with redirect_output(), warnings.catch_warnings():  # the script's own output is no result
             warnings.simplefilter("ignore", WorkersWarning)  # printed below, without a place in Python code

@@ -121,7 +121,7 @@ class ScriptInputs:
         for file in self.files:
             session.attach(*parse_attachment(file))
         for name, text in self.parameters:
-            session.set(name, parse_value(text))
+            session.set(name, parse_parameter(text))
         return session
 
 
@@ -177,7 +177,7 @@ def register_file(session: Session, path: Path) -> list[str]:
     """Registers the functions of a Python file; gives their names."""
     found = {
         name: value
-        for name, value in _load_names(path).items()
+        for name, value in _load_functions_file(path).items()
         if callable(value) and getattr(value, "__module__", None) == "<run_path>" and not name.startswith("_")
     }
     for name, value in found.items():
@@ -189,7 +189,7 @@ def _get_context() -> click.Context | None:
     return click.get_current_context(silent=True)
 
 
-def _load_names(path: Path) -> dict[str, Any]:
+def _load_functions_file(path: Path) -> dict[str, Any]:
     try:
         with redirect_output():
             return runpy.run_path(str(path))
@@ -272,7 +272,7 @@ def _find_object(place: _ObjectReference, text: str) -> Any:
 def _load_module(name: str, text: str) -> Any:
     """A module, or the names of a Python file as one."""
     if name.endswith(".py"):
-        return SimpleNamespace(**_load_names(Path(name)))
+        return SimpleNamespace(**_load_functions_file(Path(name)))
     try:
         with redirect_output():
             return importlib.import_module(name)
@@ -288,7 +288,7 @@ def _make_missing_error(text: str, error: Exception, hints: tuple[str, ...] = ()
     return SessionError("S002", f"the world {text} cannot be found: {error}", hints=hints)
 
 
-def parse_value(text: str) -> Any:
+def parse_parameter(text: str) -> Any:
     """The value of a Python literal; any other text stays a string."""
     try:
         return python_ast.literal_eval(text)

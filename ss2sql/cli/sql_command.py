@@ -49,9 +49,9 @@ def command(inputs: ScriptInputs, stage: str, dialect: str | None) -> None:
         raise click.UsageError("--dialect goes with --stage sql", click.get_current_context())
     if stage == "ast":
         from ss2sql.frontend.syntax.parser import parse
-        from ss2sql.session.session import read_source
+        from ss2sql.session.session import read_script_source
 
-        for statement in parse(read_source(source)).statements:
+        for statement in parse(read_script_source(source)).statements:
             print_line(repr(statement))
         return
     from ss2sql.language.plan_printer import format_plan

@@ -21,8 +21,8 @@ from ss2sql.vtables import find_adapter
 from ss2sql.vtables.attached_worlds import AttachedTable, AttachedWorld
 from ss2sql.vtables.contract import Gone, Table, TableFunction, Where, World
 from ss2sql.vtables.query_cache import CacheOfQuery
-from ss2sql.vtables.reading import Reading, merge_demands, unwrap_key
-from ss2sql.vtables.schema import Schema, get_schema, get_tables
+from ss2sql.vtables.reading import Reading, merge_demands, unwrap_element_key
+from ss2sql.vtables.schema import Schema, get_schema, get_world_tables
 
 MANY = 1000  # elements of a table
 Arguments = Mapping[str, Sequence[tuple[Any, ...]]]
@@ -97,7 +97,7 @@ class _Judge:
             raise BrokenRuleError("there is an adapter", type(source).__name__, "no adapter serves this type")
         self.world: World = world
         try:
-            get_tables(world)
+            get_world_tables(world)
             self.attached = AttachedWorld("world", world, lambda name, table: name)
         except Exception as error:
             raise _make_broken_rule("declarations hold together", type(world).__name__, error) from error
@@ -292,7 +292,10 @@ class _Judge:
                 if volatility == "volatile":
                     continue
                 try:
-                    one, other = method(unwrap_key(element, self.world)), method(unwrap_key(element, self.world))
+                    one, other = (
+                        method(unwrap_element_key(element, self.world)),
+                        method(unwrap_element_key(element, self.world)),
+                    )
                 except TypeError:
                     continue  # its argument is no element
                 if repr(one) != repr(other):
@@ -300,7 +303,7 @@ class _Judge:
                     raise BrokenRuleError("functions keep what they declare", principal.table.name, detail)
                 if self.attached.get_declaration(name).indexed:
                     column = principal.schema.read_value(key, name)
-                    items = [method(unwrap_key(element, self.world), index) for index in range(len(column))]
+                    items = [method(unwrap_element_key(element, self.world), index) for index in range(len(column))]
                     if not one == items == column:
                         detail = f"{name}({element!r}) is {one!r} and {items!r} by index, the column {column!r}"
                         raise BrokenRuleError("functions keep what they declare", principal.table.name, detail)
@@ -338,7 +341,7 @@ class _Judge:
 
     def check_after_change(self, change: Callable[[random.Random], Any]) -> None:
         """Changes the world, and reads elements that no longer exist."""
-        tables = [t for t in get_tables(self.world) if isinstance(t, Table)]
+        tables = [t for t in get_world_tables(self.world) if isinstance(t, Table)]
         before = [(table, self._list_keys(table, Where())) for table in tables]
         change(self.dice)
         for table, keys in before:

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from ss2sql.errors import ParseError, Source
 from ss2sql.frontend.syntax import ast, tokenizer
 from ss2sql.frontend.syntax.parse_failure import ALONE, PAIRS
-from ss2sql.frontend.syntax.parse_table import END, load_table
+from ss2sql.frontend.syntax.parse_table import END, load_parse_table
 from ss2sql.frontend.syntax.parser import find_resume_point, run_automaton
 from ss2sql.frontend.syntax.query_builder import Builder
 from ss2sql.frontend.syntax.tokenizer import Token
@@ -33,7 +33,7 @@ def mark_keywords(script: str) -> list[Token]:
         return tokens[:-1]
     position = 0
     while position < len(tokens):
-        outcome = run_automaton(load_table(), Builder(source), tokens, position, len(tokens))
+        outcome = run_automaton(load_parse_table(), Builder(source), tokens, position, len(tokens))
         if isinstance(outcome, ast.Script):
             break
         after = find_resume_point(outcome)

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.search_options import ORDERS, REPEATS
 from ss2sql.frontend.syntax.parse_failure import ALONE, CLAUSES, PAIRS, VALUES
-from ss2sql.frontend.syntax.parse_table import load_table
+from ss2sql.frontend.syntax.parse_table import load_parse_table
 from ss2sql.frontend.syntax.tokenizer import OPTIONS, RESERVED
 
 Sort: TypeAlias = Literal["clause", "option", "operator", "constant", "other"]
@@ -83,9 +83,9 @@ class Keyword:
 
 
 @cache
-def list_words() -> frozenset[str]:
+def list_grammar_words() -> frozenset[str]:
     """Every word of the grammar, in capitals."""
-    kinds = {symbol for row in load_table().rows for symbol in row if symbol.isalpha() and symbol.isupper()}
+    kinds = {symbol for row in load_parse_table().rows for symbol in row if symbol.isalpha() and symbol.isupper()}
     return frozenset(kinds - (VALUES - RESERVED))
 
 
@@ -93,7 +93,7 @@ def list_words() -> frozenset[str]:
 def keywords() -> dict[str, Keyword]:
     """The keywords by their first word, in capitals, in alphabetical order."""
     seconds = set(PAIRS.values()) - ALONE
-    return {word: _make_keyword(word) for word in sorted(list_words() - seconds)}
+    return {word: _make_keyword(word) for word in sorted(list_grammar_words() - seconds)}
 
 
 def _make_keyword(word: str) -> Keyword:

@@ -20,9 +20,9 @@ def note_place(
         evals: the places of the `eval` calls whose strings contain the call, the innermost first.
     """
     places = ", ".join(dict.fromkeys(span.place for span in spans)) or "<script>"
-    lines = [f"raised by the {kind} '{called}', called at {places}", *_show_lines(spans)]
+    lines = [f"raised by the {kind} '{called}', called at {places}", *_show_script_lines(spans)]
     for span in evals:
-        lines += [f"in the text that eval reads at {span.place}", *_show_lines([span])]
+        lines += [f"in the text that eval reads at {span.place}", *_show_script_lines([span])]
     note_once(exception, "\n".join(lines))
 
 
@@ -37,7 +37,7 @@ def note_once(exception: BaseException, note: str) -> None:
         return  # exceptions with __slots__ cannot be marked and may get a second note
 
 
-def _show_lines(spans: Sequence[Span]) -> list[str]:
+def _show_script_lines(spans: Sequence[Span]) -> list[str]:
     """The lines of the script where the spans begin."""
     lines = dict.fromkeys((span.source, span.line) for span in spans)
     return [f"  {number} | {source.get_line(number)}" for source, number in lines]

@@ -77,7 +77,7 @@ def make_user_function(
     Raises SessionError S002 for a name or a signature that scripts could not use.
     """
     if not isinstance(name, str) or name not in OPERATIONS:  # `in` is the name of an operator
-        check_name(name)
+        check_function_name(name)
     if not callable(function):
         hint = f"give the function without calling it; a value is given by session.set('{name}', value)"
         raise SessionError("S002", f"'{name}' is a {type(function).__name__}, not a function", hints=(hint,))
@@ -100,7 +100,7 @@ def make_user_function(
         # Nobody can keep to the written order of calls who leaves it to the run which rows make a block.
         volatility, reason, inferred = "stable", "takes arrays, which says that it is not volatile", False
     size = (takes.minimum, takes.maximum, takes.names)
-    body = _find_body(name, function, volatility, inverse is not None, vectorized)
+    body = _find_inlinable_body(name, function, volatility, inverse is not None, vectorized)
     return UserFunction(name, function, volatility, inferred, reason, *size, inverse, vectorized, body, changes)
 
 
@@ -109,7 +109,7 @@ def _build_volatile_error(name: str) -> SessionError:
     return SessionError("S002", message, hints=("declare it stable or immutable, or register it without vectorized",))
 
 
-def _find_body(
+def _find_inlinable_body(
     name: str, function: Callable[..., Any], volatility: plan.Volatility, has_inverse: bool, vectorized: bool
 ) -> FunctionBody | str:
     """What queries may compute in place of a call, or the reason why they must call."""
@@ -130,7 +130,7 @@ def check_is_string(name: Any) -> None:
         raise SessionError("S002", f"a name is a text, not {type(name).__name__}", hints=("put it into quotes",))
 
 
-def check_name(name: str) -> None:
+def check_function_name(name: str) -> None:
     """Raises SessionError S002 if scripts could not use the name."""
     check_is_string(name)
     if not name.isidentifier():

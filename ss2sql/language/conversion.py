@@ -212,7 +212,7 @@ def _convert_value(value: Any, depth: int, named: bool) -> Any:
                 raise
         return items
     if isinstance(value, (set, frozenset)):
-        return _sort_set([_convert_value(item, depth + 1, named) for item in value])
+        return _sort_set_elements([_convert_value(item, depth + 1, named) for item in value])
     if isinstance(value, _MAPPINGS):
         mapping = {}
         for key, item in dict(value).items():
@@ -261,7 +261,7 @@ def _are_clean_scalars(items: list[Any]) -> bool:
     return kinds <= SCALARS and _are_numbers_allowed(items, kinds)
 
 
-def _sort_set(items: list[Any]) -> list[Any]:
+def _sort_set_elements(items: list[Any]) -> list[Any]:
     """The elements of a set in an order that does not depend on their hashes."""
     kinds = set(map(type, items))
     if not kinds <= {bool, int, float} and kinds != {str}:

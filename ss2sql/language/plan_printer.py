@@ -18,7 +18,7 @@ def format_plan(program: plan.Program) -> str:
     if program.parameters:
         lines.append(f"parameters {', '.join(program.parameters)}")
     for statement in program.statements:
-        lines.extend(_format_lines(statement.expr, 0))
+        lines.extend(_format_plan_lines(statement.expr, 0))
     return "\n".join(lines) + "\n"
 
 
@@ -38,18 +38,18 @@ def format_type(kind: Type) -> str:
 _SINGLE = frozenset({"NONE", "BOOL", "INT", "FLOAT", "STR", "LIST", "DICT", "OBJECT"})
 
 
-def _format_lines(node: Any, depth: int, role: str = "") -> Iterator[str]:
+def _format_plan_lines(node: Any, depth: int, role: str = "") -> Iterator[str]:
     """The line of a node, then those of its parts, each under the name of its field."""
     indent = "  " * depth
-    yield f"{indent}{role + ': ' if role else ''}{_format_node(node)}"
+    yield f"{indent}{role + ': ' if role else ''}{_format_plan_node(node)}"
     for name, part in _list_parts(node):
         if isinstance(part, tuple) and len(part) == 2 and isinstance(part[0], str):
-            yield from _format_lines(part[1], depth + 1, f"{name} {part[0]}")
+            yield from _format_plan_lines(part[1], depth + 1, f"{name} {part[0]}")
         else:
-            yield from _format_lines(part, depth + 1, name)
+            yield from _format_plan_lines(part, depth + 1, name)
 
 
-def _format_node(node: Any) -> str:
+def _format_plan_node(node: Any) -> str:
     kind = getattr(node, "type", None)
     shown = f" [{format_type(kind)}]" if isinstance(kind, Type) and not isinstance(node, plan.Subquery) else ""
     match node:

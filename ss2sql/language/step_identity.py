@@ -54,10 +54,10 @@ def find_unnamed(query: plan.Query) -> UnnamedRead:
 
 def describe_unnamed(query: plan.Query) -> tuple[str, ...]:
     """The same, as expressions in a script's notation."""
-    return tuple(dict.fromkeys(map(write_expr, find_unnamed(query))))
+    return tuple(dict.fromkeys(map(write_in_script, find_unnamed(query))))
 
 
-def write_expr(expr: plan.Expr) -> str:
+def write_in_script(expr: plan.Expr) -> str:
     """An expression in a script's notation."""
     return expr.name if isinstance(expr, plan.State) else " ".join(expr.span.text.split())
 

@@ -103,7 +103,7 @@ def make_dict_key(value: Any) -> Any:
     return tuple(map(make_dict_key, value)) if type(value) is list else value
 
 
-def has_key(container: dict[Any, Any], key: Any) -> bool:
+def has_dict_key(container: dict[Any, Any], key: Any) -> bool:
     try:
         return key in container
     except TypeError:  # a dict is no key

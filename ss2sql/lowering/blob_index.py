@@ -24,7 +24,7 @@ from ss2sql.language.operations.arithmetic import EXACT
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.blob_encoding import ListEncoding, PointSetEncoding
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.storage_class import INTEGRAL, can_repeat, is_number
+from ss2sql.lowering.storage_class import INTEGRAL, can_repeat, is_sql_number
 
 if TYPE_CHECKING:
     from ss2sql.lowering.sqlite_expressions import ExpressionLowering, SqlScope
@@ -43,7 +43,7 @@ def lower_item(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -
     packing = None if "cells" in lowering.needs.disabled else _choose_encoding(container.type, len(indexes))
     if packing is None or not isinstance(container, (plan.Constant, plan.Variable)):
         return None
-    if not all(index.type.is_only(INTEGRAL) and is_number(index.type) for index in indexes):
+    if not all(index.type.is_only(INTEGRAL) and is_sql_number(index.type) for index in indexes):
         return None
     nodes = [lowering.lower_expr(index, scope) for index in indexes]
     sizes = [container.type.size, container.type.item.size if container.type.item else None]
@@ -152,7 +152,7 @@ def lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlSc
         return None
     if not isinstance(item, plan.MakeList) or len(item.items) != len(packing.box):
         return None
-    if not all(part.type.is_only(INTEGRAL) and is_number(part.type) for part in item.items):
+    if not all(part.type.is_only(INTEGRAL) and is_sql_number(part.type) for part in item.items):
         return None
     nodes = [lowering.lower_expr(part, scope) for part in item.items]
     if not all(map(can_repeat, nodes)):

@@ -39,7 +39,7 @@ def find_element_calls(query: plan.Query) -> tuple[plan.Call, ...]:
         return ()
     found: list[plan.Call] = []
     for expr in _iterate_step_expressions(query):
-        if isinstance(expr, plan.Call) and _takes_element(expr, source) and expr not in found:
+        if isinstance(expr, plan.Call) and _does_take_element(expr, source) and expr not in found:
             found.append(expr)
     # A function that is called with other arguments, too, has one memory of calls for all of them.
     calls = [node for node in walk(query) if isinstance(node, plan.Call)]
@@ -74,19 +74,19 @@ def _iterate_element_arguments(part: plan.Expr) -> Iterator[plan.Expr]:
             yield argument
 
 
-def _takes_element(call: plan.Call, source: plan.ValueSource) -> bool:
+def _does_take_element(call: plan.Call, source: plan.ValueSource) -> bool:
     """Whether a call of the user's function takes parts of the element as they are, and has another argument."""
     function = call.function
     if function.builtin or function.vectorized or function.of_world:
         return False
-    whole = [argument for argument in call.arguments if _reads_element(argument, source)]
-    others = [argument for argument in call.arguments if not _reads_element(argument, source)]
+    whole = [argument for argument in call.arguments if _does_read_element(argument, source)]
+    others = [argument for argument in call.arguments if not _does_read_element(argument, source)]
     if not whole or not any(list_states(other) or list_sources(other) for other in others):
         return False
     return all(source.id not in list_sources(other) and not has_query(other) for other in others)
 
 
-def _reads_element(argument: plan.Expr, source: plan.ValueSource) -> bool:
+def _does_read_element(argument: plan.Expr, source: plan.ValueSource) -> bool:
     match argument:
         case plan.Element(source=number):
             return number == source.id
@@ -111,9 +111,9 @@ def add_call_columns(
         arguments: list[str | int] = []
         for argument in call.arguments:
             match argument:
-                case plan.Column(name=name) if _reads_element(argument, source):
+                case plan.Column(name=name) if _does_read_element(argument, source):
                     arguments.append(name)
-                case plan.Element() if _reads_element(argument, source):
+                case plan.Element() if _does_read_element(argument, source):
                     arguments.append("this")
                 case _:
                     if argument not in shared:

@@ -72,7 +72,7 @@ def find_expression_key(
         ):
             for expr, other in ((left, right), (right, left)):
                 if _can_be_key(query, source.id, expr, other):
-                    return _find_guarded_key(source.id, expr, other, before)
+                    return _find_key_after_guards(source.id, expr, other, before)
     return None
 
 
@@ -97,7 +97,7 @@ def _can_be_key(query: plan.Query, source: int, expr: plan.Expr, other: plan.Exp
     return not can_end_early(query) or all(function.builtin for function in list_functions(expr))
 
 
-def _find_guarded_key(
+def _find_key_after_guards(
     source: int, expr: plan.Expr, other: plan.Expr, before: Sequence[plan.Expr]
 ) -> ExpressionKey | None:
     """The key after the parts that guard it: what can fail must not be evaluated for an element that they drop."""

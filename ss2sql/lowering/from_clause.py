@@ -67,7 +67,7 @@ def open_source(
         case plan.TableSource():
             return _open_table(selects, source)
         case plan.ValueSource(value=value):
-            return _open_elements(selects, source, selects.expressions.lower_value(value, scope))
+            return _open_list_elements(selects, source, selects.expressions.lower_value(value, scope))
         case plan.QuerySource(optional=True):
             return _open_left_joined(selects, source, scope, siblings)
         case plan.QuerySource(query=query):
@@ -79,7 +79,7 @@ def open_source(
             apart = not lateral and not (whole and outside)
             if apart and query.representation.name == "dict" and (not query.group or query.aggregated):
                 return _open_derived(selects, source, scope, whole)
-            return _open_elements(
+            return _open_list_elements(
                 selects, source, selects.lower_subquery(query, replace(scope, again=scope.again or lateral))
             )
         case plan.WorldSource():
@@ -105,7 +105,7 @@ def _open_table(selects: FlatLowering, source: plan.TableSource) -> FromItem:
     return FromItem((sql_builder.table(source.table, label, schema),), read_column, order, next(iter(columns.values())))
 
 
-def _open_elements(selects: FlatLowering, source: plan.ValueSource | plan.QuerySource, value: Node) -> FromItem:
+def _open_list_elements(selects: FlatLowering, source: plan.ValueSource | plan.QuerySource, value: Node) -> FromItem:
     columns = tuple(name for name, _ in source.columns or ())
     names = choose_column_names(columns)
     label = selects.needs.choose_label(source.name)

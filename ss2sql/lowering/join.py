@@ -302,7 +302,7 @@ class JoinBuilder:
         nodes = [self.selects.expressions.lower_expr(expr, self.scope) for expr in values]
         self.tables.append(table)
         here = [
-            (e, sql_builder.column(table.add_column(_choose_name(e), n), table.label))
+            (e, sql_builder.column(table.add_column(_choose_column_name(e), n), table.label))
             for e, n in zip(values, nodes, strict=True)
         ]
         later = self._find_later_expressions(level, conditions, hoisted)
@@ -422,7 +422,7 @@ def _wrap_disjunction(term: Node) -> Node:
     return exp.Is(this=sql_builder.parenthesize(term, exp.Or), expression=exp.true())
 
 
-def _choose_name(expr: plan.Expr) -> str:
+def _choose_column_name(expr: plan.Expr) -> str:
     return expr.function.name if isinstance(expr, plan.Call) else "value"
 
 

@@ -39,7 +39,7 @@ from ss2sql.lowering.sql_names import ROW_NUMBER, choose_column_names, choose_fr
 from ss2sql.lowering.sql_query import Bookkeeping
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.strategies import get_order, get_repeat_rule
-from ss2sql.lowering.union_branches import build_list, find_union_branches
+from ss2sql.lowering.union_branches import find_union_branches, lower_parts_as_list
 
 SEARCH_TABLE = "search"
 
@@ -130,7 +130,9 @@ class RecursiveQuery(ABC):
 
     def _find_carried_reads(self, expr: plan.Element | plan.Column) -> Node:
         if parts := self.list_parts(expr):
-            return build_list(self.expressions, [(self.column(self.carry_element(part)), part) for part in parts])
+            return lower_parts_as_list(
+                self.expressions, [(self.column(self.carry_element(part)), part) for part in parts]
+            )
         carried = self.column(self.carry_element(_get_carried_read(expr)))
         if isinstance(expr, plan.Column) and not expr.declared:
             return self.expressions.read_field(carried, expr)

@@ -14,7 +14,7 @@ from ss2sql.lowering.sql_builder import Node
 REAL_NUMBER = Kind.INT | Kind.FLOAT
 
 
-def is_number(kind: Type) -> bool:
+def is_sql_number(kind: Type) -> bool:
     return find_sql_class(kind) == "number"
 
 

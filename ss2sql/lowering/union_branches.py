@@ -116,7 +116,7 @@ def _calls_user_code(item: plan.Expr | plan.Query) -> bool:
     )
 
 
-def build_list(expressions: ExpressionLowering, parts: list[tuple[Node, plan.Column]]) -> Node:
+def lower_parts_as_list(expressions: ExpressionLowering, parts: list[tuple[Node, plan.Column]]) -> Node:
     """The list of parts that stand in columns."""
     return sql_builder.call(
         "list", *(expressions.box_flag(node) if is_flag(part.type) else node for node, part in parts)

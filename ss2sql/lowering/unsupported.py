@@ -94,7 +94,7 @@ def _find_nested_limit(query: plan.Query, nested: bool) -> Span | None:
     return None
 
 
-def _find_label(query: plan.Query, nested: bool) -> Span | None:
+def _find_row_labels(query: plan.Query, nested: bool) -> Span | None:
     """Of a query that is the statement the representation names columns row by row."""
     computed = (output.label.span for output in query.columns if output.label is not None)
     return query.span if nested and query.representation.labels else next(computed, None)
@@ -199,7 +199,7 @@ RULES: tuple[Rule, ...] = (
     Rule("an inner LIMIT that is not known beforehand to be a count", "write a number", _find_nested_limit),
     Rule("SELECT * over columns that only the elements know", "name the columns", _find_nested_star),
     Rule("a column name with half of a surrogate pair", "give the column another name", _find_unwritable_name),
-    Rule("a column name that is computed", "write the name itself in to(expr, name)", _find_label),
+    Rule("a column name that is computed", "write the name itself in to(expr, name)", _find_row_labels),
     Rule("aggregates over the first results of a search", "leave the engine to ss2sql", _find_grouped_search),
     Rule("EACH starts a search anew for each element here", "leave the engine to ss2sql", _find_several_starts),
     Rule("ORDER SIBLINGS BY in another order than depth first", "leave the engine to ss2sql", _find_siblings),

@@ -57,7 +57,7 @@ def _parse_seconds(text: str) -> float:
     return seconds
 
 
-def _parse_count(name: str, least: int) -> Callable[[str], int]:
+def _make_count_parser(name: str, least: int) -> Callable[[str], int]:
     def parse_text(text: str) -> int:
         if not text.isdecimal() or int(text) < least:
             raise WrongOption(f"{name} takes a whole number of at least {least}, not {text}")
@@ -76,9 +76,9 @@ def _parse_name(text: str) -> str:
 READERS: dict[str, tuple[str, Callable[[str], Any] | None]] = {
     "--engine": ("engine", _parse_engine),
     "--timeout": ("timeout", _parse_seconds),
-    "--maximum": ("maximum", _parse_count("--maximum", 1)),
+    "--maximum": ("maximum", _make_count_parser("--maximum", 1)),
     "--session": ("session", _parse_name),
-    "--show": ("show", _parse_count("--show", 0)),
+    "--show": ("show", _make_count_parser("--show", 0)),
     "--explain": ("explain", None),
     "--play": ("play", None),
     "--sql": ("sql", None),
@@ -87,7 +87,7 @@ READERS: dict[str, tuple[str, Callable[[str], Any] | None]] = {
 }
 
 
-def read_options(line: str) -> Options:
+def read_magic_options(line: str) -> Options:
     """The options of a line. Raises WrongOption."""
     found: dict[str, Any] = {}
     position = 0

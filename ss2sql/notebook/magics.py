@@ -12,9 +12,9 @@ from ss2sql.errors import ResolveError, Source, Stopped
 from ss2sql.errors.renderer import escape_controls
 from ss2sql.notebook.caller_names import NotebookNames
 from ss2sql.notebook.cell_errors import shorten_traceback
-from ss2sql.notebook.magic_options import Options, WrongOption, read_options
+from ss2sql.notebook.magic_options import Options, WrongOption, read_magic_options
 from ss2sql.results.result import Result
-from ss2sql.results.show import MOST_ROWS, format_html, format_text
+from ss2sql.results.show import MOST_ROWS, format_html, format_result_text
 from ss2sql.results.watching.search_trace import MOST_EVENTS
 from ss2sql.session.connect import connect
 from ss2sql.session.session import Session
@@ -30,7 +30,7 @@ class ShownResult:
         self._most = MOST_ROWS if most is None else most
 
     def __repr__(self) -> str:
-        return format_text(self._result, self._most)
+        return format_result_text(self._result, self._most)
 
     def _repr_html_(self) -> str:
         return format_html(self._result, self._most)
@@ -69,7 +69,7 @@ class ScriptMagics(Magics):
           --sql               shows the SQL and runs nothing
         """
         try:
-            options = read_options(line)
+            options = read_magic_options(line)
         except WrongOption as error:
             raise UsageError(str(error)) from None
         if cell is None and not options.rest.strip():

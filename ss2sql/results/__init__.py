@@ -40,10 +40,10 @@ def get_rows(result: Result) -> Iterator[Row]:
     elif result.answer.rows.paths is not None:
         for number, path in enumerate(result.answer.rows.paths, 1):
             for step, row in enumerate(path, 1):
-                yield (number, step, *copy_row(row))
+                yield (number, step, *copy_result_row(row))
     else:
         rows = result.answer.rows.rows or ()
-        yield from rows if result.answer.rows.plain else map(copy_row, rows)
+        yield from rows if result.answer.rows.plain else map(copy_result_row, rows)
 
 
 def get_all_rows(result: Result) -> list[Row]:
@@ -52,7 +52,7 @@ def get_all_rows(result: Result) -> list[Row]:
         return list(iterate_with_check(get_rows(result), check))
 
 
-def copy_row(row: Row) -> Row:
+def copy_result_row(row: Row) -> Row:
     """A row with copies of its values."""
     return tuple(map(copy_for_python, row))
 

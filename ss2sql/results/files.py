@@ -24,7 +24,9 @@ def format_csv(result: Result) -> str:
     writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(result.columns)
     with result.while_reading() as check:
-        writer.writerows([_format_field(value) for value in row] for row in iterate_with_check(get_rows(result), check))
+        writer.writerows(
+            [_format_csv_field(value) for value in row] for row in iterate_with_check(get_rows(result), check)
+        )
     return "".join(lines)
 
 
@@ -36,7 +38,7 @@ class _Lines(list[str]):
         self.append(line.removesuffix("\r\n") + "\n")
 
 
-def _format_field(value: Any) -> Any:
+def _format_csv_field(value: Any) -> Any:
     if value is None or type(value) in (int, float, str):
         return value
     if isinstance(value, MOMENTS):
@@ -73,7 +75,7 @@ def _make_json_key(key: Any) -> Any:
     return json.dumps(made, ensure_ascii=False) if isinstance(made, list) else made
 
 
-def write_text(text: str, path: str | Path | None) -> str | None:
+def write_or_return(text: str, path: str | Path | None) -> str | None:
     """Writes the text to a file, or gives it back where there is no path.
 
     A lone surrogate, which cannot be encoded, becomes its escape, which JSON reads back.

@@ -75,7 +75,7 @@ def build_tree(networkx: Any, paths: Sequence[Sequence[Row]], most: int | None) 
         drawn += 1
         layer = 0
         for step, row in enumerate(path):
-            key = (layer, networkx_graphs.make_node(row))
+            key = (layer, networkx_graphs.make_graph_node(row))
             if key not in known:
                 known[key] = len(graph)
                 graph.add_node(known[key], row=row, start=step == 0, goal=False)

@@ -27,7 +27,7 @@ def build_graph(result: Result, most: int | None = None) -> Any:
         )
     made = networkx.DiGraph(columns=result.columns[2:])
     for path in islice(paths, most):
-        nodes = [make_node(row) for row in path]
+        nodes = [make_graph_node(row) for row in path]
         for step, (name, row) in enumerate(zip(nodes, path, strict=True), 1):
             if name not in made:
                 made.add_node(name, row=tuple(map(copy_for_python, row)), step=step, start=False, goal=False)
@@ -44,7 +44,7 @@ def build_graph(result: Result, most: int | None = None) -> Any:
     return made
 
 
-def make_node(row: Row) -> Hashable:
+def make_graph_node(row: Row) -> Hashable:
     """The node of a row: its value where it has one column, else a tuple of its values; equal rows are one node.
 
     None alone, which is no node for networkx, becomes NoneType.

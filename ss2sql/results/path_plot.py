@@ -59,8 +59,12 @@ def find_coordinates(columns: Sequence[str], rows: Sequence[Row]) -> Coordinates
     structured = [i for i in indexes if any(isinstance(row[i], (list, dict)) for row in rows)]
     if structured:
         (index, *others) = structured
-        return None if others or not all(is_point(row[index]) for row in rows) else Coordinates(lambda row: row[index])
-    numbers = [i for i in indexes if all(is_number(row[i]) for row in rows)]
+        return (
+            None
+            if others or not all(is_plot_point(row[index]) for row in rows)
+            else Coordinates(lambda row: row[index])
+        )
+    numbers = [i for i in indexes if all(is_plot_number(row[i]) for row in rows)]
     if len(numbers) not in (2, 3):
         return None
     names = tuple(columns[i] for i in numbers)
@@ -68,11 +72,11 @@ def find_coordinates(columns: Sequence[str], rows: Sequence[Row]) -> Coordinates
     return Coordinates(lambda row: tuple(row[i] for i in numbers), names, alike)
 
 
-def is_point(value: Any) -> bool:
-    return isinstance(value, list) and len(value) in (2, 3) and all(map(is_number, value))
+def is_plot_point(value: Any) -> bool:
+    return isinstance(value, list) and len(value) in (2, 3) and all(map(is_plot_number, value))
 
 
-def is_number(value: Any) -> bool:
+def is_plot_number(value: Any) -> bool:
     return type(value) in (int, float)
 
 
@@ -82,7 +86,7 @@ def draw_paths(result: Result, paths: Found, where: Coordinates, ax: Any, most: 
     solid = getattr(ax, "name", "") == "3d" and all(line.shape[1] == 3 for line in drawn)
     width = 3 if solid else 2
     over = bool(ax.images)  # a map is there already: its labels and its area stay
-    _draw_lines(ax, [line.T[:width] for line in drawn], wider=1.5)
+    _draw_path_lines(ax, [line.T[:width] for line in drawn], wider=1.5)
     starts, goals = (np.unique([line[end] for line in drawn], axis=0) for end in (0, -1))
     mark_ends(ax, starts, goals, width)
     if not over:
@@ -95,7 +99,7 @@ def draw_paths(result: Result, paths: Found, where: Coordinates, ax: Any, most: 
     return write_path_title(result, len(paths), [len(line) for line in drawn])
 
 
-def _draw_lines(ax: Any, lines: Sequence[Any], wider: float = 0.0) -> None:
+def _draw_path_lines(ax: Any, lines: Sequence[Any], wider: float = 0.0) -> None:
     """Draws the lines, the first one on top, with a white border on a map, which may have their colours."""
     total = len(lines)
     for number, line in reversed(list(enumerate(lines, 1))):
@@ -118,7 +122,7 @@ class StepWeights:
 def find_weights(result: Result, paths: Found) -> StepWeights | str:
     """The weights of steps: the column with the expression of COST or PROBABILITY, or named `cost`; else a hint."""
     names = result.columns[2:]
-    query = _find_query(result)
+    query = _find_query_text(result)
     search = None if query is None else query.search
     expr = None if search is None else search.weight
     likely = search is not None and search.order == "probability"
@@ -126,14 +130,14 @@ def find_weights(result: Result, paths: Found) -> StepWeights | str:
     if query is not None and expr is not None:
         found = [index for index, output in enumerate(query.columns) if output.expr == expr] + found
     for index in found:
-        if all(is_number(row[index]) for path in paths for row in path):
+        if all(is_plot_number(row[index]) for path in paths for row in path):
             return StepWeights(index, "probability" if likely else "cost", likely)
     if expr is not None and expr.span.text:
         return f"select what a step costs: SELECT ..., to({expr.span.text}, {'probability' if likely else 'cost'})"
     return "select a column with the name cost that says what a step costs: SELECT ..., to(length, cost)"
 
 
-def _find_query(result: Result) -> plan.Query | None:
+def _find_query_text(result: Result) -> plan.Query | None:
     """The query that the paths are from, as it is written."""
     queries = [query.written for statement in result.outline[-1:] for query in statement.queries]
     return queries[-1] if queries else None
@@ -145,7 +149,7 @@ def draw_costs(result: Result, paths: Found, weights: StepWeights, ax: Any, most
     totals = [
         list(accumulate(steps, mul, initial=1.0) if weights.likely else accumulate(steps, initial=0)) for steps in rows
     ]
-    _draw_lines(ax, [(range(len(line)), line) for line in totals])
+    _draw_path_lines(ax, [(range(len(line)), line) for line in totals])
     mark_ends(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
     set_integer_ticks(ax.xaxis)
     ax.set_xlabel("step")

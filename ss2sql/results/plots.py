@@ -12,7 +12,14 @@ from ss2sql.language import plan
 from ss2sql.language.rows import Row
 from ss2sql.results import get_paths, require_package
 from ss2sql.results.graph_plot import draw_graph, draw_tree
-from ss2sql.results.path_plot import draw_costs, draw_lengths, draw_paths, find_coordinates, is_point, require_weights
+from ss2sql.results.path_plot import (
+    draw_costs,
+    draw_lengths,
+    draw_paths,
+    find_coordinates,
+    is_plot_point,
+    require_weights,
+)
 from ss2sql.results.plot_style import BLUE, PALETTE, escape, hide_spines, make_plot_error, set_integer_ticks, shorten
 from ss2sql.results.show import format_cell
 from ss2sql.results.watching.search_plot import draw_search
@@ -114,7 +121,7 @@ def _choose_flat_drawing(result: Result, kind: str) -> Draw:
     numbers = [index for index, found in enumerate(kinds) if found and found <= {int, float}]
     labels = [index for index, found in enumerate(kinds) if index not in numbers]
     pointed = [
-        index for index in labels if any(row[index] for row in rows) and all(is_point(row[index]) for row in rows)
+        index for index in labels if any(row[index] for row in rows) and all(is_plot_point(row[index]) for row in rows)
     ]
     if kind == "heat":
         make_plot_error("plot() has no array of two dimensions to draw", "AS plane gives one")
@@ -125,7 +132,9 @@ def _choose_flat_drawing(result: Result, kind: str) -> Draw:
     elif kind in ("auto", "points") and pointed:
         own = pointed[0]
         names = next((index for index in labels if index != own), None)
-        return lambda ax, most: _draw_points(("x", "y"), [row[own] for row in rows], _find_texts(rows, names), ax)
+        return lambda ax, most: _draw_scatter_plot(
+            ("x", "y"), [row[own] for row in rows], _find_text_column(rows, names), ax
+        )
     elif numbers:
         xs = [row[numbers[0]] for row in rows]
         rising = None not in xs and all(a < b for a, b in pairwise(xs))
@@ -133,9 +142,11 @@ def _choose_flat_drawing(result: Result, kind: str) -> Draw:
             if len(numbers) >= 2:
                 pair = numbers[:2]
                 spots = [[row[index] for index in pair] for row in rows]
-                return lambda ax, most: _draw_points([columns[i] for i in pair], spots, _find_texts(rows, label), ax)
+                return lambda ax, most: _draw_scatter_plot(
+                    [columns[i] for i in pair], spots, _find_text_column(rows, label), ax
+                )
         elif kind in ("auto", "line") and (len(numbers) == 1 or rising):
-            return lambda ax, most: _draw_lines(columns, rows, numbers, ax)
+            return lambda ax, most: _draw_line_plot(columns, rows, numbers, ax)
     wanted = "" if kind == "auto" else f" as {kind}"
     return make_plot_error(
         f"plot() cannot draw the columns {', '.join(result.columns)}{wanted}",
@@ -143,13 +154,13 @@ def _choose_flat_drawing(result: Result, kind: str) -> Draw:
     )
 
 
-def _find_texts(rows: Sequence[Row], index: int | None) -> list[str]:
+def _find_text_column(rows: Sequence[Row], index: int | None) -> list[str]:
     return [] if index is None else [format_cell(row[index]) for row in rows]
 
 
 def _draw_bars(columns: Sequence[str], rows: Sequence[Row], label: int | None, number: int, ax: Any, most: int) -> str:
     shown = rows[:most]
-    names = _find_texts(shown, label) or [str(index) for index in range(1, len(shown) + 1)]
+    names = _find_text_column(shown, label) or [str(index) for index in range(1, len(shown) + 1)]
     values = [row[number] or 0 for row in shown]
     bars = ax.barh(range(len(shown)), values, color=BLUE)
     ax.bar_label(bars, [format_cell(row[number]) for row in shown], padding=3)
@@ -164,7 +175,7 @@ def _draw_bars(columns: Sequence[str], rows: Sequence[Row], label: int | None, n
     return by if len(shown) == len(rows) else f"{by}, the first {len(shown)} of {len(rows)} rows"
 
 
-def _draw_lines(columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[int], ax: Any) -> str:
+def _draw_line_plot(columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[int], ax: Any) -> str:
     first, *others = numbers
     colours = dict(zip(others or [first], cycle(PALETTE), strict=False))
     xs = [row[first] for row in rows] if others else list(range(1, len(rows) + 1))
@@ -181,7 +192,7 @@ def _draw_lines(columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[i
     return f"{', '.join(names)} by {columns[first] if others else 'row'}"
 
 
-def _draw_points(names: Sequence[str], spots: Sequence[Sequence[Any]], texts: Sequence[str], ax: Any) -> str:
+def _draw_scatter_plot(names: Sequence[str], spots: Sequence[Sequence[Any]], texts: Sequence[str], ax: Any) -> str:
     there = [index for index, place in enumerate(spots) if None not in place]
     xs, ys = ([spots[index][axis] for index in there] for axis in (0, 1))
     ax.scatter(xs, ys, color=BLUE, s=25, alpha=0.8, edgecolor="none")

@@ -17,7 +17,7 @@ from ss2sql.language.kinds import Type
 from ss2sql.language.rows import Row, Rows, iterate_checked_paths, make_row_class, make_unique_name
 from ss2sql.language.values import copy_for_python
 from ss2sql.lowering.sql_string import Sql
-from ss2sql.results import copy_row, get_rows
+from ss2sql.results import copy_result_row, get_rows
 from ss2sql.results.explain.outline import OutlinedStatement, join_script_sql
 from ss2sql.runtime.run.option_checks import check_bound
 from ss2sql.runtime.run.run_state import RemainingBounds, Stats, translate_memory_error
@@ -128,7 +128,7 @@ class Result:
             return (
                 list(map(list, paths))
                 if rows.plain
-                else [list(map(copy_row, iterate_with_check(p, check))) for p in paths]
+                else [list(map(copy_result_row, iterate_with_check(p, check))) for p in paths]
             )
 
     @contextmanager
@@ -213,7 +213,7 @@ class Result:
     def __repr__(self) -> str:
         from ss2sql.results import show
 
-        return show.format_text(self)
+        return show.format_result_text(self)
 
     def _repr_html_(self) -> str:
         from ss2sql.results import show
@@ -263,7 +263,7 @@ class Result:
         """
         from ss2sql.results import files
 
-        return files.write_text(files.format_csv(self), path)
+        return files.write_or_return(files.format_csv(self), path)
 
     def json(self, path: str | Path | None = None) -> str | None:
         """The value as JSON, written to a file or given as text.
@@ -272,7 +272,7 @@ class Result:
         """
         from ss2sql.results import files
 
-        return files.write_text(files.format_json(self.value), path)
+        return files.write_or_return(files.format_json(self.value), path)
 
     def parquet(self, path: str | Path) -> None:
         """Writes the rows to a Parquet file. Raises what `arrow` raises."""

@@ -8,7 +8,7 @@ from ss2sql.frontend.resolve.path_functions import FUNCTIONS
 from ss2sql.language import plan
 from ss2sql.language.plan_traversal import list_states, split_and, walk
 from ss2sql.language.rows import Rows
-from ss2sql.language.step_identity import find_growing_states, find_unnamed, split_stop_conditions, write_expr
+from ss2sql.language.step_identity import find_growing_states, find_unnamed, split_stop_conditions, write_in_script
 from ss2sql.runtime.run.run_state import Stats
 
 REPEAT_KEYWORDS = {"unique": "UNIQUE", "no cycle": "NO CYCLE", "memorize": "MEMORIZE"}
@@ -45,12 +45,12 @@ def explain_empty_result(query: plan.Query, rows: Rows, stats: Stats, before: in
     if stats.generated == before:
         return
     if rows.ended and search.maximum is not None and query.having is not None:
-        most, having = write_expr(search.maximum), write_expr(query.having)
+        most, having = write_in_script(search.maximum), write_in_script(query.having)
         cure = _suggest_larger("MAXIMUM")
         yield f"MAXIMUM {most} ended the search, and HAVING {having} dropped what it had found; {cure}"
     if search.bound is not None and _is_graph_bounded(query, stats):
         cure = _suggest_larger("MEMORIZE")
-        yield f"MEMORIZE {write_expr(search.bound)} ended paths before any reached its goal; {cure}"
+        yield f"MEMORIZE {write_in_script(search.bound)} ended paths before any reached its goal; {cure}"
         return
     grown = {(query.id, name) for name in find_growing_states(query)}
     bounds = [("STOP WITH {}", stop) for stop in split_stop_conditions(query)]
@@ -58,7 +58,7 @@ def explain_empty_result(query: plan.Query, rows: Rows, stats: Stats, before: in
     for place, bound in bounds:
         read = {state for state in list_states(bound) if state[0] == query.id}
         if read and read <= grown:
-            words = place.format(write_expr(bound))
+            words = place.format(write_in_script(bound))
             yield f"nothing was found before {words} ends a path; a wider bound in it may let paths go on"
 
 
@@ -66,7 +66,7 @@ def explain_overestimates(query: plan.Query) -> Iterator[str]:
     """That A* has found a path which costs less than its estimate of what remained."""
     for node in walk(query):
         if isinstance(node, plan.Query) and node.search and node.search.heuristic and node.search.weight:
-            estimate = write_expr(node.search.heuristic)
+            estimate = write_in_script(node.search.heuristic)
             yield (
                 f"HEURISTIC {estimate} was more than what remained to be paid on a path, so others may be cheaper than "
                 "the first that came; the least costs need an estimate that is never too high, or COST alone"
@@ -116,7 +116,7 @@ def _find_undetermined_states(query: plan.Query) -> Iterator[str]:
     # Columns of an element tend to follow from each other, as a name and the key behind it.
     if not any(isinstance(expr, plan.State) for expr in read):
         return
-    word, names = REPEAT_KEYWORDS[search.repeats], _join_words(list(dict.fromkeys(map(write_expr, read))))
+    word, names = REPEAT_KEYWORDS[search.repeats], _join_words(list(dict.fromkeys(map(write_in_script, read))))
     clauses = _join_words(list(dict.fromkeys(clause for several in read.values() for clause in several)))
     verb = "read" if " and " in clauses else "reads"
     lengths = all(isinstance(expr, plan.State) and expr.name in counted for expr in read)

@@ -61,7 +61,7 @@ def print_result(result: Result, most: int, console: Console, noted: bool = True
         console.print(line, markup=False, highlight=False)
 
 
-def format_text(result: Result, most: int = MOST_ROWS) -> str:
+def format_result_text(result: Result, most: int = MOST_ROWS) -> str:
     """The table as `repr` shows it."""
     from rich.console import Console
 
@@ -102,7 +102,7 @@ def make_sheet(result: Result, most: int, wide: int, arrow: str, most_columns: i
     chosen = _choose_columns(len(result.columns), most_columns or max(2, (wide - 1) // (LEAST_WIDE + FRAME)))
     headings = tuple("…" if index is None else format_cell(result.columns[index]) for index in chosen)
     rows = [tuple("…" if index is None else format_cell(row[index]) for index in chosen) for row in table]
-    right = tuple(index is not None and _are_numbers([row[index] for row in table]) for index in chosen)
+    right = tuple(index is not None and _are_table_numbers([row[index] for row in table]) for index in chosen)
     hidden = len(result.columns) - len(chosen) + 1 if None in chosen else 0
     return Sheet(headings, rows, right, _write_caption(result, len(table), "", hidden))
 
@@ -119,7 +119,7 @@ def _make_path_sheet(result: Result, paths: Sequence[Sequence[Row]], most: int, 
         (str(index), _shorten_path(path, room, arrow) if line is None else line)
         for index, (path, line) in enumerate(zip(first, drawn, strict=True), 1)
     ]
-    heading = _join_texts(list(map(format_cell, result.columns[2:])))
+    heading = _join_within_width(list(map(format_cell, result.columns[2:])))
     return Sheet(("path", heading), rows, (True, False), _write_caption(result, len(first), "paths ", 0))
 
 
@@ -129,7 +129,7 @@ def _format_path(path: Sequence[Row], room: int, arrow: str) -> str | None:
 
     if len(path) * (1 + len(arrow)) > room + len(arrow):
         return None
-    line = arrow.join(map(_show_step, path))
+    line = arrow.join(map(_format_step, path))
     return line if cell_len(line) <= room and "..." not in line else None
 
 
@@ -141,19 +141,23 @@ def _shorten_path(path: Sequence[Row], room: int, arrow: str) -> str:
     line = ""
     for kept in range(most, 0, -1):
         ahead, left = kept // 2, len(path) - kept
-        shown = [*map(_show_step, path[:ahead]), f"… {left} more …", *map(_show_step, path[len(path) - kept + ahead :])]
+        shown = [
+            *map(_format_step, path[:ahead]),
+            f"… {left} more …",
+            *map(_format_step, path[len(path) - kept + ahead :]),
+        ]
         line = arrow.join(shown)
         if cell_len(line) <= room:
             return line
-    return line or _show_step(path[-1])
+    return line or _format_step(path[-1])
 
 
-def _show_step(row: Row) -> str:
+def _format_step(row: Row) -> str:
     """The value of a row, or its values in parentheses."""
-    return _join_texts([_cut_text(format_cell(value), MOST_STEP) for value in row])
+    return _join_within_width([_cut_text(format_cell(value), MOST_STEP) for value in row])
 
 
-def _join_texts(texts: Sequence[str]) -> str:
+def _join_within_width(texts: Sequence[str]) -> str:
     return texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
 
 
@@ -170,7 +174,7 @@ def _cut_text(text: str, most: int) -> str:
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
-def _are_numbers(values: Sequence[Any]) -> bool:
+def _are_table_numbers(values: Sequence[Any]) -> bool:
     return bool(values) and {type(value) for value in values if value is not None} in ({int}, {float}, {int, float})
 
 

@@ -24,9 +24,9 @@ from ss2sql.results.result_notes import explain_empty_result, explain_overestima
 from ss2sql.runtime.python import NativeQuery, compile_statement
 from ss2sql.runtime.representations.shape import PATH_FORMS, expand_stars
 from ss2sql.runtime.run.array_calls import count_array_calls
-from ss2sql.runtime.run.option_values import check_count, find_least
+from ss2sql.runtime.run.option_values import check_count_value, find_least
 from ss2sql.runtime.run.run_state import ResultSink, Run
-from ss2sql.runtime.run.sql_post_processing import finish_rows
+from ss2sql.runtime.run.sql_post_processing import finish_sql_rows
 from ss2sql.session.engines import Engine
 from ss2sql.vtables.snapshots import can_move_world
 
@@ -282,7 +282,7 @@ class CompiledQuery:
             run.stats.steps = before
             return self._retry_natively(error, run, sink)
         sink.ended = maximum is not None and len(extras) >= maximum
-        return finish_rows(lowered, sink, extras, slice(offset, end))
+        return finish_sql_rows(lowered, sink, extras, slice(offset, end))
 
     def _retry_natively(self, error: Exception, run: Run, sink: Rows) -> Rows:
         """SQL has given up: the native rows, or the native error. Calls that were made are not made again."""
@@ -341,7 +341,7 @@ class CompiledQuery:
         if compute is None or expr is None:
             return None
         try:
-            return check_count(compute(run), least, word)
+            return check_count_value(compute(run), least, word)
         except ExecutionError as error:
             raise error.with_span(expr.span) from None
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from ss2sql.errors import SessionError
 from ss2sql.results import require_package
-from ss2sql.runtime.run.option_checks import check_word
+from ss2sql.runtime.run.option_checks import check_option_word
 from ss2sql.runtime.run.run_state import Run
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def get_abilities(name: str) -> EngineAbilities | None:
 
 
 def check_engine(engine: Any) -> None:
-    check_word("engine", (engine,), ENGINES)
+    check_option_word("engine", (engine,), ENGINES)
 
 
 def open_table_engine(name: str, session: Any = None, begun: Sequence[Run] = ()) -> TableEngine | None:

@@ -142,7 +142,7 @@ def _execute_statements(host: SessionHost, query: Query, options: RunOptions, ru
         run.stats.seconds["run"] -= run.stats.seconds.get("shape", 0.0)  # what was shaped meanwhile
     if run.foreteller is not None:
         run.foreteller.report_idle()
-    return _build_result(host, run, statements, value)
+    return _build_script_result(host, run, statements, value)
 
 
 def _compute_last_value(
@@ -197,7 +197,7 @@ def _collect_trace(run: Run, statement: CompiledStatement) -> tuple[SearchTrace 
     return make_trace(run.trace, tree, written), tuple(collect_notes(run.trace, tree))
 
 
-def _build_result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:
+def _build_script_result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:
     answer: QueryAnswer | None = run.answer if statements[-1].is_query else None
     if answer is not None:
         answer.begin = run.bounds.get_remaining().begin_reading

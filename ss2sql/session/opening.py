@@ -47,7 +47,7 @@ def open_connection(path: str | os.PathLike[str] | None, read_only: bool) -> aps
     return connection
 
 
-def read_source(script: str | Path | Source) -> Source:
+def read_script_source(script: str | Path | Source) -> Source:
     """The text of a script with its name.
 
     Raises SessionError S002 for an unreadable file, ParseError P004 for one that is too large.

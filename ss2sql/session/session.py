@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 from ss2sql.errors import SessionError, Source
 from ss2sql.frontend.syntax.parser import parse
-from ss2sql.frontend.user_functions import UserFunction, check_is_string, check_name, make_user_function
+from ss2sql.frontend.user_functions import UserFunction, check_function_name, check_is_string, make_user_function
 from ss2sql.language import plan
 from ss2sql.language.values import convert_value, copy_deep, copy_for_python
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.results.result import Result
 from ss2sql.runtime.run.keyboard_interrupt import defer_keyboard_interrupt
-from ss2sql.runtime.run.option_checks import NO_LIMITS, Limits, check_seconds, check_word
+from ss2sql.runtime.run.option_checks import NO_LIMITS, Limits, check_option_word, check_seconds
 from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.sqlite.database_tables import find_parquet_path, find_sqlite_path
 from ss2sql.session.compiled_script import Query
@@ -28,7 +28,7 @@ from ss2sql.session.engines import Engine, check_engine
 from ss2sql.session.execution import RunOptions, execute_script, run_attended, set_deadline
 from ss2sql.session.host import SessionHost
 from ss2sql.session.opening import get_function_name, open_connection
-from ss2sql.session.opening import read_source as read_source
+from ss2sql.session.opening import read_script_source as read_script_source
 from ss2sql.session.progress import check_progress
 from ss2sql.session.session_lock import with_session_lock
 from ss2sql.session.temporal_variables import TemporalFile
@@ -62,7 +62,7 @@ class Session:
         engine: Engine = "auto",
         session: Any = None,
     ) -> None:
-        check_word("optimisation", disable, OFF_SWITCHES)
+        check_option_word("optimisation", disable, OFF_SWITCHES)
         check_seconds(timeout)
         check_progress(progress)
         limits.check_limits()
@@ -314,7 +314,7 @@ class Session:
         check_engine(engine)
         engine = self.engine if engine == "auto" else engine
         stats = stats or Stats()
-        tree = stats.time_stage("parse", lambda: parse(read_source(script)))()
+        tree = stats.time_stage("parse", lambda: parse(read_script_source(script)))()
         program = stats.time_stage("resolve", lambda: self.host.resolve_script(tree, values, open_names))()
         return Query(self.host, self.execute, tree, program, engine, fresh=not open_names)
 
@@ -469,7 +469,7 @@ class Session:
 
     def _check_name(self, name: str) -> None:
         self._check_open()
-        check_name(name)
+        check_function_name(name)
 
 
 def _convert_variables(variables: Mapping[str, Any]) -> dict[str, Any]:

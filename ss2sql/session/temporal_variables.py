@@ -126,7 +126,7 @@ class TemporalFile:
                 "SELECT name, time, value, keep FROM ss2sql_temporal ORDER BY rowid"
             ).fetchall()
             for row in rows:
-                name, moment, value, keep = _decode_row(*row)
+                name, moment, value, keep = _decode_history_row(*row)
                 store.histories.setdefault(name, []).append((moment, value))
                 store.keeps[name] = keep
         except (apsw.Error, ExecutionError, ValueError, TypeError, RecursionError) as error:
@@ -157,7 +157,7 @@ class TemporalFile:
             raise ExecutionError("X009", f"'{name}' cannot be kept in the file: {error}", hints=hints) from error
 
 
-def _decode_row(name: Any, moment: Any, value: Any, keep: Any) -> tuple[str, float, Any, float]:
+def _decode_history_row(name: Any, moment: Any, value: Any, keep: Any) -> tuple[str, float, Any, float]:
     """A row of the table. Raises ValueError, TypeError or ExecutionError for a row that was not written here."""
     if not (type(name) is str and type(value) is str and type(moment) is float and type(keep) is float):
         raise ValueError("a row has values of other types")

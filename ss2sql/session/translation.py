@@ -9,7 +9,7 @@ from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.portable.portable_flat import write_flat
 from ss2sql.lowering.sql_string import Sql
 from ss2sql.results.explain.outline import join_script_sql
-from ss2sql.runtime.external.level_query import plan_levels
+from ss2sql.runtime.external.level_query import plan_level_search
 from ss2sql.session.compiled_query import CompiledQuery
 from ss2sql.session.compiled_script import CompiledStatement, outline_statements
 from ss2sql.session.engines import get_abilities
@@ -36,4 +36,4 @@ def _translate_query(query: CompiledQuery, dialect: Dialect) -> str:
     if able is None:
         reason = f"a search needs many statements, and nothing runs them in {dialect.name}"
         raise UnsupportedError("U001", reason, query.query.span, ("--dialect duckdb and --dialect spark print them",))
-    return plan_levels(query.query, able).sql
+    return plan_level_search(query.query, able).sql

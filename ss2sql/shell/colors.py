@@ -10,7 +10,7 @@ from pygments.token import Generic, Keyword, Text
 from pygments.token import _TokenType as Type
 
 from ss2sql.editor.lexer import SelectScriptLexer
-from ss2sql.shell.statement_splitter import split_pieces
+from ss2sql.shell.statement_splitter import split_statements
 
 STYLE = {
     "pygments.keyword": "ansiblue bold",
@@ -37,7 +37,7 @@ class ShellLexer(Lexer):
     def get_tokens_unprocessed(self, text: str) -> Iterator[tuple[int, Type, str]]:
         """Every token of the text with its place and its kind."""
         position = 0
-        for piece in split_pieces(text):
+        for piece in split_statements(text):
             if piece.is_command:
                 yield from _color_statements(text[position : piece.start], position)
                 name = piece.text.split()[0]

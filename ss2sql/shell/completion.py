@@ -11,7 +11,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.shell.completion_context import CompletionContext, find_context, find_open_call
 from ss2sql.shell.dot_commands import COMMANDS
 from ss2sql.shell.settings import SETTINGS
-from ss2sql.shell.statement_splitter import find_piece
+from ss2sql.shell.statement_splitter import find_statement_at
 from ss2sql.shell.symbols import Function, SymbolTable
 
 Kind: TypeAlias = Literal["keyword", "function", "variable", "table", "column", "representation", "command", "value"]
@@ -34,7 +34,7 @@ class Suggestion:
 
 def suggest_completions(text: str, cursor: int, symbols: SymbolTable) -> list[Suggestion]:
     """The suggestions at the cursor of the text, the likeliest first."""
-    piece = find_piece(text, cursor)
+    piece = find_statement_at(text, cursor)
     if piece.is_command:
         head = piece.text.split(maxsplit=1)
         statement = COMMANDS[head[0]].takes == "script" if head[0] in COMMANDS else False
@@ -52,7 +52,7 @@ def suggest_completions(text: str, cursor: int, symbols: SymbolTable) -> list[Su
 
 def find_signature(text: str, cursor: int, symbols: SymbolTable) -> tuple[Function, int] | None:
     """The function or representation whose call the cursor is in, and which argument is being written."""
-    piece = find_piece(text, cursor)
+    piece = find_statement_at(text, cursor)
     call = find_open_call(text[piece.start : cursor], cursor - piece.start)
     if call is None:
         return None

@@ -11,12 +11,12 @@ from collections.abc import Sequence
 from dataclasses import field
 
 from ss2sql.editor.keyword_tokens import mark_keywords
-from ss2sql.editor.keywords import list_words
+from ss2sql.editor.keywords import list_grammar_words
 from ss2sql.errors import ParseError, Source
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import tokenizer
 from ss2sql.frontend.syntax.parse_failure import CLAUSES, ParseFailure
-from ss2sql.frontend.syntax.parse_table import load_table
+from ss2sql.frontend.syntax.parse_table import load_parse_table
 from ss2sql.frontend.syntax.parser import run_automaton
 from ss2sql.frontend.syntax.query_builder import Builder
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
@@ -68,7 +68,7 @@ def find_context(statement: str, cursor: int) -> CompletionContext:
 
 
 def _is_word(token: Token) -> bool:
-    return token.kind == "NAME" or token.kind in list_words()
+    return token.kind == "NAME" or token.kind in list_grammar_words()
 
 
 def _is_in_string(before: Sequence[Token], statement: str, cursor: int) -> bool:
@@ -88,7 +88,7 @@ def _find_expected_tokens(found: CompletionContext, before: str) -> None:
         tokens = tokenizer.tokenize(source)
     except ParseError:
         return
-    outcome = run_automaton(load_table(), Builder(source), tokens, 0, len(tokens) - 1)
+    outcome = run_automaton(load_parse_table(), Builder(source), tokens, 0, len(tokens) - 1)
     if isinstance(outcome, ParseFailure) and outcome.index == len(tokens) - 1:
         found.expected, found.clause = outcome.expected, outcome.clause
 
@@ -100,7 +100,9 @@ def _collect_names(found: CompletionContext, statement: str, cursor: int) -> Non
     start = cursor - len(found.word)
     own = [token for token, group in zip(tokens, groups, strict=True) if group == around[-1]]
     begun = max((token.start for token in own if token.kind == "SELECT" and token.start < start), default=-1)
-    found.seen = tuple(token.kind for token in own if begun <= token.start < start and token.kind in list_words())
+    found.seen = tuple(
+        token.kind for token in own if begun <= token.start < start and token.kind in list_grammar_words()
+    )
     for group in reversed(around):  # the innermost query first
         for index, token in enumerate(tokens):
             if groups[index] == group and token.kind == "FROM":

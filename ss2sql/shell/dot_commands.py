@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from ss2sql.cli.exit_codes import print_note
-from ss2sql.cli.script_options import parse_value, parse_world, register_file
+from ss2sql.cli.script_options import parse_parameter, parse_world, register_file
 from ss2sql.editor.keywords import keywords
 from ss2sql.errors import Source, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.value_messages import format_value as written
-from ss2sql.session.opening import read_source
+from ss2sql.session.opening import read_script_source
 from ss2sql.shell.settings import SETTINGS, CommandError, FileFailed, change_setting, describe_setting
 from ss2sql.shell.symbols import Function, SymbolTable
 
@@ -136,7 +136,7 @@ def _set_variable(shell: Shell, rest: str) -> None:
     name, _, value = rest.partition(" ")
     if not value.strip():
         raise CommandError(".set takes a name and a value", ".set start [[2,1],[],[]]")
-    shell.session.set(name, parse_value(value.strip()))
+    shell.session.set(name, parse_parameter(value.strip()))
     print_note(f"{name} = {written(shell.session.get(name), WIDE)}")
 
 
@@ -172,7 +172,7 @@ def _load_functions(shell: Shell, rest: str) -> None:
 def _read_file(shell: Shell, rest: str) -> None:
     if not rest:
         raise CommandError(".read takes a file of statements", ".read hanoi.ss")
-    source = read_source(Path(rest).expanduser())
+    source = read_script_source(Path(rest).expanduser())
     if shell.reading > MOST_READ:
         raise CommandError(f"{rest} is read by a file that it reads itself")
     shell.reading += 1

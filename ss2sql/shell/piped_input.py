@@ -9,7 +9,7 @@ from typing import BinaryIO
 from ss2sql.errors import SessionError
 from ss2sql.frontend.syntax.tokenizer import MAX_BYTES, make_size_error
 from ss2sql.shell.shell import ExitRequest, Shell
-from ss2sql.shell.statement_splitter import TypedPiece, split_pieces
+from ss2sql.shell.statement_splitter import TypedPiece, split_statements
 
 NAME = "<stdin>"
 
@@ -27,7 +27,7 @@ def run_piped(shell: Shell, stream: BinaryIO) -> None:
                 return
             if len(pending) > MAX_BYTES and len(pending.strip()) > MAX_BYTES:
                 raise make_size_error("a statement on the standard input")
-        for piece in split_pieces(pending):
+        for piece in split_statements(pending):
             _run_piece(shell, piece, pending, lines)
     except ExitRequest:
         return
@@ -36,7 +36,7 @@ def run_piped(shell: Shell, stream: BinaryIO) -> None:
 def _run_complete(shell: Shell, pending: str, lines: int) -> tuple[str, int]:
     """Runs what is complete; gives the rest, and the number of lines before it."""
     after = 0
-    for piece in split_pieces(pending):
+    for piece in split_statements(pending):
         if not piece.complete:
             break
         _run_piece(shell, piece, pending, lines)

@@ -9,13 +9,13 @@ import click
 
 from ss2sql.cli.exit_codes import CTRL_C, SCRIPT, exit_with_code_on_error
 from ss2sql.cli.output import SHOWN, Count
-from ss2sql.cli.run_command import run_options
+from ss2sql.cli.run_command import add_run_options
 from ss2sql.cli.script_options import ScriptInputs, add_session_options
 
 
 @click.command("repl")
 @add_session_options
-@run_options
+@add_run_options
 @click.option(
     "--format",
     "form",

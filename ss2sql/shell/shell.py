@@ -19,7 +19,7 @@ from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.language.value_messages import format_value as written
 from ss2sql.shell.settings import CommandError, FileFailed, Settings
-from ss2sql.shell.statement_splitter import TypedPiece, split_pieces
+from ss2sql.shell.statement_splitter import TypedPiece, split_statements
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
@@ -58,7 +58,7 @@ class Shell:
 
         Raises Leave where one of them is `.exit`.
         """
-        return all(self.run_piece(piece, text, name, lines_before) for piece in split_pieces(text))
+        return all(self.run_piece(piece, text, name, lines_before) for piece in split_statements(text))
 
     def run_piece(self, piece: TypedPiece, text: str, name: str = TYPED, lines_before: int = 0) -> bool:
         """Runs one of them, and prints its result or its error."""
@@ -99,7 +99,7 @@ class Shell:
         elif settings.format != "table" or result.answer is not None:
             make_output(settings.format, None, settings.show).write_result(result)
         elif result.value is not None:
-            self.say(_cut_text(str(result.value)))
+            self.say(_shorten_output(str(result.value)))
 
     def say(self, text: str) -> None:
         """Prints a line of output."""
@@ -165,7 +165,7 @@ def _find_assigned_name(source: Source) -> str | None:
             return None
 
 
-def _cut_text(text: str) -> str:
+def _shorten_output(text: str) -> str:
     if len(text) <= MOST_VALUE:
         return text
     return f"{text[:MOST_VALUE]}...\n{len(text):,} characters, the first {MOST_VALUE:,} shown; `.format json` shows all"

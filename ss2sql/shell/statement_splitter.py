@@ -44,7 +44,7 @@ class TypedPiece:
         return Source(blank + self.text, name)
 
 
-def split_pieces(text: str) -> Iterator[TypedPiece]:
+def split_statements(text: str) -> Iterator[TypedPiece]:
     """The statements and commands of a text, one after the other. A command begins where a statement could."""
     position = _skip_blanks(text, 0)
     while position < len(text):
@@ -80,7 +80,7 @@ def _can_continue(token: Token, text: str) -> bool:
 
 
 def _find_last(text: str) -> TypedPiece | None:
-    return next(iter(deque(split_pieces(text), maxlen=1)), None)
+    return next(iter(deque(split_statements(text), maxlen=1)), None)
 
 
 def is_ready(text: str) -> bool:
@@ -113,10 +113,10 @@ def find_open_bracket(text: str) -> str:
     return found[-1] if found else ""
 
 
-def find_piece(text: str, cursor: int) -> TypedPiece:
+def find_statement_at(text: str, cursor: int) -> TypedPiece:
     """The piece that the cursor is in or right after; blanks and comments where a new one would begin."""
     start = 0
-    for piece in split_pieces(text):
+    for piece in split_statements(text):
         if piece.start <= cursor and (cursor < piece.end or not piece.text.endswith(";") or not piece.complete):
             following = text[piece.end : cursor]
             if not following.strip() and ("\n" not in following or not piece.is_command):

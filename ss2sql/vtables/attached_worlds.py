@@ -7,13 +7,13 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 from ss2sql.errors import Error, ExecutionError, SessionError
-from ss2sql.frontend.user_functions import UserFunction, check_name
+from ss2sql.frontend.user_functions import UserFunction, check_function_name
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.vtables.contract import Element, Table, TableFunction, Volatility, World, WorldFunction
 from ss2sql.vtables.query_cache import CacheOfQuery, QueryCaches
-from ss2sql.vtables.reading import unwrap_key
-from ss2sql.vtables.schema import Schema, get_schema, get_tables, make_adapter_error
+from ss2sql.vtables.reading import unwrap_element_key
+from ss2sql.vtables.schema import Schema, get_schema, get_world_tables, make_adapter_error
 
 _OBJECT = Type(Kind.OBJECT)
 
@@ -57,12 +57,12 @@ class AttachedWorld:
         self.name = name
         self.world = world
         self.tables: dict[str, AttachedTable] = {}
-        for number, table in enumerate(get_tables(world)):
+        for number, table in enumerate(get_world_tables(world)):
             title = name if number == 0 else f"{name}.{table.name}"
             attached = self.tables[table.name] = AttachedTable(name, world, table, title, "")
             attached.module = module_of(f"{name}.{table.name}", attached)
         self.principal = next(iter(self.tables.values()))
-        self.functions = dict(_collect_functions(world))
+        self.functions = dict(_collect_world_functions(world))
 
     def read_time(self) -> Any:
         """The time of the world's clock. Raises ExecutionError X011 where that fails."""
@@ -83,11 +83,11 @@ class AttachedWorld:
         return set(self.functions).union(*(table.schema.kinds for table in self.tables.values()))
 
 
-def _collect_functions(world: World) -> Iterator[tuple[str, tuple[Callable[..., Any], Volatility]]]:
+def _collect_world_functions(world: World) -> Iterator[tuple[str, tuple[Callable[..., Any], Volatility]]]:
     for name, method in inspect.getmembers(type(world), callable):
         note = getattr(method, "__ss2sql__", None)
         if isinstance(note, WorldFunction):
-            check_name(name)
+            check_function_name(name)
             if note.volatility not in ("immutable", "stable", "volatile"):
                 message = f"the volatility of {type(world).__name__}.{name} is {note.volatility!r}"
                 raise SessionError("S002", message, hints=("write stable, volatile or immutable",))
@@ -171,7 +171,7 @@ class WorldFunctions:
                     raise
                 except Exception as error:
                     raise make_adapter_error(owner.principal.schema, error) from error
-                return method(*[unwrap_key(argument, world) for argument in arguments])
+                return method(*[unwrap_element_key(argument, world) for argument in arguments])
         except Error:
             raise
         except Exception as error:

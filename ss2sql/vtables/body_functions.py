@@ -13,7 +13,7 @@ from ss2sql.errors import ExecutionError, suggest_names
 from ss2sql.language.value_messages import format_value
 from ss2sql.vtables.body_columns import Quaternion, Vector
 from ss2sql.vtables.contract import Column, Element, Table, TableFunction, Where, World, function
-from ss2sql.vtables.schema import get_schema, get_tables
+from ss2sql.vtables.schema import get_schema, get_world_tables
 
 Box = tuple[Sequence[float], Sequence[float]]
 PAIR = (
@@ -77,7 +77,7 @@ class BodyWorld(World):
     @property
     def bodies(self) -> Table:
         """The principal table."""
-        table = get_tables(self)[0]
+        table = get_world_tables(self)[0]
         assert isinstance(table, Table)
         return table
 

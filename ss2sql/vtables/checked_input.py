@@ -12,7 +12,7 @@ from ss2sql.vtables.schema import Schema, world_error
 BLOCK = 1000  # elements between two checks of whether the run has to end
 
 
-def list_rows(items: Iterable[Any], check: Callable[[], None]) -> list[Any]:
+def check_adapter_rows(items: Iterable[Any], check: Callable[[], None]) -> list[Any]:
     """The elements as a list. `check` raises where the run has to end, since an iterator may be endless."""
     if isinstance(items, Sized):
         return list(items)
@@ -24,12 +24,12 @@ def list_rows(items: Iterable[Any], check: Callable[[], None]) -> list[Any]:
     return found
 
 
-def list_keys(items: Iterable[Any], check: Callable[[], None], schema: Schema) -> list[Any]:
+def check_adapter_keys(items: Iterable[Any], check: Callable[[], None], schema: Schema) -> list[Any]:
     """The keys as a list. Raises ExecutionError X011 for one that cannot be hashed, since caches use them.
 
     Putting a thousand numbers into a set takes 10 us, a hundredth of the time of a walk over them.
     """
-    found = list_rows(items, check)
+    found = check_adapter_rows(items, check)
     try:
         if len(found) == 1:
             hash(found[0])

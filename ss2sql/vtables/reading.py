@@ -14,7 +14,7 @@ from ss2sql.errors import Error, Span
 from ss2sql.language.kinds import INT_MAX, INT_MIN
 from ss2sql.language.values import make_hashable
 from ss2sql.vtables.batch_fetching import Fetch, make_fetcher
-from ss2sql.vtables.checked_input import list_keys, list_rows
+from ss2sql.vtables.checked_input import check_adapter_keys, check_adapter_rows
 from ss2sql.vtables.column_layouts import Place
 from ss2sql.vtables.contract import Element, Filter, Table, TableFunction, Where
 from ss2sql.vtables.declared_types import Cleaner
@@ -136,7 +136,7 @@ class Reading:
             if not self._checked:
                 world.check()
                 self._checked = True
-            return list_keys(table.keys(where), self.check, self.schema)
+            return check_adapter_keys(table.keys(where), self.check, self.schema)
         except Error as error:
             raise error.with_span(self.span) from error.__cause__
         except Exception as error:
@@ -155,15 +155,15 @@ class Reading:
         if found is None:
             table, schema = self.table, self.schema
             assert isinstance(table, TableFunction)
-            arguments_as_keys = [unwrap_key(argument, table.world) for argument in arguments]
+            arguments_as_keys = [unwrap_element_key(argument, table.world) for argument in arguments]
             with AdapterGuard(schema, span=self.span), CacheOfQuery(table.world, self.memory):
                 table.world.check()
                 raw = table.rows(*arguments_as_keys)
                 if self._shared is not None:
-                    found = list_keys(raw, self.check, schema)
+                    found = check_adapter_keys(raw, self.check, schema)
                 else:
                     names = tuple(schema.kinds)
-                    found = [schema.convert_values(names, row, "a row") for row in list_rows(raw, self.check)]
+                    found = [schema.convert_values(names, row, "a row") for row in check_adapter_rows(raw, self.check)]
             self._cache_keys(key, found)
         if self._shared is not None:
             self._shared.announced = found
@@ -260,7 +260,7 @@ def _make_reader(place: Place) -> Callable[[Callable[[Any], Any], Fetch], Read]:
     return made["make"]  # type: ignore[no-any-return]
 
 
-def unwrap_key(value: Any, world: Any) -> Any:
+def unwrap_element_key(value: Any, world: Any) -> Any:
     """An argument as the adapter gets it: the key in place of an element of its own."""
     if isinstance(value, Element) and (value.world is world or value.world.source is world.source):
         return value.key

@@ -80,10 +80,10 @@ class Schema:
         return SessionError("S002", f"the table '{self.title}' of {owner}: {message}", hints=hints)
 
     def _declare_column(self, column: Column) -> None:
-        from ss2sql.frontend.user_functions import check_name
+        from ss2sql.frontend.user_functions import check_function_name
 
         try:
-            check_name(column.name)
+            check_function_name(column.name)
             kind = find_declared_type(column.type)
         except (SessionError, TypeError) as error:
             raise self._make_error(f"the column '{column.name}' is declared wrongly: {error}") from None
@@ -171,7 +171,7 @@ class Schema:
         shown = (n if d is inspect.Parameter.empty else f"{n}={d!r}" for n, d in defaults.items())
         self.signature = f"{table.name}({', '.join(shown)})"
         if table.table:
-            walked = next((t for t in get_tables(table.world) if t.name == table.table), None)
+            walked = next((t for t in get_world_tables(table.world) if t.name == table.table), None)
             if not isinstance(walked, Table) or table.columns:
                 raise self._make_error(f"it gives keys of '{table.table}', and has no columns of its own")
             self.walked = walked
@@ -308,7 +308,7 @@ def world_error(message: str, *hints: str) -> ExecutionError:
     return ExecutionError("X011", message, hints=hints)
 
 
-def get_tables(world: World) -> tuple[Table | TableFunction, ...]:
+def get_world_tables(world: World) -> tuple[Table | TableFunction, ...]:
     """The tables of a world, made once for each world. Raises SessionError S002 where it has none, or two of a name."""
     known: tuple[Table | TableFunction, ...] | None = world.__dict__.get("_tables")
     if known is None:

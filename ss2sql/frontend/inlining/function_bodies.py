@@ -193,7 +193,7 @@ class _Translator:
             case ast.Call():
                 return self._translate_call(node, result)
             case _:
-                raise NotTranslatable(f"uses {_describe_node(node)}, which the language does not have")
+                raise NotTranslatable(f"uses {_name_python_node(node)}, which the language does not have")
 
     def _make_call(self, name: str, *arguments: ast.expr) -> plan.Call:
         return _make_builtin_call(name, *map(self.translate, arguments))
@@ -230,7 +230,7 @@ class _Translator:
         return self._make_call(_COMPARISONS[type(op)], left, right)
 
     def _make_list(self, items: Sequence[ast.expr], result: bool) -> plan.Expr:
-        return _make_list(tuple(self.translate(item, result) for item in items))
+        return _make_plan_list(tuple(self.translate(item, result) for item in items))
 
     def _translate_sequence(self, node: ast.expr, result: bool = False) -> plan.Expr:
         """A list; also a tuple that is only searched or indexed, for which a list is equal."""
@@ -239,7 +239,7 @@ class _Translator:
         if isinstance(node, ast.Name | ast.Attribute) and not self._is_local(node):
             value = self.frame.find_object(node, self.frame.root)
             if type(value) is tuple:
-                return _make_list(tuple(map(_is_shared_constant, value)))
+                return _make_plan_list(tuple(map(_is_shared_constant, value)))
         return self.translate(node, result)
 
     def _translate_subscript(self, value: ast.expr, index: ast.expr, result: bool) -> plan.Expr:
@@ -290,7 +290,7 @@ class _Translator:
         return plan.Call(function, arguments, span=NO_SPAN, place=NO_SPAN)
 
 
-def _make_list(items: tuple[plan.Expr, ...]) -> plan.Expr:
+def _make_plan_list(items: tuple[plan.Expr, ...]) -> plan.Expr:
     if all(isinstance(item, plan.Constant) for item in items):
         value = [item.value for item in items if isinstance(item, plan.Constant)]
         return plan.Constant(value, type_of(value), span=NO_SPAN)
@@ -301,7 +301,7 @@ def _make_builtin_call(name: str, *arguments: plan.Expr) -> plan.Call:
     return plan.Call(find_builtin(name), arguments, span=NO_SPAN, place=NO_SPAN)
 
 
-def _describe_node(node: ast.expr) -> str:
+def _name_python_node(node: ast.expr) -> str:
     """The name of a kind of expression in messages."""
     match node:
         case ast.BinOp(op=op) | ast.UnaryOp(op=op):

@@ -42,7 +42,7 @@ def resolve_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[
         except ResolveError as error:
             resolver.errors.append(error)
             nothing = plan.Constant(None, ANY, span=part.span)
-            name = part.name or _derive_name(part.expr)
+            name = part.name or _derive_source_name(part.expr)
             source = plan.ValueSource(resolver.make_number(), name, nothing, ANY, None, span=part.span)
         scope.sources.append(_mark_lateral(source, scope))
         if part.on is not None:
@@ -74,7 +74,7 @@ def _mark_lateral(source: plan.Source, scope: Scope) -> plan.Source:
 
 
 def _resolve_source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.Source:
-    name = tree.name or _derive_name(tree.expr)
+    name = tree.name or _derive_source_name(tree.expr)
     match tree.expr:
         case ast.Call(owner=str()):
             return resolve_function_source(resolver, tree.expr, name, scope)
@@ -245,7 +245,7 @@ def resolve_value_source(resolver: Resolver, name: str, value: plan.Expr, span: 
     return plan.ValueSource(resolver.make_number(), name, value, element, columns, span=span)
 
 
-def _derive_name(tree: ast.Expr) -> str:
+def _derive_source_name(tree: ast.Expr) -> str:
     """The default name of a source: the variable's, table's or function's, else `this`."""
     match tree:
         case ast.Name(name=name) | ast.Attribute(name=name) | ast.Call(function=name):

@@ -141,13 +141,13 @@ def _lift_aggregates(resolver: Resolver, expr: plan.Expr, query: plan.Query, wit
             kind = GROUPS["collect"].type_of_group(argument.type)
             collected = plan.Aggregate("collect", argument, kind, not query.group, span=expr.span)
             beside = (_lift_aggregates(resolver, other, query) for other in others)
-            return _update_type(resolver, replace(expr, arguments=(collected, *beside)))
+            return _recompute_type(resolver, replace(expr, arguments=(collected, *beside)))
     within = within or isinstance(expr, plan.Query)
     lifted = rebuild_node(expr, lambda part: _lift_aggregates(resolver, part, query, within))
-    return lifted if lifted is expr else _update_type(resolver, lifted)
+    return lifted if lifted is expr else _recompute_type(resolver, lifted)
 
 
-def _update_type(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
+def _recompute_type(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
     """The expression with its type computed again, since an aggregate's type differs from a list's."""
     match expr:
         case plan.Call(function=function, arguments=arguments) if function.builtin:

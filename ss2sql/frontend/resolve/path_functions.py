@@ -63,7 +63,7 @@ def is_path_function(resolver: Resolver, tree: Any) -> bool:
 def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, PathFunctions]:
     """The query with the hidden variables, and their names."""
     found = PathFunctions()
-    calls = [call for call in _find_calls(tree) if is_path_function(resolver, call)]
+    calls = [call for call in _find_path_calls(tree) if is_path_function(resolver, call)]
     # An outer call is assigned first, because it reads the inner one as it was before the step.
     calls.sort(key=lambda call: -_measure_nesting(resolver, call))
     start: list[ast.Assign] = []
@@ -109,7 +109,7 @@ def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | Non
         message = f"'{tree.function}' takes {least if least == most else '1 or 2'} argument{'s' * (most != 1)}, "
         raise ResolveError("R005", message + f"not {len(tree.arguments)}", tree.span, (f"it is called as {usage}",))
     said = own.path_functions
-    _check_place(tree, said)
+    _check_path_clause(tree, said)
     key = ({"cycle": "path"}.get(tree.function, tree.function), tree.arguments[0] if tree.arguments else None)
     name = said.variables.get(key, "")
     if not name and tree.function not in ("next", "leaf"):
@@ -168,10 +168,10 @@ def substitute_next(scope: Scope, expr: plan.Expr) -> Any:
 
 def reads_path(resolver: Resolver, tree: ast.Expr | ast.Named | ast.Star) -> bool:
     """Whether an expression calls a path function."""
-    return any(is_path_function(resolver, node) for node in _iterate_nodes(tree))
+    return any(is_path_function(resolver, node) for node in _iterate_tree(tree))
 
 
-def _check_place(tree: ast.Call, said: PathFunctions) -> None:
+def _check_path_clause(tree: ast.Call, said: PathFunctions) -> None:
     clause, function = said.clause, tree.function
     wrong = clause in FORBIDDEN_CLAUSES or (function == "leaf" and clause not in RESULT_CLAUSES)
     if clause == "CONNECT BY" and function in ("next", "cycle"):
@@ -253,15 +253,15 @@ def _pick_first(then: ast.Expr, otherwise: ast.Expr) -> ast.Expr:
     return ast.If(ast.Operator("eq", level, span=span, place=span), (then,), (otherwise,), span=span)
 
 
-def _find_calls(tree: ast.Query) -> list[ast.Call]:
+def _find_path_calls(tree: ast.Query) -> list[ast.Call]:
     """The calls in the clauses of a search, outside of inner searches."""
-    return [node for node in _iterate_nodes(tree) if isinstance(node, ast.Call)]
+    return [node for node in _iterate_tree(tree) if isinstance(node, ast.Call)]
 
 
-def _iterate_nodes(tree: Any) -> Iterator[Any]:
+def _iterate_tree(tree: Any) -> Iterator[Any]:
     yield tree
     for part in _list_children(tree):
-        yield from _iterate_nodes(part)
+        yield from _iterate_tree(part)
 
 
 def _list_children(tree: Any) -> Iterator[Any]:

@@ -30,7 +30,7 @@ SYNONYMS = {"val": "value"}
 def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> plan.Subquery:
     """The plan of a query; errors of its clauses are collected."""
     scope = Scope(outer, resolver.make_number())
-    scope.shown = {name: expr.span.text for name, expr in map(_split_name, tree.columns) if name and expr}
+    scope.shown = {name: expr.span.text for name, expr in map(_split_column_name, tree.columns) if name and expr}
     search, joins = _resolve_search(resolver, tree, scope, outer)
     sources = tuple(scope.sources)
     where = _resolve_optional(resolver, tree.where, scope, "WHERE")
@@ -63,7 +63,7 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
         order,
         None if tree.limit is None else resolve_outside(resolver, tree.limit, outer, "LIMIT"),
         None if tree.offset is None else resolve_outside(resolver, tree.offset, outer, "OFFSET"),
-        _resolve_form(resolver, tree.representation, outer),
+        _resolve_representation(resolver, tree.representation, outer),
         distinct=tree.distinct and not counted,
         last=tree.last,
         span=tree.span,
@@ -116,7 +116,7 @@ def _resolve_search(
     infer_state_types(resolver, tree, scope, dict(start))
     joins = resolve_sources(resolver, tree, scope)
     resolver.errors.extend(_make_unset_error(assign, tree, scope) for assign in unset)
-    _check_names(resolver, tree, scope)
+    _check_hidden_columns(resolver, tree, scope)
     scope.enter_clause("CONNECT BY")
     connect = tuple((a.name, resolver.record_errors(resolver.resolve_expr, a.value, scope)) for a in tree.connect)
     search = plan.Search(start, connect, None, states=tuple(scope.states.items()), each=each)
@@ -128,7 +128,7 @@ def _resolve_search(
     scope.path_functions.search = search = replace(search, made=made, first=first, stop=stop)
     scope.path_functions.search = search = resolve_search_options(resolver, tree, scope, outer, search)
     scope.enter_clause("ORDER SIBLINGS BY")
-    keys = (plan.OrderKey(_resolve_key(resolver, key.expr, scope), key.descending) for key in tree.siblings)
+    keys = (plan.OrderKey(_resolve_sort_key(resolver, key.expr, scope), key.descending) for key in tree.siblings)
     return replace(search, siblings=tuple(keys)), joins
 
 
@@ -186,7 +186,7 @@ def _make_unset_error(assign: ast.Assign, tree: ast.Query, scope: Scope) -> Reso
     return ResolveError("R001", message, assign.name_span, hints)
 
 
-def _check_names(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
+def _check_hidden_columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
     """Refuses a constant variable that hides a column: it was meant as a comparison."""
     assigned = {assign.name for assign in tree.connect}
     for item in tree.start:
@@ -204,19 +204,19 @@ def _check_names(resolver: Resolver, tree: ast.Query, scope: Scope) -> None:
 
 def _resolve_group(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[plan.Expr, ...]:
     """The values of GROUP BY, which may be columns of SELECT by their names."""
-    named = {name: expr for name, expr in map(_split_name, reversed(tree.columns)) if name and expr}
+    named = {name: expr for name, expr in map(_split_column_name, reversed(tree.columns)) if name and expr}
 
     def resolve_output(name: str) -> plan.Expr | None:
         if name not in named:
             return None
         scope.later = None  # it does not mean itself
         try:
-            return _resolve_key(resolver, named[name], scope)
+            return _resolve_sort_key(resolver, named[name], scope)
         finally:
             scope.later = resolve_output
 
     scope.later = resolve_output
-    group = tuple(_resolve_key(resolver, key, scope) for key in tree.group)
+    group = tuple(_resolve_sort_key(resolver, key, scope) for key in tree.group)
     scope.later = None
     return group
 
@@ -233,9 +233,9 @@ def _resolve_columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple
             case ast.Call(function="to", arguments=(value, label)) if resolver.catalog.functions["to"].builtin:
                 outputs.append(_make_labelled_column(resolver, value, label, scope))
             case ast.Named(expr=value, name=name):
-                outputs.append(plan.Output(name, _resolve_key(resolver, value, scope)))
+                outputs.append(plan.Output(name, _resolve_sort_key(resolver, value, scope)))
             case _:
-                outputs.append(plan.Output(_derive_column_name(column), _resolve_key(resolver, column, scope)))
+                outputs.append(plan.Output(_derive_column_name(column), _resolve_sort_key(resolver, column, scope)))
     if any(output.label for output in outputs):
         return tuple(outputs)  # names that are complete only when the query runs are made unique then
     taken: dict[str, None] = {}
@@ -244,7 +244,7 @@ def _resolve_columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple
     return tuple(replace(output, name=name) for output, name in zip(outputs, taken, strict=True))
 
 
-def _split_name(column: ast.Expr | ast.Named | ast.Star) -> tuple[str | None, ast.Expr | None]:
+def _split_column_name(column: ast.Expr | ast.Named | ast.Star) -> tuple[str | None, ast.Expr | None]:
     """The name that `to` or AS gives to a column, and the column."""
     match column:
         case ast.Named(expr=expr, name=name):
@@ -263,7 +263,7 @@ def _name_columns(
     found: dict[str, plan.Expr] = {}
     if not any(isinstance(column, ast.Star) for column in tree.columns):
         for column, output in zip(tree.columns, columns, strict=True):
-            name, _ = _split_name(column)
+            name, _ = _split_column_name(column)
             if name is not None and (builtin or isinstance(column, ast.Named)):
                 found.setdefault(name, output.expr)
     return found
@@ -282,7 +282,7 @@ def _expand_star(resolver: Resolver, scope: Scope, span: Span) -> list[plan.Outp
 
 
 def _make_labelled_column(resolver: Resolver, value: ast.Expr, label: ast.Expr, scope: Scope) -> plan.Output:
-    expr = _resolve_key(resolver, value, scope)
+    expr = _resolve_sort_key(resolver, value, scope)
     match label:
         case ast.Name(name=name) | ast.Literal(value=str(name)):
             return plan.Output(name, expr)
@@ -305,7 +305,7 @@ def _derive_column_name(tree: ast.Expr) -> str:
             return tree.span.text
 
 
-def _resolve_key(resolver: Resolver, tree: ast.Expr, scope: Scope) -> plan.Expr:
+def _resolve_sort_key(resolver: Resolver, tree: ast.Expr, scope: Scope) -> plan.Expr:
     """A SELECT column, GROUP BY or ORDER BY key: a bare function name is applied to `this`."""
     if isinstance(tree, ast.Name) and is_function_of_this(resolver, tree.name, scope):
         try:
@@ -337,7 +337,7 @@ def _resolve_order_key(
         text = key.span.text
         message = f"ORDER BY {text} orders nothing: {text} is the same for every row"
         resolver.errors.append(ResolveError("R014", message, key.span, (hint,)))
-    expr = _resolve_key(resolver, key, scope)
+    expr = _resolve_sort_key(resolver, key, scope)
     place = next((index for index, output in enumerate(columns) if output.expr is expr), None)
     if place is None or tree.searches:
         _check_once(resolver, expr, key, scope, "ORDER BY")
@@ -357,13 +357,15 @@ def _check_once(resolver: Resolver, expr: plan.Expr, tree: ast.Expr, scope: Scop
 
 def _describe_column(column: ast.Expr | ast.Named | ast.Star) -> str:
     """The name of a column of SELECT in ORDER BY."""
-    return _split_name(column)[0] or column.span.text
+    return _split_column_name(column)[0] or column.span.text
 
 
 # --- representation ------------------------------------------------------------------------------------
 
 
-def _resolve_form(resolver: Resolver, tree: ast.Representation | None, outer: Scope | None) -> plan.Representation:
+def _resolve_representation(
+    resolver: Resolver, tree: ast.Representation | None, outer: Scope | None
+) -> plan.Representation:
     if tree is None:
         return plan.Representation("dict")
     name = SYNONYMS.get(tree.name.lower(), tree.name.lower())

@@ -20,16 +20,22 @@ from ss2sql.frontend.resolve.path_functions import is_path_function, resolve_pat
 from ss2sql.frontend.resolve.scope import (
     Scope,
     find_bound_name,
+    find_dotted_value,
     find_first_source,
     find_open_source,
     find_source,
-    find_value,
     is_settled,
     list_visible_names,
     make_column,
     make_element,
 )
-from ss2sql.frontend.resolve.suggestions import Place, explain_function, explain_method, explain_name, write_over_rows
+from ss2sql.frontend.resolve.suggestions import (
+    Place,
+    explain_method,
+    explain_unknown_function,
+    explain_unknown_name,
+    write_over_rows,
+)
 from ss2sql.frontend.resolve.world_references import replace_by_keys, resolve_world_call
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
@@ -128,7 +134,7 @@ class Resolver:
             case ast.This():
                 return self.resolve_this(tree, scope)
             case ast.Attribute(source=source, name=name):
-                if source is not None and (row := find_value(scope, source, span)) is not None:
+                if source is not None and (row := find_dotted_value(scope, source, span)) is not None:
                     return self.make_call("item", (row, plan.Constant(name, type_of(name), span=span)), span, span)
                 owner = find_first_source(scope, span) if source is None else self.find_source(tree, source, scope)
                 return self.resolve_element_call(name, owner, scope, span) or make_column(owner, name, span)
@@ -237,7 +243,7 @@ class Resolver:
             else ()
         )
         key = next((search.key[0].span.text for search in searches if search is not None and search.key), "key")
-        raise explain_name(name, span, self.catalog, known, Place(scope is not None, operand, sources, key))
+        raise explain_unknown_name(name, span, self.catalog, known, Place(scope is not None, operand, sources, key))
 
     def find_bound(self, name: str, scope: Scope | None, span: Span) -> plan.Expr | None:
         """The START WITH variable or column that a bare name means, as far as columns are known."""
@@ -366,7 +372,7 @@ class Resolver:
             ):  # or its name
                 return resolve_world_call(self, name, known, scope, span)
         if function is None:
-            raise explain_function(tree, self.catalog, self.list_variables())
+            raise explain_unknown_function(tree, self.catalog, self.list_variables())
         if function.builtin and name == "to":
             hint = "write it around a whole column of SELECT, and the expression itself here"
             raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span, (hint,))

@@ -124,7 +124,7 @@ def find_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | N
     return None
 
 
-def find_value(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
+def find_dotted_value(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
     """The column or search variable before a dot, where it is no source: `address` in `address.city`."""
     levels = scope.iterate_outwards() if scope else ()
     if any(source.name == name for level in levels for source in level.sources):

@@ -79,7 +79,7 @@ class Place:
         return next((one.value for one in values if isinstance(one, plan.Constant) and type(one.value) is str), None)
 
 
-def explain_function(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
+def explain_unknown_function(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
     """The error for a call of an unknown function."""
     name = tree.function
     every = (*catalog.functions, *catalog.world_functions)
@@ -147,7 +147,7 @@ def _suggest_call(tree: ast.Call, catalog: Catalog) -> tuple[str, ...]:
     return (call,) if name in catalog.functions else (f"{call}, with a function that is registered", *there)
 
 
-def explain_name(name: str, span: Span, catalog: Catalog, known: Sequence[str], place: Place) -> ResolveError:
+def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequence[str], place: Place) -> ResolveError:
     """The error for an unknown bare name."""
     if name in catalog.functions:
         hints: tuple[str, ...] = (f"'{name}' is a function: write {name}({'this' if place.inside else '...'})",)

@@ -33,7 +33,7 @@ def resolve_world_table(resolver: Resolver, world: Any, word: str, name: str, sp
     """`world.table` in FROM."""
     table = _find_table(world, word, span)
     if table.schema.required:
-        _refuse_call(table, (), span)
+        _refuse_table_call(table, (), span)
     return make_world_source(resolver, table, name, (), span)
 
 
@@ -47,7 +47,7 @@ def resolve_function_source(resolver: Resolver, tree: ast.Call, name: str, scope
     table = _find_table(world, tree.function, tree.span)
     arguments = order_arguments(tree, table.schema.parameters)
     if not table.schema.required <= len(arguments) <= len(table.schema.parameters):
-        _refuse_call(table, arguments, tree.span)
+        _refuse_table_call(table, arguments, tree.span)
     return make_world_source(resolver, table, name, resolver.resolve_all(arguments, scope), tree.span)
 
 
@@ -59,7 +59,7 @@ def _find_table(world: Any, word: str, span: Span) -> Any:
     return table
 
 
-def _refuse_call(table: Any, arguments: tuple[ast.Expr, ...], span: Span) -> None:
+def _refuse_table_call(table: Any, arguments: tuple[ast.Expr, ...], span: Span) -> None:
     schema = table.schema
     if not schema.parameters:
         raise ResolveError("R005", f"'{table.title}' takes no arguments", span, (f"write FROM {table.title}",))

@@ -48,14 +48,14 @@ class Table:
 
 
 @cache
-def load_table() -> Table:
+def load_parse_table() -> Table:
     """The table of the installed grammar; the first call reads it."""
     try:
         data = json.loads(_read_resource(TABLE))
     except OSError:
         data = {}
     if data.get("format") != FORMAT or data.get("grammar") != _hash_grammar():
-        data = build_table()
+        data = build_parse_table()
     symbols = data["symbols"]
     rows = [
         dict(zip(map(symbols.__getitem__, found), targets, strict=True))
@@ -65,9 +65,9 @@ def load_table() -> Table:
     return Table(tuple(map(rows.__getitem__, data["states"])), rules, data["start"], data["end"])
 
 
-def write_table() -> None:
+def write_parse_table() -> None:
     """Writes the table beside the grammar, with the same bytes on every machine."""
-    TABLE.write_text(json.dumps(build_table(), separators=(",", ":"), sort_keys=True) + "\n", encoding="utf-8")
+    TABLE.write_text(json.dumps(build_parse_table(), separators=(",", ":"), sort_keys=True) + "\n", encoding="utf-8")
 
 
 def _read_resource(file: Path) -> bytes:
@@ -84,7 +84,7 @@ def _hash_grammar() -> int:
     return crc32(_read_grammar().encode())
 
 
-def build_table() -> dict[str, Any]:
+def build_parse_table() -> dict[str, Any]:
     """The table as JSON data, compiled by lark: states are numbered in the order of a walk from the start."""
     import lark
     from lark.grammar import Rule as LarkRule
@@ -101,17 +101,17 @@ def build_table() -> dict[str, Any]:
     rules = sorted(_encode_rule(d, words) for d in memo.values() if d["__type__"] == "Rule")
     number_of = {json.dumps(_encode_rule(d, words)): key for key, d in memo.items() if d["__type__"] == "Rule"}
     rule_index = {number_of[json.dumps(rule)]: index for index, rule in enumerate(rules)}
-    order = _order_states(actions, table["start_states"]["script"])
+    order = _number_parser_states(actions, table["start_states"]["script"])
     rows = [
         {symbol: ~rule_index[target["@"]] if reduces else order[target] for symbol, (reduces, target) in row.items()}
         for row in (actions[state] for state in order)
     ]
-    return _pack_table(rows, rules, order[table["end_states"]["script"]]) | {
+    return _pack_parse_table(rows, rules, order[table["end_states"]["script"]]) | {
         "format": FORMAT, "grammar": _hash_grammar(), "lark": lark.__version__,
     }  # fmt: skip
 
 
-def _order_states(actions: Mapping[int, Mapping[str, tuple[int, Any]]], start: int) -> dict[int, int]:
+def _number_parser_states(actions: Mapping[int, Mapping[str, tuple[int, Any]]], start: int) -> dict[int, int]:
     """New numbers of all states: the order of a walk from `start`, by symbol."""
     order = {start: 0}
     queue = [start]
@@ -138,7 +138,7 @@ def _encode_rule(rule: Mapping[str, Any], words: Mapping[str, str]) -> list[Any]
     return [origin, [words.get(s["name"], s["name"]) for s in rule["expansion"]], action or "", action is None, kept]
 
 
-def _pack_table(rows: list[dict[str, int]], rules: list[list[Any]], end: int) -> dict[str, Any]:
+def _pack_parse_table(rows: list[dict[str, int]], rules: list[list[Any]], end: int) -> dict[str, Any]:
     """The JSON form: symbols are numbered, states with equal rows share one."""
     symbols = sorted({symbol for row in rows for symbol in row} | {rule[0] for rule in rules})
     number = {symbol: index for index, symbol in enumerate(symbols)}
@@ -159,4 +159,4 @@ def _pack_table(rows: list[dict[str, int]], rules: list[list[Any]], end: int) ->
 
 
 if __name__ == "__main__":
-    write_table()
+    write_parse_table()

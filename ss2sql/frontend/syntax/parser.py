@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ParseError, Source, Span, combine_errors
 from ss2sql.frontend.syntax import ast, tokenizer
-from ss2sql.frontend.syntax.parse_table import Rule, Table, load_table
+from ss2sql.frontend.syntax.parse_table import Rule, Table, load_parse_table
 from ss2sql.frontend.syntax.query_builder import Builder
 from ss2sql.frontend.syntax.tokenizer import Token
 
@@ -31,7 +31,7 @@ def parse(source: Source) -> ast.Script:
             "P008", "there is no statement in this script", Span(source, 0, 0),
             ["write an expression or a query, for instance SELECT this FROM [1, 2, 3] AS list;"],
         )  # fmt: skip
-    table = load_table()
+    table = load_parse_table()
     builder = Builder(source)
     errors: list[ParseError] = []
     position = 0

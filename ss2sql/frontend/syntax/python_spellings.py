@@ -26,13 +26,13 @@ _FIRST = {
 def explain_python(t: ParseFailure) -> ParseError | None:
     """The error for a known spelling of a programming language; None for anything else."""
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _explain_statement, _explain_from_first, _explain_lambda, _explain_comprehension, _explain_slice,
-        _explain_element, _explain_prefix, _explain_range, _explain_quotes,
+        _explain_python_for, _explain_from_first, _explain_lambda, _explain_comprehension, _explain_slice,
+        _explain_item_assignment, _explain_string_prefix, _explain_range, _explain_inner_quote,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None)
 
 
-def _explain_statement(t: ParseFailure) -> ParseError | None:
+def _explain_python_for(t: ParseFailure) -> ParseError | None:
     """`for x in nums: ...`, `let x = 5`, `import math`."""
     word = t.peek()
     upper = word.text.upper()
@@ -67,7 +67,7 @@ def _explain_slice(t: ParseFailure) -> ParseError | None:
     return None
 
 
-def _explain_element(t: ParseFailure) -> ParseError | None:
+def _explain_item_assignment(t: ParseFailure) -> ParseError | None:
     """`x[0] = 5`."""
     if t.found.kind != "=" or t.peek().kind != "]" or t.clause or "+" not in t.expected:
         return None
@@ -79,7 +79,7 @@ def _explain_element(t: ParseFailure) -> ParseError | None:
     return t.explain("P006", f"an element is not assigned, and {left} is one", hint)
 
 
-def _explain_prefix(t: ParseFailure) -> ParseError | None:
+def _explain_string_prefix(t: ParseFailure) -> ParseError | None:
     """`f"{x}"`, `r"text"`."""
     word = t.peek()
     if t.found.kind != "STRING" or word.kind != "NAME" or word.end != t.found.start or len(word.text) > 2:
@@ -100,7 +100,7 @@ def _explain_range(t: ParseFailure) -> ParseError | None:
     )
 
 
-def _explain_quotes(t: ParseFailure) -> ParseError | None:
+def _explain_inner_quote(t: ParseFailure) -> ParseError | None:
     """`'it's'`: the string ends at its second quote."""
     string = t.peek()
     if string.kind != "STRING" or t.found.kind != "NAME" or string.end != t.found.start:

@@ -50,20 +50,20 @@ def explain_failure(t: ParseFailure) -> ParseError:
     if error := tokenizer.explain_unreadable(t.source, t.found):
         return error
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _explain_pair, _explain_keyword_as_name, _explain_reserved_word, python_spellings.explain_python,
+        _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, python_spellings.explain_python,
         sql_spellings.explain_sql, _explain_misspelling, _explain_closing_bracket, _explain_search_clause,
         _explain_missing, _explain_chain, _explain_missing_from, _open_bracket, _explain_clause, _explain_descending,
     )  # fmt: skip
-    return next((error for check in checks if (error := check(t))), None) or _explain_rest(t)
+    return next((error for check in checks if (error := check(t))), None) or _explain_surplus(t)
 
 
-def _explain_pair(t: ParseFailure) -> ParseError | None:
+def _explain_missing_word(t: ParseFailure) -> ParseError | None:
     """`STOP level == 7`: the second word of a keyword is missing."""
     first = t.peek()
     if first.kind not in PAIRS:
         return None
     second = PAIRS[first.kind]
-    return t.explain(_choose_code(t), f"expected {second} after {first.kind}, found {spell(t.found)}",
+    return t.explain(_choose_error_code(t), f"expected {second} after {first.kind}, found {spell(t.found)}",
                    f"the keyword is {first.kind} {second}")  # fmt: skip
 
 
@@ -176,7 +176,7 @@ def _explain_missing(t: ParseFailure) -> ParseError | None:
     hint = _COMMA if before.kind == "," else hint
     if before.kind == "MAXIMUM" and found.kind in VALUES:
         hint = f"write MAXIMUM ({found.text})"
-    error = t.explain(_choose_code(t), f"expected {what}{after}, found {word}", hint)
+    error = t.explain(_choose_error_code(t), f"expected {what}{after}, found {word}", hint)
     return _add_bracket_place(t, error) if found.kind in (END, ";") else error
 
 
@@ -198,7 +198,7 @@ def _explain_search_clause(t: ParseFailure) -> ParseError | None:
         if t.found.kind in COMPARISONS and t.peek(2).kind != ",":
             first = max((i for i in range(t.index) if t.tokens[i].kind in OPTIONS), default=0)
             hint = f"write {t.source.text[t.tokens[first].start : t.peek(2).end]}, {name.text}"
-        return t.explain(_choose_code(t), f"expected '=' after {spell(name)}, found {spell(t.found)}", hint)
+        return t.explain(_choose_error_code(t), f"expected '=' after {spell(name)}, found {spell(t.found)}", hint)
     return None
 
 
@@ -223,7 +223,7 @@ def _explain_missing_from(t: ParseFailure) -> ParseError | None:
     hints = ["a query has a source: SELECT ... FROM source"]
     if what != "*" and word in (";", END):
         hints.append(f"a value alone needs no SELECT: write {t.read_column()}")
-    return t.explain(_choose_code(t), f"expected FROM after {what}, found {spell(t.found)}", *hints)
+    return t.explain(_choose_error_code(t), f"expected FROM after {what}, found {spell(t.found)}", *hints)
 
 
 def _open_bracket(t: ParseFailure) -> ParseError | None:
@@ -269,7 +269,7 @@ def _explain_descending(t: ParseFailure) -> ParseError | None:
     return t.explain("P001", f"{spell(word)} stands after the value", f"write {t.found.text} {spell(word)}", at=word)
 
 
-def _explain_rest(t: ParseFailure) -> ParseError:
+def _explain_surplus(t: ParseFailure) -> ParseError:
     """Something follows a complete expression: what could stand between the two?"""
     fitting = []
     if "+" in t.expected and t.clause != "FROM":
@@ -283,7 +283,7 @@ def _explain_rest(t: ParseFailure) -> ParseError:
         fitting.append("';'")
     message = f"expected {join_or(fitting or sorted(t.expected))} between {spell(t.peek())} and {spell(t.found)}"
     if t.clause == "FROM":
-        return t.explain(_choose_code(t), message, *_hint_at_source(t))
+        return t.explain(_choose_error_code(t), message, *_hint_at_source(t))
     if t.found.kind == "IF":
         return t.explain("P001", message, "IF stands in front: IF(condition; then; else)")
     if not t.clause and (t.found.kind in VALUES or t.found.kind in tokenizer.RESERVED):
@@ -305,7 +305,7 @@ def _explain_rest(t: ParseFailure) -> ParseError:
     if hint is None and t.clause == "[":
         hint = "the elements of a list are separated by commas"
     hint = hint or "write what should stand between them, or leave one of them out"
-    return _add_bracket_place(t, t.explain(_choose_code(t), message, hint))
+    return _add_bracket_place(t, t.explain(_choose_error_code(t), message, hint))
 
 
 def _hint_at_source(t: ParseFailure) -> list[str]:
@@ -318,7 +318,7 @@ def _hint_at_source(t: ParseFailure) -> list[str]:
     return ["a source that is more than a name, a call or a list stands in parentheses"]
 
 
-def _choose_code(t: ParseFailure) -> str:
+def _choose_error_code(t: ParseFailure) -> str:
     return "P002" if t.found.kind == END else "P001"
 
 

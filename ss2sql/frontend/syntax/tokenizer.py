@@ -87,7 +87,7 @@ def tokenize(source: Source) -> list[Token]:
     found = list(iterate_tokens(source.text))
     end = found[-1].end if found else 0
     found.append(Token(END, "", end, end))
-    _settle_words(found)
+    _turn_words_into_names(found)
     _check_nesting(source, found)
     return found
 
@@ -162,7 +162,7 @@ _BEHIND_NAMES = frozenset(("AND", "OR", "XOR", "NOT", ",", ")", "]", ";"))
 _INFIX = frozenset(("==", "!=", "<>", "<", "<=", ">", ">=", "+", "*", "/", "%", "^", ".", "[", "IN"))
 
 
-def _settle_words(found: list[Token]) -> None:
+def _turn_words_into_names(found: list[Token]) -> None:
     """Makes names of words that are followed like names: `cost + 1`, `last(x)`, `SELECT prior, a`."""
     for place, (token, after) in enumerate(pairwise(found)):
         word = token.keyword

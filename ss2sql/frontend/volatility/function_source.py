@@ -136,7 +136,7 @@ def _parse_module(text: str) -> Module | None:
                 around = (*around, node)
         pending.extend((child, around) for child in ast.iter_child_nodes(node))
     names: Names = defaultdict(list)
-    _scan_nodes(tree.body, names, False)
+    _scan_bindings(tree.body, names, False)
     aliases = [ast.alias(name) for name in names if name != "*" and any(place.how == "import" for place in names[name])]
     imports = (ast.fix_missing_locations(ast.Import(aliases)),) if aliases else ()
     return Module(dict(functions), dict(names), frozenset(rebound), imports)
@@ -168,10 +168,10 @@ def find_bindings(owner: Owner) -> Names:
         case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.Lambda():
             for parameter in list_parameters(owner.args):
                 found[parameter.arg].append(Binding("parameter"))
-            _scan_nodes([owner.body] if isinstance(owner, ast.Lambda) else owner.body, found, False)
+            _scan_bindings([owner.body] if isinstance(owner, ast.Lambda) else owner.body, found, False)
         case _:
             for generator in owner.generators:
-                _scan_nodes([generator.target], found, True)
+                _scan_bindings([generator.target], found, True)
     return dict(found)
 
 
@@ -213,45 +213,45 @@ def _describe_import(name: str, place: Binding) -> object:
             return id(place)
 
 
-def _scan_nodes(nodes: Sequence[ast.AST], found: Names, looped: bool) -> None:
+def _scan_bindings(nodes: Sequence[ast.AST], found: Names, looped: bool) -> None:
     """Adds what `nodes` bind in their own scope, without the bodies of inner functions and classes."""
     for node in nodes:
         match node:
             case _ if type(node) not in _BINDING:
-                _scan_nodes(list(ast.iter_child_nodes(node)), found, looped)
+                _scan_bindings(list(ast.iter_child_nodes(node)), found, looped)
             case ast.Assign(targets=targets, value=value):
                 for target, part in (pair for whole in targets for pair in pair_targets(whole, value)):
                     _bind_target(target, part, found, looped)
-                _scan_nodes([value], found, looped)
+                _scan_bindings([value], found, looped)
             case ast.AnnAssign(target=target, value=ast.expr() as value):
                 _bind_target(target, value, found, looped)
-                _scan_nodes([value], found, looped)
+                _scan_bindings([value], found, looped)
             case ast.NamedExpr(target=target, value=value):
                 _bind_target(target, value, found, looped)
-                _scan_nodes([value], found, looped)
+                _scan_bindings([value], found, looped)
             case ast.AugAssign(target=ast.Name(id=name), value=value):
                 found[name].append(Binding("update", node, looped))
-                _scan_nodes([value], found, looped)
+                _scan_bindings([value], found, looped)
             case ast.FunctionDef(name=name, args=arguments, decorator_list=decorators):
                 plain = Binding("function", node, looped) if not decorators else Binding("value", None, looped)
                 found[name].append(plain)
-                _scan_nodes([*decorators, arguments, *([node.returns] if node.returns else [])], found, looped)
+                _scan_bindings([*decorators, arguments, *([node.returns] if node.returns else [])], found, looped)
             case ast.AsyncFunctionDef(name=name, args=arguments, decorator_list=decorators):
                 found[name].append(Binding("value", None, looped))
-                _scan_nodes([*decorators, arguments], found, looped)
+                _scan_bindings([*decorators, arguments], found, looped)
             case ast.ClassDef(name=name, bases=bases, keywords=keywords, decorator_list=decorators):
                 found[name].append(Binding("value", None, looped))
-                _scan_nodes([*decorators, *bases, *keywords], found, looped)
+                _scan_bindings([*decorators, *bases, *keywords], found, looped)
             case ast.Lambda(args=arguments):
-                _scan_nodes([arguments], found, looped)
+                _scan_bindings([arguments], found, looped)
             case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
                 # The targets are local to the comprehension, but `:=` inside it binds out here.
                 inner: Names = defaultdict(list)
-                _scan_nodes(list(ast.iter_child_nodes(node)), inner, True)
+                _scan_bindings(list(ast.iter_child_nodes(node)), inner, True)
                 for name in inner:
                     found[name].append(Binding("other", None, True))
             case ast.comprehension(iter=iterable, ifs=conditions):
-                _scan_nodes([iterable, *conditions], found, True)
+                _scan_bindings([iterable, *conditions], found, True)
             case ast.Import(names=aliases) | ast.ImportFrom(names=aliases):
                 for alias in aliases:
                     name = alias.asname or alias.name.partition(".")[0]
@@ -260,23 +260,23 @@ def _scan_nodes(nodes: Sequence[ast.AST], found: Names, looped: bool) -> None:
                 found[name].append(Binding("other", None, looped))
             case ast.ExceptHandler(type=ast.expr() as error, name=str(name), body=body):
                 found[name].append(Binding("error", None, looped))
-                _scan_nodes([error, *body], found, looped)
+                _scan_bindings([error, *body], found, looped)
             case ast.MatchAs(name=str(name), pattern=pattern):
                 found[name].append(Binding("other", None, looped))
-                _scan_nodes([pattern] if pattern else [], found, looped)
+                _scan_bindings([pattern] if pattern else [], found, looped)
             case ast.MatchStar(name=str(name)):
                 found[name].append(Binding("other", None, looped))
             case ast.MatchMapping(rest=rest, patterns=patterns):
                 if rest is not None:
                     found[rest].append(Binding("other", None, looped))
-                _scan_nodes(patterns, found, looped)
+                _scan_bindings(patterns, found, looped)
             case _:
                 looping = looped or isinstance(node, ast.For | ast.AsyncFor | ast.While)
-                _scan_nodes(list(ast.iter_child_nodes(node)), found, looping)
+                _scan_bindings(list(ast.iter_child_nodes(node)), found, looping)
 
 
 def _bind_target(target: ast.expr, value: ast.expr | None, found: Names, looped: bool) -> None:
     if isinstance(target, ast.Name):
         found[target.id].append(Binding("value" if value is not None else "other", value, looped))
     else:
-        _scan_nodes([target], found, looped)
+        _scan_bindings([target], found, looped)

@@ -23,7 +23,7 @@ from ss2sql.language.operations.operation import (
 )
 from ss2sql.language.ordering import find_deciding_pair
 from ss2sql.language.value_messages import format_value
-from ss2sql.language.values import has_key, make_dict_key
+from ss2sql.language.values import has_dict_key, make_dict_key
 
 
 def _make_equality(name: str, symbol: str, negated: str, about: str, example: str) -> Operation:
@@ -69,7 +69,7 @@ def contains_item(item: Any, container: Any) -> bool:
     if kind is list:
         return item in container
     if kind is dict:
-        return has_key(container, make_dict_key(item))
+        return has_dict_key(container, make_dict_key(item))
     if kind is str and type(item) is str:
         return item in container
     hint = "IN looks for a string in a string, an element in a list or a key in a dict"

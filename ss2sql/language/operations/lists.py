@@ -29,7 +29,7 @@ from ss2sql.language.operations.operation import (
 )
 from ss2sql.language.ordering import NUMBERS, compare_values, sort_values
 from ss2sql.language.value_messages import format_value
-from ss2sql.language.values import SCALARS, get_truth, has_key, make_dict_key, make_hashable
+from ss2sql.language.values import SCALARS, get_truth, has_dict_key, make_dict_key, make_hashable
 
 LENGTH = 2**53  # no list and no string is longer: no machine's memory would hold it
 RANGE_LIMIT = 10_000_000
@@ -63,7 +63,7 @@ def _get_item(container: Any, index: Any) -> Any:
             raise _make_range_error(container, index) from None
     if kind is dict:
         key = make_dict_key(index)
-        if has_key(container, key):
+        if has_dict_key(container, key):
             return container[key]
         hints = suggest_names(str(index), map(str, container)) if container else ("the dict is empty",)
         raise ExecutionError("X003", f"{format_value(container)} has no key {format_value(index)}", hints=hints)

@@ -21,7 +21,7 @@ from ss2sql.language.plan_traversal import can_fail, list_choices
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.operation_forms import fill_operands
 from ss2sql.lowering.portable.portable_equality import SPECIAL_OPERATIONS
-from ss2sql.lowering.portable.sql_types import build_refusal, cast_literal, cast_node, get_column_type, is_nullable
+from ss2sql.lowering.portable.sql_types import build_refusal, cast_literal, get_column_type, is_nullable, write_cast
 
 Node: TypeAlias = exp.Expr
 ColumnReader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
@@ -130,7 +130,7 @@ class PortableExpressions:
         if label is None:
             label = self.name_parameter(expr.name)
             self.parameters[label] = expr.name
-        return cast_node(sql_builder.parameter(label), kind)
+        return write_cast(sql_builder.parameter(label), kind)
 
     def name_parameter(self, name: str) -> str:
         """What a new parameter is called in SQL."""
@@ -172,7 +172,7 @@ def write_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
         case int() if -(2**63) <= value < 2**63:
             return sql_builder.number(value)
         case float() if value - value == 0:
-            return cast_node(
+            return write_cast(
                 exp.Literal.string(repr(value)) if "e" in repr(value) else sql_builder.number(value), "DOUBLE"
             )
         case str() if value.isprintable():

@@ -28,7 +28,7 @@ from ss2sql.lowering.portable.portable_from import (
     build_named_column,
 )
 from ss2sql.lowering.portable.portable_names import ColumnNames
-from ss2sql.lowering.portable.sql_types import build_refusal, cast_literal, cast_node, get_column_type
+from ss2sql.lowering.portable.sql_types import build_refusal, cast_literal, get_column_type, write_cast
 
 
 def write_flat(query: plan.Query, variable: Callable[[str], Any] | None = None) -> exp.Select:
@@ -172,7 +172,7 @@ class FlatWriter:
     def _find_group_key(self, expr: plan.Expr) -> Node:
         """What is grouped by; a number alone would be the position of a column."""
         node, kind = self.portable.lower_value(expr, self.name_scope), get_column_type(expr.type)
-        return node if node.find(exp.Column) or kind is None else cast_node(node, kind)
+        return node if node.find(exp.Column) or kind is None else write_cast(node, kind)
 
 
 def write_inner_limit(query: plan.Query) -> Node | None:

@@ -18,7 +18,7 @@ from ss2sql.language.plan_traversal import list_sources
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.portable.portable_expressions import ColumnReader, Node, PortableExpressions, write_constant
 from ss2sql.lowering.portable.portable_names import ColumnNames
-from ss2sql.lowering.portable.sql_types import build_refusal, cast_node, get_column_type, is_nullable
+from ss2sql.lowering.portable.sql_types import build_refusal, get_column_type, is_nullable, write_cast
 
 MAX_WRITTEN_ROWS = 1_000  # of a list that are written out
 NUMBER_COLUMN = "nth"
@@ -47,7 +47,7 @@ class RemoteSources:
         match source:
             case plan.TableSource(table=table):
                 places = tuple(sql_builder.column(name, label) for name in self._choose_sort_columns(source))
-                return PortableSource(sql_builder.table(table, label), places, partial(_build_column, label))
+                return PortableSource(sql_builder.table(table, label), places, partial(_write_values_column, label))
             case plan.ValueSource():
                 return write_values(source, label, self._list_elements(source))
             case _:
@@ -112,12 +112,12 @@ def write_values(source: plan.ValueSource, label: str, elements: Iterable[tuple[
     values = exp.Values(expressions=rows, alias=alias)
     typed = [
         sql_builder.column(NUMBER_COLUMN),
-        *(sql_builder.alias(cast_node(sql_builder.column(name), kind), name) for name, kind in kinds.items()),
+        *(sql_builder.alias(write_cast(sql_builder.column(name), kind), name) for name, kind in kinds.items()),
     ]
     select = sql_builder.select(typed, [values])
     if not rows:
         typed = [
-            sql_builder.alias(cast_node(sql_builder.null(), kind), name)
+            sql_builder.alias(write_cast(sql_builder.null(), kind), name)
             for name, kind in {NUMBER_COLUMN: "BIGINT", **kinds}.items()
         ]
         select = exp.Select(expressions=typed).where(exp.false())
@@ -133,7 +133,7 @@ def _write_row(element: Any, columns: dict[str | None, Type], source: plan.Value
     return [write_constant(value, kind, source.value) for value, kind in zip(values, columns.values(), strict=True)]
 
 
-def _build_column(label: str, expr: plan.Element | plan.Column) -> Node:
+def _write_values_column(label: str, expr: plan.Element | plan.Column) -> Node:
     assert isinstance(expr, plan.Column), "a whole row is a dict, which has no type there"
     return sql_builder.column(expr.name, label)
 

@@ -32,7 +32,13 @@ from ss2sql.lowering.portable.portable_from import (
     write_values,
 )
 from ss2sql.lowering.portable.portable_names import ColumnNames, is_plain_name
-from ss2sql.lowering.portable.sql_types import build_refusal, cast_node, get_column_type, is_exact_as_float, is_nullable
+from ss2sql.lowering.portable.sql_types import (
+    build_refusal,
+    get_column_type,
+    is_exact_as_float,
+    is_nullable,
+    write_cast,
+)
 
 # Begins the names of all that the database is given: nothing that a view of the user's reads is called so.
 FUNCTION_PREFIX = "ss2sql_"
@@ -160,7 +166,7 @@ def choose_number_column(columns: Iterable[str]) -> str:
 def _write_limit(limit: plan.Expr | None) -> Node | None:
     if isinstance(limit, plan.Constant) and type(limit.value) is int:
         return sql_builder.number(limit.value)
-    return None if limit is None else cast_node(sql_builder.parameter(LIMIT_PARAMETER), "BIGINT")
+    return None if limit is None else write_cast(sql_builder.parameter(LIMIT_PARAMETER), "BIGINT")
 
 
 class _SourceWriter:
@@ -270,7 +276,7 @@ class _ExactExpressions(GroupedExpressions):
         self.functions[function] = None
         node = self.lower_value(argument, scope)
         if not argument.type.may_be(Kind.FLOAT):
-            node = cast_node(node, "DOUBLE")
+            node = write_cast(node, "DOUBLE")
         values: Node = exp.Anonymous(this="LIST", expressions=[node])
         if is_nullable(argument.type):
             present = exp.Not(this=exp.Is(this=sql_builder.wrap_operand(node.copy()), expression=exp.Null()))

@@ -59,7 +59,7 @@ class StepSelect:
         return {} if state is None else dict(zip(self.states, state, strict=True))
 
 
-def write_steps(query: plan.Query, apart: bool = False) -> StepSelect:
+def write_portable_steps(query: plan.Query, apart: bool = False) -> StepSelect:
     """The steps of a search as SQL. Raises UnsupportedError where they could mean something else, or need Python.
 
     Args:

@@ -35,13 +35,13 @@ def is_exact_as_float(kind: Type) -> bool:
     return kind.kinds == Kind.FLOAT or (kind.kinds == Kind.INT and kind.is_bounded(MAX_EXACT_INTEGER))
 
 
-def cast_node(node: exp.Expr, kind: str) -> exp.Expr:
+def write_cast(node: exp.Expr, kind: str) -> exp.Expr:
     return exp.Cast(this=node, to=exp.DataType.build(kind, dialect="duckdb"))
 
 
 def cast_literal(node: exp.Expr, kind: str | None) -> exp.Expr:
     """A value as a column of this type, if it has one: literals alone would have the smallest."""
-    return node if node.find(exp.Column) or kind in (None, "BOOLEAN") else cast_node(node, kind)
+    return node if node.find(exp.Column) or kind in (None, "BOOLEAN") else write_cast(node, kind)
 
 
 CURE = "leave engine and dialect to ss2sql, or ask for engine='native'"

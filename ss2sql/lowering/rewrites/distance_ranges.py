@@ -57,12 +57,12 @@ def _add_boxes(query: plan.Query, sources: Sources) -> plan.Query:
     number = {source.id: index for index, source in enumerate(query.sources)}
     wanted: list[plan.Expr] = []
     for part in parts:
-        wanted += [one for one in _build_box(part, number, sources) if one not in parts]
+        wanted += [one for one in _derive_ranges(part, number, sources) if one not in parts]
         wanted.append(part)
     return query if len(wanted) == len(parts) else replace(query, where=plan.And(tuple(wanted), span=query.where.span))
 
 
-def _build_box(part: plan.Expr, number: Mapping[int, int], sources: Sources) -> list[plan.Expr]:
+def _derive_ranges(part: plan.Expr, number: Mapping[int, int], sources: Sources) -> list[plan.Expr]:
     """What a condition implies of columns of one of the query's own sources, `number` of them by their ids."""
     match part:
         case plan.Call(function=plan.Function(name="lt" | "le", builtin=True), arguments=(plan.Call() as away, radius)):

@@ -74,7 +74,7 @@ def make_scene(traced: SearchTrace) -> TraceScene:
     return TraceScene(traced, every, found, _measure_pitch([place for place in found if place is not None]))
 
 
-def format_row(shown: dict[str, Any] | None, named: bool = False) -> str:
+def format_traced_row(shown: dict[str, Any] | None, named: bool = False) -> str:
     """A row or a state as a short text; the names of several values are `named`."""
     several = named and len(shown or ()) > 1
     values = (f"{key} {format_cell(value)}" if several else format_cell(value) for key, value in (shown or {}).items())

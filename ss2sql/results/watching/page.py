@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import SessionError
 from ss2sql.package_data import find_file
-from ss2sql.results.watching.animation_steps import TraceScene, format_row, make_scene
+from ss2sql.results.watching.animation_steps import TraceScene, format_traced_row, make_scene
 from ss2sql.results.watching.search_trace import SearchTrace, get_trace
 
 if TYPE_CHECKING:
@@ -57,8 +57,8 @@ def _make_panel(traced: SearchTrace) -> dict[str, Any]:
     """One search as columns of short texts and numbers: 10,000 events are less than 1 MB."""
     scene = make_scene(traced)
     steps, texts = scene.steps, dict[str, int]()
-    rows = [texts.setdefault(format_row(step.row), len(texts)) for step in steps]
-    states = [texts.setdefault(format_row(step.state, named=True), len(texts)) for step in steps]
+    rows = [texts.setdefault(format_traced_row(step.row), len(texts)) for step in steps]
+    states = [texts.setdefault(format_traced_row(step.state, named=True), len(texts)) for step in steps]
     kept = "" if traced.is_whole else f", the first {len(traced.events):,} of {traced.total:,} events"
     return {
         "title": f"{traced.strategy}{kept}", "text": traced.script, "clauses": traced.clauses, "weight": traced.weight,

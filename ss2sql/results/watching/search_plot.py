@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.results import require_package
 from ss2sql.results.graph_plot import WIDEST, place_trees
 from ss2sql.results.plot_style import BLUE, FRAME, GREEN, ORANGE, shorten
-from ss2sql.results.watching.animation_steps import Place, TraceScene, format_row, make_scene
+from ss2sql.results.watching.animation_steps import Place, TraceScene, format_traced_row, make_scene
 from ss2sql.results.watching.search_trace import get_trace
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def _draw_tree(scene: TraceScene, ax: Any, most: int) -> tuple[tuple[float, floa
         if word == "expanded":
             ax.annotate(str(scene.expanded[n]), place, ha="center", va="center", fontsize=7, color="white", zorder=4)
         step = scene.steps[n]
-        text = shorten(format_row(step.row or step.state), MOST_TEXT)
+        text = shorten(format_traced_row(step.row or step.state), MOST_TEXT)
         ax.annotate(
             text, place, xytext=(9, 0), textcoords="offset points", va="center", fontsize=7, color=FRAME, bbox=box
         )

@@ -16,8 +16,8 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type
 from ss2sql.language.operations.intervals import MAX, widen_bounds
 from ss2sql.lowering.portable.pushdown import quote_identifier
-from ss2sql.lowering.portable.sql_types import cast_node
-from ss2sql.vtables.frames.cell_values import convert_cell
+from ss2sql.lowering.portable.sql_types import write_cast
+from ss2sql.vtables.frames.cell_values import convert_frame_cell
 
 _INTEGERS = ("TINYINT", "SMALLINT", "INTEGER", "UTINYINT", "USMALLINT", "UINTEGER")
 _LARGE = ("UBIGINT", "HUGEINT", "UHUGEINT")
@@ -108,7 +108,7 @@ class DuckColumn:
             return ColumnFacts(Type(kind | missing), self._write_text(collated) if usual else None)
         if kind is Kind.BOOL:
             return ColumnFacts(Type(kind | missing, 0, 1), self.plain)
-        low, high = (convert_cell(next(answers)) for _ in range(2))
+        low, high = (convert_frame_cell(next(answers)) for _ in range(2))
         if low is None:
             return ColumnFacts(Type(kind | missing), self._write_number(nan))
         least, greatest = (INT_MIN, INT_MAX) if kind is Kind.INT else (-MAX, MAX)
@@ -119,7 +119,7 @@ class DuckColumn:
     def _write_text(self, collated: bool) -> exp.Expr | None:
         if self.kind.startswith(_TIMES):
             return self._parse_expression(_SQL_FORMS[self.kind]) if self.kind in _SQL_FORMS else None
-        text = self.plain if self.kind == "VARCHAR" else cast_node(self.plain, "VARCHAR")
+        text = self.plain if self.kind == "VARCHAR" else write_cast(self.plain, "VARCHAR")
         return exp.Collate(this=text, expression=exp.Var(this="C")) if collated else text
 
     def _parse_expression(self, text: str) -> exp.Expr:
@@ -133,10 +133,10 @@ class DuckColumn:
         if self.decimals is not None and self.decimals[1] and self.decimals[0] > _EXACT_DIGITS:
             return None
         wide = "BIGINT" if self.holds is Kind.INT else "DOUBLE"
-        number = self.plain if self.kind == wide else cast_node(self.plain, wide)
+        number = self.plain if self.kind == wide else write_cast(self.plain, wide)
         if not nan:
             return number
-        return exp.Anonymous(this="NULLIF", expressions=[number, cast_node(exp.Literal.string("NaN"), "DOUBLE")])
+        return exp.Anonymous(this="NULLIF", expressions=[number, write_cast(exp.Literal.string("NaN"), "DOUBLE")])
 
 
 @dataclass(frozen=True, slots=True)

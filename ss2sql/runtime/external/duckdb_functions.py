@@ -30,7 +30,7 @@ def _iterate_floats(values: Any) -> Iterator[float]:
     )
 
 
-def register_functions(
+def register_in_duckdb(
     cursor: duckdb.DuckDBPyConnection, functions: Mapping[str, plan.Call | None], run: Run
 ) -> list[str]:
     """Makes the functions known to the transaction of a cursor. Gives a list of why their values will be no good.

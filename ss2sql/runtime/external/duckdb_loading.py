@@ -15,7 +15,7 @@ from ss2sql.runtime.run.elements import list_elements
 from ss2sql.vtables.frames.frame import Frame
 
 
-def collect_columns(table: LoadedTable, value: Any) -> list[Sequence[Any]]:
+def collect_loaded_columns(table: LoadedTable, value: Any) -> list[Sequence[Any]]:
     """The numbers of the elements of a value, and what is read of them, by columns."""
     if isinstance(value, Frame):
         return [range(value.length), *(value.columns[key].values for key in table.columns if key is not None)]

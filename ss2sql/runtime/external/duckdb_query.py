@@ -15,12 +15,12 @@ from ss2sql.lowering.dialects import DUCKDB
 from ss2sql.lowering.portable.pushdown import LIMIT_PARAMETER, ExternalTable, LoadedTable, PushdownQuery, write_pushdown
 from ss2sql.lowering.portable.sql_types import build_refusal
 from ss2sql.lowering.sql_string import Sql
-from ss2sql.runtime.external.duckdb_functions import register_functions
-from ss2sql.runtime.external.duckdb_loading import build_arrow_table, collect_columns
+from ss2sql.runtime.external.duckdb_functions import register_in_duckdb
+from ss2sql.runtime.external.duckdb_loading import build_arrow_table, collect_loaded_columns
 from ss2sql.runtime.external.duckdb_sources import DuckFrame, DuckSources, DuckTransaction
 from ss2sql.runtime.external.statement_cancellation import interrupt_when_due
 from ss2sql.runtime.python.native_query import compile_statement
-from ss2sql.runtime.run.option_values import check_count
+from ss2sql.runtime.run.option_values import check_count_value
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import CELL_SIZE
 
@@ -114,13 +114,13 @@ class DuckQuery:
         if limit is None:
             return None
         try:
-            return check_count(self._compute_value(limit, run), 0, "LIMIT")
+            return check_count_value(self._compute_value(limit, run), 0, "LIMIT")
         except ExecutionError as error:
             raise error.with_span(limit.span) from None
 
     def _read_columns(self, table: LoadedTable, run: Run) -> list[Sequence[Any]]:
         try:
-            return collect_columns(table, self._compute_value(table.value, run))
+            return collect_loaded_columns(table, self._compute_value(table.value, run))
         except Error as error:
             raise error.with_span(table.value.span) from None
 
@@ -139,7 +139,7 @@ class DuckQuery:
         cursor, functions = reading.cursor, self.written.functions
         for table, columns in loaded:
             cursor.register(table.name, build_arrow_table(table, columns))
-        failed = register_functions(cursor, functions, run)
+        failed = register_in_duckdb(cursor, functions, run)
         cursor.execute(self.text, dict(values) or None)
         while block := cursor.fetchmany(ROWS_PER_BLOCK):
             yield from () if failed else block

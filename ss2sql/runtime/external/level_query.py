@@ -13,7 +13,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.dialects import Dialect
-from ss2sql.lowering.portable.search_steps import StepSelect, write_steps
+from ss2sql.lowering.portable.search_steps import StepSelect, write_portable_steps
 from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.external.level_statements import TRIED, LevelStatements
 from ss2sql.runtime.external.statement_cancellation import OpenedDatabase, interrupt_when_due
@@ -77,7 +77,7 @@ class LevelPlan:
         return "\n".join(f"{translate_sql(self.dialect, statement)};" for statement in self.written.list_statements())
 
 
-def plan_levels(query: plan.Query, abilities: EngineAbilities) -> LevelPlan:
+def plan_level_search(query: plan.Query, abilities: EngineAbilities) -> LevelPlan:
     """The search as it goes by levels in the tables of a database. Raises UnsupportedError where it does not."""
     assert query.search is not None
     for rule in (*RULES, *abilities.rules):
@@ -86,7 +86,7 @@ def plan_levels(query: plan.Query, abilities: EngineAbilities) -> LevelPlan:
             reason = f"{rule.reason}, which the tables of {abilities.name} cannot do"
             raise UnsupportedError("U001", reason, place, (rule.cure,))
     try:
-        steps, hindrance = write_steps(query, abilities.apart), None
+        steps, hindrance = write_portable_steps(query, abilities.apart), None
     except UnsupportedError as error:
         steps, hindrance = TRIED, error.message
     return LevelPlan(abilities.write(query.search, steps), hindrance, abilities.dialect)
@@ -99,7 +99,7 @@ class LevelQuery:
         self.engine = engine.abilities.name
         self.database = engine
         self.query = query
-        self.level_plan = plan_levels(query, engine.abilities)
+        self.level_plan = plan_level_search(query, engine.abilities)
         self._native = NativeQuery(query, find=self._iterate_results)
 
     @property

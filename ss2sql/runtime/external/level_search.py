@@ -18,7 +18,7 @@ from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS
 from ss2sql.runtime.external.duckdb_store import DuckTables
 from ss2sql.runtime.external.first_levels import FirstLevels
 from ss2sql.runtime.external.level_statements import DuckLevelStatements
-from ss2sql.runtime.external.level_steps import PythonSteps, SqlSteps, make_steps
+from ss2sql.runtime.external.level_steps import PythonSteps, SqlSteps, make_level_steps
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
@@ -31,7 +31,7 @@ class DuckSearch:
 
     def __init__(self, search_run: SearchRun, tables: DuckTables, written: DuckLevelStatements) -> None:
         self.search_run, self.tables, self.written = search_run, tables, written
-        self.steps: PythonSteps = make_steps(search_run, written)
+        self.steps: PythonSteps = make_level_steps(search_run, written)
 
     def find_results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""

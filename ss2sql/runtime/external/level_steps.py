@@ -11,14 +11,14 @@ from ss2sql.language.rows import Row
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn, build_element_limit_error
 from ss2sql.runtime.external.first_levels import FirstStep
 from ss2sql.runtime.external.level_statements import TRIED, LevelStatements
-from ss2sql.runtime.external.step_evaluation import StepEvaluation, encode_values
+from ss2sql.runtime.external.step_evaluation import StepEvaluation, pickle_values
 from ss2sql.runtime.external.table_statements import Value
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.search.search_run import SearchRun
 from ss2sql.runtime.search.step_notes import Last, list_elements
 
 
-def make_steps(search_run: SearchRun, written: LevelStatements) -> PythonSteps:
+def make_level_steps(search_run: SearchRun, written: LevelStatements) -> PythonSteps:
     return PythonSteps(search_run, written) if written.steps is TRIED else SqlSteps(search_run, written)
 
 
@@ -48,7 +48,7 @@ class PythonSteps:
 
     def make_start_row(self) -> tuple[Any, ...]:
         """The same of the start, which has no row."""
-        return self._insert_flags((None, None, None, encode_values(self.search_run.start)), False, True)
+        return self._insert_flags((None, None, None, pickle_values(self.search_run.start)), False, True)
 
     def list_next_state(self, begun: FirstStep) -> dict[TypedColumn, Any]:
         """The columns that have the state after a step."""

@@ -19,9 +19,9 @@ from ss2sql.runtime.external.spark_row_columns import (
     NO_SHAPE,
     ColumnShape,
     build_spark_types,
-    describe_columns,
+    describe_row_shapes,
     read_shapes,
-    unpickle_columns,
+    unpickle_rows_in_spark,
 )
 from ss2sql.runtime.external.spark_search import MAX_IN_ONE_PARTITION, ComputedLevel, SparkSearch
 from ss2sql.runtime.external.spark_tasks import make_task
@@ -134,7 +134,7 @@ class DataFrameSearch(SparkSearch):
             return rows.toDF("path", "step", *(f"c{number}" for number in range(len(outputs))))
         rows = self.store.persist_frame(rows)  # it is read twice
         told = [NO_SHAPE] * len(outputs)
-        described = rows.select("row").mapInArrow(make_task(describe_columns, len(outputs)), "told BINARY")
+        described = rows.select("row").mapInArrow(make_task(describe_row_shapes, len(outputs)), "told BINARY")
         for (part,) in described.collect():
             told = [one.merge_shapes(other) for one, other in zip(told, read_shapes(bytes(part)), strict=True)]
         shapes = []
@@ -142,7 +142,7 @@ class DataFrameSearch(SparkSearch):
             if has_untyped_values(column.shape):
                 raise _build_type_error(output.name, column)
             shapes.append(fill_from_plan(column.shape, output.expr.type))
-        return rows.mapInArrow(make_task(unpickle_columns, pickle.dumps(shapes)), build_spark_types(shapes))
+        return rows.mapInArrow(make_task(unpickle_rows_in_spark, pickle.dumps(shapes)), build_spark_types(shapes))
 
 
 def _build_type_error(name: str, told: ColumnShape) -> RepresentationError:

@@ -64,7 +64,7 @@ def read_shapes(part: bytes) -> list[ColumnShape]:
     return told
 
 
-def describe_columns(batches: Iterator[pa.RecordBatch], width: int) -> Iterator[pa.RecordBatch]:
+def describe_row_shapes(batches: Iterator[pa.RecordBatch], width: int) -> Iterator[pa.RecordBatch]:
     """What a task tells of the rows in so many columns, as one answer."""
     import pyarrow as pa
 
@@ -75,7 +75,7 @@ def describe_columns(batches: Iterator[pa.RecordBatch], width: int) -> Iterator[
     yield pa.record_batch([pa.array([pickle.dumps(told)], pa.binary())], names=["told"])
 
 
-def unpickle_columns(batches: Iterator[pa.RecordBatch], pickled: bytes) -> Iterator[pa.RecordBatch]:
+def unpickle_rows_in_spark(batches: Iterator[pa.RecordBatch], pickled: bytes) -> Iterator[pa.RecordBatch]:
     """Path, step and row, with the row as columns of these shapes."""
     import pyarrow as pa
 

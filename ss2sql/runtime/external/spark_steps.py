@@ -8,11 +8,11 @@ from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row
 from ss2sql.runtime.external.level_statements import SparkLevelStatements
-from ss2sql.runtime.external.level_steps import SqlSteps, make_steps
+from ss2sql.runtime.external.level_steps import SqlSteps, make_level_steps
 from ss2sql.runtime.external.spark_executor import expand_batches, read_account
 from ss2sql.runtime.external.spark_store import SparkStore, write_spark_schema
 from ss2sql.runtime.external.spark_tasks import make_task
-from ss2sql.runtime.external.task_pickle import add_counts, pickle_search
+from ss2sql.runtime.external.task_pickle import add_executor_counts, pickle_search
 from ss2sql.runtime.search.search_run import SearchRun
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class SparkSteps:
 
     def __init__(self, search_run: SearchRun, store: SparkStore, written: SparkLevelStatements) -> None:
         self.search_run, self.store, self.written = search_run, store, written
-        self.made = make_steps(search_run, written)
+        self.made = make_level_steps(search_run, written)
         self.parcel: Broadcast[bytes] | None = None
 
     def check_transferable(self) -> None:
@@ -82,7 +82,7 @@ class SparkSteps:
                 raise ExecutionError(
                     "X009", f"an executor cannot make the search ready: {one['trouble']}", hints=(hint,)
                 )
-            add_counts(stats, one)
+            add_executor_counts(stats, one)
         refused = [one["refused"] for one in told if one["refused"] is not None]
         if refused:
             self._retry_locally(min(refused), frontier)

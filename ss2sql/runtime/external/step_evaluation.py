@@ -48,11 +48,11 @@ class StepEvaluation:
     ) -> tuple[bytes, bytes, bytes | None, bytes | None]:
         """The key, the row, the last part and the state after a step as bytes."""
         shown = self.shapes.thaw_state(row)
-        following = None if state is None else encode_values(self.shapes.thaw_state(state))
-        return _encode_key(shown), encode_values(shown), encode_values(last) if self.keyed else None, following
+        following = None if state is None else pickle_values(self.shapes.thaw_state(state))
+        return _encode_row_key(shown), pickle_values(shown), pickle_values(last) if self.keyed else None, following
 
 
-def encode_values(values: State) -> bytes:
+def pickle_values(values: State) -> bytes:
     """Values as bytes. Raises UnsupportedError where there are objects among them."""
     try:
         return dumps(values, 2)
@@ -60,7 +60,7 @@ def encode_values(values: State) -> bytes:
         raise _build_object_error() from None
 
 
-def _encode_key(row: tuple[Any, ...]) -> bytes:
+def _encode_row_key(row: tuple[Any, ...]) -> bytes:
     """Bytes that are the same for equal rows. Raises UnsupportedError where there are objects among their values."""
     key = make_hashable(list(row))
     if not isinstance(key, bytes):

@@ -26,8 +26,8 @@ from ss2sql.language.plan_traversal import list_functions, walk
 from ss2sql.language.recursion_limit import MAX_LEVELS, deepen_stack
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.unsupported import Rule
-from ss2sql.runtime.external.step_evaluation import StepEvaluation, encode_values
-from ss2sql.runtime.python.call_memo import bind_function, report_calls
+from ss2sql.runtime.external.step_evaluation import StepEvaluation, pickle_values
+from ss2sql.runtime.python.call_memo import bind_function, report_memo_counts
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.representations.shape import Representations, expand_stars
 from ss2sql.runtime.run.run_state import Run, Stats
@@ -80,7 +80,7 @@ def pickle_search(search_run: SearchRun) -> bytes:
     sent: dict[str, UserFunction] = {}
     with deepen_stack(MAX_LEVELS):  # a plan is as deep as its script
         for name in sorted({known.inverse_of or known.name for known in list_functions(query) if not known.builtin}):
-            sent[name] = _check_function(host.planned[name], search_run.query.span)
+            sent[name] = _strip_function(host.planned[name], search_run.query.span)
         variables, frames = _collect_values(query, search_run.run)
         tables = {node.id: host.read_table_rows(node) for node in walk(query) if isinstance(node, plan.TableSource)}
         forms = {node.representation.name for node in walk(query) if isinstance(node, plan.Query) and node is not query}
@@ -97,7 +97,7 @@ def _select_step_query(query: plan.Query) -> plan.Query:
     return replace(query, limit=None, search=replace(query.search, start=start, maximum=None))
 
 
-def _check_function(entry: UserFunction, span: Span) -> UserFunction:
+def _strip_function(entry: UserFunction, span: Span) -> UserFunction:
     """A function without what is known of its text. Raises UnsupportedError where it cannot be had elsewhere."""
     sent = replace(entry, body="")
     if entry.of_world:
@@ -138,7 +138,7 @@ def _collect_values(query: plan.Query, run: Run) -> tuple[dict[str, Any], dict[s
             frames[node.name] = columns, value.length
         else:
             try:
-                encode_values((value,))
+                pickle_values((value,))
             except UnsupportedError:
                 cure = "give numbers, texts and lists"
                 raise _build_refusal(f"the variable '{node.name}' holds objects", cure, node.span) from None
@@ -192,7 +192,7 @@ class UnpickledSearch:
     def take_counts(self) -> dict[str, Any]:
         """What was counted since this was asked the last time, see Stats."""
         self.trial.flush()
-        report_calls(self.run)
+        report_memo_counts(self.run)
         stats, none = self.run.stats, Stats()
         told = {name: getattr(stats, name) for name in COUNTS}
         told["calls"], told["remembered"] = dict(stats.calls), dict(stats.remembered)
@@ -206,7 +206,7 @@ class UnpickledSearch:
 COUNTS = ("generated", "expanded", "pruned")
 
 
-def add_counts(stats: Stats, told: dict[str, Any]) -> None:
+def add_executor_counts(stats: Stats, told: dict[str, Any]) -> None:
     """Adds what was counted elsewhere."""
     for name in COUNTS:
         setattr(stats, name, getattr(stats, name) + told[name])

@@ -15,7 +15,7 @@ from ss2sql.runtime.graph_cache.cached_steps import CachedSteps, add_note
 from ss2sql.runtime.graph_cache.fingerprint import GraphFingerprint, do_call_functions, is_read_per_state
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
 from ss2sql.runtime.graph_cache.graph_store import GraphStore
-from ss2sql.runtime.graph_cache.value_json import encode_values
+from ss2sql.runtime.graph_cache.value_json import encode_values_as_json
 from ss2sql.runtime.search.search_run import SearchRun
 
 if TYPE_CHECKING:
@@ -97,6 +97,6 @@ def _describe_graph(query: plan.Query, keys: GraphFingerprint) -> GraphDescripti
 def _format_parameter(value: Any) -> Any:
     """A parameter as people see it: its value, or a short text of it."""
     try:
-        return value if len(encode_values((value,))) <= MAX_TEXT_LENGTH else format_value(value)
+        return value if len(encode_values_as_json((value,))) <= MAX_TEXT_LENGTH else format_value(value)
     except NotCacheable:
         return format_value(value)

@@ -13,7 +13,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.frozen_values import State, thaw_value
 from ss2sql.language.rows import Row
 from ss2sql.runtime.graph_cache.graph_store import GraphStore, build_damage_error
-from ss2sql.runtime.graph_cache.value_json import decode_values, encode_values
+from ss2sql.runtime.graph_cache.value_json import decode_values_from_json, encode_values_as_json
 
 MAX_HELD = 200_000  # of each kind of thing that stays in memory, to be read again where need be
 
@@ -57,7 +57,7 @@ class CachedNode:
     def encode_state(self) -> str:
         """The state as text. Raises NotCacheable where that is impossible."""
         if self.text is None:
-            self.text = encode_values(self.state)
+            self.text = encode_values_as_json(self.state)
         return self.text
 
 
@@ -110,7 +110,7 @@ class CachedGraph:
         if len(self._nodes_by_text) > MAX_HELD:
             self._nodes_by_text.clear()
         held = self._nodes_by_text
-        texts = list(map(encode_values, states))
+        texts = list(map(encode_values_as_json, states))
         for text, state in zip(texts, states, strict=True):
             if text not in held:
                 held[text] = CachedNode(tuple(map(thaw_value, state)), None, self.era, text)
@@ -156,12 +156,12 @@ class CachedGraph:
 
     def _decode_rows(self, texts: Iterable[str]) -> None:
         new = [text for text in texts if text not in self._rows]
-        for text, values in zip(new, decode_values(new), strict=True):
+        for text, values in zip(new, decode_values_from_json(new), strict=True):
             self._rows[text] = tuple(values)
 
     def _decode_states(self, numbers: Iterable[int]) -> None:
         found = self.store.list_states([number for number in numbers if number not in self._nodes])
-        for (number, text), values in zip(found, decode_values([text for _, text in found]), strict=True):
+        for (number, text), values in zip(found, decode_values_from_json([text for _, text in found]), strict=True):
             node = self._nodes[number] = CachedNode(tuple(values), number, self.era, text)
             self._nodes_by_text[text] = node
 
@@ -184,7 +184,7 @@ class CachedGraph:
         edges = list[tuple[CachedNode, int, str, CachedNode | None, str | None]]()
         for node in nodes:
             for position, edge in enumerate(node.edges or ()):
-                row, target = encode_values(edge.row), edge.target
+                row, target = encode_values_as_json(edge.row), edge.target
                 elements = None if edge.elements is None else _encode_like_row(edge.elements, edge.row, row)
                 if target is not None and target.text is None:
                     target.text = _encode_like_row(target.state, edge.row, row)
@@ -243,4 +243,4 @@ class CachedGraph:
 
 def _encode_like_row(values: tuple[Any, ...], row: Row, text: str) -> str:
     """The elements of a step, or the state that it leads to, which often are its row."""
-    return text if len(values) == len(row) and all(map(is_, values, row)) else encode_values(values)
+    return text if len(values) == len(row) and all(map(is_, values, row)) else encode_values_as_json(values)

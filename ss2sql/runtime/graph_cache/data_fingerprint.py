@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 MAX_ROWS = 200_000  # of a table or a data frame: reading and comparing them takes 0.2 s
 
 
-def digest_value(value: Any, what: str) -> str:
+def digest_data(value: Any, what: str) -> str:
     """The digest of a value, called `what` where it is refused with NotCacheable."""
     if isinstance(value, Frame):
         _check_row_count(value.length, what)
@@ -62,7 +62,7 @@ def digest_table(source: plan.TableSource, run: Run) -> str:
         raise NotCacheable(f"{what} belongs to ss2sql and changes with every run")
     rows = run.host.read_table_rows(source)
     _check_row_count(len(rows), what)
-    return digest_value(list(map(list, rows)), what)
+    return digest_data(list(map(list, rows)), what)
 
 
 def digest_world(world: World) -> str:

@@ -15,7 +15,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Type
 from ss2sql.language.plan_traversal import can_vary_with, list_functions, list_parts
-from ss2sql.runtime.graph_cache.data_fingerprint import digest_table, digest_value, digest_world, find_worlds
+from ss2sql.runtime.graph_cache.data_fingerprint import digest_data, digest_table, digest_world, find_worlds
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable, fingerprint_function
 from ss2sql.vtables.contract import World
 
@@ -161,7 +161,7 @@ class GraphFingerprint:
 
     def _describe_variable(self, name: str) -> str:
         value = self.run.get_source(name)
-        digest = digest_value(value, f"the variable '{name}'")
+        digest = digest_data(value, f"the variable '{name}'")
         self.parameters[name] = value
         return _hash_parts((digest, *sorted(map(self._digest_world, find_worlds(value)))))
 

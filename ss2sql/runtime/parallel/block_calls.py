@@ -27,11 +27,11 @@ from ss2sql.runtime.parallel.process_pool import Answer, ProcessPool, Task
 from ss2sql.runtime.parallel.transferable_functions import (
     LocalFunction,
     TransferableFunction,
-    describe_function,
+    describe_transfer,
     warn_once,
 )
 from ss2sql.runtime.parallel.worker_process import NO_VALUE
-from ss2sql.runtime.python.call_memo import Result, make_checked_call, report_calls
+from ss2sql.runtime.python.call_memo import Result, make_checked_call, report_memo_counts
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search.search_run import SearchRun
 from ss2sql.runtime.search.step_notes import Notes, Pair
@@ -199,7 +199,7 @@ class CallPrefetcher:
         return call_timed
 
     def _get_timed(self, entry: UserFunction) -> TimedCalls:
-        return self.functions.setdefault(entry.name, TimedCalls(entry.name, describe_function(entry)))
+        return self.functions.setdefault(entry.name, TimedCalls(entry.name, describe_transfer(entry)))
 
     def _keep_local(self, timed: TimedCalls, kept: LocalFunction) -> None:
         """Other processes cannot have a function."""
@@ -257,7 +257,7 @@ class CallPrefetcher:
     def report_idle(self) -> None:
         """Says why there was nothing to do, if so."""
         stats = self.run.stats
-        report_calls(self.run)
+        report_memo_counts(self.run)
         if not self.searches:
             warn_once(stats, "no effect: only searches with MEMORIZE have levels")
         elif not self.remembers:

@@ -168,7 +168,7 @@ def _serve_process(
             _send_message(process, ("call", task.number, task.calls))
             task.answers.put(Answer(task, *pickle.load(process.stdout)))
         except (EOFError, OSError, ValueError, pickle.UnpicklingError):
-            task.answers.put(Answer(task, died=_describe_end(process), ended=over.is_set()))
+            task.answers.put(Answer(task, died=_describe_process_end(process), ended=over.is_set()))
             break
     for pipe in (process.stdin, process.stdout):
         with suppress(OSError):  # there was something left to write
@@ -182,6 +182,6 @@ def _teach_function(process: subprocess.Popen[bytes], functions: list[Transferab
     return pickle.load(process.stdout) or ""
 
 
-def _describe_end(process: subprocess.Popen[bytes]) -> str:
+def _describe_process_end(process: subprocess.Popen[bytes]) -> str:
     code = process.wait()
     return f"was killed by signal {-code}" if code < 0 else f"has ended with exit code {code}"

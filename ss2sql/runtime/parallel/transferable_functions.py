@@ -43,7 +43,7 @@ class LocalFunction:
     cure: str = ""
 
 
-def describe_function(entry: UserFunction) -> TransferableFunction | LocalFunction:
+def describe_transfer(entry: UserFunction) -> TransferableFunction | LocalFunction:
     """A function for other processes, or why they cannot have it."""
     if entry.of_world:
         return LocalFunction("belongs to a world, which is in this process only")
@@ -52,13 +52,13 @@ def describe_function(entry: UserFunction) -> TransferableFunction | LocalFuncti
     if entry.volatility != "immutable":
         cure = "declare it immutable if it depends on nothing but its arguments"
         return LocalFunction(f"is {entry.volatility}: it may depend on what only this process knows", cure)
-    place = _find_place(entry.function)
+    place = _find_function_place(entry.function)
     if isinstance(place, LocalFunction):
         return place
     return TransferableFunction(place, fingerprint_function(entry.function, strict=False))
 
 
-def _find_place(function: Callable[..., Any]) -> tuple[Any, ...] | LocalFunction:
+def _find_function_place(function: Callable[..., Any]) -> tuple[Any, ...] | LocalFunction:
     if type(function) is FunctionType:
         name = function.__qualname__
         if "<lambda>" in name:

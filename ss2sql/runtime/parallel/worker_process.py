@@ -47,13 +47,13 @@ def answer_messages() -> None:
             answer = None
             try:
                 with redirect_stdout(io.StringIO()):
-                    functions[number] = found = load_function(place)
+                    functions[number] = found = load_worker_function(place)
                 answer = None if fingerprint(found, False) == expected else "is another one in a fresh process"
             except BaseException as error:  # whatever the user's module does: it is no reason to die
                 answer = f"cannot be found by a fresh process: {type(error).__name__}: {error}"
         else:
             number, calls = rest
-            answer = call_function(functions[number], calls)
+            answer = call_in_worker(functions[number], calls)
         pickle.dump(answer, answers)
         answers.flush()
 
@@ -81,7 +81,7 @@ def _change_folder(folder: str) -> None:
         os.chdir(folder)
 
 
-def call_function(function: Any, calls: list[bytes]) -> tuple[list[bytes | None], float]:
+def call_in_worker(function: Any, calls: list[bytes]) -> tuple[list[bytes | None], float]:
     """The results of calls, and the seconds that all took. None stands for a call that has raised.
 
     Each result is pickled at once, for a function may change what it has returned later on.
@@ -116,7 +116,7 @@ def _run_file(path: str) -> dict[str, Any]:
     return runpy.run_path(path, run_name="<worker>")
 
 
-def load_function(place: tuple[str, ...]) -> Any:
+def load_worker_function(place: tuple[str, ...]) -> Any:
     """The function that is in a module, in a file that is no module, or pickled."""
     match place:
         case "module", module, name:

@@ -40,7 +40,7 @@ def write_memoized_call(builder: QueryCompiler, node: plan.Call, body: PythonSco
     again: list[ast.expr] = []  # the keys, once they have been computed
     if method == "of_keys":
         for index, argument in enumerate(node.arguments):
-            key, values[index] = _write_key(builder, argument, values[index], body)
+            key, values[index] = _write_argument_key(builder, argument, values[index], body)
             name = key.id if isinstance(key, ast.Name) else codegen.new_name("key")
             keys.append(key if isinstance(key, ast.Name) else build.bind(name, key))
             again.append(build.name(name))
@@ -91,20 +91,20 @@ def _choose_call_method(node: plan.Call, body: PythonScope) -> str:
 
 def _is_key_known_early(argument: plan.Expr, body: PythonScope) -> bool:
     """Whether the key of an argument is known before the innermost loop."""
-    if _has_key(argument, body):
+    if _has_argument_key(argument, body):
         return True
     facts = body.codegen.analysis.facts(argument)
     return facts.steady and not body.has_state_changed(facts) and body.find_home(facts) != (body, body.level)
 
 
-def _has_key(argument: plan.Expr, body: PythonScope) -> TypeGuard[plan.Element]:
+def _has_argument_key(argument: plan.Expr, body: PythonScope) -> TypeGuard[plan.Element]:
     if not isinstance(argument, plan.Element):
         return False
     name = body.codegen.keys.get(argument.source)
     return name in body.locals or name in body.parameters
 
 
-def _write_key(
+def _write_argument_key(
     builder: QueryCompiler, argument: plan.Expr, value: ast.expr, body: PythonScope
 ) -> tuple[ast.expr, ast.expr]:
     """The key of an argument, and the argument; the key is computed first."""
@@ -115,7 +115,7 @@ def _write_key(
         name = build.name(value.target.id if isinstance(value, ast.NamedExpr) else codegen.new_name("argument"))
         assert isinstance(name, ast.Name)
         value = value if isinstance(value, ast.NamedExpr) else build.bind(name.id, value)
-    if _has_key(argument, body):
+    if _has_argument_key(argument, body):
         return build.name(codegen.keys[argument.source]), name
     key = build.call(codegen.use(make_exact_key), value)
     facts = codegen.analysis.facts(argument)

@@ -237,7 +237,7 @@ class MemoizedCalls:
         self.missed, self.missed_plain = missed, missed_plain
 
 
-def report_calls(run: Run) -> None:
+def report_memo_counts(run: Run) -> None:
     """Hands on to the run how often functions were called, and their results remembered."""
     for known in run.callables.values():
         if isinstance(known, MemoizedCalls):

@@ -95,7 +95,7 @@ def _build_index(keys: Iterable[Hashable], items: Iterable[Any]) -> dict[Hashabl
     return index
 
 
-def index_columns(items: list[Any], *names: str) -> dict[Hashable, list[Any]]:
+def index_by_columns(items: list[Any], *names: str) -> dict[Hashable, list[Any]]:
     """The elements by the value of a column, or by the values of several."""
     return _build_index((_make_key([read_column(item, name, None) for name in names]) for item in items), items)
 

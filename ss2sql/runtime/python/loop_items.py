@@ -19,7 +19,7 @@ def attach_computed(items: list[Any], *makers: Callable[[Any], Any]) -> list[tup
     return list(zip(items, *(map(maker, items) for maker in makers), strict=True))
 
 
-def read_columns(value: Any, *names: str) -> list[tuple[Any, ...]]:
+def read_dict_columns(value: Any, *names: str) -> list[tuple[Any, ...]]:
     """Columns of the dicts that are the elements of a value."""
     return [tuple([element.get(name) for name in names]) for element in list_elements(value)]
 
@@ -37,10 +37,10 @@ def read_table_rows(run: Run, table: plan.TableSource) -> list[tuple[Any, ...]]:
 
 def iterate_with_checks(run: Run, items: list[Any]) -> Iterator[Any]:
     """The items of a loop that ends when the run has to end; to count them takes 0.02 us more for each."""
-    return chain.from_iterable(_iterate_parts(run, ClockChecks(run).check_clock, items))
+    return chain.from_iterable(_iterate_item_parts(run, ClockChecks(run).check_clock, items))
 
 
-def _iterate_parts(run: Run, check_turn: Callable[[int], int], items: list[Any]) -> Iterator[list[Any]]:
+def _iterate_item_parts(run: Run, check_turn: Callable[[int], int], items: list[Any]) -> Iterator[list[Any]]:
     start, progress = 0, run.progress
     while start < len(items):
         if progress is not None:

@@ -10,12 +10,12 @@ from ss2sql.errors import Error
 from ss2sql.language import plan
 from ss2sql.language.recursion_limit import deepen_stack
 from ss2sql.language.rows import Rows
-from ss2sql.runtime.python.call_memo import report_calls
+from ss2sql.runtime.python.call_memo import report_memo_counts
 from ss2sql.runtime.python.codegen_context import CodegenContext
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
 from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.python.query_compiler import Dispatch, QueryCompiler
-from ss2sql.runtime.run.error_locations import locate_error
+from ss2sql.runtime.run.error_locations import locate_in_script
 from ss2sql.runtime.run.run_state import Run
 
 if TYPE_CHECKING:
@@ -92,14 +92,14 @@ class NativeQuery:
             with deepen_stack(self.levels):
                 return work()
         except Exception as error:
-            other = locate_error(error)
+            other = locate_in_script(error)
             if isinstance(other, Error):
                 other.with_span(self.query.span)
             if other is error:
                 raise
             raise other from None
         finally:
-            report_calls(run)
+            report_memo_counts(run)
 
 
 def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Callable[[Run], Any]:
@@ -126,11 +126,11 @@ def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Call
             with deepen_stack(analysis.levels):
                 return bound(run)
         except Exception as error:
-            other = locate_error(error)
+            other = locate_in_script(error)
             if other is error:
                 raise
             raise other from None
         finally:
-            report_calls(run)
+            report_memo_counts(run)
 
     return run_statement

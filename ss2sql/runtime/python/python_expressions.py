@@ -20,7 +20,7 @@ from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_code import is_memoized_call, write_memoized_call
 from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.python.expression_facts import OWN_GROUP
-from ss2sql.runtime.python.python_forms import inline_call
+from ss2sql.runtime.python.python_forms import inline_builtin_call
 from ss2sql.runtime.python.world_loops import bind_column_reader, bind_element_reader
 from ss2sql.runtime.run.post_processing import make_aggregate
 from ss2sql.runtime.run.run_state import Run
@@ -204,7 +204,7 @@ def _write_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -> a
         if _is_item_access(node) and (body.may_check_later or not function.raises):
             body.trusted = body.trusted or function.raises
             return build.item(arguments[0], arguments[1])
-        inline = inline_call(node, arguments, codegen, build)
+        inline = inline_builtin_call(node, arguments, codegen, build)
         if inline is not None:
             if isinstance(inline, ast.IfExp):
                 body.forget_names(inline.body)

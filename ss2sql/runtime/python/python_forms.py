@@ -30,7 +30,7 @@ MAX_SAFE = 9e18  # a number of unknown kind that is smaller is a value, whatever
 _NUMBER = Kind.NONE | Kind.NUMBER
 
 
-def inline_call(
+def inline_builtin_call(
     node: plan.Call, arguments: list[ast.expr], codegen: CodegenContext, build: AstBuilder
 ) -> ast.expr | None:
     """The call of a built-in function as an expression of Python's; None where that is the call itself."""

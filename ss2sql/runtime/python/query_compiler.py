@@ -27,7 +27,7 @@ from ss2sql.runtime.python.python_expressions import get_group_key, write_expres
 from ss2sql.runtime.python.query_execution import get_tuples_function, get_value_function, make_execution
 from ss2sql.runtime.run.array_calls import count_array_calls
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, forget_older_half
-from ss2sql.runtime.run.option_values import check_count
+from ss2sql.runtime.run.option_values import check_count_value
 from ss2sql.runtime.run.post_processing import QueryForm, find_aggregates
 from ss2sql.runtime.run.run_state import Run
 
@@ -223,7 +223,7 @@ class QueryCompiler:
             return self.codegen.build.constant(None)
         build = self.codegen.build_at(expr.span)
         value = write_expression(self, expr, body)
-        return build.call(self.codegen.use(check_count), value, build.constant(least), build.constant(word))
+        return build.call(self.codegen.use(check_count_value), value, build.constant(least), build.constant(word))
 
     def _write_label(self, expr: plan.Expr, body: PythonScope) -> ast.expr:
         build = self.codegen.build_at(expr.span)

@@ -102,9 +102,9 @@ class QueryExecution:
         """The results as they are found; `bound` is MEMORIZE's."""
         if self.form.query.search is None or self.form.search is None:
             return self.find(*outer)  # type: ignore[no-any-return]
-        from ss2sql.runtime.python.search_execution import find_results
+        from ss2sql.runtime.python.search_execution import find_search_results
 
-        return find_results(self, self.form.query.search, self.form.search, bound, outer)
+        return find_search_results(self, self.form.query.search, self.form.search, bound, outer)
 
     def report_counts(self) -> None:
         """Hands on to the run what was counted."""

@@ -24,7 +24,7 @@ from ss2sql.runtime.python.step_clauses import StepForm, choose_state_shapes, na
 from ss2sql.runtime.python.step_function import StepFunction, StepLoops
 from ss2sql.runtime.run.elements import list_elements
 from ss2sql.runtime.search import choose_search
-from ss2sql.runtime.search.memorize import grow_level
+from ss2sql.runtime.search.memorize import add_graph_level
 from ss2sql.runtime.search.step_contract import Expand, Step
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def compile_search(
     step = StepFunction(builder, query, loops, form, search.made)
     inlined = None
     if INLINE_STEPS and not (remembered or leveled or watched or led) and (search.plain or not memorizes):
-        inlined = step.write_search(grow_level if memorizes else choose_search(search))
+        inlined = step.write_search(add_graph_level if memorizes else choose_search(search))
     function = inlined or step.write_function()
     if inlined is None or memorizes:
         body.emit(

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.python.search_compiler import SearchForm
 
 
-def find_results(
+def find_search_results(
     task: QueryExecution, search: plan.Search, form: SearchForm, bound: int | None, outer: tuple[Any, ...]
 ) -> Generator[Any, None, None]:
     """The results as they are found; `bound` is MEMORIZE's."""

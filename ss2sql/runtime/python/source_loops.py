@@ -23,7 +23,7 @@ from ss2sql.runtime.python.call_memo import make_exact_key
 from ss2sql.runtime.python.codegen_context import MAX_LOOPS, PythonScope
 from ss2sql.runtime.python.equality_index import (
     Lookup,
-    index_columns,
+    index_by_columns,
     index_computed_keys,
     index_elements,
     index_integers,
@@ -37,7 +37,7 @@ from ss2sql.runtime.python.loop_items import (
     attach_computed,
     iterate_with_checks,
     iterate_with_progress,
-    read_columns,
+    read_dict_columns,
     read_frame_rows,
     read_table_rows,
 )
@@ -368,7 +368,7 @@ class SourceLoops:
             ):
                 codegen.tuples[source.id] = words
                 rows = build.call(
-                    codegen.use(read_columns), write_expression(builder, value, body), *map(build.constant, words)
+                    codegen.use(read_dict_columns), write_expression(builder, value, body), *map(build.constant, words)
                 )
                 return self._read_once(source, body, rows)
             case plan.ValueSource(value=value):
@@ -441,7 +441,7 @@ class SourceLoops:
         elif columns is not None and self.has_row_index(source):
             index = self._write_row_index(source, items, names, columns, build)
         elif columns is None:
-            index = build.call(codegen.use(index_columns), items, *map(build.constant, names))
+            index = build.call(codegen.use(index_by_columns), items, *map(build.constant, names))
         else:
             places = (build.constant(columns.index(name)) for name in names)
             index = build.call(codegen.use(index_tuples), items, *places)

@@ -61,14 +61,14 @@ from ss2sql.runtime.python.loop_cancellation import (
 from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.python.source_loops import SourceLoops, list_source_expressions
 from ss2sql.runtime.python.step_clauses import StepClauses, StepForm
-from ss2sql.runtime.python.step_inlining import has_source_code, inline_steps
+from ss2sql.runtime.python.step_inlining import has_source_code, inline_step_function
 from ss2sql.runtime.run.array_calls import count_array_calls
 from ss2sql.runtime.run.backpointers import (
     START,
     Parents,
     PathKeys,
-    collect_path,
     collect_path_by_parents,
+    follow_backpointers,
     make_start_backpointer,
 )
 from ss2sql.runtime.search.best_first import TAKEN
@@ -81,7 +81,7 @@ HELPERS: tuple[Callable[..., Any], ...] = (
     heappop,
     heappush,
     collect_path_by_parents,
-    collect_path,
+    follow_backpointers,
     make_start_backpointer,
     Parents,
     PathKeys,
@@ -237,7 +237,9 @@ class StepFunction(StepClauses):
         counted = (build.name(word) for word in ("generated", "expanded", "pruned"))
         end = build.run(build.call(hand_on, *counted))
         name = codegen.new_name("search")
-        self.owner.emit(inline_steps(loop, function, list(self.frozen_states.values()), known, name, begin, end, build))
+        self.owner.emit(
+            inline_step_function(loop, function, list(self.frozen_states.values()), known, name, begin, end, build)
+        )
         for helper in HELPERS:
             codegen.use(helper)
         codegen.namespace |= {"START": START, "TAKEN": TAKEN}

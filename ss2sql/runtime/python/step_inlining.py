@@ -32,7 +32,7 @@ from ss2sql.runtime.python.code_templates import (
 )
 
 
-def inline_steps(
+def inline_step_function(
     loop: Callable[..., Any],
     expand: ast.FunctionDef,
     states: list[str],
@@ -47,7 +47,7 @@ def inline_steps(
     A state is the values of `states`. `known` is what the query says of `problem`: {"repeats": "unique", ...}. `begin`
     and `end` stand around it all.
     """
-    code = copy_tree(_get_body(loop))
+    code = copy_tree(_get_loop_body(loop))
     facts: dict[str, ast.expr] = {f"problem.{word}": ast.Constant(value) for word, value in known.items()}
     splice = _StepInliner(expand, states)
     code = splice.transform_block(_ConstantFolder(facts, Counter(list_names_set(code))).transform_block(code))
@@ -74,7 +74,7 @@ def has_source_code(loop: Callable[..., Any]) -> bool:
 
 
 @cache
-def _get_body(loop: Callable[..., Any]) -> list[ast.stmt]:
+def _get_loop_body(loop: Callable[..., Any]) -> list[ast.stmt]:
     (function,) = ast.parse(inspect.getsource(loop)).body
     assert isinstance(function, ast.FunctionDef)
     return strip_positions(function.body[1:])  # after its docstring

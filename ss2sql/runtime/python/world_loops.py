@@ -73,10 +73,10 @@ def write_world_items(
     reading = build.name(_bind_reading(codegen, table, build))
     if table.schema.parameters:
         arguments = [write_expression(builder, argument, body) for argument in source.arguments]
-        return build.call(codegen.use(list_rows), reading, *arguments)
+        return build.call(codegen.use(list_world_rows), reading, *arguments)
     comparisons = tuple((demand.column, demand.operator) for demand in demands)
     values = [write_expression(builder, demand.value, body) for demand in demands]
-    return build.call(codegen.use(list_keys), reading, build.name(codegen.embed(comparisons, "demands")), *values)
+    return build.call(codegen.use(list_world_keys), reading, build.name(codegen.embed(comparisons, "demands")), *values)
 
 
 def bind_column_reader(codegen: CodegenContext, source: int, name: str, build: AstBuilder) -> str:
@@ -123,9 +123,9 @@ def get_element_reader(reading: Reading) -> Read:
     return reading.get_element
 
 
-def list_keys(reading: Reading, demands: Sequence[tuple[str, str]], *values: Any) -> list[Any]:
+def list_world_keys(reading: Reading, demands: Sequence[tuple[str, str]], *values: Any) -> list[Any]:
     return reading.find_keys(demands, values) if demands else reading.list_keys(NOTHING)
 
 
-def list_rows(reading: Reading, *arguments: Any) -> list[Any]:
+def list_world_rows(reading: Reading, *arguments: Any) -> list[Any]:
     return reading.call_function(arguments)

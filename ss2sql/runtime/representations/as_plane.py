@@ -46,7 +46,7 @@ def as_plane(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) -> 
     origin = check_numbers("plane", "the lower corner", start, 2)
     width, height, edge = check_numbers("plane", "width, height and resolution", size, 3)
     check_number("plane", "the edge of a cell", edge, above=0)
-    columns, rows = (_count_cells(cells, edge) for cells in (width, height))
+    columns, rows = (_count_grid_cells(cells, edge) for cells in (width, height))
     check_cells("plane", columns, rows)
     spread = check_number("plane", "a blur in cells", blur)
     if not 0 <= spread <= MAX_BLUR:
@@ -59,7 +59,7 @@ def as_plane(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) -> 
     cells = (
         np.bincount(at[:, 1] * columns + at[:, 0], values[inside], columns * rows).astype(float).reshape(rows, columns)
     )
-    cells = blur_cells(cells, spread, table.check)
+    cells = blur_grid_cells(cells, spread, table.check)
     if not np.isfinite(cells).all():
         refuse_argument(
             "plane", "has values that add up to more than a float holds", "divide them: SELECT pos, mass / 1000"
@@ -67,7 +67,7 @@ def as_plane(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) -> 
     return Grid(cells, origin, edge)
 
 
-def _count_cells(cells: float, edge: float) -> int:
+def _count_grid_cells(cells: float, edge: float) -> int:
     if cells < 1 or cells != int(cells):
         hint = f"{cells:g} m are {max(1, round(cells / edge))} cells of {edge:g} m"
         refuse_argument("plane", f"needs width and height as whole numbers of cells, not {cells:g}", hint)
@@ -110,7 +110,7 @@ def _find_point(table: Table, index: int, axes: tuple[int, int]) -> tuple[float,
     return place[axes[0]], place[axes[1]]
 
 
-def blur_cells(cells: Any, spread: float, check: Check | None = None) -> Any:
+def blur_grid_cells(cells: Any, spread: float, check: Check | None = None) -> Any:
     """The cells, each spread over its neighbours.
 
     Row by row and then column by column, since a Gaussian is a product: 38 additions of the whole grid for a spread

@@ -43,7 +43,7 @@ def as_prolog(table: Table) -> str:
 
     Each fact stands once, those of one predicate together in the order of their first.
     """
-    names = _name_elements([*table.rows, *table.hidden])
+    names = _name_prolog_atoms([*table.rows, *table.hidden])
     predicates: dict[tuple[str, int], dict[str, None]] = {}
     for index, row in enumerate(table.rows):
         hidden = table.hidden[index] if table.hidden else ()
@@ -68,28 +68,28 @@ def _write_facts(functor: str, count: int, facts: dict[str, None]) -> str:
     return directive + "".join(f"{fact}\n" for fact in facts)
 
 
-def _name_elements(rows: list[tuple[Any, ...]]) -> dict[Element, str]:
+def _name_prolog_atoms(rows: list[tuple[Any, ...]]) -> dict[Element, str]:
     """What elements are called: by their own names, with their keys where several have one name."""
     found: dict[Element, str] = {}
-    for value in _find_elements([list(row) for row in rows]):
+    for value in _find_world_elements([list(row) for row in rows]):
         if value not in found:
             name = getattr(value, "name", None)
-            found[value] = name if isinstance(name, str) and name else _add_key(value.table.name, value)
+            found[value] = name if isinstance(name, str) and name else _add_atom_key(value.table.name, value)
     often = Counter(found.values())
-    return {element: name if often[name] == 1 else _add_key(name, element) for element, name in found.items()}
+    return {element: name if often[name] == 1 else _add_atom_key(name, element) for element, name in found.items()}
 
 
-def _add_key(name: str, element: Element) -> str:
+def _add_atom_key(name: str, element: Element) -> str:
     key = element.key
     parts = key if isinstance(key, tuple) else (key,)
     return "_".join([name, *map(str, parts)])
 
 
-def _find_elements(value: Any) -> list[Element]:
+def _find_world_elements(value: Any) -> list[Element]:
     if isinstance(value, Element):
         return [value]
     parts = value if isinstance(value, list) else list(value.values()) if isinstance(value, dict) else []
-    return [element for part in parts for element in _find_elements(part)]
+    return [element for part in parts for element in _find_world_elements(part)]
 
 
 def write_term(value: Any, names: dict[Element, str]) -> str:

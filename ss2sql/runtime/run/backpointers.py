@@ -27,7 +27,7 @@ class Parents(NamedTuple):
 Path: TypeAlias = list[Row] | Backpointer | KeyedBackpointer | Parents | None
 
 
-def collect_path(backpointer: Backpointer | KeyedBackpointer | None) -> tuple[Row, ...]:
+def follow_backpointers(backpointer: Backpointer | KeyedBackpointer | None) -> tuple[Row, ...]:
     """The rows from the start to the end of a way.
 
     They are a tuple, for the garbage collector soon leaves tuples of plain rows alone, but not lists. Where there are

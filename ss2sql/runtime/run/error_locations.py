@@ -91,7 +91,7 @@ class CodePage:
         linecache.cache[self.name] = (sum(map(len, self._lines)), None, self._lines, self.name)
 
 
-def locate_error(error: Exception) -> Exception:
+def locate_in_script(error: Exception) -> Exception:
     """The exception that leaves the native executor in place of `error`, with its place in the script.
 
     An Error without a span gets that of the innermost generated code, a user's exception gets a note. A

@@ -22,7 +22,7 @@ def check_seconds(timeout: Any) -> None:
         raise SessionError("S002", f"timeout is a number of seconds, not {timeout!r}", hints=("write timeout=5.0",))
 
 
-def check_word(what: str, words: Iterable[Any], known: Collection[str]) -> None:
+def check_option_word(what: str, words: Iterable[Any], known: Collection[str]) -> None:
     """Raises SessionError S002 for a word that is not known."""
     if not isinstance(words, Iterable):
         raise SessionError("S002", f"{what}s are named in a list, not {words!r}", hints=('write ["name", ...]',))

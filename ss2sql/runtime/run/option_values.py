@@ -20,7 +20,7 @@ def find_least(*counts: int | None) -> int | None:
     return min((count for count in counts if count is not None), default=None)
 
 
-def check_count(value: Any, least: int, word: str) -> int:
+def check_count_value(value: Any, least: int, word: str) -> int:
     """The value of LIMIT, MAXIMUM or MEMORIZE; raises ExecutionError X006 if it is not a number of at least `least`."""
     if type(value) is not int or value < least:
         message = f"{word} needs a whole number of at least {least}, not {format_value(value)}"

@@ -12,7 +12,7 @@ from ss2sql.lowering.sql_query import SqlQuery
 from ss2sql.runtime.run.search_paths import SearchPaths
 
 
-def finish_rows(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], kept: slice) -> Rows:
+def finish_sql_rows(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, Any]], kept: slice) -> Rows:
     """Sorting, cutting and partitioning that SQL left over; `kept` is what LIMIT and OFFSET keep."""
     query = lowered.query
     order: Sequence[int] = range(len(extras))

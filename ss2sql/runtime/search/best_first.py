@@ -14,8 +14,8 @@ from ss2sql.runtime.run.backpointers import (
     START,
     Parents,
     PathKeys,
-    collect_path,
     collect_path_by_parents,
+    follow_backpointers,
     make_start_backpointer,
 )
 from ss2sql.runtime.search.step_contract import Found, Problem
@@ -37,7 +37,7 @@ def uniform_cost(problem: Problem) -> Iterator[Found]:
     while queue:
         total, _, goal, goes_on, state, path, last = heappop(queue)
         if goal:
-            yield (path[1],) if problem.last else collect_path(path), last
+            yield (path[1],) if problem.last else follow_backpointers(path), last
         if not goes_on:
             continue
         if trail:
@@ -67,7 +67,7 @@ def a_star(problem: Problem) -> Iterator[Found]:
         if not goes_on:
             if guess < highest:
                 found(guess, highest)
-            yield (path[1],) if problem.last else collect_path(path), last
+            yield (path[1],) if problem.last else follow_backpointers(path), last
             continue
         if guess > highest:
             highest = guess
@@ -149,7 +149,7 @@ def a_star_unique(problem: Problem) -> Iterator[Found]:
                 closed.add(key)
                 if guess < highest:
                     found(guess, highest)
-                yield (path[1],) if problem.last else collect_path(path), last
+                yield (path[1],) if problem.last else follow_backpointers(path), last
             continue
         if watch:
             watch(path)
@@ -185,7 +185,7 @@ def greedy_best_first(problem: Problem) -> Iterator[Found]:
                 closed.add(key)
             new = (path, row, key, path[3] + 1 if path else 1)
             if goal:
-                yield (row,) if problem.last else collect_path(new), last
+                yield (row,) if problem.last else follow_backpointers(new), last
             if goes_on:
                 number += 1
                 heappush(queue, (estimate, number, new, after))

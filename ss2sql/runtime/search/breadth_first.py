@@ -13,8 +13,8 @@ from ss2sql.runtime.run.backpointers import (
     START,
     Parents,
     PathKeys,
-    collect_path,
     collect_path_by_parents,
+    follow_backpointers,
     make_start_backpointer,
 )
 from ss2sql.runtime.search.step_contract import Found, Problem
@@ -37,7 +37,7 @@ def breadth_first(problem: Problem) -> Iterator[Found]:
         for row, key, goal, goes_on, after, _, _, last in expand(state, closed):
             new = (path, row, key, path[3] + 1 if path else 1) if trail else (path, row)
             if goal:
-                yield (row,) if problem.last else collect_path(new), last
+                yield (row,) if problem.last else follow_backpointers(new), last
             if goes_on:
                 queue.append((new, after))
 

@@ -27,10 +27,10 @@ from ss2sql.runtime.search.step_notes import Notes
 
 def run_memorize(search_run: SearchRun) -> Iterator[Found]:
     """The paths of at most `search_run.bound` steps: shortest, cheapest or likeliest first."""
-    yield from iterate_results(search_run, build_graph(search_run))
+    yield from iterate_graph_results(search_run, build_graph(search_run))
 
 
-def iterate_results(search_run: SearchRun, graph: RowGraph) -> Iterator[Found]:
+def iterate_graph_results(search_run: SearchRun, graph: RowGraph) -> Iterator[Found]:
     """The same paths, of a graph that was built before."""
     thaw = search_run.shapes.make_row_thaw()
     by_weight = search_run.order in ("cost", "probability")
@@ -73,9 +73,9 @@ def _build_graph(search_run: SearchRun, notes: Notes | None, backward: BackwardS
     levels = list[GraphLevel]()
     search_run.stats.levels, search_run.stats.backward = levels, []
     most = search_run.run.max_rows
-    onward = partial(search_run.grow or grow_level, search_run.problem)
+    onward = partial(search_run.grow or add_graph_level, search_run.problem)
     if notes is not None:
-        onward = partial(grow_level, replace(search_run.problem, expand=notes.noted.expand))
+        onward = partial(add_graph_level, replace(search_run.problem, expand=notes.noted.expand))
     while level and (search_run.bound is None or len(levels) < search_run.bound):
         depth, states = len(levels), [node[1:] for node in level]
         if backward is not None:
@@ -102,7 +102,7 @@ def _build_graph(search_run: SearchRun, notes: Notes | None, backward: BackwardS
     return graph
 
 
-def grow_level(
+def add_graph_level(
     problem: Problem, graph: RowGraph, level: Nodes, seen: dict[Hashable, int], most: int, choose: ChooseElements | None
 ) -> list[Node]:
     """Adds one level to the graph: every step to a row is an edge, the first one that leaves a trace makes it a node.

@@ -61,7 +61,7 @@ def _build_regression(query: plan.Query) -> Regression:
             raise _NotReversibleError(f"the elements of '{source.name}' depend on the state")
     goals = _find_goals(query, steps)
     before = tuple(_invert_assignment(query, name, steps[name]) if name in steps else None for name, _ in search.start)
-    _check_row(query, steps)
+    _check_row_determines_state(query, steps)
     return Regression(before, goals)
 
 
@@ -117,7 +117,7 @@ def _find_demands(query: plan.Query, part: plan.Expr, steps: dict[str, plan.Expr
                     return {name: [one] for name, one in found.items()}
         case plan.Call(plan.Function(name="in", builtin=True), (expr, values)):
             for name, step in steps.items():
-                items = _get_items(values)
+                items = _get_literal_items(values)
                 if step == expr and items is not None and _is_step_constant(query, values):
                     return {name: items}
         case plan.Or(parts):
@@ -137,7 +137,7 @@ def _solve_equality(
     for name, step in steps.items():
         if step == expr:
             return {name: value}
-    items = _get_items(value)
+    items = _get_literal_items(value)
     if not isinstance(expr, plan.MakeList) or items is None or len(items) != len(expr.items):
         return {}
     found: dict[str, plan.Expr] = {}
@@ -146,7 +146,7 @@ def _solve_equality(
     return found
 
 
-def _get_items(expr: plan.Expr) -> list[plan.Expr] | None:
+def _get_literal_items(expr: plan.Expr) -> list[plan.Expr] | None:
     if isinstance(expr, plan.MakeList):
         return list(expr.items)
     if isinstance(expr, plan.Constant) and isinstance(expr.value, list):
@@ -218,7 +218,7 @@ def _check_item_place(query: plan.Query, item: plan.Expr, whole: plan.State, at:
 # --- rows ----------------------------------------------------------------------------------------------
 
 
-def _check_row(query: plan.Query, steps: dict[str, plan.Expr]) -> None:
+def _check_row_determines_state(query: plan.Query, steps: dict[str, plan.Expr]) -> None:
     """Raises unless the row determines the state after its step, because rows are compared."""
     shown = query.rows if query.aggregated else tuple(output.expr for output in query.columns)
     whole = {expr.source for expr in shown if isinstance(expr, plan.Element)}

@@ -75,7 +75,7 @@ Expand: TypeAlias = Callable[..., Iterator[Step]]
 Found: TypeAlias = tuple[Sequence[FrozenRow], Any]  # the rows of a path, and the `last` of its last step
 
 
-def _ignore_result(total: Any, guess: Any) -> None:
+def _ignore_estimate(total: Any, guess: Any) -> None:
     """Nobody asks for results that are cheaper than was expected."""
 
 
@@ -94,6 +94,6 @@ class Problem:
     visits: bool = False  # the starts count as visited, by `key_of(start)`
     last: bool = False  # only the last row of a path is wanted
     key_of: Callable[[State], Any] = id
-    found: Callable[[Any, Any], None] = _ignore_result  # (total, guess): A* has found a result below its estimate
+    found: Callable[[Any, Any], None] = _ignore_estimate  # (total, guess): A* has found a result below its estimate
     on_expand: Callable[..., None] | None = None  # (path): turns to its state; (path, False): back to it
     outdated: Callable[[State, Any], None] | None = None  # a step has waited in vain

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from ss2sql.language import plan
 from ss2sql.language.frozen_values import FrozenRow, State, thaw_value
-from ss2sql.language.step_identity import write_expr
+from ss2sql.language.step_identity import write_in_script
 from ss2sql.language.values import copy_deep
 from ss2sql.runtime.search.step_contract import Found, Problem, Step
 
@@ -173,5 +173,5 @@ class TracedSearch:
 def name_row_values(query: plan.Query) -> list[str]:
     """What the values of the rows of a search are called."""
     if query.aggregated:
-        return list(map(write_expr, query.rows))
+        return list(map(write_in_script, query.rows))
     return [output.name for output in query.columns[: len(query.columns) - query.representation.hidden]]

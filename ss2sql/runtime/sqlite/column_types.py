@@ -43,7 +43,7 @@ class TableColumn:
 
     @property
     def quoted(self) -> str:
-        return quote_name(self.name)
+        return quote_sql_name(self.name)
 
     @property
     def real(self) -> bool:
@@ -59,7 +59,7 @@ class TableColumn:
         return "INT" not in declared and any(word in declared for word in ("CHAR", "CLOB", "TEXT"))
 
 
-def quote_name(name: str) -> str:
+def quote_sql_name(name: str) -> str:
     """A name as SQL reads it whatever characters it has."""
     return '"' + name.replace('"', '""') + '"'
 
@@ -70,7 +70,7 @@ def infer_table_types(
     """The types of the columns of a table; those that are `known` where no row breaks them. Raises what apsw raises."""
     if known and _do_types_hold(connection, table, columns, known):
         return {column.name: known[column.name] for column in columns}
-    kinds = _find_kinds(connection, table, columns)
+    kinds = _find_column_kinds(connection, table, columns)
     bounded = _find_bounds(connection, table, columns, kinds)
     return {name: bounded.get(name, Type(found)) for name, found in kinds.items()}
 
@@ -88,7 +88,7 @@ def infer_view_types(
         if hold:
             return {column.name: known[column.name] for column in columns}
         with _limit_steps(connection):
-            kinds = _find_kinds(connection, view, columns)
+            kinds = _find_column_kinds(connection, view, columns)
             kinds |= {name: known.kinds for name, known in _find_bounds(connection, view, columns, kinds).items()}
     except _TooManyStepsError:
         kinds = dict.fromkeys((column.name for column in columns), STORED)
@@ -116,7 +116,7 @@ def _limit_steps(connection: apsw.Connection) -> Iterator[None]:
 # --- the first look ------------------------------------------------------------------------------------
 
 
-def _find_kinds(connection: apsw.Connection, table: str, columns: Sequence[TableColumn]) -> dict[str, Kind]:
+def _find_column_kinds(connection: apsw.Connection, table: str, columns: Sequence[TableColumn]) -> dict[str, Kind]:
     tests = ", ".join(f"typeof({column.quoted})" for column in columns)
     found: list[tuple[Any, ...]] = connection.execute(f"SELECT DISTINCT {tests} FROM {table}").fetchall()
     kinds = dict.fromkeys((column.name for column in columns), Kind(0))

@@ -23,7 +23,7 @@ from typing import TypeAlias
 import apsw
 
 from ss2sql.errors import SessionError
-from ss2sql.runtime.sqlite.column_types import quote_name
+from ss2sql.runtime.sqlite.column_types import quote_sql_name
 
 # The device and the number of a file, which all its names share.
 FileId: TypeAlias = tuple[int, int]
@@ -61,7 +61,7 @@ def attach_file(connection: apsw.Connection, name: str, path: str) -> None:
     with _lock:
         _close_parked_connections()
         with _note_descriptors(path):
-            connection.execute(f"ATTACH ? AS {quote_name(name)}", (path,))
+            connection.execute(f"ATTACH ? AS {quote_sql_name(name)}", (path,))
         if identity := _get_identity(path):
             _files.setdefault(connection, {})[name] = identity
 
@@ -72,7 +72,7 @@ def detach_file(connection: apsw.Connection, name: str) -> None:
         known = _files.get(connection, {})
         if name in known and _is_shared(known[name]):
             raise _build_refusal(connection.db_filename(name))
-        connection.execute(f"DETACH {quote_name(name)}")
+        connection.execute(f"DETACH {quote_sql_name(name)}")
         if name in known:
             _forget_closed(known.pop(name))
 

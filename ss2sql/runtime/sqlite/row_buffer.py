@@ -67,14 +67,14 @@ def make_row_buffer(schema: Schema, numbers: Sequence[int]) -> RowBuffer:
         else:
             handled[name] = number
     places = tuple(map(tuple, groups.values()))
-    make = _build_functions(keys, keyed, places, tuple(handled.values()))
+    make = _compile_fill_and_walk(keys, keyed, places, tuple(handled.values()))
     together = {number for group in places for number, _ in group if len(group) > 1}
     filled = {number for group in places for number, _ in group} | {keys} - {0} | set(handled.values())
     return RowBuffer(make, tuple(filter(None, groups)), tuple(handled), frozenset(filled), frozenset(together))
 
 
 @cache
-def _build_functions(
+def _compile_fill_and_walk(
     keys: int, keyed: bool, groups: tuple[tuple[tuple[int, Place], ...], ...], handled: tuple[int, ...]
 ) -> Callable[..., tuple[Fill, Walk]]:
     """Generates both functions. They remove unknown columns, which still have the values of the row before.

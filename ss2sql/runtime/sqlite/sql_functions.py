@@ -35,7 +35,7 @@ def make_sequence_function(interning: Interning, *values: Any) -> Any:
     return values[-1]
 
 
-def compute_key(interning: Interning, value: Any) -> Any:
+def make_sql_dict_key(interning: Interning, value: Any) -> Any:
     """`make_dict_key(a)`: the same SQL value for all values that equal a, for SQLite's own equality."""
     return interning.make_key(value)
 
@@ -44,7 +44,7 @@ SCALAR_FUNCTIONS: dict[str, Callable[..., Any]] = {
     "list": make_list_function,
     "record": make_record_function,
     "in_turn": make_sequence_function,
-    "as_key": compute_key,
+    "as_key": make_sql_dict_key,
 }
 
 
@@ -61,20 +61,20 @@ def read_element_columns(interning: Interning, value: Any, columns: tuple[str, .
         nonlocal dicts
         if number and dicts is None:
             dicts = set(map(type, items)) == {dict}
-        parts = _read_parts(items, columns[number - 1], dicts is True) if number else items
+        parts = _read_element_column(items, columns[number - 1], dicts is True) if number else items
         return parts if NUMBERS.issuperset(map(type, parts)) else list(map(encode, parts))
 
     return ElementColumns(value, len(items), len(columns) + 1, make_column)
 
 
-def _read_parts(items: list[Any], name: str, dicts: bool) -> list[Any]:
+def _read_element_column(items: list[Any], name: str, dicts: bool) -> list[Any]:
     """A column of elements, with None where one lacks it; of 10,000 dicts it takes 0.15 ms, one by one 3 ms."""
     if dicts:
         try:
             return list(map(itemgetter(name), items))
         except KeyError:
             return [item.get(name) for item in items]
-    return [_read_part(item, name) for item in items]
+    return [_read_element_part(item, name) for item in items]
 
 
 def _read_frame_columns(interning: Interning, handle: Any, frame: Frame, columns: tuple[str, ...]) -> ElementColumns:
@@ -93,7 +93,7 @@ NUMBERS = frozenset({int, float, type(None)})  # which are SQL values as they ar
 _UNENCODED_KINDS = Kind.NONE | Kind.INT | Kind.FLOAT | Kind.STR
 
 
-def _read_part(element: Any, name: str) -> Any:
+def _read_element_part(element: Any, name: str) -> Any:
     """The column of an element; that of a list is one of its own elements, see lowering/scalar_replacement.py."""
     if type(element) is list:
         return element[int(name.removeprefix("this_"))]

@@ -15,7 +15,7 @@ from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import convert_value
 from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type, type_of
 from ss2sql.language.operations.intervals import widen_bounds
-from ss2sql.vtables.frames.cell_values import convert_cells
+from ss2sql.vtables.frames.cell_values import convert_frame_cells
 from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def convert_array(array: Array, missing: Array | None, place: str, suffix: str =
 
 def convert_objects(values: list[Any], place: str) -> Column:
     """The column for values of any kinds."""
-    known = convert_value(convert_cells(values), place)
+    known = convert_value(convert_frame_cells(values), place)
     return Column(type_of(known).item or Type(), lambda: known)
 
 

@@ -10,12 +10,12 @@ from typing import Any
 _PLAIN = frozenset({type(None), bool, int, str})
 
 
-def convert_cells(values: list[Any]) -> list[Any]:
+def convert_frame_cells(values: list[Any]) -> list[Any]:
     """The values of a column, with None for missing ones."""
-    return values if set(map(type, values)) <= _PLAIN else list(map(convert_cell, values))
+    return values if set(map(type, values)) <= _PLAIN else list(map(convert_frame_cell, values))
 
 
-def convert_cell(value: Any) -> Any:
+def convert_frame_cell(value: Any) -> Any:
     """The value of a cell, or of a part of one: NaN and its like as None, times as text, decimals as numbers."""
     kind = type(value)
     if kind in _PLAIN:
@@ -23,9 +23,9 @@ def convert_cell(value: Any) -> Any:
     if isinstance(value, float):
         return None if value != value else value
     if isinstance(value, (list, tuple)):
-        return list(map(convert_cell, value))
+        return list(map(convert_frame_cell, value))
     if isinstance(value, dict):
-        return {key: convert_cell(item) for key, item in value.items()}
+        return {key: convert_frame_cell(item) for key, item in value.items()}
     if kind.__name__ in ("NAType", "NaTType") and kind.__module__.startswith("pandas."):
         return None
     if isinstance(value, datetime.datetime):
@@ -58,4 +58,4 @@ def _convert_numpy(value: Any) -> Any:
         array = value.reshape(-1) if isinstance(value, numpy.ndarray) else numpy.array([value])
         converted = convert_array(array, None, "a cell").values
         return converted if isinstance(value, numpy.ndarray) else converted[0]
-    return convert_cell(value.tolist())
+    return convert_frame_cell(value.tolist())

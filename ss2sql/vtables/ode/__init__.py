@@ -19,7 +19,7 @@ from ss2sql.errors import ExecutionError
 from ss2sql.vtables.body_columns import Quaternion, Vector, make_gone_error
 from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps
 from ss2sql.vtables.ode import convex_distance
-from ss2sql.vtables.ode.ode_shapes import make_convex, name_shape, read_position, read_size
+from ss2sql.vtables.ode.ode_shapes import make_convex, name_shape, read_geom_size, read_position
 from ss2sql.vtables.ode.ode_tables import OdeBodies, OdeContacts
 
 _COPIED = ("GeomSphere", "GeomBox", "GeomCapsule", "GeomCCylinder", "GeomCylinder")
@@ -125,7 +125,7 @@ class OdeWorld(BodyWorld):
         kind = type(geom).__name__
         if kind not in _COPIED:
             raise ExecutionError("X007", f"the pose of a {name_shape(geom)} cannot be tried out")
-        size = (geom.getLengths(),) if kind == "GeomBox" else read_size(geom)
+        size = (geom.getLengths(),) if kind == "GeomBox" else read_geom_size(geom)
         copy = getattr(ode, kind)(None, *size)
         x, y, z, w = turn
         copy.setPosition(position)

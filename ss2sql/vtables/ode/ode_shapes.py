@@ -28,7 +28,7 @@ def name_shape(geom: Any) -> str:
     return _SHAPES.get(kind, "ghost")
 
 
-def read_size(geom: Any) -> tuple[float, ...]:
+def read_geom_size(geom: Any) -> tuple[float, ...]:
     """Radius, edges, or radius and length."""
     match name_shape(geom):
         case "sphere":
@@ -60,7 +60,7 @@ def compute_volume(geom: Any) -> float | None:
     """The volume of a geom, if it has one that can be computed."""
     if type(geom).__name__ == "GeomTransform":
         return None if geom.getGeom() is None else compute_volume(geom.getGeom())
-    match name_shape(geom), read_size(geom) if name_shape(geom) in _SOLIDS else ():
+    match name_shape(geom), read_geom_size(geom) if name_shape(geom) in _SOLIDS else ():
         case "sphere", (radius,):
             return 4 / 3 * pi * radius**3
         case "box", (x, y, z):
@@ -82,4 +82,4 @@ def make_convex(geom: Any) -> convex_distance.Convex:
         axes = axes @ np.array(geom.getRotation()).reshape(3, 3)
     if kind not in _SOLIDS:
         raise ExecutionError("X007", f"the distance of a {kind} cannot be computed", hints=("ask for `contacts`",))
-    return convex_distance.make_convex(kind, read_size(geom), place.tolist(), axes)
+    return convex_distance.make_convex(kind, read_geom_size(geom), place.tolist(), axes)

@@ -135,7 +135,7 @@ class PyBulletWorld(Representations, CollisionFunctions):
 
     def get_element(self, body: int) -> Element | None:
         """A body as scripts see it; None for PyBullet's -1."""
-        from ss2sql.vtables.schema import get_tables
+        from ss2sql.vtables.schema import get_world_tables
 
-        principal: Any = get_tables(self)[0]
+        principal: Any = get_world_tables(self)[0]
         return principal.element(body) if body >= 0 else None

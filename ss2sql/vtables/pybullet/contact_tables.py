@@ -39,7 +39,7 @@ class BulletContacts(TableFunction):
         world = self.world
         chosen = {name: world.find_body(body) for name, body in (("bodyA", a), ("bodyB", b)) if body is not None}
         for point in world.calls.getContactPoints(**chosen) or ():
-            yield (*_make_pair(world, point), point[9])
+            yield (*_make_contact_row(world, point), point[9])
 
 
 class BulletClosest(TableFunction):
@@ -59,10 +59,10 @@ class BulletClosest(TableFunction):
             for other in second:
                 if one < other or (one != other and not both):
                     for point in world.calls.getClosestPoints(one, other, distance) or ():
-                        yield _make_pair(world, point)
+                        yield _make_contact_row(world, point)
 
 
-def _make_pair(world: Any, point: Any) -> tuple[Any, ...]:
+def _make_contact_row(world: Any, point: Any) -> tuple[Any, ...]:
     _, a, b, link_a, link_b, point_a, point_b, normal, distance, *_ = point
     return world.get_element(a), world.get_element(b), a, b, link_a, link_b, point_a, point_b, normal, distance
 
@@ -114,7 +114,7 @@ class Rays(TableFunction):
 
     def rows(self, start: Any, end: Any) -> Iterator[tuple[Any, ...]]:
         world = self.world
-        starts, ends = _read_points(world, start), _read_points(world, end)
+        starts, ends = _read_ray_points(world, start), _read_ray_points(world, end)
         if len(starts) != len(ends):
             if 1 not in (len(starts), len(ends)):
                 raise make_parameter_error("rays", "as many starts as ends", f"{len(starts)} and {len(ends)}")
@@ -127,13 +127,13 @@ class Rays(TableFunction):
                     yield number, world.get_element(body), body, link, pos, normal, dist(starts[number], pos)
 
 
-def _read_points(world: Any, value: Any) -> list[tuple[float, ...]]:
+def _read_ray_points(world: Any, value: Any) -> list[tuple[float, ...]]:
     if isinstance(value, list) and (not value or isinstance(value[0], list)):
-        return [_read_point(point) for point in value]
-    return [_read_point(value if isinstance(value, list) else world.find_point(value))]
+        return [_read_ray_point(point) for point in value]
+    return [_read_ray_point(value if isinstance(value, list) else world.find_point(value))]
 
 
-def _read_point(value: Any) -> tuple[float, ...]:
+def _read_ray_point(value: Any) -> tuple[float, ...]:
     point = read_numbers(value, 3)
     if point is None:
         raise make_parameter_error("rays", "points [x, y, z]", value)

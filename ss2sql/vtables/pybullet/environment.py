@@ -16,7 +16,7 @@ from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, measure_box
 from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, to_local, to_world
 from ss2sql.vtables.pybullet.scene import Scene, View
 from ss2sql.vtables.pybullet.selection import measure_bounds
-from ss2sql.vtables.pybullet.shape_copies import UNNAMED, Part, ShapeCopier, describe_part, make_solid
+from ss2sql.vtables.pybullet.shape_copies import UNNAMED, Part, ShapeCopier, make_solid, read_bullet_shape
 from ss2sql.vtables.pybullet.solids import Sphere, make_visual_shape
 
 NOWHERE: Pose = ((0.0, 0.0, 0.0), UPRIGHT)
@@ -182,7 +182,7 @@ class _BodyCopy:
             self._refuse_body()  # its place is unknown
         if KINDS.get(data[2]) == "mesh" and data[4] in UNNAMED:
             _, corners = self.calls.getMeshData(self.body, link, collisionShapeIndex=number)
-        return describe_part(data[2], data[3], data[4], corners) or self._refuse_body()
+        return read_bullet_shape(data[2], data[3], data[4], corners) or self._refuse_body()
 
     def _refuse_body(self) -> NoReturn:
         name = self.world.name_of(self.body)
@@ -199,7 +199,7 @@ class _BodyCopy:
             touched = [data for of, _, data in self.world.shapes.read_shapes(self.body) if of == link]
             solid = make_solid(touched[0][2], touched[0][3]) if len(touched) == 1 else None
             return make_visual_shape(self.client, solid or Sphere(MARK), seen[0][7][:3])
-        parts = [(describe_part(shape[2], shape[3], shape[4], ()), (shape[5], shape[6])) for shape in seen]
+        parts = [(read_bullet_shape(shape[2], shape[3], shape[4], ()), (shape[5], shape[6])) for shape in seen]
         return self.shapes.copy_visual_shape([(part, pose) for part, pose in parts if part is not None])
 
     def _copy_colors(self, made: int) -> None:

@@ -41,7 +41,7 @@ def make_occupancy_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) 
         low, high = measure_box(world, body)
         if low[2] - edge <= height <= high[2] + edge:
             meets = _make_tester(world, plates, body, origin, edge, height)
-            mark = _mark_rows if _is_convex(world, body, edge) else _mark_cells
+            mark = _mark_rows if _is_convex(world, body, edge) else _mark_occupied_cells
             mark(cells, meets, _find_covered_cells((low, high), origin, edge, columns, rows))
     return Grid(cells, origin, edge)
 
@@ -93,13 +93,13 @@ def _find_covered_cells(box: Box, origin: list[float], edge: float, columns: int
     return left, right, lower, upper
 
 
-def _mark_cells(cells: Any, meets: Meets, ranges: Ranges) -> None:
+def _mark_occupied_cells(cells: Any, meets: Meets, ranges: Ranges) -> None:
     """Marks the cells that a body occupies."""
-    for column, row in _search_cells(meets, ranges, cells):
+    for column, row in _search_occupied_cells(meets, ranges, cells):
         cells[row, column] = True
 
 
-def _search_cells(meets: Meets, ranges: Ranges, known: Any = None) -> Iterator[tuple[int, int]]:
+def _search_occupied_cells(meets: Meets, ranges: Ranges, known: Any = None) -> Iterator[tuple[int, int]]:
     """The cells that a body occupies, except known ones, from the largest plates to single cells."""
     left, right, lower, upper = ranges
     level = min(LARGEST, max(0, max(right - left, upper - lower) - 1).bit_length())
@@ -126,7 +126,7 @@ def _mark_rows(cells: Any, meets: Meets, ranges: Ranges) -> None:
     left, right, lower, upper = ranges
     middle = ((left + right) // 2, (lower + upper) // 2)
     inside = left < right and lower < upper and meets(0, *middle)
-    start = middle if inside else next(_search_cells(meets, ranges), None)
+    start = middle if inside else next(_search_occupied_cells(meets, ranges), None)
     if start is None:
         return
     first = _find_ends(meets, start[1], start[0], (left, right - 1), (left, right - 1))

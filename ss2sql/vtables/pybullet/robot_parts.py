@@ -41,7 +41,7 @@ class Robot:
         self.parts = tuple(
             Part(shape, place, own, extent.measure_reach(own)) for shape, extent, (place, own) in self._shapes
         )
-        self.box = unite_boxes([_make_box(part.place, part.reach) for part in self.parts] or [(ORIGIN, ORIGIN)])
+        self.box = unite_boxes([_make_reach_box(part.place, part.reach) for part in self.parts] or [(ORIGIN, ORIGIN)])
         self._turned: dict[Rotation, Robot] = {turn: self}
 
     def turn_base(self, turn: Rotation) -> Robot:
@@ -57,7 +57,7 @@ class Robot:
         return known
 
 
-def _make_box(place: Point, reach: Point) -> Box:
+def _make_reach_box(place: Point, reach: Point) -> Box:
     (x, y, z), (a, b, c) = place, reach
     return (x - a, y - b, z - c), (x + a, y + b, z + c)
 

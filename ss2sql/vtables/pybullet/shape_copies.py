@@ -16,7 +16,7 @@ SIDE = 10.0  # metres: the edge of the squares that represent endless planes in 
 Part: TypeAlias = dict[str, Any]  # the keywords of a shape for PyBullet
 
 
-def describe_part(kind: int, size: Sequence[float], file: bytes, corners: Sequence[Any]) -> Part | None:
+def read_bullet_shape(kind: int, size: Sequence[float], file: bytes, corners: Sequence[Any]) -> Part | None:
     """A shape from PyBullet's data; None where these are incomplete."""
     a, b, c = size
     match KINDS.get(kind):
