@@ -77,7 +77,6 @@ def _describe_fastest(runs: StatementRuns) -> list[str]:
 
 
 def _list_reasons(results: Sequence[BenchResult]) -> list[str]:
-    """The reasons for missing results, one line each."""
     places: dict[str, list[str]] = {}
     for result in results:
         if result.missing is not None:

@@ -129,7 +129,6 @@ class StatementRuns:
         return None
 
     def _name_limit(self, stopped: Stopped) -> str:
-        """The limit that ended a run."""
         if isinstance(stopped, Timeout):
             return f"over {self.rules.timeout:g} s"
         if isinstance(stopped, OutOfSteps):
@@ -137,7 +136,6 @@ class StatementRuns:
         return "out of memory"
 
     def _build_variant(self, strategy: Strategy) -> ast.Expr:
-        """The statement with the options of a strategy."""
         search, tree = self.search, self.tree
         if search is None:
             return tree

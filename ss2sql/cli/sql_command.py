@@ -14,7 +14,6 @@ STAGES = ("ast", "plan", "sql")
 
 
 def _check_dialect(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    """Refuses an unknown dialect."""
     if value is None:
         return None
     from ss2sql.lowering.dialects import DIALECTS

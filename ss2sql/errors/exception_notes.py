@@ -38,6 +38,5 @@ def note_once(exception: BaseException, note: str) -> None:
 
 
 def _show_script_lines(spans: Sequence[Span]) -> list[str]:
-    """The lines of the script where the spans begin."""
     lines = dict.fromkeys((span.source, span.line) for span in spans)
     return [f"  {number} | {source.get_line(number)}" for source, number in lines]

@@ -106,7 +106,6 @@ def merge_ranges(parts: Sequence[Node], labels: Collection[str]) -> list[Node]:
 
 
 def _find_tables_read(node: Node) -> set[str]:
-    """The tables of whose columns a node reads."""
     return {column.table for column in node.find_all(exp.Column)}
 
 

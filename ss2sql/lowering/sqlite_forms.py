@@ -95,7 +95,6 @@ def _write_form(form: Form, call: plan.Call, lowering: ExpressionLowering, env: 
 
 @cache
 def _find_functions(form: Form) -> frozenset[str]:
-    """The functions of SQLite that a form calls."""
     texts = [text for text in (form.text, form.check, form.only) if isinstance(text, str)]
     return frozenset(name for text in texts for name in re.findall(r'\b([a-z_0-9]+)"?\(', text)) - {"cast"}
 

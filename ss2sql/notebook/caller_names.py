@@ -131,7 +131,6 @@ class NotebookNames:
 
 
 def _find_called_functions(tree: Any) -> Iterator[str]:
-    """The functions that a script calls by their names."""
     stack = [tree]
     while stack:
         node = stack.pop()

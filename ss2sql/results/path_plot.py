@@ -138,7 +138,6 @@ def find_weights(result: Result, paths: Found) -> StepWeights | str:
 
 
 def _find_query_text(result: Result) -> plan.Query | None:
-    """The query that the paths are from, as it is written."""
     queries = [query.written for statement in result.outline[-1:] for query in statement.queries]
     return queries[-1] if queries else None
 

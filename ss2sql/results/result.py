@@ -80,12 +80,11 @@ class QueryAnswer:
 class Result:
     """What a script gave.
 
-    `value` is what AS asked for, exactly. `columns` and the rows of iteration are a table of it: the rows of
-    a query as tuples; of a search one row per step, with the number of the path and of the step before it;
-    of any other value one row. `status` is `complete`, `maximum`, `timeout`, `cancelled` or `memory`,
-    `engine` `database` or `native`. `sql` is the text that ran, or that SQLite would run, `stats` what was counted
-    (see Stats). `notes` are what a person should know, each a line with the cure: why a search may have found too
-    little.
+    `value` is what AS asked for, exactly. `columns` and the rows of iteration are a table of it: the rows of a query as
+    tuples; of a search one row per step, with the number of the path and of the step before it; of any other value one
+    row. `status` is `complete`, `maximum`, `timeout`, `cancelled` or `memory`, `engine` `database` or `native`. `sql`
+    is the text that ran, or that SQLite would run, `stats` what was counted (see Stats). `notes` are what a person
+    should know, each a line with the cure: why a search may have found too little.
     """
 
     given_value: Any = field(repr=False)
@@ -157,8 +156,7 @@ class Result:
         return len(rows.rows or ()) if rows.paths is None else sum(measure_lengths(rows.paths))
 
     def explain(self, levels: bool = False) -> Explanation:
-        """What became of the script, and what the run has done: a text, whose `as_dict()` gives the same as
-        data.
+        """What became of the script, and what the run has done: a text, whose `as_dict()` gives the same as data.
 
         Engines and why, rewrites, functions with the number of their calls, SQLite's plan in words, the SQL with the
         values that were bound, the time of each stage, the levels of a search.

@@ -105,7 +105,6 @@ class Hall(Scene):
         self.add(self.next_name("crate"), Box(size, size, size), (*spot, height + size / 2), colour, mass, turned)
 
     def _add_box(self, kind: str, spot: Spot, size: Vector, colour: Vector) -> None:
-        """Adds a fixed box on the floor."""
         self.add(self.next_name(kind), Box(*size), (*spot, size[2] / 2), colour)
         self._taken.append((spot, size[0] / 2, size[1] / 2))
 

@@ -86,7 +86,6 @@ def _stamp_points(
 
 
 def _widen_pixels(covered: Floats, width: float) -> Floats:
-    """Widens every pixel to a disc of this width."""
     radius = int(width / 2)
     padded = np.pad(covered, radius)
     height, across = covered.shape

@@ -122,7 +122,6 @@ def _describe_entries(entries: Iterable[Function]) -> list[str]:
 
 
 def _align_columns(rows: Iterable[tuple[str, str]], cut: bool = False) -> list[str]:
-    """Rows as lines of two columns."""
     table = list(rows)
     width = max((len(first) for first, _ in table if len(first) < WIDE // 3), default=0)
     lines = [f"  {first:<{width}}  {second}".rstrip() for first, second in table]

@@ -156,7 +156,6 @@ def _format_message(error: BaseException) -> str:
 
 
 def _find_assigned_name(source: Source) -> str | None:
-    """The name that a statement assigns to, if it is an assignment."""
     (statement, *_) = parse(source).statements
     match statement:
         case ast.Assign(name=name) | ast.TemporalAssign(name=name):

@@ -1,7 +1,6 @@
 """The columns that worlds of bodies share: names, types, and columns that are computed from others.
 
-Simulators provide different columns. A name that two of them have means the same in both, so a query runs over
-either.
+Simulators provide different columns. A name that two of them have means the same in both, so a query runs over either.
 """
 
 from __future__ import annotations

@@ -133,7 +133,6 @@ def _resolve_search(
 
 
 def _refuse_without_search(resolver: Resolver, tree: ast.Query) -> None:
-    """Refuses clauses of a search in a query without CONNECT BY."""
     parts = (("START WITH", (*tree.start, tree.first)), ("STOP WITH", (tree.stop,)))
     for clause, parts_of_clause in (*parts, ("ORDER SIBLINGS BY", tuple(key.expr for key in tree.siblings))):
         place = next((part.span for part in parts_of_clause if part is not None), None)

@@ -323,7 +323,6 @@ def _choose_error_code(t: ParseFailure) -> str:
 
 
 def _add_bracket_place(t: ParseFailure, error: ParseError) -> ParseError:
-    """Adds the place where the innermost bracket was opened."""
     if t.bracket is not None:
         error.related = ((Span(t.source, t.bracket.start, t.bracket.end), "opened here"),)
     return error

@@ -52,8 +52,7 @@ MAX_WRITTEN_ROWS = 100  # elements of a list that the script spells out
 class ExternalTable:
     """A table of the database itself: what stands in FROM, the column that numbers its rows, and its columns.
 
-    A column is None where only Python can make a value of the language of it. Those of one `shape` are
-    written alike.
+    A column is None where only Python can make a value of the language of it. Those of one `shape` are written alike.
     """
 
     item: Node

@@ -52,7 +52,6 @@ def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
 
 
 def _find_common_columns(source: plan.TableSource | plan.ValueSource | plan.QuerySource) -> dict[str, Type]:
-    """The columns that every element of a source has."""
     if isinstance(source, plan.TableSource):
         return dict(source.columns)
     if not source.element.is_only(Kind.DICT) or source.columns is None:

@@ -98,7 +98,6 @@ def _translate_read(node: plan.Element | plan.Column | plan.Call, source: plan.Q
 
 
 def _make_row_source(source: plan.QuerySource, names: Names) -> plan.QuerySource:
-    """The source with rows that have these columns."""
     columns = tuple((name, expr.type) for expr, name in names.items())
     outputs = tuple(plan.Output(name, expr) for expr, name in names.items())
     query = replace(source.query, columns=outputs, representation=plan.Representation("dict"))

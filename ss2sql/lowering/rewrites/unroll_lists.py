@@ -28,8 +28,7 @@ def unroll_rows(query: plan.Query, world: RewriteContext) -> list[UnrolledRow] |
     """A row for each element of a nested query's list; None where the query cannot be taken apart unnoticed.
 
     All elements and what is made of them must not fail: the query evaluates all, and what its rows are used
-    for may stop early. A query that mentions nothing of the queries around it is left alone, for it is
-    evaluated once.
+    for may stop early. A query that mentions nothing of the queries around it is left alone, for it is evaluated once.
     """
     if not _is_plain_query(query) or not isinstance(query.sources[0], plan.ValueSource):
         return None

@@ -109,7 +109,6 @@ def _collect_parameters(outlined: OutlinedQuery) -> Iterator[ParameterFacts]:
 
 
 def _list_post_processing(outlined: OutlinedQuery) -> Iterator[str]:
-    """The post-processing after SQL."""
     lowered, query = outlined.lowered, outlined.query
     if lowered is None:
         return

@@ -123,7 +123,6 @@ class DuckColumn:
         return exp.Collate(this=text, expression=exp.Var(this="C")) if collated else text
 
     def _parse_expression(self, text: str) -> exp.Expr:
-        """A text of SQL with the column in it."""
         tree = sqlglot.parse_one(text.format("placeholder"), read="duckdb")
         for column in tree.find_all(exp.Column):
             column.set("this", quote_identifier(self.name))

@@ -102,7 +102,6 @@ class DuckSearch:
         return goals, going
 
     def _read_goals(self, depth: int) -> Iterator[Found]:
-        """The paths to the goals of a level."""
         self.tables.run_statement(self.written.ways, depth=depth)
         for _, rows in groupby(self.tables.read_rows(self.written.paths), itemgetter(0)):
             path = [row[1:] for row in rows]

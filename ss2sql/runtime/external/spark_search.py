@@ -78,7 +78,6 @@ class SparkSearch:
 
     @contextmanager
     def _begin_first_levels(self) -> Iterator[FirstLevels]:
-        """The first levels, for the time of the search."""
         try:
             self.steps.check_transferable()
             yield FirstLevels(self.search_run, seconds=SECONDS)

@@ -215,7 +215,6 @@ class CachedSteps(Notes):
         return list(zip(self._make_notes(edges), elements, strict=True))
 
     def _make_notes(self, edges: Sequence[CachedEdge]) -> list[Note]:
-        """The notes of known steps."""
         rows = [edge.row for edge in edges]
         found = map(self._rows.get, map(id, rows))
         notes = [(note or self._note_row(row))[0].copy() for note, row in zip(found, rows, strict=True)]
@@ -274,7 +273,6 @@ class CachedSteps(Notes):
 
 
 def _count_nodes_to_write(nodes: Sequence[CachedNode]) -> int:
-    """How many of the nodes are written together."""
     edges = 0
     for number, node in enumerate(nodes, 1):
         edges += len(node.edges or ())

@@ -1,8 +1,7 @@
 """Expressions as Python expressions.
 
-Values in generated code are plain values of the language; nobody changes them, so they are shared. Python's
-own operators stand in where types prove that they do what the language says, else the operator's function is
-called.
+Values in generated code are plain values of the language; nobody changes them, so they are shared. Python's own
+operators stand in where types prove that they do what the language says, else the operator's function is called.
 """
 
 from __future__ import annotations

@@ -136,7 +136,6 @@ def _thaw_paths(
 
 
 def _drop_equal_starts(starts: list[State], key_of: Callable[[State], Hashable]) -> list[State]:
-    """The first of equal starts."""
     by_key: dict[Hashable, State] = {}
     for start in starts:
         by_key.setdefault(key_of(start), start)

@@ -76,7 +76,6 @@ def open_inner_loops(
 
 
 def _find_only_column(source: plan.Source, read: Sequence[plan.Expr]) -> str | None:
-    """The only column of a source that expressions read, if there is one."""
     names = set[str | None]()
     for node in chain.from_iterable(map(walk, read)):
         if isinstance(node, (plan.Column, plan.Element)) and node.source == source.id:

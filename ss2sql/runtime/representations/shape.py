@@ -180,7 +180,6 @@ class Representations:
         return f"cannot take these arguments: {reason.partition('() ')[2] or reason}"
 
     def _describe_usage(self, name: str) -> str:
-        """How the representation is called."""
         _, *parameters = signature(self.functions[name]).parameters.values()
         names = [p.name if p.default is p.empty else f"[{p.name}]" for p in parameters]
         return f"it is called as AS {name}({', '.join(names)})" if names else "leave them out"

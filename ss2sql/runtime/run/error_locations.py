@@ -1,9 +1,8 @@
 """Where a script is when something goes wrong: from Python's traceback to the span in the script.
 
 Generated code carries the positions of the script instead of its own. A `CodePage` is the text that one piece of
-generated code points into. It starts with the script; texts from elsewhere, such as a list literal of another
-script that is read late, stand below it. So the lines of the script keep their numbers, and Python's own
-traceback shows them.
+generated code points into. It starts with the script; texts from elsewhere, such as a list literal of another script
+that is read late, stand below it. So the lines of the script keep their numbers, and Python's own traceback shows them.
 """
 
 from __future__ import annotations

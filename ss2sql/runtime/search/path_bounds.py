@@ -117,7 +117,6 @@ class PathBounds:
 
 
 def _reverse_path(remaining_path: RemainingPath) -> RemainingPath:
-    """A path from its end as one from its beginning."""
     after: Any = None
     back: Any = remaining_path
     while back is not None:

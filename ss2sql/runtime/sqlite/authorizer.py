@@ -85,7 +85,6 @@ class Authorizer:
 
 @cache
 def _list_sqlite_functions() -> frozenset[str]:
-    """Functions of SQLite itself that lowering writes."""
     from ss2sql.lowering.sqlite_forms import list_form_functions  # loaded by now, if it has written a statement
 
     return list_form_functions() | {"char", "coalesce", "count", "glob", "instr", "row_number", "substr", "typeof"}

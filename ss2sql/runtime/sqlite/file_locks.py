@@ -119,7 +119,6 @@ def _note_descriptors(path: str) -> Iterator[None]:
 
 
 def _close_parked_connections() -> None:
-    """Closes what was parked and may be closed now."""
     for connection in list(_parked):
         identities = set(_files.get(connection, {}).values())
         if not any(map(_is_shared, identities)):

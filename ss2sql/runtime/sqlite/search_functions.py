@@ -282,7 +282,6 @@ class SearchState:
         return 1
 
     def _get_compared(self, step: int) -> Any:
-        """What is compared of a step that has entered."""
         return self.compared[step] if self.keyed else self._make_key(self.compared[step])
 
     def reached(self, *row: Any) -> int:

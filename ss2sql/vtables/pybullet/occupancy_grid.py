@@ -94,7 +94,6 @@ def _find_covered_cells(box: Box, origin: list[float], edge: float, columns: int
 
 
 def _mark_occupied_cells(cells: Any, meets: Meets, ranges: Ranges) -> None:
-    """Marks the cells that a body occupies."""
     for column, row in _search_occupied_cells(meets, ranges, cells):
         cells[row, column] = True
 
