@@ -7,6 +7,7 @@ python benchmarks/compare.py --docs    # and both in the documentation
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from collections.abc import Iterable, Sequence
 from itertools import groupby
@@ -15,7 +16,7 @@ from typing import Any
 
 import click
 from problems import PROBLEMS, Problem
-from problems.base import BASE, COMPILING, CONTENDERS, ENGINES, Target
+from problems.base import BASE, COMPILING, CONTENDERS, ENGINES, ON_DUCKDB, Target
 from rich.console import Console
 from rich.table import Table
 
@@ -27,7 +28,7 @@ PICTURE = ROOT / "docs" / "benchmarks.png"
 BEGIN, END = "<!-- figures: written by benchmarks/compare.py -->", "<!-- end of figures -->"
 
 Record = dict[str, Any]
-HEADS = {"sql": "SQL", "duckdb": "DuckDB", "duckdb-key": "USING KEY"}
+HEADS = {ON_DUCKDB: "on DuckDB", "sql": "SQL", "duckdb": "DuckDB", "duckdb-key": "USING KEY"}
 OTHERS = tuple(name for name in CONTENDERS if name != BASE)
 
 
@@ -67,10 +68,11 @@ def reached(
 
 
 def verdict(target: Target, value: float) -> str:
-    """One target as text: what it asks for, and whether it is met."""
-    most = f"{target.most * 1000:g} ms" if target.against is None else f"{target.most:g}"
+    """One target as text: what it asks of whom, and whether it is met."""
+    most = f"{target.most * 1000:g} ms" if target.against is None else f"{target.most:.2g}"
     against = "" if target.against in (BASE, None) else f" x {HEADS.get(target.against, target.against)}"
-    return f"{most}{against} {'met' if value <= target.most else 'missed'}"
+    whom = "" if target.contender == COMPILING else f"{target.contender} "
+    return f"{whom}{most}{against} {'met' if value <= target.most else 'missed'}"
 
 
 def groups(records: Sequence[Record]) -> list[list[Record]]:
@@ -107,6 +109,8 @@ def cell(record: Record | None, ratio: float | None, problem: Problem, name: str
     """A ratio, or the word for what kept it from being measured."""
     if record is None:
         return "" if name not in problem.contenders else "not run"
+    if name == ON_DUCKDB and record["status"] == "refused":
+        return ""
     if record["status"] == "ok" and ratio is not None:
         return f"{ratio:,.0f}" if ratio >= 100 else f"{ratio:.2g}" if ratio < 10 else f"{ratio:.1f}"
     return str(record["status"])
@@ -129,6 +133,26 @@ def ratio_rows(records: Sequence[Record], clock: str = "wall") -> tuple[list[str
         row.append(", ".join(verdict(target, value) for target, value in found if value is not None))
         rows.append(row)
     return heads, rows
+
+
+def means(records: Sequence[Record], clock: str = "wall") -> dict[str, tuple[float, int]]:
+    """The geometric mean of the ratios of both engines and `auto`, each problem at its largest size; and how many."""
+    largest = {group[0]["problem"]: group for group in groups(records)}
+    found: dict[str, list[float]] = {"auto": [], **{name: [] for name in ENGINES}}
+    for group in largest.values():
+        ratio = ratios(group, clock)
+        chosen = next((record["auto"] for record in group if "auto" in record), None)
+        for name, engine in (("auto", chosen), *((name, name) for name in ENGINES)):
+            if engine in ratio:
+                found[name].append(ratio[engine])
+    return {
+        name: (math.exp(math.fsum(map(math.log, some)) / len(some)), len(some)) for name, some in found.items() if some
+    }
+
+
+def means_line(records: Sequence[Record], clock: str) -> str:
+    parts = (f"{name} {mean:.2g} ({count} problems)" for name, (mean, count) in means(records, clock).items())
+    return f"Geometric mean of the ratios, of each problem at its largest size: {', '.join(parts)}."
 
 
 def compile_rows(records: Sequence[Record]) -> tuple[list[str], list[list[str]]]:
@@ -155,7 +179,7 @@ def reasons(records: Sequence[Record]) -> list[str]:
     """Why there is a word and not a number, one line per reason."""
     places: dict[tuple[str, str], list[str]] = {}
     for record in records:
-        if record["status"] != "ok":
+        if record["status"] != "ok" and (record["contender"], record["status"]) != (ON_DUCKDB, "refused"):
             place = f"{record['problem']} {record['size']:,} {record['contender']}"
             places.setdefault((record["status"], record["reason"]), []).append(place)
     return [f"{status}: {reason} ({', '.join(found)})" for (status, reason), found in places.items()]
@@ -188,8 +212,8 @@ def markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 # --- the plot ---------------------------------------------------------------------------------------------------
 
 COLOURS = {
-    "database": "#d62728", "native": "#ff9896", "python": "#000000", "sql": "#1f77b4", "networkx": "#2ca02c",
-    "rustworkx": "#8c564b", "igraph": "#9467bd", "duckdb": "#e0a800", "duckdb-key": "#f5d76e",
+    "database": "#d62728", "native": "#ff9896", ON_DUCKDB: "#7f7f00", "python": "#000000", "sql": "#1f77b4",
+    "networkx": "#2ca02c", "rustworkx": "#8c564b", "igraph": "#9467bd", "duckdb": "#e0a800", "duckdb-key": "#f5d76e",
 }  # fmt: skip
 LEAST_SIZES = 3  # a curve of fewer points shows nothing
 
@@ -255,6 +279,7 @@ def figures(records: Sequence[Record], machine: dict[str, Any], clock: str) -> s
         f"![Cost against size, both logarithmic, one field per problem]({PICTURE.name})",
         "## Ratios",
         markdown(*ratio_rows(records, clock)),
+        means_line(records, clock),
         *(["Where a word stands in place of a number:", words] if words else []),
         "## Compiling",
         "Milliseconds to parse, resolve and lower the script, for each engine. No ratio above contains them. The first "
@@ -285,6 +310,7 @@ def main(docs: bool, file: Path, clock: str) -> None:
     console = Console(highlight=False, width=200 if not Console().is_terminal else None)
     console.print(f"Ratios to Python by hand. {machine_line(machine, clock)}\n")
     console.print(shown(*ratio_rows(records, clock)))
+    console.print(means_line(records, clock))
     for reason in reasons(records):
         console.print(reason, soft_wrap=True)
     console.print("\nCompiling, ms")

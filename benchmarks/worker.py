@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from problems import PROBLEMS, Problem
-from problems.base import ENGINES, LIBRARIES
+from problems.base import ENGINES, LIBRARIES, ON_DUCKDB
 
 SHORT = 0.25  # seconds that the runs of a measurement take at least together: many of what is over at once
 MANY = 100
@@ -50,6 +50,8 @@ def prepare(problem: Problem, size: int, contender: str) -> Measured:
     try:
         if contender in ENGINES:
             return prepare_script(problem, size, contender)
+        if contender == ON_DUCKDB:
+            return prepare_script(problem, size, "duckdb")
         work = problem.others[contender](size)
     except ModuleNotFoundError as error:
         if error.name not in LIBRARIES:
@@ -96,6 +98,7 @@ def prepare_script(problem: Problem, size: int, engine: str) -> Measured:
             "compile_first": compiled[0],
             "compile": statistics.median(compiled[1:]),
             "engine": result.engine,
+            "auto": ss.compile(script.text).explain().facts.statements[-1].queries[0].engine,
             "steps": result.stats.generated,
             "calls": dict(result.stats.calls),
         }

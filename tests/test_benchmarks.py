@@ -64,7 +64,7 @@ def test_the_table_shows_ratios_words_and_targets():
     assert shown["Python, ms"] == "2,000"
     assert (shown["database"], shown["native"], shown["SQL"], shown["igraph"]) == ("1.5", "refused", "2", "missing")
     assert shown["networkx"] == "not run"
-    assert shown["target"] == "0.5 missed, 1.5 x SQL met"
+    assert shown["target"] == "database 1.3 missed, database 1.5 x SQL met"
     assert len(compare.reasons(records)) == 2
     small = [record("database", 3.0, size=10), record("python", 2.0, size=10)]
     assert compare.ratio_rows(small)[1][0][-1] == ""  # a target counts from its size on
@@ -77,3 +77,13 @@ def test_one_measurement_runs_in_a_process():
     assert found["status"] == "ok"
     assert found["seconds"] > 0
     assert found["answer"] == "[6]"
+
+
+def test_means_are_those_of_the_largest_sizes():
+    small = [record("database", 9.0, size=10), record("python", 1.0, size=10)]
+    large = [record("database", 8.0) | {"auto": "native"}, record("native", 1.0), record("python", 2.0)]
+    other = [record(name, 1.0, problem="jugs") | {"auto": "database"} for name in ("database", "python")]
+    records = small + large + other
+    assert compare.means(records) == {
+        "auto": (pytest.approx(0.5**0.5), 2), "database": (pytest.approx(2.0), 2), "native": (pytest.approx(0.5), 1)
+    }  # fmt: skip

@@ -9,8 +9,9 @@ from typing import Any
 
 BASE = "python"  # the contender that all others are divided by
 ENGINES = ("database", "native")
+ON_DUCKDB = "on-duckdb"  # the script with engine="duckdb", where that runs it
 LIBRARIES = ("networkx", "rustworkx", "igraph", "duckdb", "pybullet")
-CONTENDERS = (*ENGINES, BASE, "sql", "networkx", "rustworkx", "igraph", "duckdb", "duckdb-key")
+CONTENDERS = (*ENGINES, ON_DUCKDB, BASE, "sql", "networkx", "rustworkx", "igraph", "duckdb", "duckdb-key")
 COMPILING = "compiling"  # the only contender of problems that are not run
 
 
@@ -55,6 +56,12 @@ class Target:
     since: int = 0
 
 
+def bounds(database: float | None, native: float | None, since: int = 0) -> tuple[Target, ...]:
+    """The targets of both engines beside Python by hand."""
+    both = (("database", database), ("native", native))
+    return tuple(Target(most, contender=name, since=since) for name, most in both if most is not None)
+
+
 @dataclass(frozen=True)
 class Problem:
     """One line of the table.
@@ -78,7 +85,7 @@ class Problem:
 
     @property
     def contenders(self) -> tuple[str, ...]:
-        engines = ENGINES if self.script else ()
+        engines = (*ENGINES, ON_DUCKDB) if self.script else ()
         return tuple(name for name in (*CONTENDERS, COMPILING) if name in engines or name in self.others)
 
 

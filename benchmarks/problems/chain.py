@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from problems.base import Problem, Script, Work, lengths
+from problems.base import Problem, Script, Work, bounds, lengths
 
 OPTIONS = {"chain": "", "chain-breadth": "BREADTH FIRST", "chain-unique": "UNIQUE"}
 
@@ -46,6 +46,7 @@ PROBLEMS = tuple(
         "the length of the path",
         lengths,
         full=(100_000,),
+        targets=bounds(4.5, 4.0, since=20_000),
     )
     for name, option in OPTIONS.items()
 )

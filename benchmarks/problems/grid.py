@@ -17,7 +17,7 @@ from typing import Any
 
 import apsw
 
-from problems.base import Prepare, Problem, Script, Target, Work
+from problems.base import Prepare, Problem, Script, Work, bounds
 from problems.graphs import Graph, libraries
 from problems.levels import duck
 from problems.tables import opened, table_file
@@ -307,7 +307,7 @@ PROBLEMS = tuple(
         "the cost of the path, to 6 decimals",
         cost_of,
         full=(600,),
-        targets=(Target(1.2 if form == "-function" else 0.8, since=300),),
+        targets=bounds(2.2, 1.6, 300) if form == "-function" else bounds(1.3, 1.25, 300),
     )
     for astar in (False, True)
     for form, (script, about) in FORMS.items()

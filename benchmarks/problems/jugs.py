@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from problems.base import Problem, Script, Work, lengths
+from problems.base import Problem, Script, Work, bounds, lengths
 from problems.levels import duck, sql_levels
 
 
@@ -102,5 +102,6 @@ PROBLEMS = (
         "the number of steps",
         lengths,
         full=(10_001,),
+        targets=bounds(1.6, 1.25, since=1001),
     ),
 )

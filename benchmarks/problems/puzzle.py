@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from functools import lru_cache
 
-from problems.base import Problem, Script, Work, lengths
+from problems.base import Problem, Script, Work, bounds, lengths
 from problems.levels import duck, sql_levels
 
 GOAL = [1, 2, 3, 4, 5, 6, 7, 8, 0]
@@ -80,6 +80,46 @@ def by_hand(distance: int) -> Work:
     return Work(run)
 
 
+def after(board: list[int]) -> list[list[int]]:
+    """The boards after one slide."""
+    return [made for step in SLIDES if (made := slide(step, board[:]))]
+
+
+def successors_script(distance: int) -> Script:
+    return Script(
+        """SELECT this FROM after(board) WHERE this == goal
+           START WITH board = start CONNECT BY UNIQUE MAXIMUM 1 board = this
+           AS list;""",
+        ((after, "immutable"),),
+        {"start": start_of(distance), "goal": GOAL},
+    )
+
+
+def successors_by_hand(distance: int) -> Work:
+    start = start_of(distance)
+
+    def run() -> list[list[list[int]]]:
+        parents: dict[tuple[int, ...], tuple[int, ...] | None] = {}
+        queue: deque[tuple[tuple[int, ...] | None, list[int]]] = deque([(None, start)])
+        while queue:
+            key, board = queue.popleft()
+            for following in after(board):
+                state = tuple(following)
+                if state in parents:
+                    continue
+                parents[state] = key
+                if following == GOAL:
+                    path = [following]
+                    while key is not None:
+                        path.append(list(key))
+                        key = parents[key]
+                    return [path[::-1]]
+                queue.append((state, following))
+        return []
+
+    return Work(run)
+
+
 # In SQL a board is a text of nine digits; `slides` holds the places, from 1, between which a tile can slide.
 PLACES = ", ".join(
     f"({empty + 1}, {empty + step + 1})"
@@ -121,6 +161,18 @@ def in_duckdb(distance: int) -> Work:
 
 PROBLEMS = (
     Problem(
+        "puzzle-successors",
+        "the 8-puzzle, UNIQUE over the boards that a function of the board lists",
+        "slides",
+        (20,),
+        4,
+        successors_script,
+        {"python": successors_by_hand, "sql": in_sql, "duckdb-key": in_duckdb},
+        "the number of slides",
+        lengths,
+        full=(24, 31),
+    ),
+    Problem(
         "puzzle",
         "the 8-puzzle, UNIQUE over the next board, `slide` in Python",
         "slides",
@@ -131,5 +183,6 @@ PROBLEMS = (
         "the number of slides",
         lengths,
         full=(24, 31),
+        targets=bounds(4.5, 1.25, since=20),
     ),
 )
