@@ -86,6 +86,30 @@ def test_each_step_is_one_call(options: str, shown: Any) -> None:
     assert len({repr(state) for path in result.value for state in path}) == len(reached)
 
 
+@pytest.mark.parametrize("kind", [list, tuple])
+@pytest.mark.parametrize("shown", SHOWN.values(), ids=SHOWN)
+@pytest.mark.parametrize("options", OPTIONS)
+def test_each_list_of_successors_is_one_call(options: str, shown: Any, kind: Any, engine: Any) -> None:
+    steps = Steps(shown)
+
+    def onward(state: Any) -> Any:
+        steps.calls[repr(state)] += 1
+        number = steps.states.index(state)
+        if isinstance(state, list):
+            state.append("what a function does to its argument is seen by nobody")
+        return kind(steps.states[steps.after(number, step)] for step in (1, 2, 7))
+
+    with ss2sql.connect() as ss:
+        ss.function("onward", onward, volatility="immutable")
+        ss.set("first", steps.states[0])
+        text = f"SELECT this FROM onward(n) START WITH n = first CONNECT BY {options} MAXIMUM 1000 n = this AS list"
+        result = ss.run(text, engine="native" if "MEMORIZE" in options else engine)
+    reached = steps.reached([1, 2, 7])
+    assert {repr(state) for path in result.value for state in path} == {repr(steps.states[n]) for n in reached}
+    assert all(steps.states.index(path[0]) in {1, 2, 7} for path in result.value)
+    assert steps.calls == Counter(repr(steps.states[n]) for n in reached)
+
+
 @pytest.mark.parametrize("options", OPTIONS)
 @pytest.mark.parametrize("elements", ["[1, 2, 2, 7, 1]", "[[1], [2], [2]]", "[[1], [1.0]]"])
 def test_elements_that_occur_twice(elements: str, options: str) -> None:

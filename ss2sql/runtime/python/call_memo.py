@@ -92,7 +92,9 @@ class MemoizedCalls:
     with the keys joined, or `get(arguments)` where they are plain, gives a Result, to be counted by a call of `hit`, or
     what `missed` or `missed_plain` makes one of. `settle` hands on to the run what was counted.
 
-    `body` is the function itself, for calls that nobody makes twice; `count(number)` counts them.
+    `body` is the function itself, for calls that nobody makes twice; `count(number)` counts them. `make_single` gives
+    the function on arguments that are `fresh`, or copied here, for a list whose elements are `checked`, or by the
+    caller.
     `adopt(arguments, answer)` remembers what a call has given elsewhere; calls may then be `foretold`, as they may
     where another process makes them.
 
@@ -100,8 +102,8 @@ class MemoizedCalls:
     of the time of a search would go into looking through them for garbage. So keys are bytes, and so are lists.
     """
 
-    __slots__ = ("adopt", "body", "count", "foretold", "get", "hit", "missed", "missed_plain", "of_any", "of_keys",
-                 "of_plain", "settle")  # fmt: skip
+    __slots__ = ("adopt", "body", "count", "foretold", "get", "hit", "make_single", "missed", "missed_plain", "of_any",
+                 "of_keys", "of_plain", "settle")  # fmt: skip
 
     def __init__(self, function: UserFunction, run: Run, limit: int) -> None:
         memo, objects, copied = dict[Any, Any](), Interning(), function.changes
@@ -179,6 +181,12 @@ class MemoizedCalls:
             found = get(key)
             return found if type(found) is tuple and hit() else missed(found, key, (key,), argument)
 
+        def make_single(fresh: bool, checked: bool) -> Callable[..., Result]:
+            work = call if checked else make_checked_call(function, run, made.add, make_list_check(function))
+            if copied and not fresh:
+                return lambda *arguments: work(map(copy_for_python, arguments))
+            return lambda *arguments: work(arguments)
+
         def with_objects(arguments: tuple[Any, ...]) -> Result:
             if function.inferred:  # what was proved of plain data says nothing of other objects
                 return call(map(copy_for_python, arguments))
@@ -234,6 +242,7 @@ class MemoizedCalls:
         self.get, self.hit, self.settle = get, hit, settle
         self.of_plain, self.of_keys = of_plain, of_keys
         self.of_any: Callable[..., Result] = of_one if function.maximum == 1 else of_any
+        self.make_single = make_single
         self.missed, self.missed_plain = missed, missed_plain
 
 
@@ -245,11 +254,14 @@ def report_memo_counts(run: Run) -> None:
 
 
 def make_checked_call(
-    function: UserFunction, run: Run, counted: Callable[[], object] | None = None
+    function: UserFunction,
+    run: Run,
+    counted: Callable[[], object] | None = None,
+    checked: Callable[[Any], Result] | None = None,
 ) -> Callable[[Any], Result]:
-    """A real call: counted, and what comes back made a value."""
+    """A real call: counted, and what comes back made a value, by default by `make_result_check`."""
     name, body, calls = function.name, function.function, run.stats.calls
-    checked = make_result_check(function)
+    checked = checked or make_result_check(function)
 
     def count_by_name() -> None:
         calls[name] += 1
@@ -294,6 +306,12 @@ def make_result_check(function: UserFunction) -> Callable[[Any], Result]:
         return convert_value(result, giver), None
 
     return check_result
+
+
+def make_list_check(function: UserFunction) -> Callable[[Any], Result]:
+    """Makes what the function returns a list, each element of which the caller makes a value of the language."""
+    giver = f"the function '{function.name}'"
+    return lambda result: (result if type(result) is list else convert_value(result, giver), None)
 
 
 def bind_function(

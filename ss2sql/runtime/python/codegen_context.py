@@ -31,6 +31,7 @@ from ss2sql.runtime.run.error_locations import PAGE, CodePage
 from ss2sql.runtime.run.run_state import Run
 
 if TYPE_CHECKING:
+    from ss2sql.runtime.python.single_calls import SourceCall
     from ss2sql.runtime.search.search_run import FindPaths
 
 COUNTERS = ("generated", "expanded", "pruned")
@@ -255,6 +256,7 @@ class CodegenContext:
         self.keys: dict[int, str] = {}  # source -> the name of its elements' exact keys, see call_memo.py
         self.bindings: list[ast.stmt] = []
         self.definitions: list[ast.stmt] = []
+        self.source_call: SourceCall | None = None  # the call of a source that a search makes once for each state
         self.by_level: plan.Query | None = None  # the search that is counted, see level_counts.py
         self.watched: plan.Query | None = None  # the search that trace.py hears of
         self.level_searched_query: plan.Query | None = None  # the search whose results `find` finds

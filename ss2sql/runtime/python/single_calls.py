@@ -12,7 +12,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import frozen_values, plan
@@ -20,6 +20,7 @@ from ss2sql.language.frozen_values import Shape
 from ss2sql.language.kinds import SCALAR
 from ss2sql.language.plan_traversal import find_direct_assignments, list_call_places, walk
 from ss2sql.language.values import copy_for_python
+from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_code import is_memoized_call
 from ss2sql.runtime.python.call_memo import NO_KEY, MemoizedCalls, make_exact_key
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
@@ -27,6 +28,7 @@ from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.run.run_state import Places, Run
 
 if TYPE_CHECKING:
+    from ss2sql.runtime.python.codegen_context import PythonScope
     from ss2sql.runtime.python.step_clauses import StepClauses
 
 
@@ -34,12 +36,14 @@ if TYPE_CHECKING:
 class SingleCall:
     """A call that makes a state, in a search that makes it once for each state and element.
 
-    `begin` is done once for a search, `state_statements` once for a state before its elements, `end` at the end.
+    With `of_source` the call makes the elements, each of which is a state, and `SourceCall` writes it. `begin` is done
+    once for a search, `state_statements` once for a state before its elements, `end` at the end.
     """
 
     node: plan.Call
     key: int
     shape: Shape
+    of_source: bool = False
     value: str = ""  # the name of what it gives
     begin: list[ast.stmt] = field(default_factory=list)
     state_statements: list[ast.stmt] = field(default_factory=list)
@@ -63,6 +67,9 @@ class SingleCall:
     def write_call(self, step: StepClauses) -> None:
         """Writes the call, into `value`."""
         codegen, inner, source = step.codegen, step.inner, step.query.sources[0].id
+        if self.of_source:
+            self.value = codegen.names[source]
+            return
         build, at, function = codegen.build_at(self.node.place), codegen.build, self.node.function
         arguments = [self._write_argument(step, argument) for argument in self.node.arguments]
         once, remembered = codegen.new_name(function.name), codegen.new_name(f"{function.name}_remembered")
@@ -76,11 +83,7 @@ class SingleCall:
         self.begin.append(at.assign(made, at.constant(0)))
         self.end.append(at.run(at.call(count, at.name(made))))
         # The start may be a row as well, so it may be expanded twice.
-        state, start = at.pack(*map(at.name, step.frozen_states.values())), at.name(step.form.start)
-        if len(step.frozen_states) == 1:
-            (only,) = step.frozen_states.values()
-            state, start = at.name(only), at.item(start, 0)
-        is_start = at.compare(state, ast.Eq(), start)
+        is_start = _write_start_test(step, at)
         self.state_statements.append(at.assign(call, at.if_else(is_start, at.name(remembered), at.name(once))))
         codegen.page.note_call(self.node.place, function.name)
         run = at.name("run")  # a slow function must not keep a timeout waiting
@@ -94,28 +97,11 @@ class SingleCall:
 
     def _write_argument(self, step: StepClauses, argument: plan.Expr) -> ast.expr:
         """An argument as a value that the function may change."""
-        if isinstance(argument, plan.State) and argument.query == step.query.id:
-            shape = step.shapes[argument.name]
-            if shape != "scalar":
-                return self._write_state_copy(step, argument.name, shape)
-        build, value = step.codegen.build_at(argument.span), write_expression(step.builder, argument, step.inner)
-        if argument.type.is_only(SCALAR):
+        value = _write_argument(step, argument, step.inner, self.state_statements)
+        if _is_copied(argument, step) or argument.type.is_only(SCALAR):
             return value
-        flat = frozen_values.is_flat_list(argument.type)
+        build, flat = step.codegen.build_at(argument.span), frozen_values.is_flat_list(argument.type)
         return build.call(step.codegen.embed(list.copy, "copy") if flat else step.codegen.use(copy_for_python), value)
-
-    def _write_state_copy(self, step: StepClauses, name: str, shape: Shape) -> ast.expr:
-        """A fresh value of a START WITH variable: of its frozen one without a call in Python where it has its shape."""
-        codegen, build = step.codegen, step.build
-        value = build.name(step.frozen_states[name])
-        other = build.call(codegen.use(copy_for_python), build.call(codegen.use(frozen_values.thaw_value), value))
-        if shape == "any":
-            return other
-        plain = codegen.new_name("plain")
-        is_tuple = build.compare(build.call("type", value), ast.Is(), build.name("tuple"))
-        self.state_statements.append(build.assign(plain, is_tuple))
-        copy = build.call("list", build.call("map", build.name("list"), value) if shape == "nested" else value)
-        return build.if_else(build.name(plain), copy, other)
 
     def _write_early_stop(self, step: StepClauses) -> None:
         """`STOP WITH [] == move(this, state)` needs no row: what stops without being a goal leaves no trace."""
@@ -144,6 +130,92 @@ class SingleCall:
             case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)):
                 return [one for one, other in ((left, right), (right, left)) if analysis.facts(other).key == self.key]
         return []
+
+
+def write_start_test(step: StepClauses, build: AstBuilder) -> ast.expr:
+    """Whether a state is the start, which a row may be as well, so that it may be expanded twice."""
+    state, start = build.pack(*map(build.name, step.frozen_states.values())), build.name(step.form.start)
+    if len(step.frozen_states) == 1:
+        (only,) = step.frozen_states.values()
+        state, start = build.name(only), build.item(start, 0)
+    return build.compare(state, ast.Eq(), start)
+
+
+@dataclass(slots=True)
+class SourceCall:
+    """A call that gives the elements of the only source, in a search that makes it once for each state.
+
+    `checked`: what it gives is checked as a whole; else each element is, where it is new.
+    """
+
+    step: StepClauses
+    node: plan.Call
+    checked: bool = True
+    state_statements: list[ast.stmt] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, step: StepClauses) -> SourceCall | None:
+        """The call of a search of which there is one."""
+        source = step.query.sources[0]
+        calls = _find_single_calls(step.query, step.codegen.analysis)
+        return next((cls(step, c) for c in calls if isinstance(source, plan.ValueSource) and c is source.value), None)
+
+    def find_element(self) -> SingleCall | None:
+        """The element, where it is a row and the state after it and all have one shape; it is checked then."""
+        step, source = self.step, self.step.query.sources[0].id
+        shown = [expr for expr in step.outputs if isinstance(expr, plan.Element) and expr.source == source]
+        made = [step.shapes[name] for name, expr in step.connect.items() if expr in shown]
+        key = step.codegen.analysis.facts(shown[0]).key if shown else None
+        if key is None or len(shown) != 1 or len(made) != 1 or made[0] not in ("flat", "nested"):
+            return None
+        self.checked = False
+        return SingleCall(self.node, key, made[0], of_source=True)
+
+    def write(self, body: PythonScope) -> ast.expr:
+        """The call: it gives the value and None."""
+        step, node = self.step, self.node
+        codegen, build = step.codegen, step.codegen.build_at(node.place)
+        arguments = [_write_argument(step, argument, body, self.state_statements) for argument in node.arguments]
+        fresh = all(_is_copied(argument, step) or argument.type.is_only(SCALAR) for argument in node.arguments)
+        codegen.page.note_call(node.place, node.function.name)
+        places = codegen.embed(list_call_places(step.query)[node.function.name], "places")
+        known = [build.name("run"), build.name(codegen.embed(node.function, "function")), build.name(places)]
+        both = build.call(codegen.use(make_source_calls), *known, build.constant(fresh), build.constant(self.checked))
+        methods = build.name(codegen.bind((node.function.name, "single"), f"{node.function.name}_calls", both, build))
+        remembered, once = (build.item(methods, index) for index in (0, 1))
+        return build.call(build.if_else(_write_start_test(step, build), remembered, once), *arguments)
+
+
+def _write_start_test(step: StepClauses, build: AstBuilder) -> ast.expr:
+    """Whether a state is the start, which a row may be as well, so that it may be expanded twice."""
+    state, start = build.pack(*map(build.name, step.frozen_states.values())), build.name(step.form.start)
+    if len(step.frozen_states) == 1:
+        (only,) = step.frozen_states.values()
+        state, start = build.name(only), build.item(start, 0)
+    return build.compare(state, ast.Eq(), start)
+
+
+def _is_copied(argument: plan.Expr, step: StepClauses) -> TypeGuard[plan.State]:
+    """Whether an argument is a START WITH variable of which its frozen value makes a fresh one at once."""
+    if not isinstance(argument, plan.State) or argument.query != step.query.id:
+        return False
+    return step.shapes[argument.name] in ("flat", "nested")
+
+
+def _write_argument(
+    step: StepClauses, argument: plan.Expr, body: PythonScope, state_statements: list[ast.stmt]
+) -> ast.expr:
+    """An argument: a copy of a START WITH variable, by a statement before it, and anything else as it is."""
+    if not _is_copied(argument, step):
+        return write_expression(step.builder, argument, body)
+    codegen, build, shape = step.codegen, step.build, step.shapes[argument.name]
+    value = build.name(step.frozen_states[argument.name])
+    other = build.call(codegen.use(copy_for_python), build.call(codegen.use(frozen_values.thaw_value), value))
+    plain = codegen.new_name("plain")
+    is_tuple = build.compare(build.call("type", value), ast.Is(), build.name("tuple"))
+    state_statements.append(build.assign(plain, is_tuple))
+    copy = build.call("list", build.call("map", build.name("list"), value) if shape == "nested" else value)
+    return build.if_else(build.name(plain), copy, other)
 
 
 def _is_empty_list(expr: plan.Expr) -> bool:
@@ -175,7 +247,9 @@ def _find_single_calls(query: plan.Query, analysis: ExpressionAnalysis) -> Itera
         keys = {analysis.facts(node).key for node in same}
         states = {part.name for part in same[0].arguments if isinstance(part, plan.State) and part.query == query.id}
         elements = {part.source for part in same[0].arguments if isinstance(part, plan.Element)}
-        if len(keys) == 1 and None not in keys and moved <= states and query.sources[0].id in elements:
+        source = query.sources[0]
+        of_element = source.id in elements or (isinstance(source, plan.ValueSource) and same[0] is source.value)
+        if len(keys) == 1 and None not in keys and moved <= states and of_element:
             yield same[0]
 
 
@@ -186,6 +260,15 @@ def _do_rows_determine_states(query: plan.Query, search: plan.Search, analysis: 
     at_once = find_direct_assignments(query)  # SELECT sees the state before the step
     alike = shown == {analysis.facts(expr).key for expr in at_once.values()}
     return None not in shown and alike and len(at_once) == len(search.connect)
+
+
+def make_source_calls(
+    run: Run, function: plan.Function, places: Places, fresh: bool, checked: bool
+) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """The function with its memory and without; both with it where somebody else calls it, too, than at `places`."""
+    calls: MemoizedCalls = run.host.get_callable(function, run)  # type: ignore[assignment]
+    elsewhere = run.call_places.get(function.name, {None}) - places
+    return calls.of_any, calls.of_any if elsewhere or calls.foretold else calls.make_single(fresh, checked)
 
 
 def make_call_variants(

@@ -21,7 +21,7 @@ from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.code_templates import write_template
 from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
 from ss2sql.runtime.python.python_expressions import write_expression
-from ss2sql.runtime.python.single_calls import SingleCall
+from ss2sql.runtime.python.single_calls import SingleCall, SourceCall
 from ss2sql.runtime.python.source_loops import SourceLoops, list_source_expressions
 from ss2sql.runtime.run import option_values
 from ss2sql.runtime.search.best_first import TAKEN
@@ -132,7 +132,11 @@ class StepClauses:
             [*list_source_expressions(query), *conditions, *siblings, *self.keeps_everything, *self.search.key]
         )
         # a call that is made once for each step, without a memory
-        self.single = None if form.watched or form.noted else SingleCall.find_single_call(self)
+        told = form.watched or form.noted
+        self.source_call = self.codegen.source_call = None if told else SourceCall.of(self)
+        self.single = None if told else SingleCall.find_single_call(self)
+        if self.source_call is not None and self.single is None and self.compares:
+            self.single = self.source_call.find_element()
         self.columns: list[Shape] = [self._choose_column_shape(expr) for expr in self.outputs]
         self.key: ast.expr = self.build.constant(None)
         self.row: list[ast.expr] = []  # the frozen values of the columns
@@ -272,7 +276,11 @@ class StepClauses:
             return self.shapes[expr.name]
         if self.single is not None and self.single.key == self.codegen.analysis.facts(expr).key:
             return self.single.shape
-        return "flat" if frozen_values.is_flat_list(expr.type) else "any"
+        if frozen_values.is_flat_list(expr.type):
+            return "flat"
+        if isinstance(expr, plan.Element) and expr.source not in self.loops.items:  # it is not frozen beforehand
+            return next((self.shapes[name] for name, other in self.connect.items() if other == expr), "any")
+        return "any"
 
     def _name_frozen(self, expr: plan.Expr, shape: Shape) -> ast.expr:
         """The name of the frozen value of a column."""

@@ -266,6 +266,7 @@ class StepFunction(StepClauses):
         codegen.use(Parts)
         single = self.single
         for_state = [] if single is None else single.state_statements
+        for_state += [] if self.source_call is None else self.source_call.state_statements
         used = list_names_read([*before, *for_state, items, self.loop])
         thawed = []
         for name, shape in self.shapes.items():
