@@ -122,8 +122,6 @@ def _lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlS
     else:
         label = lowering.needs.choose_label("members")
         members = lowering.lower_expr(items, scope)
-        if isinstance(members, exp.Placeholder):
-            lowering.needs.members.add(members.name)
         walked = sql_builder.table_function(lowering.needs.name_elements_table(()), [members], label)
         test = exp.In(
             this=this, query=sql_builder.scalar(sql_builder.select([sql_builder.column("this", label)], [walked]))

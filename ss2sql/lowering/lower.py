@@ -67,9 +67,7 @@ def lower(
         quiet = quiet or any(
             isinstance(p.expr, plan.Constant) and p.expr.value is True for p in needs.parameters.values()
         )
-        sources = tuple(needs.walked[source.id] for source in query.sources if source.id in needs.walked)
-        book, members = search.describe_steps(), frozenset(needs.members)
-        bookkeeping = replace(book, compares_raw_rows=not (quiet or by_value), sources=sources, members=members)
+        bookkeeping = replace(search.describe_steps(), compares_raw_rows=not (quiet or by_value))
         keys, orders = ((), ()) if query.aggregated else (query.group, query.order)
     elif query.aggregated:
         is_sorted, is_limited = True, _can_limit_in_sql(query)

@@ -23,7 +23,7 @@ from sqlglot import exp
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import is_flag
-from ss2sql.language.plan_traversal import list_sources, list_states, rebuild_node, walk
+from ss2sql.language.plan_traversal import list_sources, rebuild_node, walk
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering
 from ss2sql.lowering.from_clause import FromItem, open_sources
@@ -342,9 +342,3 @@ class RecursiveQuery(ABC):
     def write_limit(self) -> Node | None:
         maximum = self.search.maximum
         return None if maximum is None else self.selects.needs.bind_count(maximum, "maximum")
-
-    def is_constant_source(self, source: plan.Source) -> bool:
-        """Whether a source is a list that is the same for every state."""
-        if not isinstance(source, plan.ValueSource):
-            return False
-        return not list_sources(source.value) and not list_states(source.value)

@@ -57,7 +57,6 @@ class EagerSearch(RecursiveQuery):
         self.ahead = (search.order == "breadth first" and cut) or search.heuristic is not None
         self.shared = find_element_calls(query) if "calls" not in selects.needs.disabled else ()
         self.stops = split_stop_conditions(query)
-        self.counted = self.counts == "steps" and not self.shared  # the table of a list with calls counts by itself
         self.depth = self._choose_name("depth") if search.order == "depth first" else None
         self.states = {name: self._choose_name(shorten_column_name(name)) for name in self.variables}
         self.at_once = find_direct_assignments(query)
@@ -105,10 +104,12 @@ class EagerSearch(RecursiveQuery):
         return not flags and (self.search.repeats != "unique" or self.search.order == "breadth first")
 
     def describe_steps(self) -> Bookkeeping:
+        walked = self.selects.needs.walked if self.counts == "product" else {}
         book = Bookkeeping(
             self.counts,
             self.all_go_on,
             self.all_results,
+            sources=tuple(walked[source.id] for source in self.query.sources if source.id in walked),
             keyed=self.keyed,
             steps_unkept=self.steps_unkept,
             starts=int(not self.has_special_first_steps),
@@ -126,11 +127,21 @@ class EagerSearch(RecursiveQuery):
             return "steps"
         if self.arms is not None:
             return "product"
-        if not self.search.each and all(map(self.is_constant_source, query.sources)) and not has_query(query):
+        if not self.search.each and all(map(self._is_bound, query.sources)) and not has_query(query):
             return "product"
         stops = self.stops
         drops = bool(stops.others) or stops.pruning_condition is not None or self.search.order == "probability"
         return "steps" if drops else "entered"
+
+    def _is_bound(self, source: plan.Source) -> bool:
+        """Whether a source is a value that was bound for all states; known when it was opened."""
+        bound = source.id in self.selects.needs.walked
+        return bound and isinstance(source, plan.ValueSource) and not list_states(source.value)
+
+    @property
+    def counted(self) -> bool:
+        """Whether each step is counted when it is made; the table of a list with calls counts by itself."""
+        return self.counts == "steps" and not self.shared
 
     # --- what is known of a step when it is taken ------------------------------------------------------
 

@@ -49,8 +49,7 @@ class Bookkeeping:
     all_go_on: bool = False  # every step that enters goes on
     all_results: bool = False  # every step that enters is a result
     compares_raw_rows: bool = False  # rows are compared as they are, until values with several forms turn up
-    sources: tuple[str, ...] = ()  # the parameters that are walked as sources
-    members: frozenset[str] = frozenset()  # those that are walked as lists right of IN, which make no steps
+    sources: tuple[str, ...] = ()  # the parameters that are walked as sources, where each state has all their elements
     arms: int = 1  # the number of SELECTs that make the steps from a state
     parts: tuple[int, ...] = ()  # for each column of a row the number of values that form its list; 0: it is one value
     keyed: bool = False  # something else than rows is compared

@@ -34,7 +34,6 @@ class StatementNeeds:
     by_value: bool = False  # no values are compared by their handles
     plain: set[str] = field(default_factory=set)  # parameters that are compared by their handles
     walked: dict[int, str] = field(default_factory=dict)  # source -> the parameter that it walks
-    members: set[str] = field(default_factory=set)  # parameters that are walked as lists right of IN
     disabled: Collection[str] = ()  # the rewrites that are switched off
     applied: dict[str, None] = field(default_factory=dict)  # the rewrites that lowering has applied
     memoized_expressions: list[plan.Expr] = field(

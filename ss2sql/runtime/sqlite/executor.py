@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import islice
 from marshal import dumps
+from math import prod
 from typing import Any
 
 import apsw
@@ -208,10 +209,7 @@ class Database:
         execution = self.current
         execution.outermost = execution.outermost or cursor
         table = execution.modules[name]
-        walked = self._encode_elements(execution, arguments[0], table)
-        if execution.book.counts == "product":
-            self.search.walks.append((arguments[0], walked.length))
-        return walked
+        return self._encode_elements(execution, arguments[0], table)
 
     def _make_element_calls(self, name: str, cursor: Any, request: CallRequest) -> ColumnsFor:
         """What gives the columns of a table that calls functions with the elements of a list."""
@@ -314,7 +312,7 @@ class Database:
         """Makes the execution the innermost one, with empty memos, and adds up at its end what it has done."""
         run, memos = execution.run, {name: self.memos[name] for name in execution.calls}
         outer = {name: memo.begin_execution() for name, memo in memos.items()}
-        search = self.search.begin_search(execution.interning.frozen, False)
+        search = self.search.save_state()
         self.stack.append(execution)
         try:
             with run.sizes.raise_refusals():
@@ -335,7 +333,7 @@ class Database:
             if execution.query is not None and execution.query.search is not None:
                 self.search.add_counts(run.stats, execution.book, execution.results())
                 run.overestimated |= self.search.overestimated
-            self.search.end_search(search)
+            self.search.restore_state(search)
 
     def _try_execution(
         self,
@@ -355,9 +353,8 @@ class Database:
         interning.mixed = self.search.mixed
         values = self._bind_values(lowered, interning, evaluate)
         interning.watched = frozenset(values[name] for name in lowered.plain)
-        self.search.note_walked_lists(
-            [values[name] for name in execution.book.members], [values[name] for name in execution.book.sources]
-        )
+        walked = [self._encode_elements(execution, values[name], ListTable(())) for name in execution.book.sources]
+        self.search.steps_per_state = execution.book.arms * prod(elements.length for elements in walked)
         if _has_other_form(interning, values):
             raise OtherFormError
         cursor = self.connection.cursor()
@@ -400,6 +397,7 @@ class Database:
         self.lists.register_modules(sql.modules)
         execution = StatementExecution(run, calls=dict.fromkeys(self.memos, ()))
         with self._push_execution(execution):
+            self.search.begin_search(execution.interning.frozen, False)
             execution.modules.update(sql.modules)
             values = {name: _encode_bound_value(execution.interning, value) for name, value in sql.parameters.items()}
             return [tuple(map(execution.interning.decode, row)) for row in self._open_cursor(sql, sql.modules, values)]

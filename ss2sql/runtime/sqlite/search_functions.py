@@ -7,8 +7,8 @@ searches writes down. Ranks are totals for which less is better.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Hashable, Iterable
-from math import inf, prod
+from collections.abc import Callable, Hashable
+from math import inf
 from typing import Any
 
 from ss2sql.language.ordering import is_overestimate
@@ -70,11 +70,9 @@ class StepNumbers:
         self._before = 0
         self.next = self._count.__next__
 
-    def restart_count(self, count: int = 0) -> int:
-        """Begins to count, where so many were given already, and says how many were given until now."""
-        before = self.count
-        self._before += before - count
-        return before
+    def restart_count(self, count: int = 0) -> None:
+        """Begins to count, where so many were given already."""
+        self._before += self.count - count
 
     @property
     def count(self) -> int:
@@ -86,55 +84,45 @@ class SearchState:
     """Steps are numbered from 1; 0 is the parent of the first ones.
 
     One object serves a connection: what SQLite calls are its methods themselves, for a function around them would
-    cost as much as they do. `begin_search` makes it ready for one execution, `end_search` gives it back to the one
-    before.
+    cost as much as they do. `begin_search` makes it ready for one execution; `save_state` and `restore_state` serve one
+    inside of another.
     """
 
     # What stands in a slot is found faster than in a dict: a search over edges runs a quarter fewer instructions.
     __slots__ = (
-        *("always_plain", "compared", "current_path", "expanded", "expansions", "generated", "highest", "key"),
-        *(
-            "keyed",
-            "last_dropped",
-            "returned",
-            "late_pruned",
-            "members",
-            "met",
-            "numbers",
-            "overestimated",
-            "parents",
-            "plain",
-        ),
-        *("pruned", "returned", "rows", "shared", "taken", "tested_key", "tested_row", "walks"),
+        *("always_plain", "compared", "current_path", "expanded", "expansions", "generated", "highest", "key", "keyed"),
+        *("last_dropped", "late_pruned", "met", "numbers", "overestimated", "parents", "plain", "pruned", "returned"),
+        *("rows", "steps_per_state", "taken", "tested_key", "tested_row"),
     )
 
     def __init__(self) -> None:
         self.numbers = StepNumbers()  # of steps that are not kept
         self.expansions = StepNumbers()  # of steps that went on, the start among them
-        self._reset_state(lambda value: value, True, False)
+        self.begin_search(lambda value: value, True)
 
-    def begin_search(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool = False) -> dict[str, Any]:
-        """Starts afresh and gives what has to be handed to `end_search`.
+    def save_state(self) -> tuple[Any, ...]:
+        """What `restore_state` gives back to an execution that another one has interrupted."""
+        return self.numbers.count, self.expansions.count, [getattr(self, name) for name in self.__slots__]
 
-        `key` gives equal SQL values one hashable value; what is compared needs none where it is `plain`, see also
-        `trust_plain_rows`. `keyed`: something else than rows is compared, and kept beside them.
-        """
-        outer = {name: getattr(self, name) for name in self.__slots__}
-        outer |= {"counted": [numbers.restart_count() for numbers in (self.numbers, self.expansions)]}
-        self._reset_state(key, plain, keyed)
-        return outer
+    def restore_state(self, saved: tuple[Any, ...]) -> None:
+        numbers, expansions, values = saved
+        self.numbers.restart_count(numbers)
+        self.expansions.restart_count(expansions)
+        for name, value in zip(self.__slots__, values, strict=True):
+            setattr(self, name, value)
 
     def trust_plain_rows(self) -> None:
         """Lets rows stand for themselves until `mixed` is called."""
         self.plain = True
 
-    def end_search(self, outer: dict[str, Any]) -> None:
-        for numbers, count in zip((self.numbers, self.expansions), outer.pop("counted"), strict=True):
-            numbers.restart_count(count)  # those of a statement inside of another are none of that one
-        for name, value in outer.items():
-            setattr(self, name, value)
+    def begin_search(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool = False) -> None:
+        """Starts afresh.
 
-    def _reset_state(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool) -> None:
+        `key` gives equal SQL values one hashable value; what is compared needs none where it is `plain`, see also
+        `trust_plain_rows`. `keyed`: something else than rows is compared, and kept beside them.
+        """
+        self.numbers.restart_count()
+        self.expansions.restart_count()
         self.key = key
         self.always_plain = self.plain = plain
         self.tested_row: tuple[Any, ...] = ()  # the row that a repeat test let pass
@@ -154,14 +142,7 @@ class SearchState:
         self.compared: list[Any] = [()] if keyed else self.rows
         self.current_path = StepPathKeys(self.parents, self.compared, _return_key if keyed else self._make_key)
         self.last_dropped = 0
-        self.walks: list[tuple[Any, int]] = []  # the lists that were walked, and their lengths
-        self.members: frozenset[Any] = frozenset()  # those right of IN
-        self.shared: list[Any] = []  # for each source that is one of these, too, its list
-
-    def note_walked_lists(self, members: Iterable[Any], sources: Iterable[Any]) -> None:
-        """Notes the lists right of IN and those of sources: only elements of sources make steps."""
-        self.members = frozenset(members)
-        self.shared = [source for source in sources if source in self.members]
+        self.steps_per_state = 1  # where all states have as many
 
     def add_counts(self, stats: Stats, book: Bookkeeping, results: int) -> None:
         """Adds what the search has done; `results` is the number of paths."""
@@ -173,18 +154,10 @@ class SearchState:
         """The number of steps that have been generated until now."""
         generated = self.generated
         if not generated and book.counts == "product":
-            return self._count_steps_per_state() * book.arms * (self._count_continued(book, results) + 1)
+            return self.steps_per_state * (self._count_continued(book, results) + 1)
         if not generated and book.counts == "entered":
             return self._count_entered(book, results) + self.pruned - self.late_pruned
         return generated
-
-    def _count_steps_per_state(self) -> int:
-        """The product of the lengths of the sources."""
-        lengths = [length for walked, length in self.walks if walked not in self.members]
-        if self.shared:
-            known = dict(self.walks)
-            lengths += [known.get(source, 0) for source in self.shared]
-        return prod(lengths)
 
     def _count_continued(self, book: Bookkeeping, results: int) -> int:
         if book.all_go_on:
