@@ -164,8 +164,8 @@ class EagerSearch(RecursiveQuery):
         """Whether CONNECT BY may assign the variable for each step that enters, also for one that stops."""
         if not self.admits_stopping_goals:
             return True
-        if name not in self.at_once:  # it may contain what is set before it, of a state that was not evaluated
-            return not any(find_fallible_parts(expr) for _, expr in self.search.connect)
+        if name not in self.at_once:  # it reads what is set before it, whose type is that of states that go on
+            return False
         done = find_certain_parts(self.query.where) + find_certain_parts(self.search.stop)
         return all(any(part == other for other in done) for part in find_fallible_parts(self.at_once[name]))
 

@@ -43,11 +43,12 @@ class PathFunctions:
     """The path functions in the clauses of one search. `clause` is the one that is being resolved.
 
     `variables` are the names of the hidden variables, by the function and its argument; `search` is the search as it is
-    known after CONNECT BY.
+    known after CONNECT BY. `reads_next`: one of them reads the state after the step.
     """
 
     variables: dict[tuple[str, ast.Expr | None], str] = field(default_factory=dict)
     clause: str = ""
+    reads_next: bool = False
     sources: tuple[plan.Source, ...] = ()
     search: plan.Search | None = None
 
@@ -64,6 +65,7 @@ def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, 
     """The query with the hidden variables, and their names."""
     found = PathFunctions()
     calls = [call for call in _find_path_calls(tree) if is_path_function(resolver, call)]
+    found.reads_next = any(call.function in ("next", "leaf", "path", "cycle") for call in calls)
     # An outer call is assigned first, because it reads the inner one as it was before the step.
     calls.sort(key=lambda call: -_measure_nesting(resolver, call))
     start: list[ast.Assign] = []

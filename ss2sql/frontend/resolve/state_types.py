@@ -158,8 +158,10 @@ def _narrow_types(resolver: Resolver, tree: ast.Query, scope: Scope, first: Type
     """The types of the reachable states: the first one, and those after a step that did not stop."""
     attempt = _resolve_attempt(resolver, tree, scope, types)
     facts: list[Comparison] = []
-    # The first steps have a condition of their own.
-    for clause, truth in ((tree.stop, False), (tree.made if tree.first is None else None, True)):
+    # The first steps have a condition of their own. BY and `next` read the state after a step that stops, too.
+    assert scope.path_functions is not None
+    stop = None if scope.path_functions.reads_next or any(option.by for option in tree.options) else tree.stop
+    for clause, truth in ((stop, False), (tree.made if tree.first is None else None, True)):
         if clause is not None:
             with _discard_findings(resolver):
                 entered = attempt.scope.enter_clause("WHERE")
