@@ -27,8 +27,8 @@ from ss2sql.language.rows import Rows
 from ss2sql.language.unreadable_text import is_unreadable
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.runtime import representations
-from ss2sql.runtime.python.call_memo import bind_function
 from ss2sql.runtime.representations.shape import Representations, expand_stars
+from ss2sql.runtime.run.call_memo import bind_function
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT
 from ss2sql.runtime.run.option_checks import Limits
 from ss2sql.runtime.run.run_state import Run

@@ -27,9 +27,9 @@ from ss2sql.language.recursion_limit import MAX_LEVELS, deepen_stack
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.external.step_evaluation import StepEvaluation, pickle_values
-from ss2sql.runtime.python.call_memo import bind_function, report_memo_counts
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.representations.shape import Representations, expand_stars
+from ss2sql.runtime.run.call_memo import bind_function, report_memo_counts
 from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.search.search_run import SearchRun

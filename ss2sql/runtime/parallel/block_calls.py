@@ -31,7 +31,7 @@ from ss2sql.runtime.parallel.transferable_functions import (
     warn_once,
 )
 from ss2sql.runtime.parallel.worker_process import NO_VALUE
-from ss2sql.runtime.python.call_memo import Result, make_checked_call, report_memo_counts
+from ss2sql.runtime.run.call_memo import Result, make_checked_call, report_memo_counts
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search.search_run import SearchRun
 from ss2sql.runtime.search.step_notes import Notes, Pair

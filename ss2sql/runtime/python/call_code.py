@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import walk_own
-from ss2sql.runtime.python.call_memo import make_exact_key
 from ss2sql.runtime.python.codegen_context import PythonScope
+from ss2sql.runtime.run.call_memo import make_exact_key
 from ss2sql.runtime.run.run_state import Run
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ from ss2sql.errors import Error
 from ss2sql.language import plan
 from ss2sql.language.recursion_limit import deepen_stack
 from ss2sql.language.rows import Rows
-from ss2sql.runtime.python.call_memo import report_memo_counts
 from ss2sql.runtime.python.codegen_context import CodegenContext
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
 from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.python.query_compiler import Dispatch, QueryCompiler
+from ss2sql.runtime.run.call_memo import report_memo_counts
 from ss2sql.runtime.run.error_locations import locate_in_script
 from ss2sql.runtime.run.run_state import Run
 

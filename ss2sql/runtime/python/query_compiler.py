@@ -19,13 +19,13 @@ from ss2sql.language.plan_traversal import has_constant_source, split_and, walk
 from ss2sql.language.representation_table import make_label
 from ss2sql.runtime.python import flat_query
 from ss2sql.runtime.python.ast_builder import AstBuilder
-from ss2sql.runtime.python.call_memo import make_exact_key
 from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
 from ss2sql.runtime.python.eval_compiler import EvalScope, make_eval_cache
 from ss2sql.runtime.python.expression_facts import ExpressionFacts
 from ss2sql.runtime.python.python_expressions import get_group_key, write_expression
 from ss2sql.runtime.python.query_execution import get_tuples_function, get_value_function, make_execution
 from ss2sql.runtime.run.array_calls import count_array_calls
+from ss2sql.runtime.run.call_memo import make_exact_key
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, forget_older_half
 from ss2sql.runtime.run.option_values import check_count_value
 from ss2sql.runtime.run.post_processing import QueryForm, find_aggregates

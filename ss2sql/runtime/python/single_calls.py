@@ -22,9 +22,9 @@ from ss2sql.language.plan_traversal import find_direct_assignments, list_call_pl
 from ss2sql.language.values import copy_for_python
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_code import is_memoized_call
-from ss2sql.runtime.python.call_memo import NO_KEY, MemoizedCalls, make_exact_key
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
 from ss2sql.runtime.python.python_expressions import write_expression
+from ss2sql.runtime.run.call_memo import NO_KEY, MemoizedCalls, make_exact_key
 from ss2sql.runtime.run.run_state import Places, Run
 
 if TYPE_CHECKING:

@@ -19,7 +19,6 @@ from ss2sql.language.frozen_values import freeze_any
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import can_end_early, walk
 from ss2sql.runtime.python.ast_builder import AstBuilder
-from ss2sql.runtime.python.call_memo import make_exact_key
 from ss2sql.runtime.python.codegen_context import MAX_LOOPS, PythonScope
 from ss2sql.runtime.python.equality_index import (
     Lookup,
@@ -44,6 +43,7 @@ from ss2sql.runtime.python.loop_items import (
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, write_expression
 from ss2sql.runtime.python.world_loops import WorldCondition, find_world_condition, write_world_items
 from ss2sql.runtime.run.array_calls import BLOCK, count_array_calls, is_array_call, iterate_blocks, list_certain_calls
+from ss2sql.runtime.run.call_memo import make_exact_key
 from ss2sql.runtime.run.elements import list_elements, list_elements_or_none
 
 if TYPE_CHECKING:
