@@ -2,7 +2,7 @@
 
 with checking(run.check):
     ...
-        for value in watched(values):  # asks every few thousand values whether to go on
+        for value in watched(values):  # checks every few thousand values whether to go on
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from itertools import chain, islice
 from typing import Any, TypeAlias, TypeVar
 
 T = TypeVar("T")
-Check: TypeAlias = Callable[[], None]  # raises what ends the work that asks it
+Check: TypeAlias = Callable[[], None]  # raises what ends the work that calls it
 
 ITEMS_PER_CHECK = 4096  # values, rows or cells between two checks: some 0.1 to 1 ms
 
@@ -51,7 +51,7 @@ def _iterate_portions(items: Iterator[T], check: Check) -> Iterator[list[T]]:
 
 
 def make_checked_order(compare: Callable[[Any, Any], int]) -> Callable[[Any], Any]:
-    """The key of an order that asks the check of the run after every few thousand comparisons."""
+    """The key of an order that calls the check of the run after every few thousand comparisons."""
     check = _current_check.get()
     if check is None:
         return cmp_to_key(compare)

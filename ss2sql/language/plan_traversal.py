@@ -14,7 +14,7 @@ Node: TypeAlias = Any  # an expression, or any plan dataclass that holds express
 E = TypeVar("E")
 
 _fields: dict[type, tuple[str, ...]] = {}
-_kinds: dict[type, bool] = {}  # whether the values of a class are nodes: compiling asks this 1,000 times for a query
+_kinds: dict[type, bool] = {}  # whether the values of a class are nodes: compiling needs this 1,000 times for a query
 
 # Fields that never hold expressions.
 _PLAIN = frozenset({"span", "place", "type", "scope", "literal", "name", "element"})

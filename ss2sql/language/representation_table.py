@@ -39,7 +39,7 @@ def request_hidden_columns(wanted: Literal["elements", "calls"]) -> Callable[[F]
 class Table:
     """Rows with names for their columns: `columns` a tuple of strings, `rows` a list of tuples.
 
-    `hidden` are tuples, one for each row, of what a representation has asked for; without any where there is nothing.
+    `hidden` are tuples, one for each row, of what a representation has requested; without any where there is nothing.
     `facts` says how the columns are calls, see `ss2sql.language.plan.FactColumn`; `labels` are the places of columns
     that each row names by what is hidden behind it. Who walks the table itself, not its `rows`, is ended where the run
     has to end, which is what `check` says.

@@ -29,7 +29,7 @@ def is_unreadable(error: Exception) -> bool:
 
 
 class UnreadableText(Opaque):
-    """Equals texts of the same bytes, is true, and raises ExecutionError X009 for whatever else is asked of it."""
+    """Equals texts of the same bytes, is true, and raises ExecutionError X009 for any other operation."""
 
     __slots__ = ()
 

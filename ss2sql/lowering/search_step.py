@@ -107,8 +107,8 @@ class SearchStep:
             new, weighed = weighed, []
         # What SQLite computes by itself is evaluated before what calls Python.
         fails = self.search.weight is not None and can_fail(self.search.weight)
-        asks = self._do_call_python(alive) or bool(self.of.shared)
-        new_first = asks and not (weighs and fails) and self.search.by == "row"
+        calls = self._do_call_python(alive) or bool(self.of.shared)
+        new_first = calls and not (weighs and fails) and self.search.by == "row"
         made = self._lower_connect_test()
         conditions = [*made, *(new + alive if new_first else alive + new), *weighed]
         guarded = bool(made) or (fails and bool(alive)) or (bool(alive) and self._can_key_fail())
@@ -183,10 +183,10 @@ class SearchStep:
             if of.stops.pruning_condition != of.stops.goals and both:
                 carried[of.continues_column] = _negate_flag(self.lower_goal())
             else:
-                asks = both and self._do_call_python([self.lower_stop()])
+                calls = both and self._do_call_python([self.lower_stop()])
                 carried[of.continues_column] = (
                     sql_builder.case([(self.lower_goal(), _negate_flag(self.lower_stop()))], sql_builder.number(1))
-                    if asks
+                    if calls
                     else _negate_flag(self.lower_stop())
                 )
         if of.waits is not None:

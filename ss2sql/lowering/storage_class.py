@@ -1,4 +1,4 @@
-"""What lowering asks of operands: the class of their SQL values, and whether they may be written twice.
+"""What lowering needs to know of operands: the class of their SQL values, and whether they may be written twice.
 
 SQLite's own operators are right within one class only.
 """

@@ -110,7 +110,7 @@ def _get_number_items(query: plan.Query, value: plan.Constant) -> tuple[plan.Exp
 
 
 def _calls_user_code(item: plan.Expr | plan.Query) -> bool:
-    """Whether an item calls a function of the user, or asks a query: every clause would do so."""
+    """Whether an item calls a function of the user, or evaluates a query: every clause would do so."""
     return any(
         isinstance(n, plan.Subquery) or (isinstance(n, plan.Call) and not n.function.builtin) for n in walk(item)
     )

@@ -47,7 +47,7 @@ class QueryAnswer:
     """What one query of a script gave: rows as the executor left them, what AS makes of them, the engine.
 
     `outputs` are the columns of the query in the plan, as far as it is known; `form` is what AS asks for, where the run
-    ended before there was a value. `begin` gives what is asked while the rows are read whether to go on: within the run
+    ended before there was a value. `begin` gives the check that is called while the rows are read: within the run
     its own check, after it that of what it has left of its time and its memory.
     """
 
@@ -67,7 +67,7 @@ class QueryAnswer:
 
     @property
     def value(self) -> Any:
-        """What AS makes of the rows, made when it is first asked for."""
+        """What AS makes of the rows, made when it is first read."""
         if self.make is not None:
             try:
                 self.made, self.make = self.make(self.begin()), None

@@ -348,7 +348,7 @@ class CompiledQuery:
     def make_sql_reader(self, run: Run | None = None) -> Callable[[], Sql]:
         """What gives the text that runs, with the values of its parameters: those of a run, else those in the text.
 
-        Of a query that runs natively it is the text that SQLite would run, which is made when it is asked for.
+        Of a query that runs natively it is the text that SQLite would run, which is made when it is first read.
         """
         lowered = self.get_shown_statement(run)
         if lowered is None and self.duck is None and self.levels is None:

@@ -63,7 +63,7 @@ class Progress:
     """The line of one run. `show_line` is called again and again while it works, `remove_line` when it is over.
 
     Executors say here how far they are: `search` is the state of the search that SQLite runs, `reached` the rows on the
-    path of a native search, or the way back from where it is, see backpointers.py.
+    path of a native search, or the backpointer of the present step, see backpointers.py.
     """
 
     def __init__(self, run: Run, stream: Stream, clock: Callable[[], float], width: Callable[[], int]) -> None:

@@ -293,7 +293,7 @@ class Session:
         """Parses, resolves and lowers a script once; names that it does not know become its parameters.
 
         Reads its tables to learn their types. Raises ParseError, ResolveError, Timeout and Cancelled; UnsupportedError
-        if the engine that is asked for cannot run the script.
+        if the requested engine cannot run the script.
         """
 
         def compile_in_run(run: Run) -> Query:

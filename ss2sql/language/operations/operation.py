@@ -199,7 +199,7 @@ def declare_aggregate(
     return replace(row, **of_list) if of_list else row
 
 
-# --- what `when` asks ----------------------------------------------------------------------------------
+# --- what `when` tests ----------------------------------------------------------------------------------
 
 
 def each(kinds: Kind) -> When:

@@ -66,7 +66,7 @@ REWRITES: dict[str, Rewrite] = {
     ),
     "split": Rewrite(
         "flattens AND and OR, moves NOT inwards, drops repeated parts, makes IN of several ==",
-        "conditions were taken apart, so that each is asked as early as possible",
+        "conditions were taken apart, so that each is evaluated as early as possible",
         normalize_conditions.rewrite,
     ),
     "rows": Rewrite(
@@ -75,13 +75,13 @@ REWRITES: dict[str, Rewrite] = {
         lists_to_rows.rewrite,
     ),
     "near": Rewrite(
-        "asks a world only for the box around a point where distance(this, point) <= 1",
-        "a distance became ranges of coordinates, which the world is asked for",
+        "queries a world only for the box around a point where distance(this, point) <= 1",
+        "a distance became ranges of coordinates, which the world is queried for",
         distance_ranges.rewrite,
     ),
     "early": Rewrite(
-        "asks conditions that can fail as soon as their sources are bound",
-        "conditions that can fail are asked as soon as their sources are known",
+        "evaluates conditions that can fail as soon as their sources are bound",
+        "conditions that can fail are evaluated as soon as their sources are known",
     ),
     "hoist": Rewrite(
         "computes a call or nested query once for the sources that it depends on",
@@ -107,7 +107,7 @@ REWRITES: dict[str, Rewrite] = {
         "indexes into lists of numbers became places in a block of bytes",
     ),
     "late": Rewrite(
-        "asks SQLite for the keys of a world's elements, and reads what is shown of them afterwards",
+        "has SQLite find the keys of a world's elements, and reads what is shown of them afterwards",
         "SQLite finds keys of a world alone; the columns that are shown are read of these",
     ),
 }

@@ -1,4 +1,4 @@
-"""`near`: what is at most so far from a point lies in a box around it, and a world can be asked for that.
+"""`near`: what is at most so far from a point lies in a box around it, and a world can be queried for that.
 
     WHERE distance(this, p) <= 1            also asks            x BETWEEN p[0] - 1.000001 AND p[0] + 1.000001 ...
 
@@ -6,8 +6,8 @@ The distance is tested as before, of what the adapter finds in the box: that 1,0
 neighbours within 1 m takes 0.3 s in place of 180 s, for 6,794 distances are measured in place of a million.
 
 The adapter has promised what `distance` measures, by `Table.places`; the point and the radius must be numbers that are
-known before the table is walked. Nothing that is compared can fail then, so nobody can tell that the rest is asked of
-fewer elements.
+known before the table is walked. Nothing that is compared can fail then, so nobody can tell that the rest is evaluated
+for fewer elements.
 """
 
 from __future__ import annotations

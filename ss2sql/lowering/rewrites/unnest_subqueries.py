@@ -2,7 +2,7 @@
 
     [] == (SELECT this FROM [[a.this, b.this], [b.this, c.this]] WHERE this[0] == this[1] AS list)
 
-asks the same as `a.this != b.this AND b.this != c.this`, which both executors can evaluate as soon as the sources
+means the same as `a.this != b.this AND b.this != c.this`, which both executors can evaluate as soon as the sources
 are bound: the four-colour map over eight countries takes 8.7 s nested and 0.01 s so. The list may be a
 literal, a constant, or a variable's value; in the last case the query relies on the value, and is made anew
 when it has changed. A text for `eval` that is constant by then is read, too. The conditions must not fail,
@@ -43,8 +43,8 @@ Test: TypeAlias = Callable[[plan.Expr], plan.Expr]
 
 
 def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
-    asks = any(isinstance(node, (plan.Subquery, plan.Eval)) for node in walk(query))
-    if not asks or not COMPARISONS.isdisjoint(world.replaced):
+    nested = any(isinstance(node, (plan.Subquery, plan.Eval)) for node in walk(query))
+    if not nested or not COMPARISONS.isdisjoint(world.replaced):
         return query
     rewritten = SubqueryUnnester(world).unnest_query(query)
     if _can_assign(rewritten, {*world.lists, *world.types}):
@@ -156,7 +156,7 @@ class SubqueryUnnester:
         match name:
             case "eq" | "ne":
                 least, rest = divmod(number, width)
-                assert number, "whether there are rows is asked in another way"
+                assert number, "whether there are rows is tested in another way"
                 return (
                     make_constant(name == "ne", span)
                     if rest or least < 0

@@ -81,7 +81,7 @@ class DuckColumn:
         return self.kind in ("DOUBLE", "FLOAT")
 
     def write_questions(self) -> Iterator[exp.Expr]:
-        """What is asked of all rows: how many have a value, the ends of numbers, how many are no numbers."""
+        """What is computed over all rows: how many have a value, the ends of numbers, how many are no numbers."""
         if self.holds is None:
             return
         yield exp.Count(this=self.plain)

@@ -114,7 +114,7 @@ class DuckFrame(Frame):
         return DuckFrame(columns, rows, outside, self.reading, values)
 
     def convert_errors(self, span: Span) -> AbstractContextManager[None]:
-        """Makes what DuckDB raises ExecutionError X009, at the source that asks."""
+        """Makes what DuckDB raises ExecutionError X009, at the source that is read."""
         return self.reader.reader.sources.convert_errors(span)
 
     def read_column_values(self, name: str, read: Callable[[], Any]) -> list[Any]:
@@ -207,7 +207,7 @@ class DuckSources:
         return reader
 
     def _find_in_catalogue(self, name: str) -> list[tuple[Any, ...]]:
-        """Where the catalogue has the table; asked once in a run."""
+        """Where the catalogue has the table; queried once in a run."""
         run, key = self.active_runs[-1] if self.active_runs else None, (self, name)
         if run is not None and key in run.readings:
             return run.readings[key]  # type: ignore[no-any-return]
@@ -221,7 +221,7 @@ class DuckSources:
 
     @contextmanager
     def convert_errors(self, span: Span | None = None) -> Iterator[None]:
-        """Makes what DuckDB raises ExecutionError X009, at the place that asks."""
+        """Makes what DuckDB raises ExecutionError X009, at the place that reads it."""
         try:
             yield
         except self.errors as error:

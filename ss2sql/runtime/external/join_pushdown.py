@@ -34,7 +34,7 @@ MAX_JOINED_ROWS = 10_000  # rows that are handed over in any case; else no more 
 
 @dataclass(frozen=True, slots=True)
 class JoinPushdown:
-    """Sources of a query that follow each other, and parts of its WHERE, which DuckDB asks of them.
+    """Sources of a query that follow each other, and parts of its WHERE, which DuckDB evaluates for them.
 
     `names` are those of the columns that the query reads, by the number of the source and the name there.
     """
@@ -104,7 +104,7 @@ def push_down_joins(
 
     Args:
         query: a query that DuckDB does not run.
-        asked: the parts of its WHERE that come before what may fail.
+        parts: the parts of its WHERE that come before what may fail.
         variable: gives the values that variables will have, and raises KeyError or an Error where that is not known.
     """
     tables = tuple(
@@ -158,7 +158,7 @@ def _get_equated_sources(part: plan.Expr) -> frozenset[int] | None:
 
 def _remove_conditions(where: plan.Expr | None, conditions: Collection[plan.Expr]) -> plan.Expr | None:
     """What is left of WHERE."""
-    left = tuple(part for part in split_and(where) if not any(part is asked for asked in conditions))
+    left = tuple(part for part in split_and(where) if not any(part is one for one in conditions))
     return replace(where, parts=left) if isinstance(where, plan.And) and len(left) > 1 else next(iter(left), None)
 
 

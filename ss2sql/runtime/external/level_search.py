@@ -3,7 +3,7 @@ are kept.
 
 It finds the results of the breadth-first search that takes one step after the other, in its order. Only what nobody can
 notice is different: the clauses of all steps of a level are evaluated, also of those behind the last result that is
-asked for, and behind the first step to their row; so one of these may fail.
+wanted, and behind the first step to their row; so one of these may fail.
 """
 
 from __future__ import annotations

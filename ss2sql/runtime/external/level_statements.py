@@ -21,7 +21,7 @@ TRIED = StepSelect("SELECT * FROM tries", _KEY, _NOTED, (), (), None, {}, None, 
 WORDS: dict[plan.Repeats, str] = {
     "allowed": "keeps all of them",
     "unique": "keeps the first step to each row that no level before has reached",
-    "no cycle": "keeps those whose row is not met on the way back to the start",
+    "no cycle": "keeps those whose row is not on the path to the start",
 }
 
 
@@ -29,7 +29,7 @@ class LevelStatements:
     """What the statements of a level consist of. `frontier` has the states that are expanded."""
 
     frontier = "frontier"
-    met = ""  # what is asked of a row of `steps` that was met, beside being the same
+    met = ""  # a condition on a row of `steps` that was met, beside being the same
 
     def __init__(self, search: plan.Search, steps: StepSelect) -> None:
         self.search, self.steps = search, steps

@@ -25,7 +25,7 @@ from ss2sql.runtime.run.run_state import Run
 class PushedTable(Protocol):
     """What DuckDB hands over instead of whole tables.
 
-    `sources` are those that read the tables, `conditions` the parts of WHERE that it asks of them.
+    `sources` are those that read the tables, `conditions` the parts of WHERE that it evaluates for them.
     """
 
     @property

@@ -190,7 +190,7 @@ class UnpickledSearch:
         self.room = partial(deepen_stack, native.levels)  # on the stack, for the time of trying steps
 
     def take_counts(self) -> dict[str, Any]:
-        """What was counted since this was asked the last time, see Stats."""
+        """What was counted since the last call, see Stats."""
         self.trial.flush()
         report_memo_counts(self.run)
         stats, none = self.run.stats, Stats()

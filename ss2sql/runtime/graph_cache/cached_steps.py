@@ -238,7 +238,7 @@ class CachedSteps(Notes):
         return found
 
     def _finish_state(self) -> None:
-        """Takes from the notes of the state before what was found out; all of its steps were asked."""
+        """Takes from the notes of the state before what was found out; all of its steps were evaluated."""
         if self.off or self.at < 0 or not self._nodes:
             return
         node, pairs = self._nodes[self.at], self.pairs[self.at] or []

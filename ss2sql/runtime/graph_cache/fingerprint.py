@@ -74,7 +74,7 @@ class GraphFingerprint:
         return None
 
     def make_clause_key(self, kind: str, clause: plan.Expr) -> str:
-        """The key of a clause that is asked of the steps of the graph. Raises NotCacheable."""
+        """The key of a clause that is evaluated for the steps of the graph. Raises NotCacheable."""
         sources, queries = dict(self._sources), dict(self._queries)
         try:
             return _hash_parts((kind, self._describe_node(clause)))

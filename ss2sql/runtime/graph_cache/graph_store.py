@@ -34,13 +34,13 @@ TABLES = {
         id INTEGER PRIMARY KEY,
         graph INTEGER NOT NULL REFERENCES ss2sql_graphs(id) ON DELETE CASCADE,
         state TEXT NOT NULL,        -- JSON: the values of the START WITH variables
-        steps INTEGER,              -- the number of edges from here; NULL as long as nobody asked
+        steps INTEGER,              -- the number of edges from here; NULL as long as it is unknown
         UNIQUE (graph, state)""",
     "ss2sql_edges": """
         source INTEGER NOT NULL REFERENCES ss2sql_nodes(id) ON DELETE CASCADE,
         position INTEGER NOT NULL,  -- 0, 1, 2 ... in the order of FROM
         row TEXT NOT NULL,          -- JSON: the values of SELECT
-        target INTEGER,             -- the node of the state that CONNECT BY gives; NULL as long as nobody asked
+        target INTEGER,             -- the node of the state that CONNECT BY gives; NULL as long as it is unknown
         elements TEXT,              -- JSON: the elements of FROM, where Python functions gave them
         PRIMARY KEY (source, position)""",
     "ss2sql_clauses": """
@@ -73,7 +73,7 @@ _ONES_OF_A_GRAPH = (
 CURE = f"drop the tables {', '.join(TABLES)}; or connect(path, disable=['remember'])"
 
 
-_EACH = "json_each(?1) AS e CROSS"  # CROSS JOIN: the nodes that are asked for are the outer loop
+_EACH = "json_each(?1) AS e CROSS"  # CROSS JOIN: the wanted nodes are the outer loop
 
 
 def _join_nodes(nodes: Iterable[int]) -> str:

@@ -1,7 +1,7 @@
 """The calls that a block of states needs, made by other processes before the states are expanded.
 
 The step function is run ahead over the states of a block, with notes (runtime/search/step_notes.py): a call of the
-user's whose result is not known is not made, but sent to the processes. Then the steps that asked for it are taken
+user's whose result is not known is not made, but sent to the processes. Then the steps that needed it are taken
 again. In the end the states are expanded as ever, with the notes at hand; so the paths, their order and the errors are
 those of one process, whatever the processes do. A call that raises elsewhere is made once more, here.
 

@@ -107,7 +107,7 @@ def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Call
 
     Args:
         expr: the statement's expression.
-        dispatch: is asked once for every query that is not inside of another one, and gives the function that
+        dispatch: is called once for every query that is not inside of another one, and gives the function that
             runs it and has its value; without it queries run natively.
 
     Returns:

@@ -101,7 +101,7 @@ def _write_computed(builder: QueryCompiler, node: plan.Expr, body: PythonScope, 
             return made if _is_small_list(items) else build.call(codegen.read_sizes("check_value", build), made)
         case plan.GroupKey():
             return build.name(body.list_visible_groups[get_group_key(node)])
-        case plan.Aggregate(function=function):  # not before it is asked for: HAVING may drop what it fails on
+        case plan.Aggregate(function=function):  # not before it is needed: HAVING may drop what it fails on
             return build.call(
                 codegen.embed(make_aggregate(node), function), build.name(body.list_visible_groups[get_group_key(node)])
             )

@@ -62,7 +62,7 @@ class QueryExecution:
         self, outer: tuple[Any, ...] = (), sink: Rows | None = None, outermost: bool = False, counted: bool = False
     ) -> Rows:
         """The answer of the query, in `sink` where one is given. The run's limits hold for the `outermost` query;
-        that of its rows for queries inside of others whose value is asked for, which are `counted`.
+        that of its rows for queries inside of others whose value is needed, which are `counted`.
         """
         form, query = self.form, self.form.query
         settings = QuerySettings(*self.settings(*outer)) if self.settings else NO_SETTINGS

@@ -67,7 +67,7 @@ class SourceLoops:
         own = {source.id for source in query.sources}
         self._spent = set[str]()  # names that nothing further in reads
         self.lateral = [
-            # What is asked of a world depends on the conditions that it gets.
+            # What a world is queried for depends on the conditions that it gets.
             isinstance(source, plan.WorldSource)
             # How often something happens, and whether it fails, must not depend on rewrites.
             or (not isinstance(source, plan.TableSource) and source.lateral and not (facts.steady and facts.total))
@@ -186,7 +186,7 @@ class SourceLoops:
         )
 
     def push_condition_to_world(self, condition: plan.Expr) -> None:
-        """Tells a world of a condition, where what its column is compared with is known before the world is asked.
+        """Tells a world of a condition, where what its column is compared with is known before the world is queried.
 
         The condition is tested all the same, so it may be evaluated early only where nobody can notice.
         """
@@ -515,7 +515,7 @@ class SourceLoops:
 
 
 def are_elements_rows(query: plan.Query) -> bool:
-    """Whether the elements of a query in FROM are its rows, so that no representation needs to be asked."""
+    """Whether the elements of a query in FROM are its rows, so that no representation is called."""
     representation = query.representation
     plain = representation.name == "dict" and not (representation.arguments or representation.named)
     shaped = query.gives_paths or representation.labels or (query.group and not query.aggregated)

@@ -74,7 +74,7 @@ continue
 class StepForm:
     """What the step functions of one search have in common.
 
-    `start` is the name of the frozen state that START WITH gives, the last of several. `keyed`: somebody asks for the
+    `start` is the name of the frozen state that START WITH gives, the last of several. `keyed`: somebody needs the
     last part of a step. `complete`: what leaves no trace is told, see memoized_steps.py; `watched`: the trace of the
     run hears of it. `key_of` is the name of the function that gives the key of a state, where BY names it. `noted`:
     what clauses evaluate is taken from notes, and kept there, see runtime/search/step_notes.py.

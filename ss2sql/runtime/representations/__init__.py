@@ -1,6 +1,6 @@
 """Representations: what `AS name` makes of rows. `ALL` is what a session starts with.
 
-A representation is a function of a `Table` and the arguments of AS. Of a search it is asked once per path. Adapters of
+A representation is a function of a `Table` and the arguments of AS. Of a search it is called once per path. Adapters of
 worlds declare their own, see `World.representations`.
 """
 

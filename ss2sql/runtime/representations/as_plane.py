@@ -114,7 +114,7 @@ def blur_grid_cells(cells: Any, spread: float, check: Check | None = None) -> An
     """The cells, each spread over its neighbours.
 
     Row by row and then column by column, since a Gaussian is a product: 38 additions of the whole grid for a spread
-    of 3 cells, which take 0.3 ms for 100 x 100 cells. `check` is asked after each of them.
+    of 3 cells, which take 0.3 ms for 100 x 100 cells. `check` is called after each of them.
     """
     import numpy as np
 

@@ -53,7 +53,7 @@ class Representations:
         """The value that AS makes of rows, as the user gets it: nothing in it is shared.
 
         Of a search it is a list with one value per path; of a partition a dict from group value to that. `check` is
-        asked every few thousand rows whether to go on.
+        called every few thousand rows and raises where the run has to end.
         """
 
         if form.name == "void":
@@ -121,8 +121,8 @@ class Representations:
 
     def is_shared(self, form: plan.Representation, rows: Rows) -> bool:
         """Whether what the script goes on with is a list of the values that the rows hold, and no copy of them."""
-        asks = bool(form.arguments or form.named or form.hidden)
-        return form.name in SHARED_FORMS and self.is_built_in(form) and not asks and rows.groups is None
+        extended = bool(form.arguments or form.named or form.hidden)
+        return form.name in SHARED_FORMS and self.is_built_in(form) and not extended and rows.groups is None
 
     def share_values(self, form: plan.Representation, rows: Rows, sizes: ValueSizes) -> Any:
         """Such a value.
@@ -168,7 +168,7 @@ class Representations:
             raise
 
     def _add_place(self, error: Exception, form: plan.Representation) -> None:
-        """Says on an exception of the user where its representation is asked for."""
+        """Says on an exception of the user where its representation is called."""
         note_place(error, form.name, [form.span] if form.span else [], "representation")
 
     def _explain_refusal(self, name: str, number: int, reason: str) -> str:
@@ -185,7 +185,7 @@ class Representations:
         return f"it is called as AS {name}({', '.join(names)})" if names else "leave them out"
 
     def list_hidden_columns(self) -> dict[str, str]:
-        """What representations ask for beside the columns, by name; see `asks`."""
+        """What representations request beside the columns, by name; see `request_hidden_columns`."""
         found = {name: getattr(function, HIDDEN_COLUMNS_ATTRIBUTE, "") for name, function in self.functions.items()}
         return {name: wanted for name, wanted in found.items() if wanted}
 

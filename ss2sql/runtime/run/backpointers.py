@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 from ss2sql.language.rows import Row
 
-# A step with the way back: that of the step before it (None: the start), its row. Paths share their beginnings, so that
-# the cost of a step does not depend on the length of its path.
+# A step with its backpointer: that of the step before it (None: the start), its row. Paths share their beginnings, so
+# that the cost of a step does not depend on the length of its path.
 Backpointer: TypeAlias = tuple[Any, Row]
 
 # The same with its frozen row and its depth: what `PathKeys` asks for.

@@ -78,7 +78,7 @@ class FastCounter:
         self._told -= number
 
     def take_count(self) -> int:
-        """How much was added since this was asked the last time."""
+        """How much was added since the last call."""
         now, before = self.add(), self._told
         self._told = now + 1
         return now - before
@@ -98,7 +98,7 @@ class MemoizedCalls:
     `adopt(arguments, answer)` remembers what a call has given elsewhere; calls may then be `foretold`, as they may
     where another process makes them.
 
-    What is remembered is held as bytes until somebody asks for it: of thousands of tuples and lists more than a third
+    What is remembered is held as bytes until it is needed: of thousands of tuples and lists more than a third
     of the time of a search would go into looking through them for garbage. So keys are bytes, and so are lists.
     """
 

@@ -2,7 +2,7 @@
 
 From the goal backwards only states are found: which elements lead from them towards the goal, and how many steps they
 take to it at least. Nothing is decided there. The graph itself grows forwards as ever; but as soon as the two depths
-together are the bound, a state is only asked for those of its elements that still lead to the goal in time. What the
+together are the bound, a state is only expanded by those of its elements that still lead to the goal in time. What the
 graph then lacks lies on no path from the start to the goal, so its paths, and their order, are the same.
 
 The side with fewer states in its last level goes on. Of the two halves each reaches about the square root of the

@@ -18,7 +18,7 @@ from ss2sql.runtime.search.step_contract import Expand, Step
 
 
 class StateSteps:
-    """The steps of one state, each evaluated when somebody first asks for it; several may walk over them at a time.
+    """The steps of one state, each evaluated when it is first needed; several may walk over them at a time.
 
     `rest` is None when all are `known`; `elements` is the number of elements of the state then. `dropped` has the keys
     of steps that stop without being goals, `keys` has them as a set, for a set knows the hashes of what is in it.

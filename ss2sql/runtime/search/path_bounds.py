@@ -1,11 +1,11 @@
 """The least total that a path can still get, known from the goals backwards.
 
-A Dijkstra search from the goals gives for each node the least cost, or greatest probability, of the way on.
+A Dijkstra search from the goals gives for each node the least cost, or greatest probability, of the rest of a path.
 Where no sum or product of weights is rounded that is the whole answer: it is combined with the total so far.
 
 Elsewhere the parts of a total depend on the order of their making, by a rounding. A bound that is wrong by as
 much would bring paths of equal total out of their order, and one that is lowered by as much would make the
-queue find all paths of almost the same total before the first comes out. So the total of the best way on is
+queue find all paths of almost the same total before the first comes out. So the total of the best rest is
 made exactly as the path would make it, by an A* search forwards from the total so far; what is lowered is
 only its estimate. Rounding never swaps two numbers, so of several ways to a node the best total stays best.
 

@@ -8,7 +8,7 @@ path exists.
 
 Distances do not know that the path itself is in the way, and a walk knows nothing of the walks before it. In
 most graphs neither matters. Where `PATIENCE_FACTOR` times as many edges as the graph has were looked at without another
-path, the careful walk of simple_paths.py takes over. It takes three to ten times as long where all is well.
+path, the walk of simple_paths.py takes over. It takes three to ten times as long where all is well.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ def enumerate_by_length(graph: RowGraph, marks: Sequence[Any] | None = None) -> 
 
 
 class PathsByLength:
-    """The paths of one graph: by the quick walk, after too many dead ends by the careful one."""
+    """The paths of one graph: by the quick walk, after too many dead ends by that of simple_paths.py."""
 
     def __init__(self, graph: RowGraph, marks: Sequence[Any] | None = None) -> None:
         self.graph = graph
         self.marks: Sequence[Any] = range(len(graph.targets)) if marks is None else marks
         self.distance_walks = DistanceWalks(graph, self.marks)
-        self.careful: SimplePathWalks | None = None
+        self.simple_walks: SimplePathWalks | None = None
 
     @property
     def steps(self) -> int:
         """How many edges were looked at."""
-        return self.distance_walks.steps + (self.careful.steps if self.careful else 0)
+        return self.distance_walks.steps + (self.simple_walks.steps if self.simple_walks else 0)
 
     def find_paths(self) -> Iterator[list[Any]]:
         """The paths from the start to a goal as lists of marks."""
@@ -50,8 +50,8 @@ class PathsByLength:
         while length <= self.graph.longest:
             yield from quick.find_paths(length)
             if quick.lost:
-                self.careful = SimplePathWalks(self.graph, self.marks)
-                yield from islice(self.careful.find_paths(length), quick.found_count, None)
+                self.simple_walks = SimplePathWalks(self.graph, self.marks)
+                yield from islice(self.simple_walks.find_paths(length), quick.found_count, None)
                 return
             length = quick.longer
 

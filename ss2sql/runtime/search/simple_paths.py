@@ -1,6 +1,6 @@
 """The same paths in the same order as paths_by_length.py, for graphs where most ways lead nowhere.
 
-Where the way on leads back over the path, or into a room whose only door the path has closed, a walk that knows
+Where the rest leads back over the path, or into a room whose only door the path has closed, a walk that knows
 distances alone may try every way to the obstacle, which are exponentially many. This one enters a branch only
 when a search around the nodes of the path has found a goal in reach. Along the way that it found no other search
 is needed, so a path costs one for each place where it leaves such a way, and one for each branch that stays out.

@@ -1,7 +1,7 @@
 """Notes of steps: what the clauses of a step came to, kept beside the search so that nothing is evaluated twice.
 
 The step function with notes (runtime/python/noted_steps.py) takes from a note what is there, and puts there what it
-evaluates. So a graph in a file is asked first, calls are made by other processes beforehand, and a step that failed can
+evaluates. So a graph in a file is read first, calls are made by other processes beforehand, and a step that failed can
 be taken again. That is for searches in which nobody can notice when a clause is evaluated: all functions of the user
 are immutable or stable, nothing is assigned.
 """
@@ -41,11 +41,11 @@ class Places(NamedTuple):
 class NotedSearch:
     """A search whose steps are noted.
 
-    `expand(state, closed, notes)` is the step function, see runtime/search/step_contract.py; it asks
+    `expand(state, closed, notes)` is the step function, see runtime/search/step_contract.py; it calls
     `notes.get_known_pairs()` for the pairs of the state, and where there are none `notes.begin_state(elements)`.
     `goals(start)` and `before(last)` go backwards, where that is possible: the states at the goal, the state before a
     step. `probable`: the weight is a probability. `plain`: all elements are values. `row(note)` is the row of a step
-    that was asked, `after(note, before)` the state after it, None where CONNECT BY was not evaluated.
+    that was evaluated, `after(note, before)` the state after it, None where CONNECT BY was not evaluated.
     """
 
     expand: Callable[[State, Container[Any], Any], Iterator[Step]]

@@ -118,7 +118,7 @@ class FunctionCallback:
         return call_from_sql
 
     def call_in_blocks(self, execution: StatementExecution) -> CallBlock:
-        """What makes several calls and gives their values, which whoever asks remembers; 0.5 us each.
+        """What makes several calls and gives their values, which the caller remembers; 0.5 us each.
 
         It takes the arguments for Python code, and what gives them as SQL values.
         """

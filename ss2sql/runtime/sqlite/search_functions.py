@@ -270,7 +270,7 @@ class SearchState:
         """Whether a step that is taken is the first to reach its row; it then is the one that has."""
         if not step or self.met.setdefault(self._get_compared(step), step) == step:
             return 1
-        if step != self.last_dropped:  # it is asked for the result and for the children
+        if step != self.last_dropped:  # it is called for the result and for the children
             self.last_dropped = step
             self.late_pruned += 1
             self.pruned += 1
