@@ -48,7 +48,8 @@ def test_a_query_of_the_database(ss: ss2sql.Session) -> None:
         "split: conditions were taken apart, so that each is evaluated as early as possible",
         "inc(n) is inlined: n + 1", "inc is immutable: it has a source that uses only its arguments",
         "how SQLite does it:", "walks the elements of items", "SQL:", "SELECT", "items.this + 1 AS inc",
-        "FROM elements(:items) AS items", "WHERE", "items.this <> 2", "values that are bound in it:", ":items, once it runs",
+        "FROM elements(:items) AS items", "WHERE", "items.this <> 2", "values that are bound in it:",
+        ":items, once it runs",
     ]  # fmt: skip
 
 
