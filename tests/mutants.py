@@ -43,6 +43,7 @@ TESTS_FOLDER = Path(__file__).parent
 PACKAGE = TESTS_FOLDER.parent / "ss2sql"
 JUSTIFIED = TESTS_FOLDER / "mutants_justified.toml"
 LIVED_BEFORE = FOLDER.parent / "mutants_that_lived.txt"
+KILLERS = FOLDER.parent / "mutant_killers.json"  # how many mutants each test has killed
 # The lowering, and the stage that resolves.
 MUTATED = (
     "lowering/**/*.py",
@@ -103,7 +104,8 @@ class Mutating:
         caches = [one for one in gc.get_objects() if isinstance(one, _lru_cache_wrapper)]
         self.caches = [one for one in caches if str(one.__module__).startswith("ss2sql")]
         gc.freeze()
-        strength: Counter[str] = Counter()
+        strength = Counter(json.loads(KILLERS.read_text("utf-8")) if KILLERS.exists() else {})
+        killers = strength.copy()
 
         def judge(mutant: Mutant) -> tuple[str, str, int]:
             verdict, killer, tests = self.judged(mutant, items, reached, strength, places)
@@ -112,6 +114,7 @@ class Mutating:
 
         for number, (mutant, (verdict, killer, tests)) in enumerate(in_parallel(drawn, judge), 1):
             self.counts[verdict] += 1
+            killers[killer] += verdict == KILLED
             if verdict == LIVED:
                 self.lived.append(mutant)
             if verdict != KILLED or killer == "crash" or self.given.verbose:
@@ -120,6 +123,7 @@ class Mutating:
             if not number % 10:
                 seconds, lived = time.monotonic() - started, self.counts[LIVED]
                 print(f"-- {number} of {len(drawn)} in {seconds:.0f} s, {lived} live on", file=self.out, flush=True)
+        KILLERS.write_text(json.dumps(dict(killers.most_common())), encoding="utf-8")
         LIVED_BEFORE.write_text("".join(f"{mutant.name}\n" for mutant in self.lived), encoding="utf-8")
         later = f", of which make test-slow kills {self.killed_by(slow, places)}" if self.given.slow else ""
         taken = time.monotonic() - started
@@ -155,7 +159,10 @@ class Mutating:
         return sorted(chosen[: self.given.mutants], key=lambda one: (one.file, one.number))
 
     def chosen(self, reached: Reached, mutant: Mutant, strength: Counter[str]) -> tuple[list[str], list[str]]:
-        """Tests that reach a mutant: those that have killed others, and cheap ones of every file in turn; then all."""
+        """Tests that reach a mutant: those that have killed others, and cheap ones of every file in turn; then all.
+
+        All come in the order of how many they have killed, then the cheapest first.
+        """
         lines = reached[mutant.file]
         # Constants are folded into their statement, which may begin some lines above.
         near = [line for line in range(mutant.begin, mutant.line + 1) if lines.get(line)]
@@ -163,7 +170,8 @@ class Mutating:
         by_file: dict[str, list[str]] = defaultdict(list)
         for test in sorted(tests, key=lambda one: -strength[one]):
             by_file[test.partition("::")[0]].append(test)
-        return [test for turn in zip_longest(*by_file.values()) for test in turn if test], tests
+        turns = [test for turn in zip_longest(*by_file.values()) for test in turn if test]
+        return turns, sorted(tests, key=lambda one: -strength[one])
 
     def within(self, tests: Sequence[str], seconds: float) -> Iterator[str]:
         """The first of some tests, as many as take so long together."""

@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import pickle
 import sys
-import sysconfig
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +25,7 @@ from ss2sql.language.recursion_limit import MAX_LEVELS, deepen_stack
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.external.step_evaluation import StepEvaluation, pickle_values
+from ss2sql.runtime.graph_cache.function_fingerprint import is_of_user
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.representations.shape import Representations, expand_stars
 from ss2sql.runtime.run.call_memo import bind_function, report_memo_counts
@@ -166,13 +165,9 @@ def _pickle_task(value: Any, entries: Iterable[UserFunction]) -> bytes:
 def _find_own_module(function: Callable[..., Any]) -> ModuleType | None:
     """The module that a function is from, if that is a file of the user's."""
     module = sys.modules.get(getattr(function, "__module__", None) or "")
-    file = getattr(module, "__file__", None)
-    if module is None or file is None or module.__name__ == "__main__":  # which is sent in any case
+    if module is None or module.__name__ == "__main__":  # which is sent in any case
         return None
-    if module.__name__.startswith("ss2sql."):
-        return None
-    installed = {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")}
-    return None if installed.intersection(Path(file).resolve().parents) else module
+    return module if getattr(module, "__file__", None) and is_of_user(module.__name__) else None
 
 
 # --- unpacking -----------------------------------------------------------------------------------------

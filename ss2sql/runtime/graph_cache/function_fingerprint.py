@@ -76,7 +76,7 @@ class Fingerprint:
         """Takes in those values that have such names; of a module of the user those that are mentioned."""
         for name in sorted(names & values.keys()):
             value, key = values[name], (id(values[name]), frozenset(mentioned))
-            if not isinstance(value, ModuleType) or not _is_of_user(value.__name__):
+            if not isinstance(value, ModuleType) or not is_of_user(value.__name__):
                 self.add_value((name, value), f"'{where}{name}'")
             elif key not in self.met:
                 self.met[key] = len(self.met), value
@@ -117,7 +117,7 @@ class _Writer(Pickler):
         module = value.__name__ if is_module else getattr(value, "__module__", None)
         if module is None and kind is not FunctionType:
             module = "builtins"
-        if not _is_of_user(module):
+        if not is_of_user(module):
             return "of a package", module, None if is_module else value.__qualname__
         if id(value) in self.made.met:
             return "met", self.made.met[id(value)][0]
@@ -137,7 +137,7 @@ class _Writer(Pickler):
         codes = list(_list_codes(function.__code__))
         instructions = [one for code in codes for one in dis.get_instructions(code)]
         for one in instructions:
-            if one.opname == "IMPORT_NAME" and _is_of_user(one.argval):
+            if one.opname == "IMPORT_NAME" and is_of_user(one.argval):
                 raise NotCacheable(f"imports '{one.argval}' when it is called, which is not followed")
         read = {one.argval for one in instructions if one.opname in _GLOBAL_LOADS}
         mentioned = {name for code in codes for name in code.co_names}
@@ -172,7 +172,7 @@ def _describe_code(code: CodeType) -> Any:
 
 
 @cache
-def _is_of_user(module: str | None) -> bool:
+def is_of_user(module: str | None) -> bool:
     """Whether a module is the user's own, which may change: neither Python's nor installed."""
     package = (module or "").partition(".")[0]
     if package in sys.stdlib_module_names or package == "ss2sql":

@@ -162,7 +162,6 @@ class CallPrefetcher:
         self.results: dict[tuple[str, bytes], bytes | None] = {}
         self.answers: SimpleQueue[Answer] = SimpleQueue()
         self.outstanding = 0
-        self.names: dict[int, str] = {}
 
     # --- calls -----------------------------------------------------------------------------------------
 
@@ -278,9 +277,9 @@ class CallPrefetcher:
         if not enough or not self._can_start(work):
             return False
         for timed in waiting:
-            number = self._number_function(timed)
+            assert isinstance(timed.sent, TransferableFunction)
             for batch in timed.split_waiting(self.workers):
-                self.processes.add_task(Task(number, batch, self.answers))
+                self.processes.add_task(Task(timed.name, timed.sent, batch, self.answers))
                 self.outstanding += 1
         return True
 
@@ -289,23 +288,15 @@ class CallPrefetcher:
         done = sum(timed.seconds for timed in self.functions.values() if timed.is_shared)
         if not self.processes.started and work + done < START:
             return False
-        for timed in self.functions.values():
-            if timed.may_be_shared:
-                self._number_function(timed)  # so that they learn it before they are ready
+        sent = [timed.sent for timed in self.functions.values() if timed.may_be_shared]
         try:
-            self.processes.start_processes(self.workers)
+            self.processes.start_processes(self.workers, [one for one in sent if isinstance(one, TransferableFunction)])
         except OSError as error:
             for timed in self.called.values():
                 timed.sent = LocalFunction("")
             warn_once(self.run.stats, f"no other process can be started: {error}")
             return False
         return self.processes.are_ready(PATIENCE)
-
-    def _number_function(self, timed: TimedCalls) -> int:
-        assert isinstance(timed.sent, TransferableFunction)
-        number = self.processes.number_function(timed.sent)
-        self.names[number] = timed.name
-        return number
 
     def _await_answers(self) -> None:
         """Waits for all answers; raises ExecutionError X013 where a process has died."""
@@ -320,7 +311,7 @@ class CallPrefetcher:
 
     def _take_answer(self, answer: Answer) -> None:
         task = answer.task
-        timed = self.functions[self.names[task.number]]
+        timed = self.functions[task.name]
         if answer.died and not answer.ended:
             hints = (
                 f"'{timed.name}' ends its process or needs more memory than there is; workers=1 calls it in this one",

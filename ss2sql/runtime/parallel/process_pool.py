@@ -13,6 +13,7 @@ import subprocess
 import sys
 import threading
 import weakref
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import field
 from queue import Empty, SimpleQueue
@@ -26,9 +27,10 @@ from ss2sql.runtime.parallel.transferable_functions import TransferableFunction
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Calls of one function, by its number; its answer goes to `answers`."""
+    """Calls of one function, which has a `name` here; its answer goes to `answers`."""
 
-    number: int
+    name: str
+    function: TransferableFunction
     calls: list[bytes]
     answers: SimpleQueue[Answer]
 
@@ -55,7 +57,6 @@ class ProcessPool:
     """The worker processes of one session."""
 
     def __init__(self) -> None:
-        self._functions: list[TransferableFunction] = []
         self._crew: _Crew | None = None
         self._at_the_end: weakref.finalize[[], ProcessPool] | None = None
 
@@ -67,18 +68,12 @@ class ProcessPool:
         """Whether one of them waits for work already, or does after so many seconds."""
         return self._crew is not None and self._crew.ready.wait(patience)
 
-    def number_function(self, function: TransferableFunction) -> int:
-        """The number of a function in tasks."""
-        if function not in self._functions:
-            self._functions.append(function)
-        return self._functions.index(function)
-
-    def start_processes(self, number: int) -> None:
-        """Sees to it that there are so many processes."""
+    def start_processes(self, number: int, functions: Sequence[TransferableFunction]) -> None:
+        """Sees to it that there are so many processes; new ones have these functions before they are ready."""
         if self._crew is not None and self._crew.size != number:
             self.end_processes()
         if self._crew is None:
-            self._crew = _Crew(self._functions, number)
+            self._crew = _Crew(functions, number)
             self._at_the_end = weakref.finalize(self, self._crew.kill_processes)
 
     def add_task(self, task: Task) -> None:
@@ -95,7 +90,7 @@ class ProcessPool:
 class _Crew:
     """Processes that share a queue of tasks, and the threads that serve them."""
 
-    def __init__(self, functions: list[TransferableFunction], size: int) -> None:
+    def __init__(self, functions: Sequence[TransferableFunction], size: int) -> None:
         self.size = size
         self.parent = os.getpid()
         self.tasks: Tasks = SimpleQueue()
@@ -131,7 +126,7 @@ def _start_process() -> subprocess.Popen[bytes]:
         start_new_session=True,  # Ctrl-C in a terminal is not for it, not even before it can say so
     )
     fingerprint = str(find_file("ss2sql.runtime.graph_cache", "function_fingerprint.py"))
-    _send_message(process, ("begin", list(sys.path), os.getcwd(), sys.getrecursionlimit(), fingerprint))
+    _send_message(process, (list(sys.path), os.getcwd(), sys.getrecursionlimit(), fingerprint))
     return process
 
 
@@ -144,28 +139,22 @@ def _send_message(process: subprocess.Popen[bytes], message: Any) -> None:
 
 def _serve_process(
     process: subprocess.Popen[bytes],
-    functions: list[TransferableFunction],
+    functions: Sequence[TransferableFunction],
     tasks: Tasks,
     ready: threading.Event,
     over: threading.Event,
 ) -> None:
     """Hands tasks to a process until it ends; a thread of its own."""
-    known: dict[int, str] = {}
     assert process.stdin is not None
     assert process.stdout is not None
     with suppress(EOFError, OSError, pickle.UnpicklingError):  # the first task will notice
-        pickle.load(process.stdout)
-        for number in range(len(functions)):
-            known[number] = _teach_function(process, functions, number)
+        for function in functions:
+            _send_message(process, (function.place, function.fingerprint, []))
+            pickle.load(process.stdout)
     ready.set()
     while (task := tasks.get()) is not None:
         try:
-            if task.number not in known:
-                known[task.number] = _teach_function(process, functions, task.number)
-            if known[task.number]:
-                task.answers.put(Answer(task, refused=known[task.number]))
-                continue
-            _send_message(process, ("call", task.number, task.calls))
+            _send_message(process, (task.function.place, task.function.fingerprint, task.calls))
             task.answers.put(Answer(task, *pickle.load(process.stdout)))
         except (EOFError, OSError, ValueError, pickle.UnpicklingError):
             task.answers.put(Answer(task, died=_describe_process_end(process), ended=over.is_set()))
@@ -173,13 +162,6 @@ def _serve_process(
     for pipe in (process.stdin, process.stdout):
         with suppress(OSError):  # there was something left to write
             pipe.close()
-
-
-def _teach_function(process: subprocess.Popen[bytes], functions: list[TransferableFunction], number: int) -> str:
-    """Why the process cannot have a function; empty where it has it now."""
-    assert process.stdout is not None
-    _send_message(process, ("learn", number, functions[number].place, functions[number].fingerprint))
-    return pickle.load(process.stdout) or ""
 
 
 def _describe_process_end(process: subprocess.Popen[bytes]) -> str:

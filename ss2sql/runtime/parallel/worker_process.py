@@ -33,28 +33,24 @@ def answer_messages() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes of a terminal; the first one decides
     messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_read_messages, args=(tasks, messages), daemon=True).start()
-    functions: dict[int, Any] = {}
+    sys.path[:], folder, limit, path = messages.get()
+    _change_folder(folder)
+    sys.setrecursionlimit(limit)
+    fingerprint = runpy.run_path(path)["fingerprint_function"]
+    functions: dict[Any, Any] = {}  # by places and fingerprints: a function, or why it cannot be had
     while True:
-        kind, *rest = messages.get()
-        if kind == "begin":
-            sys.path[:], folder, limit, path = rest
-            _change_folder(folder)
-            sys.setrecursionlimit(limit)
-            fingerprint = runpy.run_path(path)["fingerprint_function"]
-            answer: Any = "ready"
-        elif kind == "learn":
-            number, place, expected = rest
-            answer = None
+        place, expected, calls = messages.get()
+        found = functions.get((place, expected))
+        if found is None:
             try:
                 with redirect_stdout(io.StringIO()):
-                    functions[number] = found = load_worker_function(place)
-                answer = None if fingerprint(found, False) == expected else "is another one in a fresh process"
+                    found = load_worker_function(place)
+                if fingerprint(found, False) != expected:
+                    found = "is another one in a fresh process"
             except BaseException as error:  # whatever the user's module does: it is no reason to die
-                answer = f"cannot be found by a fresh process: {type(error).__name__}: {error}"
-        else:
-            number, calls = rest
-            answer = call_in_worker(functions[number], calls)
-        pickle.dump(answer, answers)
+                found = f"cannot be found by a fresh process: {type(error).__name__}: {error}"
+            functions[place, expected] = found
+        pickle.dump(([], 0.0, found) if isinstance(found, str) else call_in_worker(found, calls), answers)
         answers.flush()
 
 

@@ -35,7 +35,7 @@ def write_memoized_call(builder: QueryCompiler, node: plan.Call, body: PythonSco
     codegen = builder.codegen
     build = codegen.build_at(node.place)
     if codegen.source_call is not None and node is codegen.source_call.node:
-        return codegen.source_call.write(body)
+        return codegen.source_call.write_call(body)
     values = [write_expression(builder, argument, body) for argument in node.arguments]
     method = _choose_call_method(node, body)
     keys: list[ast.expr] = []

@@ -2,7 +2,8 @@
 
 UNIQUE and MEMORIZE expand no row twice. Where a row is the state after it they expand no state twice either, but for
 the start, which a row may be as well. A call of all that makes a state and of the element is then another one in every
-step, if the elements are all different and nobody else calls the function.
+step, if the elements are all different and nobody else calls the function. So is the call that gives the elements, as
+in `FROM neighbours(node)`.
 
 What such a call gives is checked only where its row is new, see CHECKED in step_clauses.py.
 """
@@ -132,15 +133,6 @@ class SingleCall:
         return []
 
 
-def write_start_test(step: StepClauses, build: AstBuilder) -> ast.expr:
-    """Whether a state is the start, which a row may be as well, so that it may be expanded twice."""
-    state, start = build.pack(*map(build.name, step.frozen_states.values())), build.name(step.form.start)
-    if len(step.frozen_states) == 1:
-        (only,) = step.frozen_states.values()
-        state, start = build.name(only), build.item(start, 0)
-    return build.compare(state, ast.Eq(), start)
-
-
 @dataclass(slots=True)
 class SourceCall:
     """A call that gives the elements of the only source, in a search that makes it once for each state.
@@ -154,7 +146,7 @@ class SourceCall:
     state_statements: list[ast.stmt] = field(default_factory=list)
 
     @classmethod
-    def of(cls, step: StepClauses) -> SourceCall | None:
+    def find_source_call(cls, step: StepClauses) -> SourceCall | None:
         """The call of a search of which there is one."""
         source = step.query.sources[0]
         calls = _find_single_calls(step.query, step.codegen.analysis)
@@ -171,7 +163,7 @@ class SourceCall:
         self.checked = False
         return SingleCall(self.node, key, made[0], of_source=True)
 
-    def write(self, body: PythonScope) -> ast.expr:
+    def write_call(self, body: PythonScope) -> ast.expr:
         """The call: it gives the value and None."""
         step, node = self.step, self.node
         codegen, build = step.codegen, step.codegen.build_at(node.place)

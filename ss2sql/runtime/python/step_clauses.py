@@ -133,7 +133,7 @@ class StepClauses:
         )
         # a call that is made once for each step, without a memory
         told = form.watched or form.noted
-        self.source_call = self.codegen.source_call = None if told else SourceCall.of(self)
+        self.source_call = self.codegen.source_call = None if told else SourceCall.find_source_call(self)
         self.single = None if told else SingleCall.find_single_call(self)
         if self.source_call is not None and self.single is None and self.compares:
             self.single = self.source_call.find_element()
