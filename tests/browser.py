@@ -21,8 +21,8 @@ WINDOW = "1280,800"
 class Tab:
     """One page: what its JavaScript says, and its keys."""
 
-    def __init__(self, list_predecessors: BinaryIO, out: BinaryIO) -> None:
-        self._into, self._out = list_predecessors, out
+    def __init__(self, into: BinaryIO, out: BinaryIO) -> None:
+        self._into, self._out = into, out
         self._number, self._session = 0, ""
         target = self.send("Target.createTarget", url="about:blank")["targetId"]
         self._session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]

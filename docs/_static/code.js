@@ -1,7 +1,7 @@
 // Code that is too wide is wrapped; what is drawn with lines, as tables are, becomes smaller, and then scrolls.
 "use strict";
 
-const SMALLEST = 0.6;
+const SMALLEST = 7.5; // pixels
 
 function fit() {
   for (const block of document.querySelectorAll("div.highlight pre")) {
@@ -10,8 +10,9 @@ function fit() {
       continue;
     }
     block.style.fontSize = "";
-    const ratio = block.clientWidth / block.scrollWidth;
-    if (ratio < 1) block.style.fontSize = `${Math.max(ratio * 0.98, SMALLEST)}em`;
+    const style = getComputedStyle(block), padding = 2 * parseFloat(style.paddingLeft);
+    const ratio = (block.clientWidth - padding) / (block.scrollWidth - padding);
+    if (ratio < 1) block.style.fontSize = `${Math.max(parseFloat(style.fontSize) * ratio * 0.98, SMALLEST)}px`;
   }
 }
 
