@@ -63,11 +63,11 @@ def test_zip_measures_what_it_makes(seed: int) -> None:
     dice = random.Random(seed)
     make = [lambda: dice.randint(0, 9), lambda: "x" * dice.randint(0, 9), lambda: [1, [2]], lambda: {"a": [3]}]
     lists = [[dice.choice(make)() for _ in range(dice.randint(0, 30))] for _ in range(dice.randint(1, 3))]
-    made = ValueSizes().zipped(*lists)
+    made = ValueSizes().zip_lists(*lists)
     assert made == [list(row) for row in zip(*lists, strict=False)]
     size = ValueSizes()._measure_value([made])[0]
     for limit in (size + 1, size, size - 1):
-        assert _refused(ValueSizes(limit), lambda sizes: sizes.zipped(*lists)) == _refused(
+        assert _refused(ValueSizes(limit), lambda sizes: sizes.zip_lists(*lists)) == _refused(
             ValueSizes(limit),
             lambda sizes: (sizes.check_room(CELL_SIZE * (len(lists) + 1) * len(made)), sizes.check_value(made)),
         )

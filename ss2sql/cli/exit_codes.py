@@ -30,7 +30,7 @@ def _note_format(context: click.Context, parameter: click.Parameter, value: str)
     context.meta[AS_JSON] = value == "json"
 
 
-def _note_color(context: click.Context, parameter: click.Parameter, value: bool | None) -> None:
+def _store_color_option(context: click.Context, parameter: click.Parameter, value: bool | None) -> None:
     context.color = value
 
 
@@ -38,7 +38,7 @@ COMMON_OPTIONS = (
     click.option("--error-format", type=click.Choice(FORMATS), default="text", show_default=True, is_eager=True,
                  expose_value=False, callback=_note_format,
                  help="Errors as text, or as JSON with one object on each line."),
-    click.option("--color/--no-color", default=None, is_eager=True, expose_value=False, callback=_note_color,
+    click.option("--color/--no-color", default=None, is_eager=True, expose_value=False, callback=_store_color_option,
                  help="Whether there are colors; else they are for terminals, unless NO_COLOR is set."),
 )  # fmt: skip
 

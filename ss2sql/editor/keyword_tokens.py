@@ -29,7 +29,7 @@ def mark_keywords(script: str) -> list[Token]:
         tokens = tokenizer.tokenize(source)
     except ParseError:  # too large, too deep, or no text
         tokens = [*tokenizer.iterate_tokens(script), Token(END, "", len(script), len(script))]
-        _mark_stretch(tokens, 0, len(tokens))
+        _mark_keywords_between(tokens, 0, len(tokens))
         return tokens[:-1]
     position = 0
     while position < len(tokens):
@@ -37,7 +37,7 @@ def mark_keywords(script: str) -> list[Token]:
         if isinstance(outcome, ast.Script):
             break
         after = find_resume_point(outcome)
-        _mark_stretch(tokens, max(outcome.index - 1, position), after)
+        _mark_keywords_between(tokens, max(outcome.index - 1, position), after)
         position = after
     return tokens[:-1]
 
@@ -47,7 +47,7 @@ def find_comments(script: str, start: int, end: int) -> Iterator[tuple[int, int]
     return (match.span() for match in _COMMENT.finditer(script, start, end))
 
 
-def _mark_stretch(tokens: list[Token], start: int, end: int) -> None:
+def _mark_keywords_between(tokens: list[Token], start: int, end: int) -> None:
     """Marks likely keywords: both words of a pair beside each other, and single ones."""
     for index in range(start, end):
         token = tokens[index]

@@ -332,7 +332,7 @@ class JoinBuilder:
             ]
         if self.selects.needs.worlds:
             terms = [_wrap_disjunction(term) if isinstance(term.unnest(), exp.Or) else term for term in terms]
-        if len(terms) > MAX_TERMS and any(map(_may_be_none, self.query.sources)):
+        if len(terms) > MAX_TERMS and any(map(_can_be_none, self.query.sources)):
             # After so many conditions SQLite asks `elements` again whether NULL equals its argument.
             rest = sql_builder.conjunction(terms[MAX_TERMS:])
             assert rest is not None
@@ -403,7 +403,7 @@ def _iterates_constant_list(item: Node) -> TypeGuard[exp.Table]:
     return isinstance(item.this, exp.Anonymous) and item.find(exp.Column) is None
 
 
-def _may_be_none(source: plan.Source) -> bool:
+def _can_be_none(source: plan.Source) -> bool:
     """Whether a source that `elements` walks may be None instead of a list."""
     match source:
         case plan.ValueSource(value=value):

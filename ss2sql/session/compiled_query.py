@@ -124,7 +124,7 @@ class CompiledQuery:
         self.arguments = [compile_statement(expr) for expr in query.representation.arguments]
         self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
         self.moves = can_move_world(query)
-        self.doubtful = any(_may_be_infinite(node) for node in walk(query) if isinstance(node, plan.TableSource))
+        self.doubtful = any(_can_be_infinite(node) for node in walk(query) if isinstance(node, plan.TableSource))
         self.made = True
 
     def _does_read_only_values(self, query: plan.Query) -> bool:
@@ -394,7 +394,7 @@ def can_stop_early_in_depth(query: plan.Query, cut: bool = False) -> bool:
     return any(isinstance(node, plan.Call) and not node.function.builtin for node in walk(query))
 
 
-def _may_be_infinite(table: plan.TableSource) -> bool:
+def _can_be_infinite(table: plan.TableSource) -> bool:
     """Whether a table may hold what is no float of the language: it is looked for in columns of numbers alone.
 
     A view has no order.

@@ -95,14 +95,14 @@ def _prove_types(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types
     slots = [s for name, kind in first.items() if assigned.count(name) == 1 for s in get_slots(scope.query, name, kind)]
     types = dict(first)
     for _ in range(_ROUNDS[scope.depth]):
-        assumed = {name: set_slots(kind, _assume_type(slots, name)) for name, kind in types.items()}
+        assumed = {name: set_slots(kind, _assume_slot_type(slots, name)) for name, kind in types.items()}
         attempt = _resolve_attempt(resolver, tree, scope, assumed)
         stable, bounds = _keep_bounded(slots, first, attempt)
         settled = stable == slots
         for name, kind in assumed.items():
             for value in attempt.list_assigned(name):
                 # The numbers in slots have a proof of their own.
-                grown = set_slots(value.type, _assume_type(slots, name))
+                grown = set_slots(value.type, _assume_slot_type(slots, name))
                 if not is_covering(kind, grown):
                     types[name] = drop_bounds(unite((types[name], value.type)))
                     settled = False
@@ -112,7 +112,7 @@ def _prove_types(resolver: Resolver, tree: ast.Query, scope: Scope, first: Types
     return dict.fromkeys(first, ANY)
 
 
-def _assume_type(slots: Sequence[Slot], name: str) -> list[tuple[Slot, Type]]:
+def _assume_slot_type(slots: Sequence[Slot], name: str) -> list[tuple[Slot, Type]]:
     return [(slot, slot.assumed_type) for slot in slots if slot.name == name]
 
 

@@ -98,7 +98,7 @@ class ParseFailure:
         return found
 
     @property
-    def statement(self) -> int:
+    def statement_start(self) -> int:
         """The offset of the beginning of this statement, after the `;` before it; 0 in the first one."""
         for value in self.values:
             if isinstance(value, Token) and value.kind in (";", *OPENING):

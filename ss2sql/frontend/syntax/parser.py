@@ -47,7 +47,7 @@ def parse(source: Source) -> ast.Script:
         failure = run_automaton(table, Builder(source), tokens, position, outcome.index)
         assert not isinstance(failure, ast.Script)
         # The rest of a statement whose query does not end is misread: that is no second error.
-        if not builder.has_unended_query(max(tokens[position].start, failure.statement)):
+        if not builder.has_unended_query(max(tokens[position].start, failure.statement_start)):
             from ss2sql.frontend.syntax import syntax_errors  # needed for errors alone
 
             errors.append(syntax_errors.explain_failure(failure))

@@ -99,7 +99,7 @@ def _can_sum_floats(types: Types) -> bool:
     return _all_items_are(Kind.FLOAT)(types) and bool(types[0].positions)
 
 
-def _sum_of_list(types: Types) -> Type:
+def _infer_list_sum(types: Types) -> Type:
     item = element_type(types[0])
     kinds = Kind.INT | (item.kinds & Kind.FLOAT)
     if (sums := _bound_known_sums(types[0])) is not None:
@@ -240,7 +240,7 @@ OPERATIONS: tuple[Operation, ...] = (
         portable=(Form("coalesce(cast(sum({0}) AS BIGINT), 0)", _are_small_integers),),
         of_floats=lambda values, count: math.fsum(values),
         of_list={
-            "result": _sum_of_list, "can_fail": _sum_can_fail,
+            "result": _infer_list_sum, "can_fail": _sum_can_fail,
             "python": (
                 Form(sum_integers, _all_items_are(INTEGER), Check.ITSELF),
                 Form(sum_floats, _can_sum_floats, Check.ITSELF),

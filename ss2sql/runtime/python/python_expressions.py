@@ -118,7 +118,7 @@ def _write_computed(builder: QueryCompiler, node: plan.Expr, body: PythonScope, 
 def _is_small_list(items: Sequence[plan.Expr]) -> bool:
     """Whether a list of the values is small whatever they are: it holds numbers, or few values."""
     types = [item.type for item in items]
-    return all(map(_are_numbers, types)) or sum(map(_count_values, types)) <= SMALL_LENGTH
+    return all(map(_are_numbers, types)) or sum(map(_count_nested_values, types)) <= SMALL_LENGTH
 
 
 def _are_numbers(known: Type) -> bool:
@@ -128,12 +128,12 @@ def _are_numbers(known: Type) -> bool:
     return known.is_only(Kind.LIST) and known.positions is not None and all(map(_are_numbers, known.positions))
 
 
-def _count_values(known: Type) -> int:
+def _count_nested_values(known: Type) -> int:
     """The number of values that one of them is, with those inside of it; more than there may be if nobody knows."""
     if known.is_only(SCALAR_KINDS):
         return 1
     if known.is_only(Kind.LIST) and known.positions is not None:
-        return 1 + sum(map(_count_values, known.positions))
+        return 1 + sum(map(_count_nested_values, known.positions))
     return SMALL_LENGTH + 1
 
 

@@ -165,7 +165,7 @@ class InlineCall:
         build, known = self.build, self.types[0]
         if known.is_only(Kind.LIST) and not all(t.item is not None and t.item.is_only(_NUMBER) for t in self.types):
             return build.call(
-                self.codegen.read_sizes("added", build), *(operand.take_expr() for operand in self.operands)
+                self.codegen.read_sizes("add_values", build), *(operand.take_expr() for operand in self.operands)
             )
         value = self.hold_value(self._fill_text())
         most = self.codegen.read_sizes("plain" if known.is_only(Kind.STR) else "cells", build)

@@ -260,7 +260,7 @@ def make_source_calls(
     """The function with its memory and without; both with it where somebody else calls it, too, than at `places`."""
     calls: MemoizedCalls = run.host.get_callable(function, run)  # type: ignore[assignment]
     elsewhere = run.call_places.get(function.name, {None}) - places
-    return calls.of_any, calls.of_any if elsewhere or calls.foretold else calls.make_single(fresh, checked)
+    return calls.call_any, calls.call_any if elsewhere or calls.foretold else calls.make_single(fresh, checked)
 
 
 def make_call_variants(
@@ -274,7 +274,7 @@ def make_call_variants(
     calls: MemoizedCalls = run.host.get_callable(function, run)  # type: ignore[assignment]
 
     def call_memoized(*arguments: Any) -> Any:
-        return calls.of_any(*arguments)[0]
+        return calls.call_any(*arguments)[0]
 
     def call_recounted(*arguments: Any) -> Any:
         calls.count(-1)  # the memory counts its calls itself

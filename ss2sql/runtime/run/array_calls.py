@@ -93,7 +93,7 @@ def call_ahead(run: Run, items: Sequence[T], try_item: Callable[[T], object], ro
     waiting = run.waiting = {} if outer is None else outer
     try:
         while number < len(items) and len(waiting) < BLOCK:
-            if _waits(try_item, items[number]):
+            if _is_waiting(try_item, items[number]):
                 left.append(items[number])
             number += 1
         if outer is not None:
@@ -104,13 +104,13 @@ def call_ahead(run: Run, items: Sequence[T], try_item: Callable[[T], object], ro
         for more in reversed(range(rounds)):
             if not (left and _make_calls(waiting) and more):
                 break
-            left = [item for item in left if _waits(try_item, item)]
+            left = [item for item in left if _is_waiting(try_item, item)]
     finally:
         run.waiting = outer
     return number
 
 
-def _waits(try_item: Callable[[T], object], item: T) -> bool:
+def _is_waiting(try_item: Callable[[T], object], item: T) -> bool:
     """Whether a call waits that an item makes."""
     try:
         try_item(item)
@@ -274,11 +274,11 @@ class ArrayFunction:
         answer = self.memo.get(key, self)
         if answer is self:
             if self.run.waiting is not None:
-                if self._may_remember(key):
+                if self._can_remember(key):
                     self.run.waiting[self, key] = arguments
                 raise PendingError
             self.call_block([key], [arguments])
-            answer = self.memo[key] if self._may_remember(key) else self.memo.pop(key)
+            answer = self.memo[key] if self._can_remember(key) else self.memo.pop(key)
         elif self.run.waiting is None:
             self.run.stats.remembered[self.name] += 1
         if type(answer) is FailedCall:
@@ -342,7 +342,7 @@ class ArrayFunction:
         except ValueError:  # there are objects inside
             return ObjectKey(self.objects.encode(list(arguments)))
 
-    def _may_remember(self, key: Any) -> bool:
+    def _can_remember(self, key: Any) -> bool:
         """Whether a result may be remembered: what was proved of plain data says nothing of objects."""
         return type(key) is bytes or not self.function.inferred
 
@@ -363,7 +363,7 @@ class ArrayFunction:
                     size = max(size // 8, 1)
                     continue
                 self.run.stats.calls[self.name] += 1
-                self._keep(part_keys[0], FailedCall(error))
+                self._keep_answer(part_keys[0], FailedCall(error))
                 return False
             self.run.stats.calls[self.name] += size
             self._keep_result(part_keys, result)
@@ -381,11 +381,11 @@ class ArrayFunction:
         giver = f"the function '{self.name}'"
         for key, element in zip(keys, elements, strict=True):
             try:
-                self._keep(key, element if type(element) is FailedCall else convert_value(element, giver))
+                self._keep_answer(key, element if type(element) is FailedCall else convert_value(element, giver))
             except Error as error:
-                self._keep(key, FailedCall(error))
+                self._keep_answer(key, FailedCall(error))
 
-    def _keep(self, key: Any, answer: Any) -> None:
+    def _keep_answer(self, key: Any, answer: Any) -> None:
         if len(self.memo) >= self.limit:
             forget_older_half(self.memo)
         self.memo[key] = answer

@@ -31,7 +31,13 @@ SMALL_LENGTH = 16  # values in a list
 LARGE_SIZE = 1024  # lists of this size are measured once
 HUGE_SIZE = 2**20  # to make a value of this size takes as long as a few thousand steps
 # Methods that stand in for built-in functions, since they know the size of the value before it is made.
-MEASURED_FUNCTIONS = {"add": "added", "zip": "zipped", "range": "numbers", "replace": "replaced", "join": "joined"}
+MEASURED_FUNCTIONS = {
+    "add": "add_values",
+    "zip": "zip_lists",
+    "range": "list_range",
+    "replace": "replace_text",
+    "join": "join_texts",
+}
 
 Measure = tuple[int, int]  # size and depth
 _NESTING = frozenset({list, dict})
@@ -69,7 +75,7 @@ class ValueSizes:
             self._check_measure(value, self._measure_value([value]))
         return value
 
-    def added(self, left: Any, right: Any) -> Any:
+    def add_values(self, left: Any, right: Any) -> Any:
         """`left + right`."""
         if type(left) is list and type(right) is list:
             result = left + right
@@ -80,7 +86,7 @@ class ValueSizes:
             return result if _NESTING.isdisjoint(map(type, result)) else self.check_value(result)
         return self.check_value(add_values(left, right))
 
-    def zipped(self, *lists: Any) -> Any:
+    def zip_lists(self, *lists: Any) -> Any:
         """`zip(a, b)`."""
         if not all(type(items) is list for items in lists):
             return zip_lists(*lists)  # which refuses it
@@ -93,19 +99,19 @@ class ValueSizes:
         )
         return result
 
-    def numbers(self, *bounds: Any) -> Any:
+    def list_range(self, *bounds: Any) -> Any:
         """`range(...)`."""
         if set(map(type, bounds)) <= {int, bool} and all(bounds[2:]):
             self.check_room(CELL_SIZE * len(range(*bounds)[:RANGE_LIMIT]))
         return make_range(*bounds)
 
-    def replaced(self, value: Any, old: Any, new: Any) -> Any:
+    def replace_text(self, value: Any, old: Any, new: Any) -> Any:
         """`replace(s, old, new)`."""
         if type(value) is type(old) is type(new) is str and old:
             self.check_room(len(value) + value.count(old) * len(new), "a text")
         return self.check_value(replace_text(value, old, new))
 
-    def joined(self, values: Any, separator: Any = "") -> Any:
+    def join_texts(self, values: Any, separator: Any = "") -> Any:
         """`join(list, separator)`."""
         if type(values) is list and type(separator) is str:
             self.check_room(len(separator) * len(values), "a text")
