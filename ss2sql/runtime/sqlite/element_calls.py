@@ -47,15 +47,16 @@ class ElementCalls:
         """What gives the number of rows and the columns that are wanted."""
         lists, search, limit, callers = self.lists, self.search, self.limit, [call.caller for call in self.calls]
         wanted, without, memo = request.columns, request.without, callers[0].memo
-        again: dict[Arguments | bytes, tuple[int, int, Found]] = {}  # what is wanted again, its calls first
+        again: dict[Arguments | bytes, tuple[int, tuple[int, Found]]] = {}  # what is wanted again, its calls first
 
         def read_columns(arguments: Arguments) -> tuple[int, Found]:
             known = again.get(_make_exact_key(arguments)) if again else None
             if known is not None:
-                search.generated += known[0]
+                calls_saved, found = known
+                search.generated += calls_saved
                 for caller in callers:
-                    caller.memo.hits += known[0]
-                return known[1:]
+                    caller.memo.hits += calls_saved
+                return found
             try:
                 of_list, calls = lists[arguments[0]]
             except KeyError:
@@ -73,7 +74,7 @@ class ElementCalls:
             if memo.hits > hits:
                 if len(again) * (len(of_list[0]) + 1) >= limit:
                     forget_older_half(again)
-                again[_make_exact_key(arguments)] = len(of_list[0]), kept, columns
+                again[_make_exact_key(arguments)] = len(of_list[0]), (kept, columns)
             return kept, columns
 
         return read_columns
