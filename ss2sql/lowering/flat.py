@@ -287,8 +287,7 @@ def _find_all_sources(query: plan.Query) -> list[plan.Source]:
 def _needs_numbers(query: plan.Query) -> bool:
     """Whether an aggregate's argument has to be evaluated for each row before the groups are made.
 
-    An argument that mentions none of the query's own columns would make SQL take the aggregate for one of an
-    outer query.
+    An argument without a column of the query itself would make SQL take the aggregate for one of an outer query.
     """
     own = {source.id for source in query.sources}
     return any(not list_sources(argument) & own for argument in find_aggregate_inputs(query))

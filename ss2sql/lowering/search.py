@@ -306,8 +306,7 @@ class EagerSearch(RecursiveQuery):
     def _evaluate_for_each_step(self, node: Node, witnesses: list[Node]) -> Node:
         """A condition on entering, evaluated for every step where it may change from step to step.
 
-        SQLite evaluates a condition once the columns that it mentions are known; `witnesses` are a column of each
-        source.
+        SQLite evaluates a condition once the columns in it are known; `witnesses` are a column of each source.
         """
         last = witnesses[-1]
         changing = any(call.name in _STATEFUL_FUNCTIONS for call in node.find_all(exp.Anonymous))

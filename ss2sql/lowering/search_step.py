@@ -83,8 +83,7 @@ class SearchStep:
     def list_lookups(self) -> list[Node]:
         """What SQLite may look up or evaluate early.
 
-        This is the part of CONNECT BY that cannot fail, and equalities without which the step would stop and be no
-        goal.
+        This is the part of CONNECT BY that cannot fail, and equalities without which the step would stop as no goal.
         """
         parts = [part for part in split_and(self.made) if not can_fail(part)]
         return [self.expressions.lower_condition(part, self.scope) for part in (*parts, *self.of.looked_up)]

@@ -24,8 +24,7 @@ class WrongOption(Exception):  # noqa: N818 - told by IPython as wrong usage
 class Options:
     """The options of the first line.
 
-    `output` is the variable for the result; `quiet`: it was named with `<<`, so nothing is shown. `rest` follows the
-    options.
+    `output` is the variable for the result; `quiet`: it was named with `<<`, so nothing is shown. `rest` comes after.
     """
 
     engine: Engine = "auto"

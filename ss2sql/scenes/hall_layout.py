@@ -1,7 +1,6 @@
 """The plan of the scene `hall`: a floor of 16 x 12 m with four rooms. Lengths are in metres, the origin is a corner.
 
-Inner walls and the middles of doors have whole coordinates, so that a robot that moves by half or whole metres has to
-use the doors.
+Inner walls and the middles of doors have whole coordinates, so a robot that moves by half metres has to use the doors.
 """
 
 from __future__ import annotations

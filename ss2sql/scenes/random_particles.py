@@ -1,7 +1,6 @@
 """The particles of the scene `chaos`, drawn from a seed.
 
-PyBullet itself finds room for its particles, other simulators use bounding spheres, so one seed gives other particles
-there.
+PyBullet itself finds room for its particles, other simulators use bounding spheres, so their particles differ.
 """
 
 from __future__ import annotations

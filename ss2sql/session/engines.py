@@ -40,8 +40,7 @@ def check_engine(engine: Any) -> None:
 def open_table_engine(name: str, session: Any = None, begun: Sequence[Run] = ()) -> TableEngine | None:
     """The database of an engine; None if SQLite or Python do the work.
 
-    `session` is the user's connection of that database, whose settings count; `begun` are the active runs, innermost
-    last.
+    `session` is the user's connection of that database, whose settings count; `begun` are the active runs in order.
     """
     opener = _OPENERS.get(name)
     return None if opener is None else opener(session, begun)

@@ -19,8 +19,7 @@ MOST_LINES = 100_000  # of a pipe that are counted; a script may be 256 KiB, and
 class TypedPiece:
     """A statement with its `;`, or the line of a dot command, and where it begins.
 
-    `complete` is false without an end, `hopeless` true where no end could help, as after a string that is not closed
-    on its line.
+    `complete` is false without an end, `hopeless` true where no end could help, as after an open string.
     """
 
     text: str

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 class Snapshot:
     """The columns that a query copies at its start, by table; none where it reads the world directly.
 
-    `once` says that it reads each element once, so that nothing is cached. `places` are the first spans of its tables
-    in FROM.
+    `once` says that it reads each element once, so that nothing is cached. `places` are the first spans of its tables.
     """
 
     columns: tuple[tuple[AttachedTable, Span | None, tuple[str, ...]], ...] = ()

@@ -164,9 +164,7 @@ def _recompute_type(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
 
 
 def _reads_rows(node: object, query: plan.Query, within: bool = False) -> bool:
-    """Whether the node reads the query's own elements or state outside its aggregates; `within` as in
-    `_lift_aggregates`.
-    """
+    """Whether the node reads the query's own elements or state outside aggregates; `within`: see `_lift_aggregates`."""
     own = {source.id for source in query.sources}
     match node:
         case plan.Aggregate() if not within:

@@ -119,8 +119,7 @@ class ParseFailure:
     def clause(self) -> str:
         """What is being read: a clause or option by its keyword, else the innermost bracket with its owner.
 
-        `WHERE`, `START WITH`, `COST`, `ON`, `WHEN`; `IF(`, `f(` for a call, `(`, `[`, `x[` for an index, `v{`; or
-        nothing.
+        `WHERE`, `START WITH`, `COST`, `ON`, `WHEN`; `IF(`, `f(` for a call, `(`, `[`, `x[` for an index, `v{`, or none.
         """
         for position in self._open_positions:
             kind = self._get_kind(position)

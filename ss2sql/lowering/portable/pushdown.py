@@ -105,8 +105,7 @@ def write_pushdown(query: plan.Query, outside: Callable[[plan.ValueSource], Exte
 def filter_table(
     outside: ExternalTable, source: plan.ValueSource, conditions: Sequence[plan.Expr], variable: Callable[[str], Any]
 ) -> ExternalTable:
-    """A table with those rows alone that keep all conditions. Raises UnsupportedError where these could mean something
-    else.
+    """A table with the rows that keep all conditions. Raises UnsupportedError where these could mean something else.
 
     Args:
         outside: the table.

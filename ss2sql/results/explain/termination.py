@@ -1,8 +1,7 @@
 """Whether a search can be shown to end.
 
 It does where it has MAXIMUM or MEMORIZE n, where STOP WITH or the condition of CONNECT BY counts its steps, or where
-rows or keys do not repeat and there are only so many. What cannot be shown may still end; `explain` then advises a
-bound.
+rows or keys do not repeat and there are only so many. What cannot be shown may still end; `explain` advises a bound.
 """
 
 from __future__ import annotations

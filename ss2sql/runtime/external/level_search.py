@@ -1,5 +1,4 @@
-"""Going from level to level in DuckDB: the steps from the states of one level are tried, then a statement says which
-are kept.
+"""Going from level to level in DuckDB: steps from the states of a level are tried, then a statement says which stay.
 
 It finds the results of the breadth-first search that takes one step after the other, in its order. Only what nobody can
 notice is different: the clauses of all steps of a level are evaluated, also of those behind the last result that is

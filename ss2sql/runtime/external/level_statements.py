@@ -2,8 +2,7 @@
 
 `steps` has all steps that were kept. `tries` has the steps from the states of a level: a SELECT where they are SQL,
 else a table that Python fills. Their `place` orders them as a search would try them that takes one step after the
-other: by the step before, then by their elements. For NO CYCLE each step has with it the `trail` of the rows of its
-path.
+other: by the step before, then by their elements. For NO CYCLE each step has the `trail` of the rows of its path.
 """
 
 from __future__ import annotations

@@ -23,8 +23,7 @@ class EvalScope:
     """What one `eval` sees.
 
     `scope` belongs to the resolver. `sources` are numbers of sources with the columns of tuples, the types of elements
-    and the tables of worlds (see CodegenContext), `states` START WITH variables; a compiled text takes their values in
-    this order.
+    and the tables of worlds (see CodegenContext), `states` START WITH variables; texts take values in this order.
     """
 
     scope: Any

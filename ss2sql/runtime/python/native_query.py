@@ -79,9 +79,7 @@ class NativeQuery:
         return self._run_with_location(run, compute_shaped)
 
     def make_step_function(self, run: Run) -> tuple[Expand, FrozenShapes, Callable[[], None]]:
-        """The step function of a search with `find`, how its values are frozen, and what brings `run.stats` up to
-        date.
-        """
+        """The step function of a search with `find`, how its values are frozen, and what updates `run.stats`."""
         with deepen_stack(self.levels):
             task = self._bound(run)
             _, expand, *_ = task.find()

@@ -37,8 +37,7 @@ if IS_CLOSED:
 
 # The same where its only value is what a function has given, which is checked when it is new. `marshal` writes five
 # bytes for each list and each number of 32 bits, so that these are all that there is if every fifth is "[" or "i": 0.11
-# us where a look at every item takes 0.7. It would follow `l = [l, l]` for ever, but that could not be looked up
-# before.
+# us where a look at every item takes 0.7. It would follow `l = [l, l]` for ever, which could not be looked up.
 CHECKED = """
 try:
     if type(VALUE) is not list:

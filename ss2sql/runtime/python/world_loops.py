@@ -1,7 +1,6 @@
 """Sources that are tables of worlds: what walks here are keys, and columns are read of them when they are needed.
 
-What the adapter is told of conditions (`push_condition_to_world` in source_loops.py) only saves rows; each condition is
-tested again.
+Conditions that the adapter gets (`push_condition_to_world` in source_loops.py) only save rows; all are tested again.
 """
 
 from __future__ import annotations

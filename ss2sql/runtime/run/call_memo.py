@@ -5,8 +5,7 @@ nothing gets them as they are. A call of an immutable or stable function is reme
 of one run; the memo is bounded. What comes back is converted to a value of the language.
 
 What happens per call beside the function decides the speed of a search. Generated code therefore makes the keys of
-arguments itself where one serves for many calls: that of the state for all its steps, that of an element for all of
-them.
+arguments itself where one serves for many calls: that of the state for all steps, that of an element for all states.
 """
 
 from __future__ import annotations

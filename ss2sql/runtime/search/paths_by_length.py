@@ -3,8 +3,7 @@
 One depth-first walk for each length that occurs. A walk enters a node only if a goal is as many steps away as
 are left; that is known from distances, found backwards from the goals. As a walk of a given length may go to
 and fro, the distances are kept apart for even and odd lengths. Where a walk turns back it notes for which
-greater length it would have gone on: the least of them is the next length, and when there is none, no longer
-path exists.
+greater length it would have gone on: the least of them is the next length; without one no longer path exists.
 
 Distances do not know that the path itself is in the way, and a walk knows nothing of the walks before it. In
 most graphs neither matters. Where `PATIENCE_FACTOR` times as many edges as the graph has were looked at without another

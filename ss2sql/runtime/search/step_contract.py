@@ -53,8 +53,7 @@ the code. A function's result is made a value before any clause sees it, or refu
 **Counting.** It counts `generated` (elements drawn; those of one list together, the rest is given back in `finally`),
 `pruned`, `expanded` (calls, less the start) and the calls of functions. It looks at the clock and at `max_steps` before
 the first element of a state, every 64 of a long list or of nested sources, and before each call of the user's where
-there is a deadline. It returns the number of elements (`StopIteration.value`). Who works long without drawing steps
-calls `check`.
+there is a deadline. It returns the number of elements (`StopIteration.value`). Who draws none for long calls `check`.
 
 **The text of a loop** is put around the code of the function where that pays (runtime/python/step_inlining.py). So it
 has one `for` over `expand(...)`, takes a step apart in its head, does not `continue` there, names what it wants of

@@ -1,8 +1,7 @@
 """Watching a search: what its loop does, noted event by event.
 
 `TracedSearch` stands around the step function, so it sees each step that a loop takes. Of what becomes of it tells what
-the loop hands on unseen: the state after a step, its last part. The step function itself tells of steps without a
-trace.
+the loop hands on unseen: the state after a step, its last part. The step function tells of steps without a trace.
 """
 
 from __future__ import annotations

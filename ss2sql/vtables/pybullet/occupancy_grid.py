@@ -3,8 +3,7 @@
 A cell is occupied where a body reaches into its square at the height z, beyond touching its edge, so a wall that is
 thinner than the cells stays closed for path planning. The shape itself is tested, not its bounding box: Bullet tests
 whether a thin plate of the size of the cell meets the body. Plates of 2 x 2, 4 x 4 ... cells come first: where they
-meet nothing, their cells are free. The cells of a convex body in a row are contiguous, so only the two ends of each row
-are searched.
+meet nothing, their cells are free. The cells of a convex body in a row are contiguous, so only its ends are searched.
 """
 
 from __future__ import annotations

@@ -43,8 +43,7 @@ def find_selected_world(world: Any, table: Table) -> Any:
 def resolve_area(world: Any, form: str, cell: Any, area: Any) -> tuple[list[float], float, int, int]:
     """The lower corner of a grid, the edge of its cells, its columns and its rows.
 
-    Without an area it is that of the scene, else the box around all bodies of the world. The grid may extend one cell
-    beyond it.
+    Without an area it is that of the scene, else the box around all bodies of the world. It may extend one cell more.
     """
     edge = check_number(form, "the edge of a cell", cell, above=0)
     if area is None:
