@@ -211,7 +211,8 @@ def _open_left_joined(selects: FlatLowering, source: plan.QuerySource, scope: Sq
     """The right side of a LEFT JOIN. A number of its rows is needed, which says whether there is one."""
     query = source.query
     (inner,) = query.sources
-    if isinstance(inner, plan.QuerySource) and not inner.optional and not can_vary_with(inner.query, siblings, None):
+    rows = isinstance(inner, plan.QuerySource) and inner.query.representation.name == "dict"
+    if isinstance(inner, plan.QuerySource) and rows and not can_vary_with(inner.query, siblings, None):
         part = _open_numbered(selects, _open_derived(selects, inner, scope, False), inner)
     else:
         part = open_source(selects, inner, scope, siblings, None)

@@ -23,8 +23,10 @@ Names: TypeAlias = dict[plan.Expr, str]  # of columns, by what the query compute
 
 
 def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
-    found = (node for node in walk(query) if isinstance(node, plan.QuerySource) and not node.optional)
-    sources = {node.id: node for node in found if _is_list_query(node.query)}
+    found = [node for node in walk(query) if isinstance(node, plan.QuerySource)]
+    whole = {inner.id for node in found if node.optional for inner in node.query.sources}  # read through LEFT JOIN
+    among = [node for node in found if not node.optional and node.id not in whole]
+    sources = {node.id: node for node in among if _is_list_query(node.query)}
     if not sources:
         return query
     for node in walk(query):
