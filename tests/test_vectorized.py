@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 import re
+import sqlite3
 from collections.abc import Callable
 from typing import Any, cast
 
@@ -235,6 +236,19 @@ def test_what_takes_arrays_is_stable_and_cannot_be_volatile(ss: ss2sql.Session) 
     with pytest.raises(ss2sql.Error, match=r"S002.*takes arrays, so it cannot be volatile") as caught:
         ss.function("f", lambda x: x, volatility="volatile", vectorized=True)
     assert caught.value.hints
+
+
+def test_rows_of_a_table_come_in_blocks(ss: ss2sql.Session) -> None:
+    connection = sqlite3.connect(":memory:")
+    connection.execute("CREATE TABLE t(x INTEGER)")
+    connection.executemany("INSERT INTO t VALUES (?)", [(x,) for x in range(BLOCK + 4)])
+    ss.attach("db", connection)
+    f = Blocks(lambda x: x * x)
+    ss.function("f", f, volatility="immutable", vectorized=True)
+    result = ss.run("SELECT f(x) FROM db.t WHERE x > 3 AND f(x - 1) % 2 == 0 AS list;")
+    assert result.value == [x * x for x in range(4, BLOCK + 4) if x % 2]
+    assert (result.engine, f.sizes) == ("native", [BLOCK, 1])  # all others are known
+    assert "native: it calls a function that takes arrays" in result.explain()
 
 
 def test_a_run_that_must_end_ends_between_blocks(ss: ss2sql.Session) -> None:
