@@ -14,7 +14,7 @@ from golden import cases
 from pygments.token import Comment, Error, Keyword, Name, Operator, Punctuation, String, Whitespace
 
 from ss2sql.editor import textmate
-from ss2sql.editor.keywords import CONSTANTS, TEXTS, keywords, list_grammar_words
+from ss2sql.editor.keywords import CONSTANTS, TEXTS, keywords, list_words
 from ss2sql.editor.lexer import BoundSqlLexer, SelectScriptLexer
 from ss2sql.errors import ParseError, Source
 from ss2sql.frontend.syntax import ast, tokenizer
@@ -50,7 +50,7 @@ def read_tokens(script: str) -> list[Token] | None:
 
 def test_the_words_are_those_of_the_grammar():
     quoted = set(re.findall(r'"([A-Za-z]+)"i', GRAMMAR.read_text("utf-8")))
-    assert list_grammar_words() == {word.upper() for word in quoted} == RESERVED | CONTEXTUAL
+    assert list_words() == {word.upper() for word in quoted} == RESERVED | CONTEXTUAL
 
 
 def test_every_keyword_has_a_text_and_no_other():
@@ -60,11 +60,11 @@ def test_every_keyword_has_a_text_and_no_other():
 
 def test_two_words_are_one_keyword_where_the_grammar_asks_for_the_second():
     rows = load_parse_table().rows
-    for word in list_grammar_words():
+    for word in list_words():
         behind = [set(rows[row[word]]) for row in rows if row.get(word, -1) >= 0]
         seconds = {one for one in set.union(*behind) if not one.islower()}  # others are rules
         seconds -= {"SIBLINGS"}  # which stands between ORDER and BY
-        assert (len(seconds) == 1 and seconds <= list_grammar_words()) == (word in PAIRS)
+        assert (len(seconds) == 1 and seconds <= list_words()) == (word in PAIRS)
         assert word not in PAIRS or seconds == {PAIRS[word]}
 
 
@@ -83,7 +83,7 @@ def uncolored(script: str) -> Iterator[object]:
         yield "other tokens"
     for token, (kind, _) in zip(tokens, shown, strict=False):
         is_word = kind in ("Keyword", "Keyword.Constant", "Operator.Word", "Name.Builtin.Pseudo")
-        if is_word != (token.kind in list_grammar_words()) or kind == "Error":
+        if is_word != (token.kind in list_words()) or kind == "Error":
             yield token
 
 
@@ -100,9 +100,9 @@ def test_every_keyword_has_its_color():
         SELECT LAST a FROM a START WITH EACH n IN b CONNECT BY DEPTH FIRST PRIOR a == n ORDER SIBLINGS BY a AS list;
         SELECT DISTINCT CASE WHEN a IS NULL THEN b ELSE c END FROM d LEFT JOIN e ON f BETWEEN 1 AND 2 OR g LIKE 'h'
         LIMIT 3 OFFSET 4;"""
-    assert {token.kind for token in read_tokens(script) or ()} >= list_grammar_words()
+    assert {token.kind for token in read_tokens(script) or ()} >= list_words()
     shown = {part.upper() for kind, part in colored(script) if not kind.startswith(("Name", "Punct", "Lit"))}
-    assert shown >= list_grammar_words() - {"THIS"}
+    assert shown >= list_words() - {"THIS"}
     assert ("Name.Builtin.Pseudo", "this") in colored(script)
 
 
@@ -182,7 +182,7 @@ def seen_otherwise(script: str) -> Iterator[Token]:
         for word in re.finditer(r"\w+", part) if "string" not in name and "comment" not in name else ():
             found[start + word.start()] = name
     for token in read_tokens(script) or ():
-        if token.kind in list_grammar_words():
+        if token.kind in list_words():
             wanted, missing = ("constant.language" if token.kind in CONSTANTS else "keyword."), ""
         elif token.kind in ("NAME", "STRING") and token.text.upper() not in CONTEXTUAL:
             wanted, missing = ("variable", "entity", "support", "string"), "string"

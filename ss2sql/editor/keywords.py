@@ -83,7 +83,7 @@ class Keyword:
 
 
 @cache
-def list_grammar_words() -> frozenset[str]:
+def list_words() -> frozenset[str]:
     """Every word of the grammar, in capitals."""
     kinds = {symbol for row in load_parse_table().rows for symbol in row if symbol.isalpha() and symbol.isupper()}
     return frozenset(kinds - (VALUES - RESERVED))
@@ -93,7 +93,7 @@ def list_grammar_words() -> frozenset[str]:
 def keywords() -> dict[str, Keyword]:
     """The keywords by their first word, in capitals, in alphabetical order."""
     seconds = set(PAIRS.values()) - ALONE
-    return {word: _make_keyword(word) for word in sorted(list_grammar_words() - seconds)}
+    return {word: _make_keyword(word) for word in sorted(list_words() - seconds)}
 
 
 def _make_keyword(word: str) -> Keyword:

@@ -12,7 +12,7 @@ from pygments.token import Comment, Error, Keyword, Name, Number, Operator, Punc
 from pygments.token import _TokenType as Type
 
 from ss2sql.editor.keyword_tokens import find_comments, mark_keywords
-from ss2sql.editor.keywords import keywords, list_grammar_words
+from ss2sql.editor.keywords import keywords, list_words
 from ss2sql.frontend.syntax.tokenizer import Token
 
 _KINDS: dict[str, Type] = {
@@ -55,7 +55,7 @@ def _choose_token_type(tokens: list[Token], index: int) -> Type:
     kind = token.kind
     if kind in _KINDS:
         return _KINDS[kind]
-    if kind in list_grammar_words():
+    if kind in list_words():
         keyword = keywords().get(kind)
         return Keyword if keyword is None else _SORTS.get(keyword.sort, Keyword)
     if kind != "NAME":

@@ -151,13 +151,13 @@ def _fill_shape(found: Shape, promised: Shape) -> Shape:
             return found
 
 
-def has_untyped_values(shape: Shape) -> bool:
+def is_untyped(shape: Shape) -> bool:
     """Whether it contains, at any depth, values without a type in frames."""
     match shape:
         case ListOf(item):
-            return has_untyped_values(item)
+            return is_untyped(item)
         case Struct(fields):
-            return any(has_untyped_values(field) for _, field in fields)
+            return any(is_untyped(field) for _, field in fields)
         case _:
             return shape == ANY
 

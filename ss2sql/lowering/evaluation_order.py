@@ -52,7 +52,7 @@ class EvaluationOrder:
 
     # --- expressions -----------------------------------------------------------------------------------
 
-    def count_sources_needed(self, expr: object) -> int:
+    def count_sources(self, expr: object) -> int:
         """The number of sources that have to be bound for the expression."""
         return max((self.number.get(source, 0) for source in list_sources(expr)), default=0)
 
@@ -63,7 +63,7 @@ class EvaluationOrder:
         placed: list[Condition] = []
         reached = 1
         for part in parts:
-            level, fails = self.count_sources_needed(part), can_fail(part)
+            level, fails = self.count_sources(part), can_fail(part)
             key = self._find_key(part, level, [condition.expr for condition in placed])
             if key is not None:
                 fails = False
@@ -98,7 +98,7 @@ class EvaluationOrder:
         """Finds what of an expression that is certainly evaluated at this level can be from an earlier one on."""
         if expr in found or not _is_costly(expr):
             return
-        own = min(level, max(self.count_sources_needed(expr), guarded))
+        own = min(level, max(self.count_sources(expr), guarded))
         for part in _iterate_certain_parts(expr):
             self._hoist(part, own, guarded, found)
         if own < level:

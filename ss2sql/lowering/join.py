@@ -269,7 +269,7 @@ class JoinBuilder:
                 part.items[0].alias_or_name, condition.key, self.keys[source][condition.key]
             )
         node = self.selects.expressions.lower_condition(condition.expr, self.scope)
-        return self._delay_condition(condition.level, self.levels.count_sources_needed(condition.expr), node)
+        return self._delay_condition(condition.level, self.levels.count_sources(condition.expr), node)
 
     def _order_fallible(self, group: list[plan.Expr], level: int, free: list[plan.Expr]) -> Node:
         """Parts of WHERE that may fail, in their order."""
@@ -283,9 +283,7 @@ class JoinBuilder:
         # What can fail calls a function, so that SQLite never evaluates it before the first source is read. Only the
         # other side of `column = ...` it evaluates before a derived table, to look that up in an index that it makes.
         indexed = isinstance(self.opened[level - 1].items[-1], exp.Subquery) and isinstance(node, exp.EQ)
-        return self._delay_condition(
-            level, 0 if indexed else max(1, *map(self.levels.count_sources_needed, group)), node
-        )
+        return self._delay_condition(level, 0 if indexed else max(1, *map(self.levels.count_sources, group)), node)
 
     def _delay_condition(self, level: int, known: int, node: Node) -> Node:
         """A condition that is not evaluated before the source at its level is read."""

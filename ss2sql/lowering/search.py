@@ -272,7 +272,7 @@ class EagerSearch(RecursiveQuery):
         step = SearchStep(self, scope, first)
         conditions += step.list_lookups()
         sources = self.order_items(sources, conditions)
-        entering = [self._evaluate_for_each_step(node, witnesses) for node in step.lower_enter_tests()]
+        entering = [self._evaluate_for_each_step(node, witnesses) for node in step.lower_entering()]
         if self.counted:
             entering.insert(0, sql_builder.call("count_step", witnesses[-1].copy()))
         where = [*([] if first else self.check_parent_continues()), *conditions, *entering]
@@ -285,11 +285,7 @@ class EagerSearch(RecursiveQuery):
         self.selects.needs.applied["arms"] = None
         inner = scope.with_source(self.arms.source.id, self.arms.make_reader(self.expressions, item, scope))
         step = SearchStep(self, inner, first, item)
-        where = [
-            *([] if first else self.check_parent_continues(expands)),
-            *step.list_lookups(),
-            *step.lower_enter_tests(),
-        ]
+        where = [*([] if first else self.check_parent_continues(expands)), *step.list_lookups(), *step.lower_entering()]
         return sql_builder.select(
             step.lower_columns([]),
             [] if first else [sql_builder.table(self.table, self.table)],

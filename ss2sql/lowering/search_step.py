@@ -98,7 +98,7 @@ class SearchStep:
 
     # --- whether it enters -----------------------------------------------------------------------------
 
-    def lower_enter_tests(self) -> list[Node]:
+    def lower_entering(self) -> list[Node]:
         new, alive = self._is_new(), self._lower_goes_on_or_goal()
         weighed = [] if self.of.total is None else self._lower_weight_tests()
         weighs = self.best and not new

@@ -13,7 +13,7 @@ from ss2sql.language.column_shapes import (
     Shape,
     Struct,
     get_shape,
-    has_untyped_values,
+    is_untyped,
     make_arrow_type,
     merge_shapes,
     to_floats,
@@ -84,7 +84,7 @@ def to_polars(result: Result) -> Any:
 
 
 def _choose_polars_type(polars: Any, shape: Shape) -> Any:
-    return polars.Object if has_untyped_values(shape) or _has_empty_struct(shape) else _has_polars_type(polars, shape)
+    return polars.Object if is_untyped(shape) or _has_empty_struct(shape) else _has_polars_type(polars, shape)
 
 
 def _has_polars_type(polars: Any, shape: Shape) -> Any:
@@ -116,7 +116,7 @@ def to_arrow(result: Result) -> Any:
     arrow = require_package("pyarrow", "df", "arrow()")
     arrays, fields = [], []
     for name, values, shape in read_columns(result):
-        if has_untyped_values(shape):
+        if is_untyped(shape):
             make_type_error(name, values)
         kind = make_arrow_type(arrow, shape)
         arrays.append(arrow.array([to_floats(value, shape) for value in values], type=kind))
@@ -131,11 +131,11 @@ def make_type_error(name: str, values: Sequence[Any]) -> NoReturn:
     first = next(value for value in values if value is not None)
     for value in values:
         own = get_shape([value])
-        if has_untyped_values(own):
+        if is_untyped(own):
             message = f"Arrow has no type for {format_value(value)} in the column '{name}'"
             raise RepresentationError("V001", message, hints=(hint,))
         so_far = merge_shapes(so_far, own)
-        if has_untyped_values(so_far):
+        if is_untyped(so_far):
             kinds = f"values of several kinds, such as {format_value(first)} and {format_value(value)}"
             message = f"the column '{name}' has {kinds}; a column of Arrow has one"
             raise RepresentationError(

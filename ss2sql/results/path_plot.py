@@ -59,12 +59,8 @@ def find_coordinates(columns: Sequence[str], rows: Sequence[Row]) -> Coordinates
     structured = [i for i in indexes if any(isinstance(row[i], (list, dict)) for row in rows)]
     if structured:
         (index, *others) = structured
-        return (
-            None
-            if others or not all(is_plot_point(row[index]) for row in rows)
-            else Coordinates(lambda row: row[index])
-        )
-    numbers = [i for i in indexes if all(is_plot_number(row[i]) for row in rows)]
+        return None if others or not all(is_point(row[index]) for row in rows) else Coordinates(lambda row: row[index])
+    numbers = [i for i in indexes if all(is_number(row[i]) for row in rows)]
     if len(numbers) not in (2, 3):
         return None
     names = tuple(columns[i] for i in numbers)
@@ -72,11 +68,11 @@ def find_coordinates(columns: Sequence[str], rows: Sequence[Row]) -> Coordinates
     return Coordinates(lambda row: tuple(row[i] for i in numbers), names, alike)
 
 
-def is_plot_point(value: Any) -> bool:
-    return isinstance(value, list) and len(value) in (2, 3) and all(map(is_plot_number, value))
+def is_point(value: Any) -> bool:
+    return isinstance(value, list) and len(value) in (2, 3) and all(map(is_number, value))
 
 
-def is_plot_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
     return type(value) in (int, float)
 
 
@@ -130,7 +126,7 @@ def find_weights(result: Result, paths: Found) -> StepWeights | str:
     if query is not None and expr is not None:
         found = [index for index, output in enumerate(query.columns) if output.expr == expr] + found
     for index in found:
-        if all(is_plot_number(row[index]) for path in paths for row in path):
+        if all(is_number(row[index]) for path in paths for row in path):
             return StepWeights(index, "probability" if likely else "cost", likely)
     if expr is not None and expr.span.text:
         return f"select what a step costs: SELECT ..., to({expr.span.text}, {'probability' if likely else 'cost'})"

@@ -12,14 +12,7 @@ from ss2sql.language import plan
 from ss2sql.language.rows import Row
 from ss2sql.results import get_paths, require_package
 from ss2sql.results.graph_plot import draw_graph, draw_tree
-from ss2sql.results.path_plot import (
-    draw_costs,
-    draw_lengths,
-    draw_paths,
-    find_coordinates,
-    is_plot_point,
-    require_weights,
-)
+from ss2sql.results.path_plot import draw_costs, draw_lengths, draw_paths, find_coordinates, is_point, require_weights
 from ss2sql.results.plot_style import BLUE, PALETTE, escape, hide_spines, make_plot_error, set_integer_ticks, shorten
 from ss2sql.results.show import format_cell
 from ss2sql.results.watching.search_plot import draw_search
@@ -121,7 +114,7 @@ def _choose_flat_drawing(result: Result, kind: str) -> Draw:
     numbers = [index for index, found in enumerate(kinds) if found and found <= {int, float}]
     labels = [index for index, found in enumerate(kinds) if index not in numbers]
     pointed = [
-        index for index in labels if any(row[index] for row in rows) and all(is_plot_point(row[index]) for row in rows)
+        index for index in labels if any(row[index] for row in rows) and all(is_point(row[index]) for row in rows)
     ]
     if kind == "heat":
         make_plot_error("plot() has no array of two dimensions to draw", "AS plane gives one")

@@ -112,7 +112,7 @@ def _find_undetermined_states(query: plan.Query) -> Iterator[str]:
         return
     found = find_unnamed(query)
     counted = find_growing_states(query, evenly=True)
-    read = {expr: clauses for expr, clauses in found.items() if not _is_only_step_count(expr, clauses, counted, search)}
+    read = {expr: clauses for expr, clauses in found.items() if not _is_step_count(expr, clauses, counted, search)}
     # Columns of an element tend to follow from each other, as a name and the key behind it.
     if not any(isinstance(expr, plan.State) for expr in read):
         return
@@ -128,9 +128,7 @@ def _find_undetermined_states(query: plan.Query) -> Iterator[str]:
     )
 
 
-def _is_only_step_count(
-    expr: plan.Expr, clauses: tuple[str, ...], counted: frozenset[str], search: plan.Search
-) -> bool:
+def _is_step_count(expr: plan.Expr, clauses: tuple[str, ...], counted: frozenset[str], search: plan.Search) -> bool:
     """Whether it only counts steps, where a row that comes again later is not worth more.
 
     So it is on a path with NO CYCLE, and in STOP WITH where UNIQUE reaches each row by the fewest steps.

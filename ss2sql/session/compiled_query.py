@@ -103,7 +103,7 @@ class CompiledQuery:
                 self.reason = READS_VALUES
             elif self.wanted == "auto" and count_array_calls(query):
                 self.reason = TAKES_ARRAYS
-            elif self.wanted == "auto" and can_stop_early_in_depth(query):
+            elif self.wanted == "auto" and can_stop_early(query):
                 self.reason = CUT_DEEP_DOWN
             elif self.wanted != "native":
                 self.lowered = self._lower_query(query)
@@ -213,12 +213,7 @@ class CompiledQuery:
         held = self.made and self.world.is_still_valid(run.get_source)
         if not (held and all(handed.can_run_with(run.get_source) for handed in self.handed.values())):
             self._compile_query(run.get_source)
-        if (
-            run.maximum is not None
-            and self.lowered
-            and self.wanted == "auto"
-            and can_stop_early_in_depth(self.query, True)
-        ):
+        if run.maximum is not None and self.lowered and self.wanted == "auto" and can_stop_early(self.query, True):
             self.native, self.lowered, self.reason = NativeQuery(self.query), None, CUT_DEEP_DOWN
         if run.maximum is not None and self.lowered and self.query.search and self.query.aggregated:
             self.native, self.lowered, self.reason = NativeQuery(self.query), None, COUNTS_RESULTS
@@ -381,7 +376,7 @@ class CompiledQuery:
         return self.lowered if run is None or self.lowered is None else run.lowered.get(self, self.lowered)
 
 
-def can_stop_early_in_depth(query: plan.Query, cut: bool = False) -> bool:
+def can_stop_early(query: plan.Query, cut: bool = False) -> bool:
     """Whether a depth-first search ends early and calls functions of the user or of a world.
 
     SQLite evaluates all steps from a state before it takes the first of them, so it would call them for the rest, too.

@@ -210,14 +210,14 @@ class Query:
     def sql(self) -> Sql:
         from ss2sql.results.explain.outline import join_script_sql
 
-        return join_script_sql(outline_statements(self.statements()))
+        return join_script_sql(outline_script(self.statements()))
 
     def explain(self) -> Explanation:
         """Explains the script as `Result.explain` does, without what only a run can tell."""
         from ss2sql.results.explain.explanation import explain_run
 
         missing = [name for name in self.parameters if name not in self._host.names]
-        return explain_run(outline_statements(self.statements()), missing=missing)
+        return explain_run(outline_script(self.statements()), missing=missing)
 
     def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
             workers: int = 1, max_rows: int | None = None, trace: int | None = None,
@@ -249,9 +249,7 @@ class Query:
             raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
 
 
-def outline_statements(
-    statements: Iterable[CompiledStatement], run: Run | None = None
-) -> tuple[OutlinedStatement, ...]:
+def outline_script(statements: Iterable[CompiledStatement], run: Run | None = None) -> tuple[OutlinedStatement, ...]:
     """The statements as they are compiled now, with the values that a run has bound."""
     return tuple(
         OutlinedStatement(statement.tree.span.text, tuple(_outline_query(query, run) for query in statement.queries))

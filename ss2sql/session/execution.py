@@ -19,7 +19,7 @@ from ss2sql.runtime.run.option_checks import check_bound
 from ss2sql.runtime.run.run_state import Run, Stats, measure_memory, translate_memory_error
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.sqlite.function_callbacks import CarriedStopError
-from ss2sql.session.compiled_script import CompiledStatement, Query, outline_statements
+from ss2sql.session.compiled_script import CompiledStatement, Query, outline_script
 from ss2sql.session.engines import Engine, check_engine
 from ss2sql.session.progress import make_progress
 
@@ -210,7 +210,7 @@ def _build_script_result(host: SessionHost, run: Run, statements: Sequence[Compi
         answer.status if answer is not None else "complete",
         run.stats,
         answer,
-        outline_statements(statements, run),
+        outline_script(statements, run),
         _make_rerun(host, run.arguments, run.maximum),
         (*told, *run.notes),
         traced,
@@ -253,6 +253,6 @@ def _build_partial_result(run: Run | None, status: Status) -> Result | None:
     shown = run.answer.rows if run.answer is not None else rows.name_as_selected()
     form = None if run.sink.query is None else run.sink.query.representation
     answer = QueryAnswer(shown, None, engine, status, form=form)
-    outlined, notes = outline_statements(run.statements, run), tuple(run.notes)
+    outlined, notes = outline_script(run.statements, run), tuple(run.notes)
     traced, _ = _collect_trace(run, run.statements[-1])
     return Result(None, engine, status, run.stats, answer, outlined, notes=notes, traced=traced)

@@ -122,20 +122,16 @@ class Session:
         if callable(name):
             if function is not None:
                 raise SessionError("S002", "the name of a function is a text", hints=('write function("name", f)',))
-            return self._register_entry(
-                make_user_function(get_function_name(name), name, volatility, inverse, vectorized)
-            )
+            return self._add_entry(make_user_function(get_function_name(name), name, volatility, inverse, vectorized))
 
         def register_body(body: F) -> F:
-            self._register_entry(
-                make_user_function(name or get_function_name(body), body, volatility, inverse, vectorized)
-            )
+            self._add_entry(make_user_function(name or get_function_name(body), body, volatility, inverse, vectorized))
             return body
 
         return register_body if function is None else register_body(function)
 
     @with_session_lock
-    def _register_entry(self, entry: UserFunction) -> Callable[..., Any]:
+    def _add_entry(self, entry: UserFunction) -> Callable[..., Any]:
         self._check_open()
         self.host.register_function(entry)
         return entry.function
@@ -155,7 +151,7 @@ class Session:
             entry = make_user_function(called or get_function_name(body), body, volatility)
             if entry.maximum == 0:
                 raise SessionError("S002", f"'{entry.name}' takes no list", hints=("give it a parameter for the list",))
-            return self._register_entry(replace(entry, aggregate=True, body="is an aggregate"))
+            return self._add_entry(replace(entry, aggregate=True, body="is an aggregate"))
 
         if callable(name):
             return register_body(name)

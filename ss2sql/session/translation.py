@@ -11,7 +11,7 @@ from ss2sql.lowering.sql_string import Sql
 from ss2sql.results.explain.outline import join_script_sql
 from ss2sql.runtime.external.level_query import plan_level_search
 from ss2sql.session.compiled_query import CompiledQuery
-from ss2sql.session.compiled_script import CompiledStatement, outline_statements
+from ss2sql.session.compiled_script import CompiledStatement, outline_script
 from ss2sql.session.engines import get_abilities
 
 
@@ -21,9 +21,9 @@ def translate_script(statements: Sequence[CompiledStatement], dialect: Dialect) 
     Raises UnsupportedError where a query could mean something else there.
     """
     if dialect is SQLITE:
-        return join_script_sql(outline_statements(statements))
+        return join_script_sql(outline_script(statements))
     texts = []
-    for statement, outlined in zip(statements, outline_statements(statements), strict=True):
+    for statement, outlined in zip(statements, outline_script(statements), strict=True):
         queries = [_translate_query(query, dialect) for query in statement.queries]
         texts.append("\n".join(queries) or outlined.sql)
     return Sql("\n\n".join(texts))

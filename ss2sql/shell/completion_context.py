@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import field
 
 from ss2sql.editor.keyword_tokens import mark_keywords
-from ss2sql.editor.keywords import list_grammar_words
+from ss2sql.editor.keywords import list_words
 from ss2sql.errors import ParseError, Source
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import tokenizer
@@ -68,7 +68,7 @@ def find_context(statement: str, cursor: int) -> CompletionContext:
 
 
 def _is_word(token: Token) -> bool:
-    return token.kind == "NAME" or token.kind in list_grammar_words()
+    return token.kind == "NAME" or token.kind in list_words()
 
 
 def _is_in_string(before: Sequence[Token], statement: str, cursor: int) -> bool:
@@ -100,9 +100,7 @@ def _collect_names(found: CompletionContext, statement: str, cursor: int) -> Non
     start = cursor - len(found.word)
     own = [token for token, group in zip(tokens, groups, strict=True) if group == around[-1]]
     begun = max((token.start for token in own if token.kind == "SELECT" and token.start < start), default=-1)
-    found.seen = tuple(
-        token.kind for token in own if begun <= token.start < start and token.kind in list_grammar_words()
-    )
+    found.seen = tuple(token.kind for token in own if begun <= token.start < start and token.kind in list_words())
     for group in reversed(around):  # the innermost query first
         for index, token in enumerate(tokens):
             if groups[index] == group and token.kind == "FROM":

@@ -90,14 +90,12 @@ class SymbolTable:
     def tables(self) -> dict[str, str]:
         """Tables of the database and of worlds, as FROM writes them, each with a line about it."""
         others = self.host.names.others
-        found = dict.fromkeys(
-            [*self._list_database_tables(), *(() if others is None else others.list_names())], "table"
-        )
+        found = dict.fromkeys([*self._list_own_tables(), *(() if others is None else others.list_names())], "table")
         for world in self.host.names.worlds.values():
             found.update((write_name(table), table.table.text or "table of a world") for table in world.tables.values())
         return found
 
-    def _list_database_tables(self) -> list[str]:
+    def _list_own_tables(self) -> list[str]:
         rows = self._fetch_rows("SELECT schema, name FROM pragma_table_list WHERE type IN ('table', 'view')")
         own = [(schema, name) for schema, name in rows if not name.startswith(("sqlite_", "ss2sql_"))]
         return sorted(name if schema in ("main", "temp") else f"{schema}.{name}" for schema, name in own)

@@ -93,7 +93,7 @@ def _make_optional(declared: Any) -> Any:
     return tuple(map(_make_optional, declared)) if isinstance(declared, tuple) else declared | None
 
 
-def make_shape_row(shape: str | None) -> tuple[Any, ...]:
+def shape_row(shape: str | None) -> tuple[Any, ...]:
     """The columns of SHAPE."""
     return shape, *(shape == known for known in ("sphere", "box", "capsule", "cylinder", "plane", "mesh"))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
-from ss2sql.vtables.body_columns import SHAPE, Quaternion, Vector, compute_euler_angles, make_shape_row
+from ss2sql.vtables.body_columns import SHAPE, Quaternion, Vector, compute_euler_angles, shape_row
 from ss2sql.vtables.contract import Table
 
 
@@ -42,7 +42,7 @@ class Posed(Table, ABC):
         """How fast it turns."""
 
     def read_shape(self, key: Any) -> tuple[Any, ...]:
-        return make_shape_row(self.read_kind(key))
+        return shape_row(self.read_kind(key))
 
     def compute_angles(self, key: Any) -> Vector:
         return compute_euler_angles(*self.read_turn(key))

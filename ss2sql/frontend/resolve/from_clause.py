@@ -95,7 +95,7 @@ def _resolve_source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.So
         case ast.Index(value=ast.Name(name=schema), index=ast.Literal(value=str(word))) if _is_file(resolver, schema):
             return _resolve_table_source(resolver, tree.name or word, schema, word, tree.expr.span)
         case ast.Attribute(source=str(schema), name=word):
-            if all(schema != source.name for level in scope.iterate_outwards() for source in level.sources):
+            if all(schema != source.name for level in scope.list_outwards() for source in level.sources):
                 return _resolve_table_source(resolver, name, schema, word, tree.expr.span)
     return resolve_value_source(resolver, name, resolver.resolve_expr(tree.expr, scope), tree.span)
 

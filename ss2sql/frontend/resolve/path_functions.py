@@ -99,9 +99,7 @@ def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, 
 
 def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | None) -> plan.Expr:
     """The plan of a call of one of these functions."""
-    own = (
-        next((level for level in scope.iterate_outwards() if level.path_functions is not None), None) if scope else None
-    )
+    own = next((level for level in scope.list_outwards() if level.path_functions is not None), None) if scope else None
     usage = USAGE.get(tree.function, f"{tree.function}(x)")
     if own is None or own.path_functions is None:
         hint = "write it in a clause of a step of a query with CONNECT BY"

@@ -62,7 +62,7 @@ FIRST_EVAL_ID = 1_000_000  # the first number in strings of `eval`; scripts have
 
 def resolve_eval(script: ast.Script, scope: Scope | None, catalog: Catalog) -> tuple[plan.Expr, ...]:
     """The statements of a string given to `eval`, resolved in its place; they see a row, never its group."""
-    levels = list(scope.iterate_outwards()) if scope else []
+    levels = list(scope.list_outwards()) if scope else []
     around = [number for level in levels for number in (level.query, *(source.id for source in level.sources))]
     resolver, scope = Resolver(catalog, max(FIRST_EVAL_ID, *around, 0)), scope and replace(scope, grouped=False)
     expressions = tuple(resolver.resolve_statement(statement, scope).expr for statement in script.statements)
@@ -231,14 +231,14 @@ class Resolver:
             self.parameters[name] = None
             self.reads[name] = ANY
             return plan.Variable(name, ANY, span=span)
-        sources = tuple(source for level in scope.iterate_outwards() for source in level.sources) if scope else ()
-        for level in scope.iterate_outwards() if scope else ():
+        sources = tuple(source for level in scope.list_outwards() for source in level.sources) if scope else ()
+        for level in scope.list_outwards() if scope else ():
             if name in level.shown:
                 hint = f"'{name}' is a column that SELECT makes; write {level.shown[name]} here"
                 raise ResolveError("R001", f"unknown name '{name}'", span, (hint,))
         known = [*list_visible_names(scope), *self.list_variables(), *self.parameters]
         searches = (
-            (level.path_functions.search for level in scope.iterate_outwards() if level.path_functions is not None)
+            (level.path_functions.search for level in scope.list_outwards() if level.path_functions is not None)
             if scope
             else ()
         )
@@ -333,7 +333,7 @@ class Resolver:
         return plan.If(condition, branches[0], branches[1], kind, span=tree.span)
 
     def resolve_assignment(self, tree: ast.Assign, scope: Scope | None) -> plan.Expr:
-        for level in scope.iterate_outwards() if scope else ():
+        for level in scope.list_outwards() if scope else ():
             if tree.name in level.states:
                 raise ResolveError(
                     "R007",
@@ -389,7 +389,7 @@ class Resolver:
         if is_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may_be(Kind.LIST):
             hint = AGGREGATE_HINT.format(query=write_over_rows(tree, scope))
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
-        for level in scope.iterate_outwards() if scope else ():
+        for level in scope.list_outwards() if scope else ():
             self.inliner.sources.update((source.id, source) for source in level.sources)
         return self.inliner.refine_type(self.make_call(name, arguments, span, span))
 
@@ -436,7 +436,7 @@ class Resolver:
     def resolve_eval(self, text: plan.Expr, scope: Scope | None, span: Span) -> plan.Expr:
         sources: list[int] = []
         states: list[tuple[int, str]] = []
-        for level in scope.iterate_outwards() if scope else ():
+        for level in scope.list_outwards() if scope else ():
             sources.extend(source.id for source in level.sources)
             states.extend((level.query, name) for name in level.states)
         kept = scope.copy_scopes() if scope else None

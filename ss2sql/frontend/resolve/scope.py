@@ -42,7 +42,7 @@ class Scope:
         before, self.path_functions.clause = self.path_functions.clause, clause
         return before
 
-    def iterate_outwards(self) -> Iterator[Scope]:
+    def list_outwards(self) -> Iterator[Scope]:
         """This scope and those around it, innermost first."""
         scope: Scope | None = self
         while scope is not None:
@@ -58,7 +58,7 @@ class Scope:
 
     @property
     def depth(self) -> int:
-        return sum(1 for _ in self.iterate_outwards())
+        return sum(1 for _ in self.list_outwards())
 
 
 def make_element(source: plan.Source, span: Span) -> plan.Element:
@@ -71,7 +71,7 @@ def make_element(source: plan.Source, span: Span) -> plan.Element:
 
 def find_first_source(scope: Scope | None, span: Span) -> plan.Source:
     """The source that `this` belongs to: the first one of the innermost query that has any."""
-    for level in scope.iterate_outwards() if scope else ():
+    for level in scope.list_outwards() if scope else ():
         if level.sources:
             return level.sources[0]
     raise ResolveError("R014", "'this' has a meaning inside a query only", span, ("write SELECT ... FROM ...",))
@@ -80,7 +80,7 @@ def find_first_source(scope: Scope | None, span: Span) -> plan.Source:
 def find_source(scope: Scope | None, name: str, span: Span) -> plan.Source:
     """The innermost source with this name."""
     known: list[str] = []
-    for level in scope.iterate_outwards() if scope else ():
+    for level in scope.list_outwards() if scope else ():
         for source in level.sources:
             if source.name == name:
                 return source
@@ -106,7 +106,7 @@ def make_column(source: plan.Source, name: str, span: Span) -> plan.Column:
 
 def find_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
     """The START WITH variable, column or column of SELECT that a bare name means, from the innermost query outwards."""
-    for level in scope.iterate_outwards() if scope else ():
+    for level in scope.list_outwards() if scope else ():
         if name in level.columns:
             return level.columns[name]
         if name in level.states:
@@ -126,7 +126,7 @@ def find_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | N
 
 def find_dotted_value(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
     """The column or search variable before a dot, where it is no source: `address` in `address.city`."""
-    levels = scope.iterate_outwards() if scope else ()
+    levels = scope.list_outwards() if scope else ()
     if any(source.name == name for level in levels for source in level.sources):
         return None
     return find_bound_name(scope, name, span)
@@ -142,7 +142,7 @@ def find_open_source(scope: Scope | None, name: str, span: Span) -> plan.Source 
 
     Raises ResolveError R004 where there are several that no variable can distinguish.
     """
-    for level in scope.iterate_outwards() if scope else ():
+    for level in scope.list_outwards() if scope else ():
         candidates = [source for source in level.sources if is_open(source)]
         if len(candidates) > 1 and not any(map(_reads_variable, candidates)):
             choices = " or ".join(f"{source.name}.{name}" for source in candidates)
@@ -158,7 +158,7 @@ def is_settled(scope: Scope | None, found: plan.Expr | None) -> bool:
 
     A source whose columns depend on a variable may have one of this name at run time, and then that one comes first.
     """
-    for level in scope.iterate_outwards() if scope else ():
+    for level in scope.list_outwards() if scope else ():
         if found is not None and any(found is column for column in level.columns.values()):
             return True
         if isinstance(found, plan.State) and found.query == level.query:
@@ -177,7 +177,7 @@ def _reads_variable(source: plan.Source) -> bool:
 def list_visible_names(scope: Scope | None) -> list[str]:
     """All names that a bare name could mean here, for suggestions."""
     names: list[str] = []
-    for level in scope.iterate_outwards() if scope else ():
+    for level in scope.list_outwards() if scope else ():
         names.extend((*level.columns, *filter(str.isidentifier, level.states)))
         for source in level.sources:
             names.extend(column for column, _ in source.columns or ())

@@ -99,7 +99,7 @@ def _find_walked_source(expr: plan.Expr, scope: Scope | None) -> plan.WorldSourc
     """The source whose current element the expression is, if that is one of a world."""
     if not isinstance(expr, plan.Element) or scope is None:
         return None
-    source = next((one for level in scope.iterate_outwards() for one in level.sources if one.id == expr.source), None)
+    source = next((one for level in scope.list_outwards() for one in level.sources if one.id == expr.source), None)
     return source if isinstance(source, plan.WorldSource) else None
 
 
@@ -125,4 +125,4 @@ def is_function_of_this(resolver: Resolver, name: str, scope: Scope) -> bool:
         return True
     if name not in resolver.catalog.world_functions:
         return False
-    return not any(source.columns is None for level in scope.iterate_outwards() for source in level.sources)
+    return not any(source.columns is None for level in scope.list_outwards() for source in level.sources)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.language.cancellation import iterate_checked
 from ss2sql.language.kinds import FLOAT, NONE, NOTHING, Kind, Type, unite
 from ss2sql.language.operations.argument_checks import check_list, check_number, check_numbers, misuse
-from ss2sql.language.operations.intervals import INTEGER, bound_integers, do_fit, is_nonnegative, make_numbers
+from ss2sql.language.operations.intervals import INTEGER, bound_integers, fits, is_nonnegative, make_numbers
 from ss2sql.language.operations.lists import LENGTH, are_not_lists, infer_length
 from ss2sql.language.operations.operation import (
     Check,
@@ -114,7 +114,7 @@ def _sum_can_fail(types: Types) -> bool:
     if are_not_lists(types):
         return True
     if (sums := _bound_known_sums(types[0])) is not None:
-        return not do_fit(Kind.INT, sums)
+        return not fits(Kind.INT, sums)
     # So small that even the longest list stays within 64 bits.
     return not (item.is_only(INTEGER) and (item.is_bounded(512) or item == NOTHING))
 

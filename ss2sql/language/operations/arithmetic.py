@@ -18,7 +18,7 @@ from ss2sql.language.operations.intervals import (
     apply_bounds,
     bound_floats,
     bound_integers,
-    do_fit,
+    fits,
     is_nonnegative,
     keep_lists,
     make_numbers,
@@ -131,9 +131,7 @@ def _make_operator(name: str, symbol: str, compute: intervals.Operation, about: 
         return unite((times, *(make_numbers(kind, corners) for kind, corners in apply_bounds(compute, types))))
 
     def can_fail(types: Types) -> bool:
-        return not _are_numbers(types) or not all(
-            do_fit(kind, corners) for kind, corners in apply_bounds(compute, types)
-        )
+        return not _are_numbers(types) or not all(fits(kind, corners) for kind, corners in apply_bounds(compute, types))
 
     text = f"{{0}} {symbol} {{1}}"
     return declare(
@@ -236,7 +234,7 @@ def _infer_quotient(types: Types) -> Type:
 
 def _can_quotient_fail(types: Types) -> bool:
     corners = _bound_quotients(types) if _are_numbers(types) else None
-    return not corners or not do_fit(Kind.FLOAT, corners)
+    return not corners or not fits(Kind.FLOAT, corners)
 
 
 def _infer_remainder(types: Types) -> Type:
@@ -371,11 +369,11 @@ def _can_power_fail(types: Types) -> bool:
         return True
     if all(t.may_be(INTEGER) for t in types):
         corners = _bound_powers(types) if is_nonnegative(types[1]) else None
-        if not corners or not do_fit(Kind.INT, corners):
+        if not corners or not fits(Kind.INT, corners):
             return True
     if any(t.may_be(Kind.FLOAT) for t in types):
         bounds = _bound_float_powers(types)
-        return not bounds or not do_fit(Kind.FLOAT, bounds)
+        return not bounds or not fits(Kind.FLOAT, bounds)
     return False
 
 

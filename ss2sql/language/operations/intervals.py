@@ -47,7 +47,7 @@ def make_numbers(kinds: Kind, corners: Sequence[float]) -> Type:
     return Type(kinds, low if least < low <= greatest else None, high if least <= high < greatest else None)
 
 
-def do_fit(kinds: Kind, corners: Sequence[float]) -> bool:
+def fits(kinds: Kind, corners: Sequence[float]) -> bool:
     """Whether all numbers between the corners are values."""
     least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
     return all(least <= corner <= greatest for corner in corners)

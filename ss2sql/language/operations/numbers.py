@@ -15,7 +15,7 @@ from ss2sql.language.operations.intervals import (
     INTEGER,
     bound_floats,
     bound_integers,
-    do_fit,
+    fits,
     is_nonnegative,
     keep_lists,
     make_numbers,
@@ -99,7 +99,7 @@ def _can_rounding_fail(types: Types) -> bool:
         return True
     if digits:
         return not digits[0].is_only(INTEGER) or not is_nonnegative(digits[0])
-    return not all(do_fit(Kind.INT, bounds) for bounds in round_bounds(value, round))
+    return not all(fits(Kind.INT, bounds) for bounds in round_bounds(value, round))
 
 
 # --- roots, points -------------------------------------------------------------------------------------
@@ -189,9 +189,7 @@ def _make_round(name: str, compute: Callable[[float], int], about: str, example:
         return unite(make_numbers(Kind.INT, bounds) for bounds in round_bounds(types[0], compute))
 
     def can_fail(types: Types) -> bool:
-        return can_be_no_numbers(types) or not all(
-            do_fit(Kind.INT, bounds) for bounds in round_bounds(types[0], compute)
-        )
+        return can_be_no_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in round_bounds(types[0], compute))
 
     round_number.__name__ = name
     return declare(
@@ -321,7 +319,7 @@ def _infer_integer(types: Types) -> Type:
 
 
 def _can_integer_fail(types: Types) -> bool:
-    return can_be_no_numbers(types) or not all(do_fit(Kind.INT, bounds) for bounds in round_bounds(types[0], int))
+    return can_be_no_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in round_bounds(types[0], int))
 
 
 def _infer_float(types: Types) -> Type:

@@ -22,7 +22,7 @@ _STRINGS, _STRING = each(Kind.STR), exactly(Kind.STR)
 _ASCII = "{0} NOT GLOB '*[^ -~]*' AND instr({0}, char(0)) = 0"
 
 
-def _can_be_no_strings(types: Types) -> bool:
+def _not_strings(types: Types) -> bool:
     return not _STRINGS(types)
 
 
@@ -33,7 +33,7 @@ def _make_method(name: str, compute: Callable[..., Any], arity: int | tuple[int,
         return compute(*(check_string(name, one) for one in strings))
 
     call_method.__name__ = name
-    others = {"result": make_text_type, "can_fail": _can_be_no_strings, "python": (Form(compute, _STRINGS),), **others}
+    others = {"result": make_text_type, "can_fail": _not_strings, "python": (Form(compute, _STRINGS),), **others}
     return declare(name, arity, call_method, others.pop("result"), others.pop("can_fail"), **others)
 
 
@@ -59,11 +59,7 @@ def _infer_join(types: Types) -> Type:
 
 
 def _can_join_fail(types: Types) -> bool:
-    return (
-        not types[0].is_only(Kind.LIST)
-        or element_type(types[0]).may_be(Kind.STRUCTURED)
-        or _can_be_no_strings(types[1:])
-    )
+    return not types[0].is_only(Kind.LIST) or element_type(types[0]).may_be(Kind.STRUCTURED) or _not_strings(types[1:])
 
 
 def replace_text(value: Any, old: Any, new: Any) -> str:
@@ -182,7 +178,7 @@ OPERATIONS = (
     _make_method(
         "split", _split_string, (1, 2), call="split(s) or split(s, separator)", result=_infer_parts, grows=True,
         about="the parts of a string between blanks or separators", example="[split('a b'), split('a,b', ',')]",
-        can_fail=lambda types: _can_be_no_strings(types) or len(types) > 1, python=(),
+        can_fail=lambda types: _not_strings(types) or len(types) > 1, python=(),
     ),
     declare(
         "join", (1, 2), join_list, _infer_join, _can_join_fail, call="join(list) or join(list, separator)", grows=True,

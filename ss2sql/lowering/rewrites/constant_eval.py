@@ -21,7 +21,7 @@ def resolve_constant_string(node: plan.Eval, world: RewriteContext) -> plan.Expr
     """What a constant text stands for; None where that has to wait."""
     if not isinstance(node.text, plan.Constant) or not isinstance(node.text.value, str):
         return None
-    if node.scope is None or any(level.grouped for level in node.scope.iterate_outwards()):
+    if node.scope is None or any(level.grouped for level in node.scope.list_outwards()):
         return None
     expr = world.read(node.text.value, node.scope)
     if expr is None or can_fail(expr):

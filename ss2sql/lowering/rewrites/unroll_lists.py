@@ -35,7 +35,7 @@ def unroll_rows(query: plan.Query, world: RewriteContext) -> list[UnrolledRow] |
     source = query.sources[0]
     if not _is_correlated(query):
         return None
-    items = _list_known_items(source.value, world)
+    items = _list_items(source.value, world)
     parts = [query.where or make_constant(True, query.span), *(output.expr for output in query.columns)]
     if items is None or len(items) * sum(1 for part in parts for _ in walk(part)) > MAX_NODES:
         return None
@@ -61,11 +61,7 @@ def find_searched_item(query: plan.Query, world: RewriteContext) -> tuple[plan.E
     for one, item in (arguments, arguments[::-1]):
         if isinstance(one, plan.Element) and one.source == source.id and source.id not in list_sources(item):
             shown = [item, *(output.expr for output in query.columns)]
-            items = (
-                None
-                if any(map(can_fail, shown)) or not _is_correlated(query)
-                else _list_known_items(source.value, world)
-            )
+            items = None if any(map(can_fail, shown)) or not _is_correlated(query) else _list_items(source.value, world)
             if items and all(isinstance(known, plan.Constant) for known in items):
                 values = [known.value for known in items if isinstance(known, plan.Constant)]
                 return item, make_constant(values, source.value.span)
@@ -88,7 +84,7 @@ def _is_correlated(query: plan.Query) -> bool:
     return bool(list_sources(query) - {query.sources[0].id} or list_states(query))
 
 
-def _list_known_items(value: plan.Expr, world: RewriteContext) -> list[plan.Expr] | None:
+def _list_items(value: plan.Expr, world: RewriteContext) -> list[plan.Expr] | None:
     match value:
         case plan.MakeList(items=items):
             known: list[plan.Expr] | None = list(items)

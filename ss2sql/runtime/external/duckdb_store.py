@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.lowering.dialects import DUCKDB
 from ss2sql.lowering.portable.search_steps import TypedColumn
 from ss2sql.runtime.external.arrow_columns import batch_of_rows
-from ss2sql.runtime.external.table_statements import Value, join_column_names, translate_sql
+from ss2sql.runtime.external.table_statements import Value, join_names, translate_sql
 from ss2sql.runtime.search.search_run import SearchRun
 
 if TYPE_CHECKING:
@@ -61,9 +61,7 @@ class DuckTables:
 
     def create_table(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]] = ()) -> None:
         """Makes a table in the place of one that there was."""
-        self.connection.execute(
-            translate_sql(DUCKDB, f"CREATE OR REPLACE TABLE {table}({join_column_names(*columns)})")
-        )
+        self.connection.execute(translate_sql(DUCKDB, f"CREATE OR REPLACE TABLE {table}({join_names(*columns)})"))
         self.load_rows(table, columns, rows)
 
     def load_rows(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> None:

@@ -56,7 +56,7 @@ class PredicatePushdown:
         """The source as it is now, with the rows that are kept; the whole of it where it is no table any more."""
         assert isinstance(self.source.value, plan.Variable)
         frame = find_duck_frame(self.source, run.get_source)
-        kept = None if frame is None else self.restrict_frame(frame, run.get_source)
+        kept = None if frame is None else self.filter_frame(frame, run.get_source)
         if frame is None or kept is None:
             return run.get_source(self.source.value.name)
         with frame.convert_errors(self.source.span), interrupt_when_due(run, frame.reading):
@@ -65,7 +65,7 @@ class PredicatePushdown:
     def can_run_with(self, variable: Callable[[str], Any]) -> bool:
         return True
 
-    def restrict_frame(self, frame: DuckFrame, variable: Callable[[str], Any]) -> ExternalTable | None:
+    def filter_frame(self, frame: DuckFrame, variable: Callable[[str], Any]) -> ExternalTable | None:
         """The rows of the table that are kept; None where DuckDB cannot tell which."""
         if frame.reading.strange:  # texts may compare in another way
             return None
@@ -133,7 +133,5 @@ def _find_pushdown(
     if frame is None:
         return None
     own = (part for part in safe if list_sources(part) == {source.id})
-    found = tuple(
-        part for part in own if PredicatePushdown(source, (part,)).restrict_frame(frame, variable) is not None
-    )
+    found = tuple(part for part in own if PredicatePushdown(source, (part,)).filter_frame(frame, variable) is not None)
     return PredicatePushdown(source, found) if found else None

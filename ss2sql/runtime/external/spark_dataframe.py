@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import RepresentationError
-from ss2sql.language.column_shapes import fill_from_plan, has_untyped_values
+from ss2sql.language.column_shapes import fill_from_plan, is_untyped
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.runtime.external.first_levels import FirstLevels, FirstStep
 from ss2sql.runtime.external.level_steps import SqlSteps
@@ -139,7 +139,7 @@ class DataFrameSearch(SparkSearch):
             told = [one.merge_shapes(other) for one, other in zip(told, read_shapes(bytes(part)), strict=True)]
         shapes = []
         for output, column in zip(outputs, told, strict=True):
-            if has_untyped_values(column.shape):
+            if is_untyped(column.shape):
                 raise _build_type_error(output.name, column)
             shapes.append(fill_from_plan(column.shape, output.expr.type))
         return rows.mapInArrow(make_task(unpickle_rows_in_spark, pickle.dumps(shapes)), build_spark_types(shapes))

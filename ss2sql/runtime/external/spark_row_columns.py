@@ -9,15 +9,7 @@ from marshal import loads
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.column_shapes import (
-    NONE,
-    Shape,
-    get_shape,
-    has_untyped_values,
-    make_arrow_type,
-    merge_shapes,
-    to_floats,
-)
+from ss2sql.language.column_shapes import NONE, Shape, get_shape, is_untyped, make_arrow_type, merge_shapes, to_floats
 from ss2sql.language.values import format_value
 
 if TYPE_CHECKING:
@@ -36,7 +28,7 @@ class ColumnShape:
     def merge_shapes(self, more: ColumnShape) -> ColumnShape:
         shape = merge_shapes(self.shape, more.shape)
         other = self.other or more.other
-        if other is None and has_untyped_values(shape) and self.first is not None:
+        if other is None and is_untyped(shape) and self.first is not None:
             other = more.first
         return ColumnShape(shape, self.first or more.first, other)
 
@@ -50,7 +42,7 @@ def infer_shape(values: Sequence[Any]) -> ColumnShape:
     first = next((value for value in values if value is not None), None)
     if first is None:
         return ColumnShape(found)
-    if not has_untyped_values(found):
+    if not is_untyped(found):
         return ColumnShape(found, format_value(first))
     return reduce(
         ColumnShape.merge_shapes,

@@ -19,7 +19,7 @@ from ss2sql.runtime.external.first_levels import FirstLevels
 from ss2sql.runtime.external.level_statements import SparkLevelStatements
 from ss2sql.runtime.external.spark_steps import LevelCounts, SparkSteps
 from ss2sql.runtime.external.spark_store import SparkStore
-from ss2sql.runtime.external.table_statements import join_column_names, list_names
+from ss2sql.runtime.external.table_statements import join_names, list_names
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
@@ -156,7 +156,7 @@ class SparkSearch:
         in_order = self.store.persist_frame(ranged)
         found = dict(map(tuple, in_order.groupBy("part").count().collect()))
         starts = accumulate((found.get(number, 0) for number in range(max(found, default=0))), initial=0)
-        offsets = join_column_names(*(f"{start}L" for start in starts))
+        offsets = join_names(*(f"{start}L" for start in starts))
         return in_order.selectExpr(f"array({offsets})[part] + nth_of_part + 1 AS {name}", *rows.columns)
 
     def _add_to_closed_list(self, rows: DataFrame) -> None:
@@ -230,7 +230,7 @@ class SparkSearch:
             return
         level = self.levels[depth]
         if len(steps) <= STEPS_PER_QUERY:
-            some = level.where(f"step IN ({join_column_names(*steps)})")
+            some = level.where(f"step IN ({join_names(*steps)})")
         else:
             some = level.join(
                 self.store.load_rows((TypedColumn("step", "BIGINT"),), [[step] for step in steps]), "step"

@@ -14,7 +14,7 @@ from ss2sql.lowering.portable.search_steps import TypedColumn
 Value: TypeAlias = int | float | str | list[Any] | None  # what stands in a statement for `:name`
 
 
-def join_column_names(*columns: object) -> str:
+def join_names(*columns: object) -> str:
     return ", ".join(map(str, columns))
 
 

@@ -7,7 +7,7 @@ from itertools import repeat
 from math import pi
 from typing import Any, ClassVar
 
-from ss2sql.vtables.body_columns import PLACES, SHAPE, SPIN, VELOCITY, make_body_columns, make_shape_row
+from ss2sql.vtables.body_columns import PLACES, SHAPE, SPIN, VELOCITY, make_body_columns, shape_row
 from ss2sql.vtables.contract import Column, Element, Table, Where
 from ss2sql.vtables.pybullet.links import SOFT, UNKNOWN
 from ss2sql.vtables.pybullet.poses import Box, unite_boxes
@@ -15,13 +15,11 @@ from ss2sql.vtables.pybullet.spatial_index import AXES, get_spatial_index
 
 KINDS = {2: "sphere", 3: "box", 4: "cylinder", 5: "mesh", 6: "plane", 7: "capsule", 9: "terrain"}  # PyBullet's GEOM_...
 _TYPES = (*KINDS.values(), "compound", "ghost")
-FORM_ROWS = {
-    (kind, robot): (*make_shape_row(kind), robot, kind != "ghost") for kind in _TYPES for robot in (False, True)
-}
+FORM_ROWS = {(kind, robot): (*shape_row(kind), robot, kind != "ghost") for kind in _TYPES for robot in (False, True)}
 SINGLE_ROWS: dict[int, tuple[Any, ...]] = {  # of bodies with one shape
     number: FORM_ROWS[kind, False] for number, kind in KINDS.items()
 }
-SOFT_ROW = (*make_shape_row(None), False, True)
+SOFT_ROW = (*shape_row(None), False, True)
 FIXED = 4  # PyBullet's JOINT_FIXED
 
 
