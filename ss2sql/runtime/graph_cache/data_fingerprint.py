@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error
 from ss2sql.language import plan
-from ss2sql.language.kinds import Opaque
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable, fingerprint_function
+from ss2sql.vtables.content_digest import replace_by_keys
 from ss2sql.vtables.contract import Element, World
 from ss2sql.vtables.frames.frame import Frame
 
@@ -26,25 +26,12 @@ def digest_data(value: Any, what: str) -> str:
         value = value.make_value()
     try:
         return sha256(dumps(value, 2)).hexdigest()
-    except ValueError:
-        return sha256(repr(_describe_value(value, what)).encode("utf-8", "surrogatepass")).hexdigest()
-
-
-def _describe_value(value: Any, what: str) -> Any:
-    """A value with elements of worlds in it, which marshal does not know, by the keys of these."""
-    kind = type(value)
-    if kind is list:
-        return [_describe_value(part, what) for part in value]
-    if kind is dict:
-        return [(key, _describe_value(part, what)) for key, part in value.items()]
-    if isinstance(value, Element):
-        return Element, value.table.name, _describe_value(value.key, what)
-    if kind is tuple:
-        return tuple(_describe_value(part, what) for part in value)
-    if value is None or kind in (bool, int, float, str):
-        return value
-    content = value.object if isinstance(value, Opaque) else value
-    raise NotCacheable(f"{what} holds an object of the type {type(content).__name__}, which cannot be compared")
+    except ValueError:  # there are elements of worlds in it, which marshal does not know
+        pass
+    try:
+        return sha256(repr(replace_by_keys(value)).encode("utf-8", "surrogatepass")).hexdigest()
+    except NotImplementedError as reason:
+        raise NotCacheable(f"{what} cannot be compared: {reason}") from None
 
 
 def find_worlds(value: Any) -> set[World]:
