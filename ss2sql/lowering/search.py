@@ -38,7 +38,7 @@ class EagerSearch(RecursiveQuery):
 
     The recursive table has these columns where they are needed: `depth`; the total of COST or PROBABILITY; the estimate
     of HEURISTIC; the flags `goal` and `goes_on`; `waits`, 0 for a goal that waits only as a result; `rank`, which sorts
-    the queue; the state after the step; parts of the state before it; elements.
+    the queue; the state after the step; parts of the state before it; elements that are not assigned.
     """
 
     def __init__(self, selects: FlatLowering, query: plan.Query, cut: bool) -> None:
@@ -60,7 +60,7 @@ class EagerSearch(RecursiveQuery):
         self.depth = self._choose_name("depth") if search.order == "depth first" else None
         self.states = {name: self._choose_name(shorten_column_name(name)) for name in self.variables}
         self.at_once = find_direct_assignments(query)
-        self.known = self._find_column_calls()
+        self.known = self._find_assigned_values()
         self.goal = self._choose_name("goal") if query.where is not None and not self.ahead else None
         self.continues_column = (
             self._choose_name("goes_on") if self.admits_stopping_goals and not self.one_result else None
@@ -145,12 +145,12 @@ class EagerSearch(RecursiveQuery):
 
     # --- what is known of a step when it is taken ------------------------------------------------------
 
-    def _find_column_calls(self) -> list[tuple[plan.Expr, str]]:
-        """Calls whose values are the state after the step, with the column that holds them."""
+    def _find_assigned_values(self) -> list[tuple[plan.Expr, str]]:
+        """What is the state after the step, with the column that holds it."""
         return [
             (expr, self.states[name])
             for name, expr in self.at_once.items()
-            if isinstance(expr, plan.Call | plan.If)
+            if isinstance(expr, plan.Call | plan.If | plan.Element | plan.Column)
             and self.can_assign_when_stopped(name)
             and is_flag(expr.type) == self.flags[name]
         ]
@@ -178,7 +178,7 @@ class EagerSearch(RecursiveQuery):
     def _carry_columns(self, places: list[object]) -> None:
         """Makes the recursive table carry what these parts read of the state before the step, and of elements."""
         left = [
-            place if place is None else _remove_known_calls(place, [expr for expr, _ in self.known]) for place in places
+            place if place is None else _remove_known_parts(place, [expr for expr, _ in self.known]) for place in places
         ]
         read = {name for place in left for part in place or () for query, name in list_states(part)
                 if query == self.query.id}  # fmt: skip
@@ -294,10 +294,8 @@ class EagerSearch(RecursiveQuery):
 
     def carry_element(self, node: plan.Element | plan.Column) -> str:
         """The column of what is read of an element, possibly that of a variable to which CONNECT BY assigns it."""
-        for name, expr in self.at_once.items():
-            if expr == node and self.can_assign_when_stopped(name) and is_flag(expr.type) == self.flags[name]:
-                return self.states[name]
-        return super().carry_element(node)
+        known = next((name for expr, name in self.known if expr == node), None)
+        return known or super().carry_element(node)
 
     def _evaluate_for_each_step(self, node: Node, witnesses: list[Node]) -> Node:
         """A condition on entering, evaluated for every step where it may change from step to step.
@@ -415,11 +413,11 @@ def _get_table_label(witness: Node) -> str:
 _STATEFUL_FUNCTIONS = frozenset({"reached", "improves"})
 
 
-def _remove_known_calls(place: object, known: list[plan.Expr]) -> list[object]:
-    """The parts of an expression that are left where these calls are columns."""
+def _remove_known_parts(place: object, known: list[plan.Expr]) -> list[object]:
+    """The parts of an expression that are left where these stand in columns."""
     if any(place == call for call in known):
         return []
     hidden = [node for node in walk(place) if any(node == call for call in known)]
     if not hidden:
         return [place]
-    return [rest for part in list_parts(place) for rest in _remove_known_calls(part, known)]
+    return [rest for part in list_parts(place) for rest in _remove_known_parts(part, known)]
