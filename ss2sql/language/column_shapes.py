@@ -7,12 +7,12 @@ values of several kinds in one column, whole numbers beyond 2^53 beside floats.
 from __future__ import annotations
 
 import datetime
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import chain
 from typing import Any, Literal, TypeAlias
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.kinds import Kind, Type
+from ss2sql.language.kinds import Kind, Type, is_encodable
 
 EXACT = 2**53  # floats hold whole numbers up to this one
 
@@ -78,7 +78,7 @@ def _find_kind_shape(kind: type, values: Sequence[Any]) -> Shape:
         return _find_dicts_shape(own)
     if kind is int:
         return INT if max(own) <= EXACT and min(own) >= -EXACT else LARGE
-    if kind is str and not _are_encodable(own):
+    if kind is str and not all(map(is_encodable, own)):
         return ANY
     if kind is datetime.datetime and any(value.tzinfo is not None for value in own):
         return ANY
@@ -87,19 +87,9 @@ def _find_kind_shape(kind: type, values: Sequence[Any]) -> Shape:
 
 def _find_dicts_shape(values: Sequence[dict[Any, Any]]) -> Shape:
     names = dict.fromkeys(chain.from_iterable(values))
-    if not all(isinstance(name, str) for name in names) or not _are_encodable(names):
+    if not all(isinstance(name, str) for name in names) or not all(map(is_encodable, names)):
         return ANY
     return Struct(tuple((name, _find_values_shape([value.get(name) for value in values])) for name in names))
-
-
-def _are_encodable(texts: Iterable[str]) -> bool:
-    """Whether the texts can be written as UTF-8; those with a lone surrogate cannot."""
-    try:
-        for text in texts:
-            text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def merge_shapes(left: Shape, right: Shape) -> Shape:

@@ -269,7 +269,7 @@ def _type_of(value: Any, detail: int) -> Type:
         case float():
             return Type(Kind.FLOAT, value, value)
         case str():
-            return STR if _is_encodable(value) else UNENCODABLE
+            return STR if is_encodable(value) else UNENCODABLE
         case list() if detail:
             item = _type_of_items(value, detail - 1)
             positions = _describe_list([_type_of(part, 0) for part in value[: _POSITIONS + 1]], item)
@@ -329,7 +329,7 @@ def _type_of_items(items: Sequence[Any], detail: int) -> Type:
     if not classes <= _SCALARS.keys():
         return unite(_type_of(item, detail) for item in items)
     kinds = reduce(Kind.__or__, (_SCALARS[c] for c in classes), Kind(0))
-    if str in classes and not _is_encodable("".join(item for item in items if type(item) is str)):
+    if str in classes and not is_encodable("".join(item for item in items if type(item) is str)):
         kinds |= Kind.OBJECT
     numbers: Sequence[Any] = items
     if not classes <= {bool, int, float}:
@@ -351,7 +351,8 @@ def _list_position_types(items: Sequence[list[Any]], inner: list[Any], detail: i
     return [_type_of_items(inner[position::width], detail) for position in range(width)]
 
 
-def _is_encodable(text: str) -> bool:
+def is_encodable(text: str) -> bool:
+    """Whether a text can be written as UTF-8; one with a lone surrogate cannot."""
     if text.isascii():
         return True
     try:

@@ -13,7 +13,21 @@ from typing import Any, TypeAlias, Union, get_args, get_origin
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import convert_value
-from ss2sql.language.kinds import ANY, BOOL, INT, INT_MAX, INT_MIN, LIST, NONE, STR, Kind, Type, make_list_type, unite
+from ss2sql.language.kinds import (
+    ANY,
+    BOOL,
+    INT,
+    INT_MAX,
+    INT_MIN,
+    LIST,
+    NONE,
+    STR,
+    Kind,
+    Type,
+    is_encodable,
+    make_list_type,
+    unite,
+)
 from ss2sql.language.value_messages import format_value
 from ss2sql.vtables.contract import LARGEST
 
@@ -104,11 +118,8 @@ def _make_class_cleaner(wanted: type, giver: str) -> Cleaner:
             value = _convert_scalar(value, giver)
             if type(value) is not wanted:
                 raise _make_kind_error(giver, value, f"a {wanted.__name__}")
-        if isinstance(value, str) and not value.isascii():
-            try:
-                value.encode()
-            except UnicodeEncodeError:
-                raise misfit_error(f"{giver} holds {value!r}, which is no text that can be written as UTF-8") from None
+        if isinstance(value, str) and not is_encodable(value):
+            raise misfit_error(f"{giver} holds {value!r}, which is no text that can be written as UTF-8")
         return value
 
     return clean_value
@@ -158,15 +169,6 @@ _TESTS = {
     Kind.STR: "type({0}) is str and ({0}.isascii() or WRITTEN({0}))",
     Kind.BOOL: "({0} is True or {0} is False)",
 }
-
-
-def is_encodable(text: str) -> bool:
-    """Whether a text can be written as UTF-8."""
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 _NAMES = {"LOW": -LARGEST, "HIGH": LARGEST, "LEAST": INT_MIN, "GREATEST": INT_MAX, "WRITTEN": is_encodable}

@@ -12,7 +12,7 @@ from typing import Any
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import convert_value
 from ss2sql.language.frozen_values import Frozen, thaw_value
-from ss2sql.language.kinds import Opaque
+from ss2sql.language.kinds import Opaque, is_encodable
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
 
 _OTHER_KEYS = "JSON has no form for a dict with keys that are no text"
@@ -57,11 +57,8 @@ def encode_values_as_json(value: tuple[Any, ...]) -> str:
     # Of keys that are numbers JSON makes text.
     if "{" in text and not _is_same_value(value, _decode(text)):
         raise NotCacheable(_OTHER_KEYS)
-    if not text.isascii():
-        try:
-            text.encode()
-        except UnicodeEncodeError:
-            raise NotCacheable("a text holds half of a character (a lone surrogate)") from None
+    if not is_encodable(text):
+        raise NotCacheable("a text holds half of a character (a lone surrogate)")
     return text
 
 

@@ -22,7 +22,7 @@ from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
 from ss2sql.language.conversion import is_finite
 from ss2sql.language.kinds import INT_MAX, INT_MIN
-from ss2sql.language.values import SCALARS, convert_value, copy_for_python, encode_list_form
+from ss2sql.language.values import SCALARS, convert_value, copy_deep, copy_for_python, encode_list_form
 from ss2sql.runtime.run.array_calls import ArrayFunction
 from ss2sql.runtime.run.call_memory import FailedCall, forget_older_half
 from ss2sql.runtime.run.run_state import Run
@@ -335,23 +335,6 @@ def _make_callable(function: UserFunction, inverse: bool, run: Run, memo_limit: 
         return MemoizedCalls(function, run, memo_limit)
     call = make_checked_call(function, run)
     if not inverse:
-        return lambda *arguments: _copy_result(call(map(copy_for_python, arguments))[0])
+        # The value stays as it is, even if the function has kept the list and changes it later.
+        return lambda *arguments: copy_deep(call(map(copy_for_python, arguments))[0])
     return (lambda arguments: call(map(copy_for_python, arguments))) if function.changes else call
-
-
-def _copy_result(result: Any) -> Any:
-    """A result that stays as it is, even if the function has kept the list and changes it later."""
-    if type(result) not in (list, dict):
-        return result
-    try:
-        return loads(dumps(result, 2))
-    except ValueError:  # there are objects inside, which stay the same ones
-        return _rebuild_list(result)
-
-
-def _rebuild_list(value: Any) -> Any:
-    if type(value) is list:
-        return list(map(_rebuild_list, value))
-    if type(value) is dict:
-        return {name: _rebuild_list(part) for name, part in value.items()}
-    return value

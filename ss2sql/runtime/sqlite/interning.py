@@ -14,7 +14,7 @@ from os import urandom
 from typing import Any
 
 from ss2sql.language.conversion import SCALARS, convert_value, is_marshalled_value, is_shallow
-from ss2sql.language.kinds import INT_MAX, INT_MIN
+from ss2sql.language.kinds import INT_MAX, INT_MIN, is_encodable
 from ss2sql.language.value_messages import build_depth_error
 from ss2sql.language.values import Opaque, copy_for_python, find_several_forms, get_truth, make_hashable
 from ss2sql.lowering.sql_query import OutputColumn
@@ -72,7 +72,7 @@ class Interning:
         kind = type(value)
         if kind is int or kind is float or value is None:
             return value
-        if kind is str and (value.isascii() or _is_valid_text(value)):
+        if kind is str and (value.isascii() or is_encodable(value)):
             return value
         if kind is bool:
             if self.pure:
@@ -263,15 +263,6 @@ class Interning:
 
 def _ignore_value() -> None:
     """Who hears nothing."""
-
-
-def _is_valid_text(value: str) -> bool:
-    """Whether SQLite can hold the string as text, which is UTF-8 and has no lone surrogates."""
-    try:
-        value.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def _make_exact_key(value: Any) -> Hashable:
