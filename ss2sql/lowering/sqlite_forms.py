@@ -113,7 +113,7 @@ def lower_size_checked(lowering: ExpressionLowering, call: plan.Call, env: SqlSc
     otherwise = sql_builder.mark_as_rare(_call_python_operators(lowering, call, env))
     if not whole:
         return sql_builder.case([(_build_between(node, MAX_SAFE_FLOAT), node)], otherwise)
-    if not any(_choose_inner_form(argument, Kind.INT) for argument in call.arguments):
+    if not any(_choose_inner_form(argument, Kind.INT, env) for argument in call.arguments):
         return sql_builder.case([(_build_between(node, MAX_SAFE_INTEGER), node)], otherwise)
     is_whole = sql_builder.binary(exp.EQ, sql_builder.call("typeof", node.copy()), sql_builder.string("integer"))
     return sql_builder.case([(is_whole, node)], otherwise)
@@ -125,9 +125,11 @@ def _build_between(node: Node, limit: float) -> Node:
     )
 
 
-def _choose_inner_form(expr: plan.Expr, kinds: Kind) -> Form | None:
-    """The form of an operand that is computed under the check of the whole expression."""
+def _choose_inner_form(expr: plan.Expr, kinds: Kind, env: SqlScope) -> Form | None:
+    """The form of an operand that is computed under the check of the whole expression, and is not known already."""
     if not isinstance(expr, plan.Call) or not expr.function.builtin or not expr.function.raises:
+        return None
+    if any(known == expr for known, _ in env.known):
         return None
     form = _choose_form(expr) if expr.type.kinds == kinds else None
     return form if form is not None and form.check is Check.SIZE else None
@@ -135,13 +137,13 @@ def _choose_inner_form(expr: plan.Expr, kinds: Kind) -> Form | None:
 
 def _call_python_operators(lowering: ExpressionLowering, expr: plan.Expr, env: SqlScope) -> Node:
     """The same with a Python call for every operator."""
-    if not isinstance(expr, plan.Call) or _choose_inner_form(expr, expr.type.kinds) is None:
+    if not isinstance(expr, plan.Call) or _choose_inner_form(expr, expr.type.kinds, env) is None:
         return lowering.lower_value(expr, env)
     return lowering.call_python(expr, [_call_python_operators(lowering, argument, env) for argument in expr.arguments])
 
 
 def _build_tree(lowering: ExpressionLowering, expr: plan.Expr, env: SqlScope, kinds: Kind) -> Node | None:
-    form = None if any(known == expr for known, _ in env.known) else _choose_inner_form(expr, kinds)
+    form = _choose_inner_form(expr, kinds, env)
     if not isinstance(expr, plan.Call) or form is None:
         return lowering.lower_expr(expr, env) if find_sql_class(expr.type, none=True) == "number" else None
     text, operands = str(form.text), list[Node]()
