@@ -76,9 +76,7 @@ class Commands(click.Group):
         from click.shell_completion import CompletionItem
 
         if not incomplete.startswith("-"):
-            return [
-                CompletionItem(name, help=text) for name, (_, text) in COMMANDS.items() if name.startswith(incomplete)
-            ]
+            return [CompletionItem(name, help=t) for name, (_, t) in COMMANDS.items() if name.startswith(incomplete)]
         return click.Command.shell_complete(self, ctx, incomplete)
 
     def main(self, args: Sequence[str] | None = None, *others: Any, **named: Any) -> Any:

@@ -62,9 +62,7 @@ class Table:
         """The rows as dicts."""
         if not self.labels:
             return [dict(zip(self.columns, row, strict=True)) for row in self]
-        return [
-            dict(zip(self._choose_names(names), row, strict=True)) for row, names in zip(self, self.hidden, strict=True)
-        ]
+        return [dict(zip(self._choose_names(n), row, strict=True)) for row, n in zip(self, self.hidden, strict=True)]
 
     def _choose_names(self, labels: tuple[Any, ...]) -> tuple[str, ...]:
         names = dict(enumerate(self.columns)) | dict(zip(self.labels, map(make_label, labels), strict=True))

@@ -304,9 +304,7 @@ class JoinBuilder:
             for e, n in zip(values, nodes, strict=True)
         ]
         later = self._find_later_expressions(level, conditions, hoisted)
-        known = [
-            (expr, table.carry_node(node)) for expr, node in self.scope.known if _is_read_later(expr, later, values)
-        ]
+        known = [(expr, table.carry_node(n)) for expr, n in self.scope.known if _is_read_later(expr, later, values)]
         self.scope = replace(self.scope, known=(*here, *known))
 
     def _find_later_expressions(

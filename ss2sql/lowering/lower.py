@@ -171,9 +171,7 @@ def _find_iterated_parameters(select: exp.Select, needs: StatementNeeds) -> froz
 def _build_key_column(query: plan.Query, key: plan.Column, node: sql_builder.Node) -> sql_builder.Node:
     """The column of a key, with what is read of it afterwards as a comment."""
     exprs = [output.expr for output in query.columns]
-    read = [
-        expr.name if isinstance(expr, plan.Column) else "this" for expr in exprs if _find_source(expr) == key.source
-    ]
+    read = [e.name if isinstance(e, plan.Column) else "this" for e in exprs if _find_source(e) == key.source]
     names = ", ".join(name for name in dict.fromkeys(read) if name != key.name)
     if names:  # of columns of worlds, which are names of scripts and end no comment
         node.add_comments([f"then {names if len(names) <= 60 else names[:57] + '...'}"])

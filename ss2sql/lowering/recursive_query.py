@@ -130,9 +130,7 @@ class RecursiveQuery(ABC):
 
     def _find_carried_reads(self, expr: plan.Element | plan.Column) -> Node:
         if parts := self.list_parts(expr):
-            return lower_parts_as_list(
-                self.expressions, [(self.column(self.carry_element(part)), part) for part in parts]
-            )
+            return lower_parts_as_list(self.expressions, [(self.column(self.carry_element(p)), p) for p in parts])
         carried = self.column(self.carry_element(_get_carried_read(expr)))
         if isinstance(expr, plan.Column) and not expr.declared:
             return self.expressions.read_field(carried, expr)
@@ -277,9 +275,7 @@ class RecursiveQuery(ABC):
         assert isinstance(item, exp.Table), "queries in FROM of a search are tables of WITH"
         needs = self.selects.needs
         if item.alias_or_name in needs.worlds:
-            return self._materialize_item(
-                item, (name for name, _ in needs.worlds[item.alias_or_name].columns), ROW_NUMBER
-            )
+            return self._materialize_item(item, (n for n, _ in needs.worlds[item.alias_or_name].columns), ROW_NUMBER)
         if isinstance(item.this, exp.Anonymous):
             walked = needs.modules[item.this.name]
             return item if walked.calls else self._materialize_item(item, walked.columns, "rowid")

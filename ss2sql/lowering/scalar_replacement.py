@@ -40,9 +40,7 @@ def replace_items_by_columns(query: plan.Query) -> tuple[plan.Query, Callable[[p
             used.setdefault(place[0], {}).setdefault(place[1], node)
     if not used:
         return query, None
-    read = {
-        (source, build_item_column_name(at)): node for source, places in used.items() for at, node in places.items()
-    }
+    read = {(source, build_item_column_name(at)): n for source, places in used.items() for at, n in places.items()}
 
     def replace_source(node: Any) -> Any:
         place = _find_item(node, sources)

@@ -177,9 +177,7 @@ class EagerSearch(RecursiveQuery):
 
     def _carry_columns(self, places: list[object]) -> None:
         """Makes the recursive table carry what these parts read of the state before the step, and of elements."""
-        left = [
-            place if place is None else _remove_known_parts(place, [expr for expr, _ in self.known]) for place in places
-        ]
+        left = [place if place is None else _remove_known_parts(place, [e for e, _ in self.known]) for place in places]
         read = {name for place in left for part in place or () for query, name in list_states(part)
                 if query == self.query.id}  # fmt: skip
         for name, _ in self.search.start:
@@ -193,9 +191,7 @@ class EagerSearch(RecursiveQuery):
 
     def build_statement(self) -> exp.Select:
         query = self.query
-        places: list[object] = (
-            list(self.aggregate_inputs) if query.aggregated else [output.expr for output in query.columns]
-        )
+        places: list[object] = list(self.aggregate_inputs) if query.aggregated else [o.expr for o in query.columns]
         places += [*query.group, *(() if query.aggregated else (key.expr for key in query.order))]
         self._carry_columns(places)
         labels = set(self.selects.needs.labels)

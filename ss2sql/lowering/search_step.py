@@ -114,9 +114,7 @@ class SearchStep:
         if guarded and len(conditions) > 1:
             # STOP WITH guards the weight; parts of AND SQLite evaluates as early as it can.
             return [
-                sql_builder.case(
-                    [(_negate_flag(one), sql_builder.number(0)) for one in conditions[:-1]], conditions[-1]
-                )
+                sql_builder.case([(_negate_flag(o), sql_builder.number(0)) for o in conditions[:-1]], conditions[-1])
             ]
         return conditions
 
@@ -306,9 +304,7 @@ def split_stop_conditions(query: plan.Query) -> StopConditions:
     others = tuple(part for part in apart if are_exclusive(part, goal))
     left = tuple(part for part in parts if part not in others)
     drops = tuple(part for part in left if part != goal)
-    return StopConditions(
-        others, *(join_conditions(plan.Or, some, stop.span) if some else None for some in (left, drops))
-    )
+    return StopConditions(others, *(join_conditions(plan.Or, s, stop.span) if s else None for s in (left, drops)))
 
 
 def are_exclusive(one: plan.Expr, other: plan.Expr) -> bool:

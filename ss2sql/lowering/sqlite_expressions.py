@@ -231,9 +231,7 @@ class ExpressionLowering:
             joined = sql_builder.conjunction([sql_builder.keep_condition(condition) for condition in conditions])
             assert joined is not None
             return joined
-        stops = [
-            (exp.Not(this=sql_builder.wrap_operand(condition)), sql_builder.number(0)) for condition in conditions[:-1]
-        ]
+        stops = [(exp.Not(this=sql_builder.wrap_operand(c)), sql_builder.number(0)) for c in conditions[:-1]]
         return sql_builder.case(stops, conditions[-1])
 
     def lower_or(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:

@@ -118,6 +118,4 @@ def _calls_user_code(item: plan.Expr | plan.Query) -> bool:
 
 def lower_parts_as_list(expressions: ExpressionLowering, parts: list[tuple[Node, plan.Column]]) -> Node:
     """The list of parts that stand in columns."""
-    return sql_builder.call(
-        "list", *(expressions.box_flag(node) if is_flag(part.type) else node for node, part in parts)
-    )
+    return sql_builder.call("list", *(expressions.box_flag(node) if is_flag(p.type) else node for node, p in parts))

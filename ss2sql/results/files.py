@@ -24,9 +24,7 @@ def format_csv(result: Result) -> str:
     writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(result.columns)
     with result.while_reading() as check:
-        writer.writerows(
-            [_format_csv_field(value) for value in row] for row in iterate_with_check(get_rows(result), check)
-        )
+        writer.writerows([_format_csv_field(value) for value in r] for r in iterate_with_check(get_rows(result), check))
     return "".join(lines)
 
 

@@ -141,9 +141,7 @@ def _find_query_text(result: Result) -> plan.Query | None:
 def draw_costs(result: Result, paths: Found, weights: StepWeights, ax: Any, most: int | None) -> str:
     """Draws for each path, step by step, the sum of its costs or the product of its probabilities."""
     rows = [[row[weights.index] for row in path] for path in islice(paths, most or MOST_PATHS)]
-    totals = [
-        list(accumulate(steps, mul, initial=1.0) if weights.likely else accumulate(steps, initial=0)) for steps in rows
-    ]
+    totals = [list(accumulate(s, mul, initial=1.0) if weights.likely else accumulate(s, initial=0)) for s in rows]
     _draw_path_lines(ax, [(range(len(line)), line) for line in totals])
     mark_ends(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
     set_integer_ticks(ax.xaxis)

@@ -113,9 +113,7 @@ def _choose_flat_drawing(result: Result, kind: str) -> Draw:
     kinds = [{type(row[index]) for row in rows} - {type(None)} for index in range(len(columns))]
     numbers = [index for index, found in enumerate(kinds) if found and found <= {int, float}]
     labels = [index for index, found in enumerate(kinds) if index not in numbers]
-    pointed = [
-        index for index in labels if any(row[index] for row in rows) and all(is_point(row[index]) for row in rows)
-    ]
+    pointed = [index for index in labels if any(r[index] for r in rows) and all(is_point(row[index]) for row in rows)]
     if kind == "heat":
         make_plot_error("plot() has no array of two dimensions to draw", "AS plane gives one")
     label = labels[0] if len(labels) == 1 else None

@@ -209,9 +209,7 @@ def _measure_columns(made: Sheet) -> list[int]:
     """The natural width of each column."""
     from rich.cells import cell_len
 
-    return [
-        max(map(cell_len, (heading, *(row[index] for row in made.rows)))) for index, heading in enumerate(made.headings)
-    ]
+    return [max(map(cell_len, (heading, *(row[i] for row in made.rows)))) for i, heading in enumerate(made.headings)]
 
 
 def _fit_widths(naturals: Sequence[int], room: int) -> list[int]:

@@ -202,9 +202,7 @@ def _suggest_for_command(begun: str, symbols: SymbolTable) -> Iterator[Suggestio
             names = dict.fromkeys([*symbols.owners, *(name.partition("(")[0] for name in symbols.tables)])
             yield from _filter_prefix(rest, (Suggestion(one, 0, "table", symbols.tables.get(one, "")) for one in names))
         case "variable" if " " not in rest:
-            yield from _filter_prefix(
-                rest, (Suggestion(one, 0, "variable", text) for one, text in symbols.variables.items())
-            )
+            yield from _filter_prefix(rest, (Suggestion(one, 0, "variable", t) for one, t in symbols.variables.items()))
         case "help":
             every = {**symbols.functions, **symbols.representations}
             texts = {**{one: entry.about for one, entry in COMMANDS.items()},

@@ -203,9 +203,7 @@ def _resolve_leaf(resolver: Resolver, span: Span, own: Scope) -> plan.Expr:
     assert own.path_functions.search is not None
     search = own.path_functions.search
     numbers: dict[int, int] = {}
-    sources = tuple(
-        substitute_next(own, _renumber_copy(resolver, source, numbers)) for source in own.path_functions.sources
-    )
+    sources = tuple(substitute_next(own, _renumber_copy(resolver, s, numbers)) for s in own.path_functions.sources)
     where = None if search.made is None else substitute_next(own, _renumber_copy(resolver, search.made, numbers))
     one = plan.Constant(1, Type(Kind.INT, 1, 1), span=span)
     shown = (plan.Output("1", one),)

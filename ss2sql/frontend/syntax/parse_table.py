@@ -95,9 +95,7 @@ def build_parse_table() -> dict[str, Any]:
     table = data["parser"]["parser"]
     words = {d["name"]: d["pattern"]["value"].upper() for d in memo.values() if d["__type__"] == "TerminalDef"}
     names = {number: words.get(name, name) for number, name in table["tokens"].items()}
-    actions = {
-        state: {names[number]: target for number, target in row.items()} for state, row in table["states"].items()
-    }
+    actions = {state: {names[number]: target for number, target in r.items()} for state, r in table["states"].items()}
     rules = sorted(_encode_rule(d, words) for d in memo.values() if d["__type__"] == "Rule")
     number_of = {json.dumps(_encode_rule(d, words)): key for key, d in memo.items() if d["__type__"] == "Rule"}
     rule_index = {number_of[json.dumps(rule)]: index for index, rule in enumerate(rules)}

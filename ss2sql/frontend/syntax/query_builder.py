@@ -139,9 +139,7 @@ class Builder(ExpressionBuilder):
         return found[0] if found else None
 
     def option(self, span: Span, *parts: Any) -> Part[ast.Option]:
-        by = next(
-            (place for place, part in enumerate(parts) if isinstance(part, Token) and part.kind == "BY"), len(parts)
-        )
+        by = next((p for p, part in enumerate(parts) if isinstance(part, Token) and part.kind == "BY"), len(parts))
         words = [part.kind for part in parts[:by] if isinstance(part, Token)]
         argument, key = (
             self._list_nodes([p for p in some if isinstance(p, Part)]) for some in (parts[:by], parts[by:])

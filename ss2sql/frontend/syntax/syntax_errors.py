@@ -108,9 +108,7 @@ def _find_similar_keywords(word: str, fitting: frozenset[str]) -> list[str]:
     if word in keywords:
         return []
     if len(word) <= 3:  # too short for a distance: the same letters in another order, or the beginning of a long word
-        begun = [
-            spelt[keyword] for keyword in spelt if len(word) == 3 and len(keyword) > 6 and keyword.startswith(word)
-        ]
+        begun = [spelt[k] for k in spelt if len(word) == 3 and len(k) > 6 and k.startswith(word)]
         return [spelt[keyword] for keyword in spelt if sorted(keyword) == sorted(word)] or begun
     longer = [keyword for keyword in spelt if len(keyword) > 3 and word.startswith(keyword)]
     return list(dict.fromkeys(spelt[close] for close in longer + get_close_matches(word, spelt, n=2, cutoff=0.7)))

@@ -103,9 +103,7 @@ def write_values(source: plan.ValueSource, label: str, elements: Iterable[tuple[
             raise build_refusal(f"the kind of {source.name if key is None else key} is not known", source.span)
         found[key] = names.claim(source.name if key is None else key, "element")
         kinds[found[key]] = written
-    rows = [
-        exp.Tuple(expressions=[sql_builder.number(n), *_write_row(element, columns, source)]) for n, element in elements
-    ]
+    rows = [exp.Tuple(expressions=[sql_builder.number(n), *_write_row(e, columns, source)]) for n, e in elements]
     alias = exp.TableAlias(
         this=sql_builder.identifier("listed"), columns=[sql_builder.identifier(n) for n in (NUMBER_COLUMN, *kinds)]
     )

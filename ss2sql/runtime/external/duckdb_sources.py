@@ -124,9 +124,7 @@ class DuckFrame(Frame):
     def measure_longest_text(self) -> int:
         """The bytes of the longest text of the table."""
         if self._longest is None:
-            texts = [
-                node for name, node in self.outside.columns.items() if node and self.columns[name].type.may_be(Kind.STR)
-            ]
+            texts = [node for n, node in self.outside.columns.items() if node and self.columns[n].type.may_be(Kind.STR)]
             lengths = [exp.Max(this=exp.Anonymous(this="STRLEN", expressions=[text.copy()])) for text in texts]
             select = exp.Select(expressions=[exp.Count(this=exp.Star()), *lengths]).from_(self.outside.item.copy())
             ((_, *found),) = self.reading.fetch_rows(DUCKDB.print_tree(select))
@@ -250,9 +248,7 @@ class DuckTableReader:
 
     def describe_columns(self, reading: DuckTransaction) -> list[DuckColumn]:
         described = reading.fetch_rows(f"DESCRIBE SELECT * FROM {DUCKDB.print_tree(self.item)}")
-        return [
-            DuckColumn(name, kind) for name, kind, *_ in described if name != "file_row_number" or self.number != name
-        ]
+        return [DuckColumn(name, k) for name, k, *_ in described if name != "file_row_number" or self.number != name]
 
     def _read_frame(self, reading: DuckTransaction) -> Frame:
         columns = self.describe_columns(reading)

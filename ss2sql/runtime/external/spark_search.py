@@ -232,9 +232,7 @@ class SparkSearch:
         if len(steps) <= STEPS_PER_QUERY:
             some = level.where(f"step IN ({join_names(*steps)})")
         else:
-            some = level.join(
-                self.store.load_rows((TypedColumn("step", "BIGINT"),), [[step] for step in steps]), "step"
-            )
+            some = level.join(self.store.load_rows((TypedColumn("step", "BIGINT"),), [[s] for s in steps]), "step")
         for step, place, *values in some.select("step", "place", *self.written.shown).collect():
             self.known[depth, step] = place, values
 

@@ -230,9 +230,7 @@ class GraphStore:
 
     def make_nodes(self, graph: int, texts: Sequence[str]) -> list[int]:
         """The numbers of states, which are made if need be."""
-        self.fetch_many(
-            "INSERT OR IGNORE INTO ss2sql_nodes(graph, state) VALUES (?, ?)", ((graph, text) for text in texts)
-        )
+        self.fetch_many("INSERT OR IGNORE INTO ss2sql_nodes(graph, state) VALUES (?, ?)", ((graph, t) for t in texts))
         return [number for _, number in self.find_states(graph, texts)]
 
     def list_steps(self, graph: int, nodes: Iterable[int]) -> dict[int, int]:

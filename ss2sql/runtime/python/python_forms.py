@@ -202,9 +202,7 @@ class InlineCall:
         if any(known) and other.first is other.again:
             tested = build.bind(kind, build.call("type", odd.take_expr()))
             words = [(tested, "int"), (build.name(kind), "float")]
-            tests = [
-                build.join_conditions(ast.Or(), [build.compare(one, ast.Is(), build.name(word)) for one, word in words])
-            ]
+            tests = [build.join_conditions(ast.Or(), [build.compare(one, ast.Is(), build.name(w)) for one, w in words])]
         else:
             tested = build.call("type", left.take_expr())
             same = build.compare(tested, ast.Is(), build.bind(kind, build.call("type", right.take_expr())))

@@ -108,9 +108,7 @@ class SingleCall:
         """`STOP WITH [] == move(this, state)` needs no row: what stops without being a goal leaves no trace."""
         stop, where, build, inner = step.search.stop, step.query.where, step.build, step.inner
         parts = stop.parts if isinstance(stop, plan.Or) else () if stop is None else (stop,)
-        if not parts or not any(
-            _is_empty_list(other) for other in self._list_compared(parts[0], step.codegen.analysis)
-        ):
+        if not parts or not any(_is_empty_list(o) for o in self._list_compared(parts[0], step.codegen.analysis)):
             return
         value = build.name(self.value)
         is_list = build.compare(build.call("type", value), ast.Is(), build.name("list"))

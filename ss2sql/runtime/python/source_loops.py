@@ -181,9 +181,7 @@ class SourceLoops:
         known = self.lookups.get(source.id)
         if known is None or source.id not in self.builder.codegen.tuples:
             return False
-        return all(
-            one.plain and isinstance(one.key, plan.Column) and one.key.type.is_only(SCALAR_KINDS) for one in known
-        )
+        return all(o.plain and isinstance(o.key, plan.Column) and o.key.type.is_only(SCALAR_KINDS) for o in known)
 
     def push_condition_to_world(self, condition: plan.Expr) -> None:
         """Tells a world of a condition, where what its column is compared with is known before the world is queried.
@@ -357,9 +355,7 @@ class SourceLoops:
                 codegen.tuples[source.id] = tuple(name for name, _ in columns)
                 return body.compute_once(ExpressionFacts(), self._read_table(source), build, source.name)
             case plan.ValueSource(value=plan.Variable(frame=True) as value, columns=columns) if columns:
-                words = codegen.tuples[source.id] = self._list_columns_read(
-                    source.id, tuple(word for word, _ in columns)
-                )
+                words = codegen.tuples[source.id] = self._list_columns_read(source.id, tuple(w for w, _ in columns))
                 read = write_expression(builder, value, body)
                 rows = build.call(codegen.use(read_frame_rows), read, *map(build.constant, words))
                 return self._read_once(source, body, rows)

@@ -340,9 +340,7 @@ class StepFunction(StepClauses):
         """Loops over all sources in a generator of its own, for ORDER SIBLINGS BY."""
         codegen, build, outer, siblings = self.codegen, self.build, self.owner, self.search.siblings
         states = sorted(self.body.states)
-        generator = PythonScope(
-            codegen, codegen.new_name("elements"), [codegen.states[state] for state in states], outer
-        )
+        generator = PythonScope(codegen, codegen.new_name("elements"), [codegen.states[s] for s in states], outer)
         generator.states = self.body.states
         generator.count_uses([*list_source_expressions(self.query), *(key.expr for key in siblings)])
         innermost = self.loops.open_loops(generator, placed, guarded)

@@ -179,9 +179,7 @@ class _StepInliner(_Transformer):
         at = next(number for number, line in enumerate(self.code) if isinstance(line, ast.Try))
         read = list_names_read(self.code[at:])
         own = {"turns", "block", "drawn", "generated", "expanded", "pruned", "due", *states}
-        self.state_code = [
-            name for name in dict.fromkeys(list_names_set(self.code[:at])) if name in read and name not in own
-        ]
+        self.state_code = [n for n in dict.fromkeys(list_names_set(self.code[:at])) if n in read and n not in own]
 
     def visit_Assign(self, node: ast.Assign) -> ast.AST:
         match node:

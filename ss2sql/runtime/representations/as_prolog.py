@@ -108,9 +108,7 @@ def write_term(value: Any, names: dict[Element, str]) -> str:
         case list() | tuple():
             return f"[{', '.join(write_term(part, names) for part in value)}]"
         case dict():
-            return (
-                f"[{', '.join(f'{write_atom(str(key))}-({write_term(part, names)})' for key, part in value.items())}]"
-            )
+            return f"[{', '.join(f'{write_atom(str(k))}-({write_term(part, names)})' for k, part in value.items())}]"
         case Element():
             return write_atom(names[value])
         case _:

@@ -85,9 +85,7 @@ def _build_graph(search_run: SearchRun, notes: Notes | None, backward: BackwardS
         nodes: Nodes = level
         choose: ChooseElements | None = None if leading is None else partial(leading.choose_elements, depth)
         if notes is not None:
-            chosen = (
-                None if leading is None else [leading.choose_elements(depth, leading.items, state) for state in states]
-            )
+            chosen = None if leading is None else [leading.choose_elements(depth, leading.items, s) for s in states]
             notes.begin_level(states, chosen)
             choose = notes
             if search_run.run.foreteller is not None:

@@ -116,9 +116,7 @@ class Notes:
     def begin_level(self, states: Sequence[State], chosen: Sequence[list[Any]] | None = None) -> None:
         """Other states, frozen; `chosen` are the elements that are tried, where that is known."""
         self.at = -1
-        self.pairs = (
-            [None for _ in states] if chosen is None else [self.pair_elements(*one) for one in enumerate(chosen)]
-        )
+        self.pairs = [None for _ in states] if chosen is None else [self.pair_elements(*o) for o in enumerate(chosen)]
 
     def get_known_pairs(self) -> list[Pair] | None:
         """The pairs of the next state, as far as there are."""

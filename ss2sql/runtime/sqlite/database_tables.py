@@ -72,9 +72,7 @@ class KnownTable:
         """Whether all is known that somebody asks for who reads these columns."""
         if version is None or self.version != version:
             return False
-        return all(
-            one.name in self.types and self.types[one.name][0] == version for one in self._find_columns_read(read)
-        )
+        return all(o.name in self.types and self.types[o.name][0] == version for o in self._find_columns_read(read))
 
     def _find_columns_read(self, read: Container[str] | None) -> list[TableColumn]:
         """The columns that are read; those of the primary key, which sorts rows, always are."""
@@ -193,9 +191,7 @@ class Tables:
     def list_names(self) -> list[str]:
         """The names of all tables and views, those of SQLite and of ss2sql apart."""
         rows = self._fetch_rows("SELECT name, type FROM pragma_table_list ORDER BY schema <> 'main', name")
-        return [
-            name for name, kind in rows if kind in ("table", "view") and not name.startswith(("sqlite_", "ss2sql_"))
-        ]
+        return [name for name, k in rows if k in ("table", "view") and not name.startswith(("sqlite_", "ss2sql_"))]
 
     def find_table(self, schema: str | None, name: str, read: Container[str] | None = None) -> plan.TableSource | None:
         """The table or view with this name, exactly as it is written there; None if there is none.

@@ -39,9 +39,7 @@ class ElementCalls:
         self.lists: dict[Any, tuple[Columns, list[Results]]] = {}
         self.limit = limit
         numbers = {name: number for number, name in enumerate(("this", *table.columns))}
-        self.calls = [
-            _ElementCall(call, sql_callbacks[call.function], numbers, limit, execution) for call in table.calls
-        ]
+        self.calls = [_ElementCall(c, sql_callbacks[c.function], numbers, limit, execution) for c in table.calls]
 
     def make_column_reader(self, request: CallRequest) -> ColumnsFor:
         """What gives the number of rows and the columns that are wanted."""

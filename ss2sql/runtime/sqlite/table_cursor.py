@@ -78,9 +78,7 @@ class Cursor:
         assert self.interning is not None
         pairs = zip(demands, arguments, strict=True)
         self.parameters = {name: value for (name, operator), value in pairs if operator == ":="}
-        values = [
-            self.interning.decode(self.parameters[name]) for name in self.module.parameters if name in self.parameters
-        ]
+        values = [self.interning.decode(self.parameters[n]) for n in self.module.parameters if n in self.parameters]
         return reading.call_function(values)
 
     @property

@@ -53,9 +53,7 @@ class CollisionShapes:
         seen = self._seen(body, 0, self._client)
         for shape in seen:
             if shape[2] == CAPSULE:
-                return [
-                    (link, n, shape) for link in links for n, shape in enumerate(self._read_shapes(body, link, seen))
-                ]
+                return [(link, n, s) for link in links for n, s in enumerate(self._read_shapes(body, link, seen))]
         ask, client = self._touched, self._client
         return [(link, n, shape) for link in links for n, shape in enumerate(ask(body, link, client))]
 

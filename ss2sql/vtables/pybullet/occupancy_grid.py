@@ -50,9 +50,7 @@ def _make_plates(world: Any, edge: float) -> list[int]:
     stock: ShapeCache = world.__dict__.setdefault("plates", ShapeCache(world.calls))
     stock.clear_after_reset()
     sizes = [(2**level - GAP) * edge for level in range(LARGEST + 1)]
-    return [
-        stock.get_shape(-1, -1, 0, (-1, -1, world.calls.GEOM_BOX, (size, size, THIN * edge), b"")) for size in sizes
-    ]
+    return [stock.get_shape(-1, -1, 0, (-1, -1, world.calls.GEOM_BOX, (s, s, THIN * edge), b"")) for s in sizes]
 
 
 def _make_tester(world: Any, plates: list[int], body: int, origin: list[float], edge: float, height: float) -> Meets:

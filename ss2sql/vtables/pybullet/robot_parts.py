@@ -38,9 +38,7 @@ class Robot:
     def __init__(self, turn: Rotation, parts: Iterable[tuple[int, ShapeExtent, Pose]]) -> None:
         self.turn = turn
         self._shapes = tuple(parts)
-        self.parts = tuple(
-            Part(shape, place, own, extent.measure_reach(own)) for shape, extent, (place, own) in self._shapes
-        )
+        self.parts = tuple(Part(shape, place, o, extent.measure_reach(o)) for shape, extent, (place, o) in self._shapes)
         self.box = unite_boxes([_make_reach_box(part.place, part.reach) for part in self.parts] or [(ORIGIN, ORIGIN)])
         self._turned: dict[Rotation, Robot] = {turn: self}
 
