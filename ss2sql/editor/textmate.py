@@ -37,15 +37,15 @@ def format_grammar() -> str:
     return json.dumps(build_grammar(), indent=2, ensure_ascii=False) + "\n"
 
 
-def _format_scope(name: str) -> str:
+def _name_textmate_scope(name: str) -> str:
     return f"{name}.selectscript"
 
 
 def _match_comments() -> list[dict[str, Any]]:
     return [
-        {"name": _format_scope("comment.line.number-sign"), "match": "#.*$"},
-        {"name": _format_scope("comment.line.double-dash"), "match": r"--(?:\s.*)?$"},
-        {"name": _format_scope("comment.block"), "begin": r"/\*", "end": r"\*/"},
+        {"name": _name_textmate_scope("comment.line.number-sign"), "match": "#.*$"},
+        {"name": _name_textmate_scope("comment.line.double-dash"), "match": r"--(?:\s.*)?$"},
+        {"name": _name_textmate_scope("comment.block"), "begin": r"/\*", "end": r"\*/"},
     ]
 
 
@@ -57,23 +57,23 @@ def _match_string(quote: str, name: str) -> dict[str, Any]:
     """A string ends with its quote, or with a line without a backslash at its end."""
     escape = r"\\(?:x\h{2}|u\h{4}|U\h{8}|N\{[^}]*\}|.|$)"
     return {
-        "name": _format_scope(f"string.quoted.{name}"),
+        "name": _name_textmate_scope(f"string.quoted.{name}"),
         "begin": quote,
         "end": rf"{quote}|(?<!\\)$",
-        "patterns": [{"name": _format_scope("constant.character.escape"), "match": escape}],
+        "patterns": [{"name": _name_textmate_scope("constant.character.escape"), "match": escape}],
     }
 
 
 def _match_numbers() -> list[dict[str, Any]]:
     point = r"(?:[0-9]+\.[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[0-9]+[eE][+-]?[0-9]+"
     return [
-        {"name": _format_scope("constant.numeric.float"), "match": rf"(?<!\w)(?:{point})"},
-        {"name": _format_scope("constant.numeric.integer"), "match": r"(?<!\w)[0-9]+"},
+        {"name": _name_textmate_scope("constant.numeric.float"), "match": rf"(?<!\w)(?:{point})"},
+        {"name": _name_textmate_scope("constant.numeric.integer"), "match": r"(?<!\w)[0-9]+"},
     ]
 
 
 def _match_keywords() -> list[dict[str, Any]]:
-    found = [{"name": _format_scope("support.type.representation"),
+    found = [{"name": _name_textmate_scope("support.type.representation"),
               "match": rf"(?i)(?<=\b{keywords()['AS'].text}\s)\s*[^\W\d]\w*"}]  # fmt: skip
     for reserved in (True, False):
         ahead, following = (r"(?<!\w)", "") if reserved else (r"(?<![\w.])", r"(?![.\[{]|\s*=(?!=))")
@@ -81,7 +81,10 @@ def _match_keywords() -> list[dict[str, Any]]:
             selected = [word for word in keywords().values() if word.sort == sort and word.reserved == reserved]
             if selected:
                 found.append(
-                    {"name": _format_scope(scope), "match": rf"(?i){ahead}(?:{_join_words(selected)})(?!\w){following}"}
+                    {
+                        "name": _name_textmate_scope(scope),
+                        "match": rf"(?i){ahead}(?:{_join_words(selected)})(?!\w){following}",
+                    }
                 )
     return found
 
@@ -94,10 +97,10 @@ def _join_words(selected: Iterable[Keyword]) -> str:
 
 def _match_others() -> list[dict[str, Any]]:
     return [
-        {"name": _format_scope("entity.name.function"), "match": r"[^\W\d]\w*(?=\s*\()"},
-        {"name": _format_scope("variable.other"), "match": r"[^\W\d]\w*"},
-        {"name": _format_scope("keyword.operator"), "match": r"==|!=|<>|<=|>=|[-+*/%^=<>]"},
-        {"name": _format_scope("punctuation"), "match": r"[()\[\]{},;:.]"},
+        {"name": _name_textmate_scope("entity.name.function"), "match": r"[^\W\d]\w*(?=\s*\()"},
+        {"name": _name_textmate_scope("variable.other"), "match": r"[^\W\d]\w*"},
+        {"name": _name_textmate_scope("keyword.operator"), "match": r"==|!=|<>|<=|>=|[-+*/%^=<>]"},
+        {"name": _name_textmate_scope("punctuation"), "match": r"[()\[\]{},;:.]"},
     ]
 
 

@@ -217,10 +217,10 @@ def make_list_type(types: Sequence[Type]) -> Type:
     """The type of a list whose elements have these types, one by one; it has columns if all of them may have some."""
     item = unite(types)
     columns = item.columns if types and all(one.may_be(Kind.DICT | Kind.OBJECT) for one in types) else ()
-    return Type(Kind.LIST, item=item, columns=columns, positions=_describe_list(types, item))
+    return Type(Kind.LIST, item=item, columns=columns, positions=_keep_position_types(types, item))
 
 
-def _describe_list(types: Sequence[Type], item: Type) -> tuple[Type, ...] | None:
+def _keep_position_types(types: Sequence[Type], item: Type) -> tuple[Type, ...] | None:
     return tuple(types) if 0 < len(types) <= _POSITIONS and item.is_only(SCALAR) else None
 
 
@@ -272,7 +272,7 @@ def _type_of(value: Any, detail: int) -> Type:
             return STR if is_encodable(value) else UNENCODABLE
         case list() if detail:
             item = _type_of_items(value, detail - 1)
-            positions = _describe_list([_type_of(part, 0) for part in value[: _POSITIONS + 1]], item)
+            positions = _keep_position_types([_type_of(part, 0) for part in value[: _POSITIONS + 1]], item)
             columns = _collect_columns(value, detail - 1)
             return Type(Kind.LIST, None, None, item, columns, positions, _choose_length(len(value), item, positions))
         case list():
@@ -319,7 +319,7 @@ def _type_of_items(items: Sequence[Any], detail: int) -> Type:
         if set(map(type, inner)) <= _SCALARS.keys():
             types = _list_position_types(items, inner, detail - 1)
             item = unite(types) if types else _type_of_items(inner, detail - 1)
-            positions = _describe_list(types, item)
+            positions = _keep_position_types(types, item)
             length = _choose_length(len(items[0]), item, positions) if len(set(map(len, items))) == 1 else None
             return Type(Kind.LIST, item=item, columns=(), positions=positions, length=length)
     if classes == {dict} and detail:

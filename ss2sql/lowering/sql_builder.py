@@ -86,7 +86,7 @@ def conjunction(parts: Sequence[Node]) -> Node | None:
     return result
 
 
-def merge_ranges(parts: Sequence[Node], labels: Collection[str]) -> list[Node]:
+def merge_into_between(parts: Sequence[Node], labels: Collection[str]) -> list[Node]:
     """`x >= a`, `x <= b` as `x BETWEEN a AND b`, for columns of these tables.
 
     Both ends have to be known at the same time, for SQLite asks the two together.

@@ -107,7 +107,7 @@ def lower_size_checked(lowering: ExpressionLowering, call: plan.Call, env: SqlSc
     whole = call.type.kinds == Kind.INT
     if not (whole or call.type.kinds == Kind.FLOAT):
         return None
-    node = _build_tree(lowering, call, env, call.type.kinds)
+    node = _lower_chain(lowering, call, env, call.type.kinds)
     if node is None or not can_repeat(node, MAX_CHECKED_NODES):
         return None
     otherwise = sql_builder.mark_as_rare(_call_python_operators(lowering, call, env))
@@ -142,13 +142,13 @@ def _call_python_operators(lowering: ExpressionLowering, expr: plan.Expr, env: S
     return lowering.call_python(expr, [_call_python_operators(lowering, argument, env) for argument in expr.arguments])
 
 
-def _build_tree(lowering: ExpressionLowering, expr: plan.Expr, env: SqlScope, kinds: Kind) -> Node | None:
+def _lower_chain(lowering: ExpressionLowering, expr: plan.Expr, env: SqlScope, kinds: Kind) -> Node | None:
     form = _choose_inner_form(expr, kinds, env)
     if not isinstance(expr, plan.Call) or form is None:
         return lowering.lower_expr(expr, env) if find_sql_class(expr.type, none=True) == "number" else None
     text, operands = str(form.text), list[Node]()
     for index, argument in enumerate(expr.arguments):
-        operand = _build_tree(lowering, argument, env, kinds) if f"{{{index}}}" in text else sql_builder.null()
+        operand = _lower_chain(lowering, argument, env, kinds) if f"{{{index}}}" in text else sql_builder.null()
         if operand is None or (text.count(f"{{{index}}}") > 1 and not can_repeat(operand)):
             return None
         operands.append(operand)

@@ -12,7 +12,7 @@ from difflib import get_close_matches
 from ss2sql.errors import ParseError, Span
 from ss2sql.frontend.syntax import python_spellings, sql_spellings, tokenizer
 from ss2sql.frontend.syntax.expression_builder import CHAIN_HINT, COMPARISONS
-from ss2sql.frontend.syntax.parse_failure import CLAUSES, PAIRS, VALUES, ParseFailure, join_or, spell
+from ss2sql.frontend.syntax.parse_failure import CLAUSES, PAIRS, VALUES, ParseFailure, join_with_or, spell
 from ss2sql.frontend.syntax.parse_table import END
 from ss2sql.frontend.syntax.query_builder import ORDER
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
@@ -93,7 +93,7 @@ def _explain_misspelling(t: ParseFailure) -> ParseError | None:
         places.append((t.peek(), t.step_back().expected & {"SELECT", *OPTIONS}))
     for token, fitting in places:
         if close := _find_similar_keywords(token.text.upper(), fitting):
-            hint = f"did you mean {join_or(close)}?"
+            hint = f"did you mean {join_with_or(close)}?"
             return t.explain("P001", f"'{tokenizer.shorten_text(token.text)}' is not a keyword", hint, at=token)
     return None
 
@@ -252,7 +252,7 @@ def _explain_clause(t: ParseFailure) -> ParseError | None:
                        "write GROUP BY key HAVING condition, or use WHERE")  # fmt: skip
     if word in ("WITH", "BY"):
         firsts = [f"{first} {word}" for first in CLAUSES if PAIRS.get(first) == word]
-        return t.explain("P001", f"{word} does not fit here", f"the keywords are {join_or(firsts)}")
+        return t.explain("P001", f"{word} does not fit here", f"the keywords are {join_with_or(firsts)}")
     if word in CLAUSES and word != "SELECT":
         return t.explain("P001", f"{word} does not fit here", f"the order of a query is {ORDER}")
     return None
@@ -279,7 +279,7 @@ def _explain_surplus(t: ParseFailure) -> ParseError:
         fitting.append("a clause")
     if ";" in t.expected:
         fitting.append("';'")
-    message = f"expected {join_or(fitting or sorted(t.expected))} between {spell(t.peek())} and {spell(t.found)}"
+    message = f"expected {join_with_or(fitting or sorted(t.expected))} between {spell(t.peek())} and {spell(t.found)}"
     if t.clause == "FROM":
         return t.explain(_choose_error_code(t), message, *_hint_at_source(t))
     if t.found.kind == "IF":

@@ -45,7 +45,7 @@ def describe_sqlite_plan(outlined: OutlinedQuery) -> tuple[PlanLine, ...]:
     assert outlined.lowered is not None
     rows = _read_plan(outlined)
     names = _collect_names(outlined.lowered, describe_queue(outlined.query))
-    return tuple(_describe_lines(_build_tree(rows, 0), names, 0))
+    return tuple(_describe_lines(_nest_plan_rows(rows, 0), names, 0))
 
 
 def _read_plan(outlined: OutlinedQuery) -> list[tuple[int, int, int, str]]:
@@ -58,8 +58,8 @@ def _read_plan(outlined: OutlinedQuery) -> list[tuple[int, int, int, str]]:
         cursor.close(True)
 
 
-def _build_tree(rows: list[tuple[int, int, int, str]], parent: int) -> tuple[PlanNode, ...]:
-    return tuple(PlanNode(text, _build_tree(rows, own)) for own, above, _, text in rows if above == parent)
+def _nest_plan_rows(rows: list[tuple[int, int, int, str]], parent: int) -> tuple[PlanNode, ...]:
+    return tuple(PlanNode(text, _nest_plan_rows(rows, own)) for own, above, _, text in rows if above == parent)
 
 
 def _describe_lines(
