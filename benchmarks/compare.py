@@ -69,7 +69,7 @@ def reached(
 
 def verdict(target: Target, value: float) -> str:
     """One target as text: what it asks of whom, and whether it is met."""
-    most = f"{target.most * 1000:g} ms" if target.against is None else f"{target.most:.2g}"
+    most = f"{target.most * 1000:g} ms" if target.against is None else f"{target.most:.3g}"
     against = "" if target.against in (BASE, None) else f" x {HEADS.get(target.against, target.against)}"
     whom = "" if target.contender == COMPILING else f"{target.contender} "
     return f"{whom}{most}{against} {'met' if value <= target.most else 'missed'}"
