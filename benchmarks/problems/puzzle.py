@@ -9,6 +9,7 @@ from problems.base import Problem, Script, Work, bounds, lengths
 from problems.levels import duck, sql_levels
 
 GOAL = [1, 2, 3, 4, 5, 6, 7, 8, 0]
+Key = tuple[int, ...]
 SLIDES = [-3, 3, -1, 1]  # where the tile comes from, seen from the empty place
 
 
@@ -52,12 +53,21 @@ def script(distance: int) -> Script:
     )
 
 
+def path_to(board: list[int], before: Key | None, parents: dict[Key, Key | None]) -> list[list[int]]:
+    """The boards up to this one."""
+    path = [board]
+    while before is not None:
+        path.append(list(before))
+        before = parents[before]
+    return path[::-1]
+
+
 def by_hand(distance: int) -> Work:
     start = start_of(distance)
 
     def run() -> list[list[list[int]]]:
-        parents: dict[tuple[int, ...], tuple[int, ...] | None] = {}
-        queue: deque[tuple[tuple[int, ...] | None, list[int]]] = deque([(None, start)])
+        parents: dict[Key, Key | None] = {}
+        queue: deque[tuple[Key | None, list[int]]] = deque([(None, start)])
         while queue:
             key, board = queue.popleft()
             for step in SLIDES:
@@ -69,11 +79,7 @@ def by_hand(distance: int) -> Work:
                     continue
                 parents[state] = key
                 if after == GOAL:
-                    path = [after]
-                    while key is not None:
-                        path.append(list(key))
-                        key = parents[key]
-                    return [path[::-1]]
+                    return [path_to(after, key, parents)]
                 queue.append((state, after))
         return []
 
@@ -99,8 +105,8 @@ def successors_by_hand(distance: int) -> Work:
     start = start_of(distance)
 
     def run() -> list[list[list[int]]]:
-        parents: dict[tuple[int, ...], tuple[int, ...] | None] = {}
-        queue: deque[tuple[tuple[int, ...] | None, list[int]]] = deque([(None, start)])
+        parents: dict[Key, Key | None] = {}
+        queue: deque[tuple[Key | None, list[int]]] = deque([(None, start)])
         while queue:
             key, board = queue.popleft()
             for following in after(board):
@@ -109,11 +115,7 @@ def successors_by_hand(distance: int) -> Work:
                     continue
                 parents[state] = key
                 if following == GOAL:
-                    path = [following]
-                    while key is not None:
-                        path.append(list(key))
-                        key = parents[key]
-                    return [path[::-1]]
+                    return [path_to(following, key, parents)]
                 queue.append((state, following))
         return []
 

@@ -1,9 +1,9 @@
-"""When the parts of a flat query's row are evaluated: as soon as nobody can tell that from the written order.
+"""When the parts of a flat query's row are evaluated: as early as their guards allow.
 
 The *level* of an expression is the number of sources that are bound when it is evaluated. As written, WHERE
-and the columns are evaluated when all are bound. A part may be evaluated earlier if it does not fail and has
-no effect. One that may fail comes earlier only together with everything before it, and only where all later
-sources are known to have elements, for else the written order might never have come to it.
+and the columns are evaluated when all are bound. A part that cannot fail is
+evaluated as soon as the sources that it reads are bound. One that may fail waits for the conditions before it, which
+guard it.
 """
 
 from __future__ import annotations

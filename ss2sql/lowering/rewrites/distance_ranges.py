@@ -6,7 +6,7 @@ The distance is tested as before, of what the adapter finds in the box: that 1,0
 neighbours within 1 m takes 0.3 s in place of 180 s, for 6,794 distances are measured in place of a million.
 
 The adapter has promised what `distance` measures, by `Table.places`; the point and the radius must be numbers that are
-known before the table is walked. Nothing that is compared can fail then, so nobody can tell that the rest is evaluated
+known before the table is walked. Nothing that is compared can fail then, so it shows nowhere that the rest is evaluated
 for fewer elements.
 """
 

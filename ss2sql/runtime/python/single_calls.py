@@ -37,14 +37,13 @@ if TYPE_CHECKING:
 class SingleCall:
     """A call that makes a state, in a search that makes it once for each state and element.
 
-    With `of_source` the call makes the elements, each of which is a state, and `SourceCall` writes it. `begin` is done
-    once for a search, `state_statements` once for a state before its elements, `end` at the end.
+    Where a `SourceCall` makes the elements, each of which is a state, that writes the call. `begin` is done once for a
+    search, `state_statements` once for a state before its elements, `end` at the end.
     """
 
     node: plan.Call
     key: int
     shape: Shape
-    of_source: bool = False
     value: str = ""  # the name of what it gives
     begin: list[ast.stmt] = field(default_factory=list)
     state_statements: list[ast.stmt] = field(default_factory=list)
@@ -68,7 +67,7 @@ class SingleCall:
     def write_call(self, step: StepClauses) -> None:
         """Writes the call, into `value`."""
         codegen, inner, source = step.codegen, step.inner, step.query.sources[0].id
-        if self.of_source:
+        if step.source_call is not None:
             self.value = codegen.names[source]
             return
         build, at, function = codegen.build_at(self.node.place), codegen.build, self.node.function
@@ -159,7 +158,7 @@ class SourceCall:
         if key is None or len(shown) != 1 or len(made) != 1 or made[0] not in ("flat", "nested"):
             return None
         self.checked = False
-        return SingleCall(self.node, key, made[0], of_source=True)
+        return SingleCall(self.node, key, made[0])
 
     def write_call(self, body: PythonScope) -> ast.expr:
         """The call: it gives the value and None."""

@@ -134,7 +134,7 @@ class StepClauses:
         told = form.watched or form.noted
         self.source_call = self.codegen.source_call = None if told else SourceCall.find_source_call(self)
         self.single = None if told else SingleCall.find_single_call(self)
-        if self.source_call is not None and self.single is None and self.compares:
+        if self.source_call is not None and self.compares:
             self.single = self.source_call.find_element()
         self.columns: list[Shape] = [self._choose_column_shape(expr) for expr in self.outputs]
         self.key: ast.expr = self.build.constant(None)

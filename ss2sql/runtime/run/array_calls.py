@@ -206,7 +206,7 @@ def list_result_elements(result: Any, number: int, name: str) -> list[Any]:
     if not isinstance(result, (list, tuple, numpy.ndarray, numpy.generic)) and hasattr(result, "__array__"):
         result = numpy.asarray(result)
     if isinstance(result, numpy.ndarray) and result.ndim:
-        items: Any = list(result) if result.dtype.kind in "mM" else result.tolist()  # dates would lose their unit
+        items: list[Any] = list(result) if result.dtype.kind in "mM" else result.tolist()  # dates would lose their unit
     elif isinstance(result, (list, tuple)):
         items = list(result)
     else:
@@ -214,7 +214,7 @@ def list_result_elements(result: Any, number: int, name: str) -> list[Any]:
         raise _build_length_error(name, number, format_value(result.tolist() if alone else result))
     if len(items) != number:
         raise _build_length_error(name, number, "1 element" if len(items) == 1 else f"{len(items):,} elements")
-    return list(items)
+    return items
 
 
 def _build_length_error(name: str, number: int, got: str) -> ExecutionError:
