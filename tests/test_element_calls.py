@@ -103,6 +103,31 @@ def test_values_of_all_kinds_come_back_as_they_were() -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
+def test_a_function_in_from_is_called_once_for_its_arguments(engine: Any) -> None:
+    """Whatever it gives, and though a condition calls it, too."""
+    ends: list[Any] = [[1, 2], [[1], {"a": 2}, None, True, 1.0], (3, 4), None, 5, "ab", {"a": [6, 7]}, []]
+    rows = [(0, 1), (0, 2), *((1, e) for e in ends[1]), (2, 3), (2, 4), (3, None), (4, 5), (5, "ab")]
+    calls: list[tuple[Any, ...]] = []
+
+    def look(n: int, step: int = 0) -> Any:
+        calls.append((n, step))
+        return ends[(n + step) % 8]
+
+    with ss2sql.connect() as ss:
+        ss.function(look, volatility="stable")
+        ss.set("ns", list(range(8)))
+        result = ss.run("SELECT n.this, e.this FROM n = ns, e = look(n.this) AS rows;", engine=engine)
+        assert repr(result.value) == repr([*rows, (6, {"a": 6}), (6, {"a": 7})])
+        assert calls == [(n, 0) for n in range(8)]
+        assert engine == "native" or "elements_from_look(n.this) AS e" in result.sql
+        calls.clear()
+        search = "SELECT n, this FROM look(n, 1) WHERE look(n, 1) == [3, 4] START WITH n = 0 CONNECT BY n = n + 1 {};"
+        found = ss.run(search.format("STOP WITH look(n, 1) == 5"), engine=engine)
+        assert [path[-1] for path in found.paths] == [(1, 3), (1, 4)] * 5  # by each element of look(0, 1)
+        assert calls == [(n, 1) for n in range(4)]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
 def test_what_a_call_may_not_give_is_refused_with_its_name(engine: Any) -> None:
     calls = Calls(lambda move, n: float("nan"))
     with session(calls, [1]) as ss, pytest.raises(ss2sql.ExecutionError, match=r"X004.*'next' returned NaN"):
@@ -127,12 +152,12 @@ def test_functions_that_change_their_argument_get_fresh_ones() -> None:
 
 
 def test_a_table_of_the_same_name_and_columns_called_otherwise() -> None:
-    """The columns of the one are a key of its dicts, those of the other a call; or the arguments are exchanged."""
+    """The columns of the one are a key of its dicts, those of the other a call; or the arguments are others."""
     with ss2sql.connect() as ss:
-        ss.function("move", lambda a, b: a * 2 + b, volatility="immutable")
+        ss.function("move", lambda a, b, *more: a * 2 + b + len(more), volatility="immutable")
         ss.set("moves", [1, 2])
         ss.set("dicts", [{"with": 1, "move": 2}])
-        for call in ("move(this, n)", "move(n, this)"):
+        for call in ("move(this, n)", "move(n, this)", "move(this, n + 1, n)"):
             script = f"SELECT {call} FROM moves START WITH n = 1 CONNECT BY n = {call} STOP WITH n > 3 AS list;"
             assert ss.run(script, engine="database").value == ss.run(script, engine="native").value
         assert ss.run("SELECT d.move, d.with FROM d = dicts AS rows;", engine="database").value == [(2, 1)]

@@ -21,6 +21,7 @@ from ss2sql.lowering import sql_builder
 from ss2sql.lowering.materialize import add_row_numbers, build_materialized_cte, sort_by_row_number
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_names import ROW_NUMBER, choose_column_names
+from ss2sql.lowering.sql_query import ListTable
 from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
 
 if TYPE_CHECKING:
@@ -67,7 +68,8 @@ def open_source(
         case plan.TableSource():
             return _open_table(selects, source)
         case plan.ValueSource(value=value):
-            return _open_list_elements(selects, source, selects.expressions.lower_value(value, scope))
+            lowered = selects.expressions.lower_value(value, scope)
+            return _open_function(selects, source, lowered) or _open_list_elements(selects, source, lowered)
         case plan.QuerySource(optional=True):
             return _open_left_joined(selects, source, scope, siblings)
         case plan.QuerySource(query=query):
@@ -105,13 +107,31 @@ def _open_table(selects: FlatLowering, source: plan.TableSource) -> FromItem:
     return FromItem((sql_builder.table(source.table, label, schema),), read_column, order, next(iter(columns.values())))
 
 
+def _open_function(selects: FlatLowering, source: plan.ValueSource, value: Node) -> FromItem | None:
+    """A source that calls a function of the user once per row, such as `neighbours(node)`, as a table of its own."""
+    call = source.value
+    if not isinstance(call, plan.Call) or not isinstance(value, exp.Anonymous) or source.columns:
+        return None
+    function = call.function
+    if function.builtin or function.vectorized or function.of_world or not (list_sources(call) or list_states(call)):
+        return None
+    module = selects.needs.name_list_table(ListTable((), function=function.name, arity=len(value.expressions)))
+    return None if module is None else _open_walk(selects, source, module, value.expressions)
+
+
 def _open_list_elements(selects: FlatLowering, source: plan.ValueSource | plan.QuerySource, value: Node) -> FromItem:
-    columns = tuple(name for name, _ in source.columns or ())
-    names = choose_column_names(columns)
-    label = selects.needs.choose_label(source.name)
-    module = selects.needs.name_elements_table(columns)
     if isinstance(value, exp.Placeholder):
         selects.needs.walked[source.id] = value.name
+    module = selects.needs.name_elements_table(tuple(name for name, _ in source.columns or ()))
+    return _open_walk(selects, source, module, [value])
+
+
+def _open_walk(
+    selects: FlatLowering, source: plan.ValueSource | plan.QuerySource, module: str, arguments: list[Node]
+) -> FromItem:
+    """The elements that a virtual table walks for its arguments."""
+    names = choose_column_names(tuple(name for name, _ in source.columns or ()))
+    label = selects.needs.choose_label(source.name)
 
     def read_element(expr: plan.Element | plan.Column) -> Node:
         this = sql_builder.column("this", label)
@@ -121,7 +141,7 @@ def _open_list_elements(selects: FlatLowering, source: plan.ValueSource | plan.Q
             return selects.expressions.unbox_value(sql_builder.column(names[expr.name], label), expr.type)
         return selects.expressions.read_field(this, expr)
 
-    item = sql_builder.table_function(module, [value], label)
+    item = sql_builder.table_function(module, arguments, label)
     # The elements of a data frame are made when they are read; its row numbers cost nothing.
     framed = isinstance(source, plan.ValueSource) and isinstance(source.value, plan.Variable) and source.value.frame
     witness = sql_builder.column("rowid" if framed else "this", label)

@@ -163,7 +163,8 @@ def _find_iterated_parameters(select: exp.Select, needs: StatementNeeds) -> froz
     read: set[str] = set()
     for node in select.find_all(exp.Placeholder):
         call = node.parent
-        if not isinstance(call, exp.Anonymous) or call.expressions[0] is not node or call.name not in needs.modules:
+        table = needs.modules.get(call.name) if isinstance(call, exp.Anonymous) else None
+        if table is None or table.function is not None or node.arg_key != "expressions" or node.index:
             read.add(node.name)
     return frozenset(needs.parameters) - read
 

@@ -12,7 +12,7 @@ from ss2sql.errors.renderer import CONTROL_CHARACTERS
 ROW_NUMBER = "place in the walk"  # a hidden column of worlds; the blanks distinguish it from users' names
 _UNWRITTEN = re.compile("[\0\ud800-\udfff]")
 _SURROGATE = re.compile("[\ud800-\udfff]")
-_PLAIN_COLUMN = re.compile(r"(?:(?!\d+\Z|with\Z)[^_A-Z]+|this_\d+)\Z")
+_PLAIN_COLUMN = re.compile(r"(?:(?!\d+\Z|with\Z|from\Z)[^_A-Z]+|this_\d+)\Z")
 _PLAIN_CALL = re.compile(r"[^A-Z]+\Z")
 _MARKED = re.compile(f"[A-Z^,;]|{CONTROL_CHARACTERS.pattern}")
 SQLITE_FUNCTIONS = frozenset(
@@ -40,14 +40,17 @@ def can_be_literal(value: str) -> bool:
     return not _SURROGATE.search(value)
 
 
-def build_module_name(columns: tuple[str, ...], calls: tuple[str, ...] = ()) -> str:
-    """The name of the virtual table that walks lists with these columns, and calls; no others have it.
+def build_module_name(columns: tuple[str, ...], calls: tuple[str, ...] = (), function: str | None = None) -> str:
+    """The name of the virtual table that walks lists with these columns, and calls, or what a function gives.
 
-        >>> build_module_name(("x", "y")), build_module_name((), ("move",))
-        ('elements_x_y', 'elements_with_move')
+        >>> build_module_name(("x", "y")), build_module_name((), ("move",)), build_module_name((), (), "neighbours")
+        ('elements_x_y', 'elements_with_move', 'elements_from_neighbours')
 
-    It stays apart where SQLite, which sees no case, would take two for one, as it would `a_b` and `a, b`.
+    Different tables have different names, also for SQLite, which sees no case; `a_b` is not `a, b`.
     """
+    if function is not None:
+        plain = _PLAIN_CALL.match(function) and not CONTROL_CHARACTERS.search(function)
+        return f"elements_from_{function}" if plain else f"elements from {_MARKED.sub(_mark_character, function)}"
     plain = all(_PLAIN_COLUMN.match(name) and not CONTROL_CHARACTERS.search(name) for name in columns)
     if plain and len(calls) <= 1 and all(map(_PLAIN_CALL.match, calls)):
         return "_".join(("elements", *columns, *(("with", *calls) if calls else ())))

@@ -29,16 +29,21 @@ class ElementCall:
 
 @dataclass(frozen=True, slots=True)
 class ListTable:
-    """A virtual table that walks a list: the columns of its elements, after `this`, and then those of calls."""
+    """A virtual table that walks a list: the columns of its elements, after `this`, and then those of calls.
+
+    With a `function` of the user it walks what this gives, and its arguments are `arity` of the function.
+    """
 
     columns: tuple[str, ...]
     calls: tuple[ElementCall, ...] = ()
+    function: str | None = None
+    arity: int = 1
 
     @property
     def arguments(self) -> int:
-        """The number of arguments beside the list."""
+        """The number of arguments."""
         numbers = [part for call in self.calls for part in call.arguments if isinstance(part, int)]
-        return max(numbers, default=0)
+        return self.arity + max(numbers, default=0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -123,5 +123,5 @@ class StatementNeeds:
 
     def name_list_table(self, table: ListTable) -> str | None:
         """The name of a virtual table that walks lists; None where another one of the statement has it."""
-        name = build_module_name(table.columns, tuple(call.name for call in table.calls))
+        name = build_module_name(table.columns, tuple(call.name for call in table.calls), table.function)
         return name if self.modules.setdefault(name, table) == table else None

@@ -35,14 +35,16 @@ class CallMemo:
     among the arguments, `exact` keeps the result by marshal's bytes of them, where a look costs 0.2 us. Handles and
     strings need no such care: their results are in `plain`, where it costs 0.1 us, and so are all where the types have
     `told_apart` the arguments. `calls` counts real calls, `hits` answers from the memo. `failures` keeps what calls
-    have raised, by marshal's bytes: a statement that is run again must not call a second time.
+    have raised, by marshal's bytes: a statement that is run again must not call a second time. `elements` keeps the
+    lists of calls that stand in FROM, element by element, by marshal's bytes.
     """
 
-    __slots__ = ("calls", "exact", "failures", "hits", "limit", "plain", "told_apart")
+    __slots__ = ("calls", "elements", "exact", "failures", "hits", "limit", "plain", "told_apart")
 
     def __init__(self, limit: int) -> None:
         self.plain: dict[Any, Any] = {}
         self.exact: dict[bytes, Any] = {}
+        self.elements: dict[bytes, tuple[Any, ...]] = {}
         self.failures: dict[bytes, Exception] = {}
         self.hits = 0
         self.calls = 0
@@ -51,14 +53,14 @@ class CallMemo:
 
     def begin_execution(self) -> tuple[Any, ...]:
         """Empties the memo for one more execution and gives what it held, for `end_execution`."""
-        outer = (self.plain, self.exact, self.failures, self.calls, self.hits, self.told_apart)
-        self.plain, self.exact, self.failures, self.calls, self.hits = {}, {}, {}, 0, 0
+        outer = (self.plain, self.exact, self.elements, self.failures, self.calls, self.hits, self.told_apart)
+        self.plain, self.exact, self.elements, self.failures, self.calls, self.hits = {}, {}, {}, {}, 0, 0
         return outer
 
     def end_execution(self, outer: tuple[Any, ...]) -> tuple[int, int]:
         """Puts back what the memo held before, and gives the numbers of calls and of hits."""
         counts = self.calls, self.hits
-        self.plain, self.exact, self.failures, self.calls, self.hits, self.told_apart = outer
+        self.plain, self.exact, self.elements, self.failures, self.calls, self.hits, self.told_apart = outer
         return counts
 
     def keep_result(self, arguments: tuple[Any, ...], result: Any) -> None:
@@ -71,6 +73,13 @@ class CallMemo:
             plain[arguments] = result
         else:
             exact[marshal.dumps(arguments, 2)] = result
+
+    def keep_elements(self, key: bytes, elements: tuple[Any, ...]) -> None:
+        if len(self.elements) >= self.limit:
+            if not self.limit:
+                return
+            forget_older_half(self.elements)
+        self.elements[key] = elements
 
 
 UNAMBIGUOUS_TYPES = frozenset({bytes, str, NoneType})  # of SQL values that equal only what they are

@@ -209,6 +209,8 @@ class Database:
         execution = self.current
         execution.outermost = execution.outermost or cursor
         table = execution.modules[name]
+        if table.function is not None:
+            return self.sql_callbacks[table.function].list_elements(execution, arguments)
         return self._encode_elements(execution, arguments[0], table)
 
     def _make_element_calls(self, name: str, cursor: Any, request: CallRequest) -> ColumnsFor:

@@ -16,6 +16,8 @@ from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.runtime.run.call_memory import CallMemo, FailedCall
 from ss2sql.runtime.sqlite.interning import Interning, OtherFormError
+from ss2sql.runtime.sqlite.list_elements import ElementColumns, build_function_columns
+from ss2sql.runtime.sqlite.sql_functions import read_element_columns
 
 if TYPE_CHECKING:
     from ss2sql.runtime.sqlite.element_calls import ElementCalls
@@ -96,6 +98,11 @@ class FunctionCallback:
                 if error is not None:
                     execution.failed = True
                     raise error
+            if memo.elements:
+                elements = memo.elements.get(dumps(arguments, 2))
+                if elements is not None:  # the call stands in FROM, too
+                    memo.hits += 1
+                    return execution.interning.encode(list(map(execution.interning.decode, elements)))
             run, values = execution.run, arguments
             if bytes in map(type, arguments):
                 convert = execution.interning.decode_copy if changes else execution.interning.decode_read_only
@@ -116,6 +123,37 @@ class FunctionCallback:
             return encoded
 
         return call_from_sql
+
+    def list_elements(self, execution: StatementExecution, arguments: tuple[Any, ...]) -> ElementColumns:
+        """The elements of what the function gives, for a table of SQL; a list is not made one SQL value."""
+        memo, interning, giver = self.memo, execution.interning, self.giver
+        key = dumps(arguments, 2)
+        elements = memo.elements.get(key)
+        if elements is not None:
+            memo.hits += 1
+            return build_function_columns(elements, arguments)
+        if arguments in memo.plain or key in memo.exact or key in memo.failures:  # called in another clause, too
+            return read_element_columns(interning, self.call(*arguments), ())
+        run, result, encode = execution.run, _MISSING, interning.encode_object
+        convert = interning.decode_copy if self.function.changes else interning.decode_read_only
+        if run.interrupted or run.bounds.deadline is not None:
+            run.check()
+        memo.calls += 1
+        remembers = self.remembers and self.can_remember(interning, arguments)
+        try:
+            result = self.function.function(*map(convert, arguments))
+            if type(result) is list:
+                elements = tuple([encode(element, giver) for element in result])
+            else:
+                encoded = encode(result, giver)
+                if remembers:
+                    memo.keep_result(arguments, encoded)
+                elements = tuple(read_element_columns(interning, encoded, ()).read_column(0))
+        except Exception as reason:
+            self._raise_through_sqlite(execution, arguments, reason, result)
+        if remembers:
+            memo.keep_elements(key, elements)
+        return build_function_columns(elements, arguments)
 
     def call_in_blocks(self, execution: StatementExecution) -> CallBlock:
         """What makes several calls and gives their values, which the caller remembers; 0.5 us each.
@@ -160,18 +198,22 @@ class CompletedCalls:
     ) -> None:
         self._pool = interning
         self._known = {name: (memo.plain, memo.exact, memo.failures) for name, memo in memos.items()}
+        self._elements = {name: memo.elements for name, memo in memos.items()}
         self._element_calls = list(element_calls)
 
     def __iter__(self) -> Iterator[tuple[str, tuple[Any, ...], Any]]:
         """Each call: the function's name, the arguments, and the value or the FailedCall."""
         decode = self._pool.decode
+        for name, calls in self._elements.items():
+            for key, elements in calls.items():
+                yield name, tuple(map(decode, loads(key))), list(map(decode, elements))
         for name, memories in self._known.items():
             for memory in memories:
                 for key, answer in memory.items():
                     arguments = loads(key) if type(key) is bytes else key
                     yield name, tuple(map(decode, arguments)), self._decode_answer(answer)
-        for calls in self._element_calls:
-            for name, arguments, answer in calls:
+        for made in self._element_calls:
+            for name, arguments, answer in made:
                 yield name, tuple(map(decode, arguments)), self._decode_answer(answer)
 
     def _decode_answer(self, answer: Any) -> Any:
