@@ -99,6 +99,13 @@ def join_conditions(kind: type[plan.And | plan.Or], parts: Sequence[plan.Expr], 
     return parts[0] if len(parts) == 1 else kind(tuple(parts), span=span)
 
 
+def is_column_query(query: plan.Query) -> bool:
+    """Whether a query gives the list of one column of all rows that its conditions hold for."""
+    if query.representation.name != "list" or len(query.columns) > 1 or query.columns[0].star:
+        return False
+    return not (query.search or query.grouped or query.limit)
+
+
 def is_exists(query: plan.Query) -> bool:
     """Whether a query only tests for a row: True, or None without one, see lowering/rewrites/in_to_exists.py."""
     constants = [output.expr for output in query.columns] + [query.limit]

@@ -16,7 +16,7 @@ from sqlglot import exp
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import can_fail, is_exists
+from ss2sql.language.plan_traversal import can_fail, is_column_query, is_exists
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.blob_encoding import EqualValueEncoding
 from ss2sql.lowering.blob_index import lower_item, lower_membership
@@ -107,15 +107,23 @@ def _lower_equality(lowering: ExpressionLowering, call: plan.Call, scope: SqlSco
 
 
 def _lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
-    """`x IN [1, 2, 3]`, a list of the class of x: written out where it is short, else walked once by SQLite."""
+    """`x IN [1, 2, 3]`, a list of the class of x: written out where it is short, else walked once by SQLite.
+
+    The list of a query is one of SQL: `x IN (SELECT e.b FROM ...)`.
+    """
     item, items = call.arguments
     known = items.type.item if items.type.kinds == Kind.LIST else None
     if known is None or not have_same_storage_class(item.type, known) or known.may_be(Kind.BOOL):
         return lower_membership(lowering, call, scope)
-    if not isinstance(items, (plan.Constant, plan.Variable)):
+    listed = items.query.columns[0].expr if isinstance(items, plan.Subquery) and is_column_query(items.query) else None
+    if listed is None and not isinstance(items, (plan.Constant, plan.Variable)):
         return None  # before the item is lowered: who comes next would lower it again, and all within it
     this = sql_builder.wrap_operand(lowering.lower_expr(item, scope))
-    if isinstance(items, plan.Constant) and len(items.value) <= MAX_WRITTEN_MEMBERS:
+    if listed is not None:
+        assert isinstance(items, plan.Subquery)
+        found = lowering.lower_unordered(items, scope, lambda inner: lowering.lower_expr(listed, inner))
+        test = exp.In(this=this, query=sql_builder.scalar(found))
+    elif isinstance(items, plan.Constant) and len(items.value) <= MAX_WRITTEN_MEMBERS:
         written = [lowering.lower_constant(plan.Constant(value, known, span=items.span)) for value in items.value]
         test = exp.In(this=this, expressions=written)
     else:

@@ -23,7 +23,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Type, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.recursion_limit import retry_with_stack
-from ss2sql.language.rows import Rows
+from ss2sql.language.rows import Row, Rows
 from ss2sql.language.unreadable_text import is_unreadable
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.runtime import representations
@@ -392,3 +392,9 @@ class SessionHost:
         return self.shapes.represent_subquery(
             query, expand_stars(query, rows, run.sizes.pause), arguments, named, run.sizes
         )
+
+    def find_row_shape(
+        self, form: plan.Representation, columns: tuple[str, ...], run: Run
+    ) -> Callable[[list[Row]], Any] | None:
+        """What makes the query's value of its rows alone; None where its representation takes more."""
+        return self.shapes.find_row_shape(form, columns, run.sizes)

@@ -17,6 +17,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, NONE, unite
 from ss2sql.language.plan_traversal import (
     has_query,
+    is_column_query,
     is_exists,
     is_volatile,
     list_inside,
@@ -40,7 +41,7 @@ def _rewrite_node(node: Any) -> Any:
         case plan.Call(
             function=plan.Function(name="in" | "not_in" as name, builtin=True),
             arguments=(item, plan.Subquery(query=inner)),
-        ) if _is_plain_list_query(inner) and _reads_outer_rows(inner) and not has_query(item) and not is_volatile(node):
+        ) if is_column_query(inner) and _reads_outer_rows(inner) and not has_query(item) and not is_volatile(node):
             column = inner.columns[0].expr
             equal = make_call("eq", column, item, span=node.span)
             found = replace(
@@ -56,13 +57,6 @@ def _rewrite_node(node: Any) -> Any:
             return make_call("ne" if name == "in" else "eq", question, make_constant(None, node.span), span=node.span)
         case _:
             return node
-
-
-def _is_plain_list_query(query: plan.Query) -> bool:
-    """Whether a query gives the list of one column of all rows that its conditions hold for."""
-    if query.representation.name != "list" or len(query.columns) > 1 or query.columns[0].star:
-        return False
-    return not (query.search or query.grouped or query.limit)
 
 
 def _reads_outer_rows(query: plan.Query) -> bool:

@@ -22,7 +22,7 @@ from ss2sql.language.kinds import ANY, Type
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import list_functions, walk
 from ss2sql.language.recursion_limit import MAX_LEVELS, deepen_stack
-from ss2sql.language.rows import Rows
+from ss2sql.language.rows import Row, Rows
 from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.external.step_evaluation import StepEvaluation, pickle_values
 from ss2sql.runtime.graph_cache.function_fingerprint import is_of_user
@@ -247,6 +247,11 @@ class _ExecutorHost:
         return self.shapes.represent_subquery(
             query, expand_stars(query, rows, run.sizes.pause), arguments, named, run.sizes
         )
+
+    def find_row_shape(
+        self, form: plan.Representation, columns: tuple[str, ...], run: Run
+    ) -> Callable[[list[Row]], Any] | None:
+        return self.shapes.find_row_shape(form, columns, run.sizes)
 
     def _refuse_call(self, *arguments: Any) -> Any:
         raise AssertionError("a search that keeps the written order does not go by levels")

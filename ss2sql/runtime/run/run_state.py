@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeAlia
 from ss2sql.errors import Cancelled, OutOfMemory, OutOfSteps, Timeout
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.rows import Rows
+from ss2sql.language.rows import Row, Rows
 from ss2sql.language.values import copy_deep
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.vtables.frames.frame import Frame
@@ -116,6 +116,9 @@ class Host(Protocol):
     def shape_rows(
         self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run
     ) -> Any: ...
+    def find_row_shape(
+        self, form: plan.Representation, columns: tuple[str, ...], run: Run
+    ) -> Callable[[list[Row]], Any] | None: ...
     def read_table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]: ...
     def read_integer_columns(self, source: plan.TableSource, *places: int) -> list[Any] | None: ...
 
