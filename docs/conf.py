@@ -8,7 +8,7 @@ from typing import Any
 from docutils import nodes
 
 from ss2sql.editor.lexer import BoundSqlLexer, SelectScriptLexer
-from ss2sql.shell.colors import TranscriptLexer
+from ss2sql.shell.terminal import TranscriptLexer
 
 project = "ss2sql"
 author = "the ss2sql authors"

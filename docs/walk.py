@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from writing import first, table
 
 import ss2sql
-from ss2sql.language.plan_printer import format_plan
+from ss2sql.language.plan_traversal import format_plan
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,7 +33,7 @@ STOP WITH  level == 7 OR [] == move(this, tower);
 FUNCTIONS = {
     "both": """
         session/session.py Session.run · frontend/syntax/parser.py parse · frontend/syntax/tokenizer.py tokenize ·
-        frontend/syntax/parser.py run_automaton · frontend/syntax/query_builder.py Builder.query ·
+        frontend/syntax/parser.py run_automaton · frontend/syntax/tree_builder.py Builder.query ·
         frontend/resolve/resolver.py resolve · frontend/resolve/query_clauses.py resolve_query ·
         frontend/resolve/from_clause.py resolve_sources · frontend/resolve/search_options.py resolve_search_options ·
         lowering/rewrites/__init__.py optimise · session/execution.py execute_script · session/compiled_query.py
@@ -43,7 +43,7 @@ FUNCTIONS = {
     "database": """
         lowering/lower.py lower · lowering/unsupported.py check_supported · lowering/search.py
         EagerSearch.build_statement · lowering/recursive_query.py RecursiveQuery.lower_start · lowering/search.py
-        EagerSearch.write_steps · lowering/search.py EagerSearch.select_results · lowering/dialects.py
+        EagerSearch.write_steps · lowering/search.py EagerSearch.select_results · lowering/sql_builder.py
         Dialect.print_tree · runtime/sqlite/executor.py Database.execute · runtime/run/search_paths.py
         SearchPaths.choose_paths
     """,

@@ -6,7 +6,7 @@ from inspect import signature
 
 from writing import sentence, table
 
-from ss2sql.session.world_description import list_columns
+from ss2sql.session.session_functions import list_columns
 from ss2sql.vtables.attached_worlds import AttachedTable, AttachedWorld
 from ss2sql.vtables.contract import World
 

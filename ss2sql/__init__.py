@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from ss2sql.notebook import load_ipython_extension, unload_ipython_extension
     from ss2sql.results.result import Result
     from ss2sql.session.compiled_script import Query
-    from ss2sql.session.connect import connect
-    from ss2sql.session.session import Session
+    from ss2sql.session.session import Session, connect
     from ss2sql.session.triggers import Trigger
     from ss2sql.vtables.contract import World
 
@@ -59,7 +58,7 @@ PLACES = {
     "WorkersWarning": "ss2sql.errors",
     "World": "ss2sql.vtables.contract",
     "check_world": "ss2sql.conformance.check_world",
-    "connect": "ss2sql.session.connect",
+    "connect": "ss2sql.session.session",
     "load_ipython_extension": "ss2sql.notebook",
     "unload_ipython_extension": "ss2sql.notebook",
 }
@@ -67,7 +66,7 @@ PLACES = {
 
 def compile(script: str) -> Query:
     """A script compiled without a session: it runs in a fresh one, its unknown names are parameters."""
-    from ss2sql.session.connect import connect
+    from ss2sql.session.session import connect
 
     return connect().compile(script)
 

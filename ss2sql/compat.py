@@ -17,8 +17,7 @@ from ss2sql.errors import Source
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
-from ss2sql.session.connect import connect
-from ss2sql.session.session import Session
+from ss2sql.session.session import Session, connect
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,7 +81,7 @@ def staff(file: Path) -> Path:
 @pytest.fixture(scope="module")
 def simulation() -> Iterator[Any]:
     """PyBullet, once for a file of tests: each takes 29 MB that never come back."""
-    from ss2sql.vtables.pybullet.pybullet_loader import start_simulation
+    from ss2sql.vtables.pybullet.client import start_simulation
 
     made = start_simulation()
     yield made

@@ -16,8 +16,8 @@ from typing import Any
 from cases import needs
 
 import ss2sql
-from ss2sql.language.plan_printer import format_plan
-from ss2sql.lowering.sql_string import Sql
+from ss2sql.language.plan_traversal import format_plan
+from ss2sql.lowering.sql_query import Sql
 
 FOLDER = Path(__file__).parent / "cases"
 SECTIONS = ("plan", "sql", "printed", "status", "value", "error")

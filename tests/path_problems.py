@@ -11,7 +11,7 @@ from typing import Any
 
 from native_host import FakeHost
 
-from ss2sql.runtime.search.graph import RowGraph
+from ss2sql.runtime.search.search_run import RowGraph
 
 Edge = tuple[int, Any]  # the node that it leads to, and its weight
 Path = tuple[list[int], list[int], list[Any]]  # the positions of its edges, its nodes, its weights

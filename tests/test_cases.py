@@ -16,7 +16,7 @@ from test_errors import FROM_PYTHON
 import ss2sql
 from ss2sql.errors import CODES, Source
 from ss2sql.frontend.syntax.parser import parse
-from ss2sql.runtime.external import first_levels
+from ss2sql.runtime.external import level_steps
 
 CASES = golden.cases()
 # The reference evaluator does not know these, or would need minutes.
@@ -61,7 +61,7 @@ def test_case(case: Case, request: pytest.FixtureRequest) -> None:
 
 def test_duckdb_runs_a_script_as_all_do_or_refuses_it(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("duckdb")
-    monkeypatch.setattr(first_levels, "MAX_STATES", 0)  # it does all levels, also small ones
+    monkeypatch.setattr(level_steps, "MAX_STATES", 0)  # it does all levels, also small ones
     done = 0
     for case in CASES:
         found = golden.run(case, "duckdb")

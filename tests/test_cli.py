@@ -19,7 +19,7 @@ from click.shell_completion import ShellComplete
 from command_lines import ENDLESS, FUNCTIONS, bad, call, good, moved_into, press_ctrl_c_after, process, value
 
 import ss2sql
-from ss2sql.cli import COMMANDS, exit_codes, main, output
+from ss2sql.cli import COMMANDS, main, output
 from ss2sql.cli import run_command as running
 from ss2sql.cli.completion_command import SHELLS
 from ss2sql.cli.list_command import TOPICS
@@ -387,10 +387,10 @@ def test_colors_are_for_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
     stream: Any = Terminal()
     monkeypatch.delenv("NO_COLOR", raising=False)
     monkeypatch.setenv("TERM", "xterm")
-    assert exit_codes.wants_color(stream)
+    assert output.wants_color(stream)
     for name, given, wanted in (("NO_COLOR", "1", False), ("NO_COLOR", "", True), ("TERM", "dumb", False)):
         monkeypatch.setenv(name, given)
-        assert exit_codes.wants_color(stream) is wanted
+        assert output.wants_color(stream) is wanted
 
 
 class Terminal:
@@ -583,8 +583,8 @@ def test_errors_and_endings_are_objects(folder: Path) -> None:
     first, second = errors(1, "run", "wrong.ss")
     assert first["code"] == second["code"] == "R001"
     assert (first["title"], first["message"]) == ("unknown name", "unknown name 'a'")
-    assert [first[key] for key in exit_codes.PLACE] == ["wrong.ss", 1, 8, 1, 9]
-    assert [second[key] for key in exit_codes.PLACE] == ["wrong.ss", 2, 15, 2, 16]
+    assert [first[key] for key in output.PLACE] == ["wrong.ss", 1, 8, 1, 9]
+    assert [second[key] for key in output.PLACE] == ["wrong.ss", 2, 15, 2, 16]
     assert (first["hints"], first["related"]) == (["assign it before, or give it with -p a VALUE"], [])
     (parse,) = errors(1, "sql", "-e", "max(SELECT this FROM [1]")
     assert parse["code"].startswith("P")

@@ -11,7 +11,7 @@ from sqlglot.generator import Generator
 import ss2sql
 import ss2sql.compat
 from ss2sql.cli.output import Count
-from ss2sql.lowering.dialects import SQLITE, _build_generator_class
+from ss2sql.lowering.sql_builder import SQLITE, _build_generator_class
 
 # As printed, but for the first line, which was: import SelectScript, SelectScript.Interpreter
 STUB = '''

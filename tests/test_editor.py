@@ -21,8 +21,8 @@ from ss2sql.frontend.syntax import ast, tokenizer
 from ss2sql.frontend.syntax.parse_failure import PAIRS
 from ss2sql.frontend.syntax.parse_table import GRAMMAR, load_parse_table
 from ss2sql.frontend.syntax.parser import run_automaton
-from ss2sql.frontend.syntax.query_builder import Builder
 from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, RESERVED, Token
+from ss2sql.frontend.syntax.tree_builder import Builder
 
 ROOT = Path(__file__).parent.parent
 CASES = cases()

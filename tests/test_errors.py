@@ -17,7 +17,7 @@ import worker_functions
 
 import ss2sql
 from ss2sql import Error, Session
-from ss2sql.vtables.pybullet.pybullet_loader import require_sim_package
+from ss2sql.vtables.pybullet.client import require_sim_package
 
 ENDLESS = "SELECT n FROM [1] WHERE n % 1000 == 0 START WITH n = 1 CONNECT BY n = n + 1"
 LATE = 0.3  # seconds: a run of what is compiled has begun by then, on a machine with much to do as well

@@ -11,8 +11,8 @@ import pytest
 from sessions import write
 
 import ss2sql
-from ss2sql.results.explain.termination import ADVICE
-from ss2sql.results.explain.vocabulary import STAGES
+from ss2sql.results.explain.collector import ADVICE
+from ss2sql.results.explain.findings import STAGES
 
 
 def inc(n):

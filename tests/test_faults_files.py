@@ -297,7 +297,7 @@ def test_what_is_no_database(tmp_path: Path) -> None:
 def test_locked_files(
     file: Path, whole: bytes, right: dict[str, Any], monkeypatch: pytest.MonkeyPatch, lock: str
 ) -> None:
-    monkeypatch.setattr("ss2sql.session.opening.BUSY_MILLISECONDS", 5)
+    monkeypatch.setattr("ss2sql.session.session.BUSY_MILLISECONDS", 5)
     file.write_bytes(whole)
     ss = opened(file)
     other = apsw.Connection(str(file))

@@ -110,10 +110,10 @@ def test_the_judge_sees_what_breaks_a_promise(ss: ss2sql.Session, monkeypatch: p
 
 
 def test_the_judge_asks_sqlite_whether_it_is_sql(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    from ss2sql.lowering import dialects
+    from ss2sql.lowering import sql_builder
 
-    plain = dialects.Dialect.print_tree
-    monkeypatch.setattr(dialects.Dialect, "print_tree", lambda self, tree: plain(self, tree).replace("FROM", "FRM"))
+    plain = sql_builder.Dialect.print_tree
+    monkeypatch.setattr(sql_builder.Dialect, "print_tree", lambda self, tree: plain(self, tree).replace("FROM", "FRM"))
     with pytest.raises(AssertionError, match="syntax error"):
         judge(ss, "SELECT this FROM xs AS list", never)
 

@@ -15,8 +15,7 @@ from sessions import both
 
 import ss2sql
 from ss2sql.frontend.inlining.function_bodies import translate_function
-from ss2sql.frontend.inlining.inliner import LIMITS
-from ss2sql.frontend.inlining.substitution import FunctionBody
+from ss2sql.frontend.inlining.substitution import LIMITS, FunctionBody
 
 __all__ = ["load"]  # the fixture
 WALL = 4

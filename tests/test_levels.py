@@ -19,8 +19,8 @@ from sessions import code_of
 
 import ss2sql
 from ss2sql.frontend.syntax.tokenizer import RESERVED
-from ss2sql.lowering.portable import portable_names
-from ss2sql.runtime.external import duckdb_store, first_levels, level_search, level_steps
+from ss2sql.lowering.portable import portable_flat
+from ss2sql.runtime.external import duckdb_search, level_steps
 
 duckdb = pytest.importorskip("duckdb")
 
@@ -33,7 +33,7 @@ GROWING = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = this{}
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """The tables do all levels, also small ones."""
-    monkeypatch.setattr(first_levels, "MAX_STATES", 0)
+    monkeypatch.setattr(level_steps, "MAX_STATES", 0)
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def ss() -> Iterator[ss2sql.Session]:
 # Of some the first levels are done in memory.
 @pytest.mark.parametrize("states", [0, 2, *(pytest.param(states, marks=pytest.mark.slow) for states in (1, 3))])
 def test_random_searches(monkeypatch: pytest.MonkeyPatch, states: int) -> None:
-    monkeypatch.setattr(first_levels, "MAX_STATES", states)
+    monkeypatch.setattr(level_steps, "MAX_STATES", states)
     assert level_searches.compare(level_searches.by_length, "duckdb", OWN, 81 + states, COUNT) > COUNT // 8
 
 
@@ -166,14 +166,14 @@ def test_a_connection_of_the_user_is_left_as_it_was() -> None:
 def test_what_does_not_fit_into_memory_goes_to_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """40,000 states of 2,000 characters are 80 MB, twice that with their rows, of which DuckDB may hold 64."""
     seen: list[int] = []
-    load = duckdb_store.DuckTables.load_rows
+    load = duckdb_search.DuckTables.load_rows
 
-    def look(self: duckdb_store.DuckTables, *given: Any) -> None:
+    def look(self: duckdb_search.DuckTables, *given: Any) -> None:
         load(self, *given)
         ((size,),) = self.read_rows("SELECT COALESCE(SUM(size), 0) FROM duckdb_temporary_files()")
         seen.append(size)
 
-    monkeypatch.setattr(duckdb_store.DuckTables, "load_rows", look)
+    monkeypatch.setattr(duckdb_search.DuckTables, "load_rows", look)
     own = duckdb.connect(config={"memory_limit": "64MB", "temp_directory": str(tmp_path), "threads": 1})
     with ss2sql.connect(engine="duckdb", session=own) as ss:
         ss.function("wide", lambda n, more: f"{2 * n + more:02000}", volatility="immutable")
@@ -204,7 +204,7 @@ def test_nothing_is_left_in_the_folder_for_temporary_files(tmp_path: Path, monke
 
 
 def test_a_partial_result(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(level_search, "BLOCK", 10)
+    monkeypatch.setattr(duckdb_search, "BLOCK", 10)
     called = []
 
     def again(n: int, more: int) -> int:
@@ -248,7 +248,7 @@ def test_random_steps(parts: dict[str, str], strategy: str, shown: set[str], gro
     """Of some searches the first steps are tried in memory."""
     script = level_searches.script_of(parts, strategy, shown, grouped)
     with ss2sql.connect(engine="duckdb") as ss, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(first_levels, "MAX_STATES", states)
+        patch.setattr(level_steps, "MAX_STATES", states)
         ss.set("moves", MOVES)
         try:
             found = agree(ss, script)
@@ -305,7 +305,7 @@ def test_names_that_are_words_of_sql(ss: ss2sql.Session, kinds: str) -> None:
     words = [word for (word,) in duckdb.sql(known).fetchall()]
     for start in range(0, len(words), 40):
         some = dict.fromkeys(
-            word for word in (*words[start : start + 40], *portable_names.OWN_COLUMNS) if word.upper() not in RESERVED
+            word for word in (*words[start : start + 40], *portable_flat.OWN_COLUMNS) if word.upper() not in RESERVED
         )
         first, *_ = some
         ss.set("moves", [dict.fromkeys(some, 1)])

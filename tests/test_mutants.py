@@ -13,7 +13,7 @@ import pytest
 import reached
 from mutants_made import Mutant
 
-import ss2sql.lowering.storage_class
+import ss2sql.lowering.sqlite_forms
 
 TEXT = '''
 def f(a, b):
@@ -81,7 +81,7 @@ def test_every_mutant_has_a_name_of_its_own(every: list[Mutant]) -> None:
 
 
 def test_functions_are_found_by_their_place() -> None:
-    path = Path(ss2sql.lowering.storage_class.__file__)
+    path = Path(ss2sql.lowering.sqlite_forms.__file__)
     places = mutants.functions()
     for function in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(function, ast.FunctionDef):

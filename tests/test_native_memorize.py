@@ -14,12 +14,12 @@ from path_problems import CHANCES, COSTS, HARMLESS, MISLEADING, Edge, Problem, b
 from programs.drawn import amount
 
 import ss2sql
+from ss2sql.runtime.search import paths_by_length as careful_module
 from ss2sql.runtime.search import paths_by_length as lengths_module
 from ss2sql.runtime.search import paths_by_weight as weights_module
-from ss2sql.runtime.search import simple_paths as careful_module
-from ss2sql.runtime.search.graph import RowGraph
 from ss2sql.runtime.search.paths_by_length import PATIENCE_FACTOR, PathsByLength
 from ss2sql.runtime.search.paths_by_weight import PathsByWeight
+from ss2sql.runtime.search.search_run import RowGraph
 
 COUNT = amount(1 / 5)
 

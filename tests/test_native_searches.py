@@ -8,7 +8,7 @@ import pytest
 from native_host import FakeHost
 
 import ss2sql
-from ss2sql.runtime.python.loop_cancellation import TURNS_PER_CHECK
+from ss2sql.runtime.python.loop_helpers import TURNS_PER_CHECK
 
 ORDERS = ["DEPTH FIRST", "BREADTH FIRST", "COST 1", "COST 1 HEURISTIC 0", "PROBABILITY 0.5"]
 REPEATS = ["", "NO CYCLE", "UNIQUE"]

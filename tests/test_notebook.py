@@ -20,7 +20,7 @@ from IPython.core.displaypub import CapturingDisplayPublisher
 from IPython.core.interactiveshell import InteractiveShell
 
 import ss2sql
-from ss2sql.notebook.magic_options import Options, WrongOption, read_magic_options
+from ss2sql.notebook.magics import Options, WrongOption, read_magic_options
 
 PAGE = Path(__file__).parent.parent / "docs" / "notebook.md"
 NOTEBOOK = PAGE.with_name("tutorial.ipynb")

@@ -14,7 +14,7 @@ from ss2sql.language import plan
 from ss2sql.language.rows import Rows
 from ss2sql.runtime.run.run_state import GraphLevel, ResultSink, Run
 from ss2sql.runtime.run.search_paths import SearchPaths
-from ss2sql.runtime.search.graph import RowGraph
+from ss2sql.runtime.search.search_run import RowGraph
 from ss2sql.session import execution, progress
 from ss2sql.session.progress import MAX_DEPTH_LOOKS, Progress, measure_depth
 

@@ -18,7 +18,7 @@ from bullet_rooms import ENGINES, Counting, ball, box, furnish, jointed, live, m
 
 from ss2sql.scenes import Sensor, chaos
 from ss2sql.vtables.pybullet import PyBulletWorld
-from ss2sql.vtables.pybullet.pybullet_loader import start_simulation
+from ss2sql.vtables.pybullet.client import start_simulation
 
 
 @pytest.fixture

@@ -19,8 +19,7 @@ from programs.drawn import amount, drawn
 import ss2sql
 from ss2sql.bench import BenchRules, StatementRuns, make_runs, parse_strategy
 from ss2sql.bench import compare as deciding
-from ss2sql.bench.compare import find_variation
-from ss2sql.bench.laws import Answer, Verdict, compare_answers, compare_group_rows
+from ss2sql.bench.compare import Answer, Verdict, compare_answers, compare_group_rows, find_variation
 from ss2sql.bench.strategies import list_strategies
 from ss2sql.errors import Source
 from ss2sql.frontend.syntax import ast

@@ -18,7 +18,7 @@ from sessions import both, wrong_scripts
 import ss2sql
 from ss2sql.frontend.resolve.suggestions import PYTHON_FUNCTIONS
 from ss2sql.language import plan
-from ss2sql.language.plan_printer import format_type
+from ss2sql.language.plan_traversal import format_type
 
 
 @pytest.fixture(name="ss")

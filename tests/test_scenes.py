@@ -23,7 +23,7 @@ import ss2sql
 from ss2sql import scenes
 from ss2sql.scenes import Scene, View
 from ss2sql.scenes.chaos_scene import BOUNCE, INSIDE
-from ss2sql.vtables.pybullet import pybullet_loader as bullet
+from ss2sql.vtables.pybullet import client as bullet
 from ss2sql.vtables.pybullet.solids import Sphere
 
 DIRECTIONS = [(x, y) for x, y in product((-1, 0, 1), repeat=2) if (x, y) != (0, 0)]

@@ -21,7 +21,7 @@ from second_opinion import DECISIONS, TYPES, Twin, twin
 from sessions import ENGINES
 
 import ss2sql
-from ss2sql.lowering.dialects import DUCKDB
+from ss2sql.lowering.sql_builder import DUCKDB
 from ss2sql.session.translation import translate_script
 
 COUNT = amount(3 / 10)

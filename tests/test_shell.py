@@ -18,11 +18,9 @@ from click.testing import CliRunner, Result
 
 import ss2sql
 from ss2sql.cli import main
-from ss2sql.shell import piped_input as pipes
-from ss2sql.shell.dot_commands import COMMANDS
-from ss2sql.shell.piped_input import run_piped
-from ss2sql.shell.settings import SETTINGS, Settings
-from ss2sql.shell.shell import Shell
+from ss2sql.shell import shell as pipes
+from ss2sql.shell.dot_commands import COMMANDS, SETTINGS, Settings
+from ss2sql.shell.shell import Shell, run_piped
 from ss2sql.shell.statement_splitter import is_ready, split_statements
 
 ENDLESS = command_lines.ENDLESS + ";"

@@ -17,8 +17,8 @@ from typing import Any
 import pytest
 
 import ss2sql
-from ss2sql.shell import history
 from ss2sql.shell.shell import Shell
+from ss2sql.shell.terminal import find_state_folder, open_history_file
 
 pytest.importorskip("prompt_toolkit")
 
@@ -29,8 +29,7 @@ from prompt_toolkit.history import FileHistory
 from prompt_toolkit.input import PipeInput, create_pipe_input
 from prompt_toolkit.output import DummyOutput
 
-from ss2sql.shell.colors import ShellLexer, TranscriptLexer
-from ss2sql.shell.terminal import Terminal, _SelectiveHistory
+from ss2sql.shell.terminal import ShellLexer, Terminal, TranscriptLexer, _SelectiveHistory
 
 ENTER, TAB, CTRL_C, CTRL_D, UP, ESCAPE = "\r", "\t", "\x03", "\x04", "\x1b[A", "\x1b"
 
@@ -214,32 +213,32 @@ def test_a_history_that_cannot_be_written(keys: PipeInput, folder: Path, capsys)
 def test_the_history_is_for_its_owner_alone(folder: Path, monkeypatch) -> None:
     before = os.umask(0)
     try:
-        path = history.open_history_file()
+        path = open_history_file()
     finally:
         os.umask(before)
     assert path == folder / "state" / "ss2sql" / "history"
     assert (stat.S_IMODE(path.stat().st_mode), stat.S_IMODE(path.parent.stat().st_mode)) == (0o600, 0o700)
     assert list(_SelectiveHistory(str(path.parent)).load_history_strings()) == []  # nothing where it cannot be read
     path.chmod(0o644)
-    assert stat.S_IMODE(history.open_history_file().stat().st_mode) == 0o600
+    assert stat.S_IMODE(open_history_file().stat().st_mode) == 0o600
     path.unlink()  # it follows no link
     (folder / "other").write_text("precious")
     path.symlink_to(folder / "other")
     with pytest.raises(OSError, match="history"):
-        history.open_history_file()
+        open_history_file()
     assert (folder / "other").read_text() == "precious"
     monkeypatch.setenv("HOME", str(folder))
     for value in ("", "relative/folder"):
         monkeypatch.setenv("XDG_STATE_HOME", value)
-        assert history.find_state_folder() == folder / ".local" / "state" / "ss2sql"
+        assert find_state_folder() == folder / ".local" / "state" / "ss2sql"
 
 
 def test_the_history_does_not_grow_for_ever(monkeypatch) -> None:
-    monkeypatch.setattr(history, "MAX_ENTRIES", 10)
-    path = history.open_history_file()
+    monkeypatch.setattr("ss2sql.shell.terminal.MAX_ENTRIES", 10)
+    path = open_history_file()
     for number in range(25):
         FileHistory(str(path)).store_string(f"{number};\n{number} again;")
-    kept = list(FileHistory(str(history.open_history_file())).load_history_strings())
+    kept = list(FileHistory(str(open_history_file())).load_history_strings())
     assert kept == [f"{number};\n{number} again;" for number in range(24, 14, -1)]
 
 

@@ -12,7 +12,7 @@ from sql_calls import python_calls
 from trees import calls_of
 
 import ss2sql
-from ss2sql.language.plan_printer import format_plan
+from ss2sql.language.plan_traversal import format_plan
 from ss2sql.runtime.run.run_state import Run
 
 

@@ -12,7 +12,7 @@ from programs.drawn import amount, drawn
 import ss2sql
 from ss2sql.frontend.resolve.widening import STEPS
 from ss2sql.language.kinds import Kind, Type, is_covering, type_of
-from ss2sql.language.plan_printer import format_type
+from ss2sql.language.plan_traversal import format_type
 
 MOVES = [[-1, 0, 1.5], [1, 0, 1], [2, -3, 0.5]]
 STEPS_AS_DICTS = [{"dx": -1, "dy": 0, "c": 1.5}, {"dx": 1, "dy": 3, "c": 1}]

@@ -11,7 +11,7 @@ from listings import move
 import ss2sql
 from ss2sql.language.frozen_values import FrozenShapes, freeze_any, freeze_flat, freeze_nested, thaw_value
 from ss2sql.runtime.python import search_compiler
-from ss2sql.runtime.python.code_templates import copy_tree
+from ss2sql.runtime.python.ast_builder import copy_tree
 
 ORDERS = ["", "BREADTH FIRST", "DEPTH FIRST", "COST w", "PROBABILITY w / 4", "COST w HEURISTIC IF(dst == 2; 3; 0)"]
 REPEATS = ["", "NO CYCLE", "UNIQUE", "MEMORIZE 4"]

@@ -14,7 +14,7 @@ from sqlglot.generator import Generator
 
 import ss2sql
 from ss2sql.cli import main
-from ss2sql.lowering.dialects import DIALECTS, DUCKDB
+from ss2sql.lowering.sql_builder import DIALECTS, DUCKDB
 from ss2sql.session.translation import translate_script
 
 duckdb = pytest.importorskip("duckdb")

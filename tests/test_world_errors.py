@@ -15,7 +15,7 @@ pytest.importorskip("pybullet")
 from bullet_rooms import ENGINES, ball
 
 from ss2sql import scenes
-from ss2sql.vtables.pybullet.pybullet_loader import start_simulation
+from ss2sql.vtables.pybullet.client import start_simulation
 
 
 @pytest.fixture

@@ -1,13 +1,13 @@
 """The race of `ss2sql bench`: the same search by every engine and strategy, timed, and its answers compared.
 
-runs finds the statements and runs them by the strategies, stopwatch times one; compare judges the answers by laws;
-results holds what came out, report and bar_chart show it.
+runs finds the statements and runs them by the strategies; compare judges the answers by laws; results holds what came
+out and times one statement; report shows it.
 """
 
 from __future__ import annotations
 
-from ss2sql.bench.bar_chart import draw_chart as draw_chart
 from ss2sql.bench.report import collect_measurements as collect_measurements
+from ss2sql.bench.report import draw_chart as draw_chart
 from ss2sql.bench.report import print_runs as print_runs
 from ss2sql.bench.results import BenchResult as BenchResult
 from ss2sql.bench.results import BenchRules as BenchRules

@@ -8,8 +8,7 @@ from dataclasses import field, replace
 from typing import Any
 
 from ss2sql.bench.compare import Comparer, FinishedRun
-from ss2sql.bench.results import BenchResult, BenchRules
-from ss2sql.bench.stopwatch import compile_run, time_statement
+from ss2sql.bench.results import BenchResult, BenchRules, compile_run, time_statement
 from ss2sql.bench.strategies import Strategy, list_strategies, parse_strategy
 from ss2sql.errors import Cancelled, Error, OutOfSteps, SessionError, Source, Stopped, Timeout, UnsupportedError
 from ss2sql.fast_dataclasses import dataclass

@@ -1,8 +1,8 @@
 """The command line, one module per command, imported when the command is run.
 
 Results go to stdout, everything else to stderr. Exit codes: 0 for success, 1 for an error of the script, 2 for wrong
-usage, 124 for a timeout, 130 for Ctrl-C. script_options says which script is meant and makes the session for it,
-exit_codes turns errors into messages and exit codes, output prints results.
+usage, 124 for a timeout, 130 for Ctrl-C. script_options says which script is meant and makes the session for it, output
+prints results, and errors with their exit codes.
 """
 
 from __future__ import annotations
@@ -92,19 +92,19 @@ class Commands(click.Group):
             finally:
                 sys.stdout.flush()  # at the end of the process errors could not be reported
         except OSError as error:
-            from ss2sql.cli import exit_codes
+            from ss2sql.cli import output
 
-            exit_codes.end_with_output_error(error, arguments)
+            output.end_with_output_error(error, arguments)
 
     def _run_command(self, arguments: list[str], *others: Any, **named: Any) -> NoReturn:
         try:
             code = super().main(arguments, *others, **{**named, "standalone_mode": False})
         except (click.Abort, click.ClickException) as error:
-            from ss2sql.cli import exit_codes
+            from ss2sql.cli import output
 
             if isinstance(error, click.ClickException):
-                exit_codes.end_with_usage_error(error, arguments)
-            exit_codes.end_after_interrupt()
+                output.end_with_usage_error(error, arguments)
+            output.end_after_interrupt()
         sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -11,8 +11,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ss2sql.cli.exit_codes import SCRIPT, UserError, end_with_message, exit_with_code_on_error, print_note
-from ss2sql.cli.output import check_folder, make_console, make_write_error, print_line
+from ss2sql.cli.output import (
+    SCRIPT,
+    UserError,
+    check_folder,
+    end_with_message,
+    exit_with_code_on_error,
+    make_console,
+    make_write_error,
+    print_line,
+    print_note,
+)
 from ss2sql.cli.script_options import ScriptInputs, add_script_options
 from ss2sql.errors import Error
 

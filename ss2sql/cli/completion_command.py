@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ss2sql.cli.exit_codes import exit_with_code_on_error
-from ss2sql.cli.output import print_line
+from ss2sql.cli.output import exit_with_code_on_error, print_line
 
 SHELLS = ("bash", "zsh", "fish")
 

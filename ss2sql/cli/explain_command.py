@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from ss2sql.cli.exit_codes import exit_with_code_on_error
-from ss2sql.cli.output import print_line
+from ss2sql.cli.output import exit_with_code_on_error, print_line
 from ss2sql.cli.run_command import add_run_options, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_script_options, redirect_output
 from ss2sql.errors import Stopped

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import click
 
-from ss2sql.cli.exit_codes import exit_with_code_on_error
-from ss2sql.cli.output import make_console, print_line
+from ss2sql.cli.output import exit_with_code_on_error, make_console, print_line
 from ss2sql.cli.script_options import NO_INPUTS, ScriptInputs, add_uses_options
 
 if TYPE_CHECKING:

@@ -7,8 +7,7 @@ from typing import Any
 
 import click
 
-from ss2sql.cli.exit_codes import exit_with_code_on_error, print_note
-from ss2sql.cli.output import check_folder, describe_size, make_write_error
+from ss2sql.cli.output import check_folder, describe_size, exit_with_code_on_error, make_write_error, print_note
 from ss2sql.cli.run_command import add_run_options, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_script_options
 from ss2sql.errors import Stopped

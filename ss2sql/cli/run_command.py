@@ -11,8 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ss2sql.cli.exit_codes import UserError, exit_with_code_on_error, print_note, writes_json
-from ss2sql.cli.output import add_output_options, make_output
+from ss2sql.cli.output import (
+    UserError,
+    add_output_options,
+    exit_with_code_on_error,
+    make_output,
+    print_note,
+    writes_json,
+)
 from ss2sql.cli.script_options import ScriptInputs, add_script_options, redirect_output
 from ss2sql.errors import Error, Source, Stopped, WorkersWarning
 

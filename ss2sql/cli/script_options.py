@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from ss2sql.cli.exit_codes import UserError
+from ss2sql.cli.output import UserError
 from ss2sql.errors import Error, SessionError, Source, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 
@@ -102,7 +102,7 @@ class ScriptInputs:
         """A session with all of it; by default progress is shown on a terminal."""
         # These imports take half a second, which completion and --help avoid.
         from ss2sql.runtime.run.value_sizes import MAX_SIZE
-        from ss2sql.session.connect import connect
+        from ss2sql.session.session import connect
 
         shown: str | bool = "auto" if progress is None else progress
         session = connect(

@@ -6,8 +6,7 @@ from typing import Any
 
 import click
 
-from ss2sql.cli.exit_codes import exit_with_code_on_error
-from ss2sql.cli.output import print_line
+from ss2sql.cli.output import exit_with_code_on_error, print_line
 from ss2sql.cli.script_options import ScriptInputs, add_script_options
 
 STAGES = ("ast", "plan", "sql")
@@ -16,7 +15,7 @@ STAGES = ("ast", "plan", "sql")
 def _check_dialect(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
     if value is None:
         return None
-    from ss2sql.lowering.dialects import DIALECTS
+    from ss2sql.lowering.sql_builder import DIALECTS
 
     if value not in DIALECTS:
         raise click.BadParameter(f"there is no dialect '{value}'; SQL can be written in: {', '.join(DIALECTS)}")
@@ -24,7 +23,7 @@ def _check_dialect(context: click.Context, parameter: click.Parameter, value: st
 
 
 def _complete_dialect(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    from ss2sql.lowering.dialects import DIALECTS
+    from ss2sql.lowering.sql_builder import DIALECTS
 
     return [name for name in DIALECTS if name.startswith(incomplete)]
 
@@ -53,8 +52,8 @@ def command(inputs: ScriptInputs, stage: str, dialect: str | None) -> None:
         for statement in parse(read_script_source(source)).statements:
             print_line(repr(statement))
         return
-    from ss2sql.language.plan_printer import format_plan
-    from ss2sql.lowering.dialects import DIALECTS
+    from ss2sql.language.plan_traversal import format_plan
+    from ss2sql.lowering.sql_builder import DIALECTS
     from ss2sql.session.translation import translate_script
 
     with inputs.open_session() as session:

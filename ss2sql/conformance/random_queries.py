@@ -44,7 +44,7 @@ class QueryGenerator:
     """Generates random queries, and runs them."""
 
     def __init__(self, dice: random.Random, copies: Sequence[TableCopy], world: World) -> None:
-        from ss2sql.session.connect import connect
+        from ss2sql.session.session import connect
 
         self.dice = dice
         self.copies = [copy for copy in copies if copy.plain]

@@ -11,8 +11,7 @@ from pygments.lexers.sql import SqlLexer
 from pygments.token import Comment, Error, Keyword, Name, Number, Operator, Punctuation, String, Text, Whitespace
 from pygments.token import _TokenType as Type
 
-from ss2sql.editor.keyword_tokens import find_comments, mark_keywords
-from ss2sql.editor.keywords import keywords, list_words
+from ss2sql.editor.keywords import find_comments, keywords, list_words, mark_keywords
 from ss2sql.frontend.syntax.tokenizer import Token
 
 _KINDS: dict[str, Type] = {

@@ -1,13 +1,14 @@
-"""The classes of errors."""
+"""The classes of errors, their hints, and the note on a user's exception."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, TypeAlias
+from unicodedata import normalize
 
 from ss2sql.errors.codes import CODES
-from ss2sql.errors.renderer import render_all
-from ss2sql.errors.spans import Span
+from ss2sql.errors.renderer import Span, render_all
 
 
 class Error(Exception):
@@ -142,3 +143,82 @@ def combine_errors(errors: Sequence[Error]) -> Error:
     first = ordered[0]
     first.errors = tuple(ordered)
     return first
+
+
+# --- hints: known names that are similar to the one that was written; the wording for a shell
+Spellings: TypeAlias = tuple[tuple[re.Pattern[str], str], ...]
+
+FEW = 8  # up to so many names are all shown
+
+
+def suggest_similar(name: str, known: Iterable[str]) -> list[str]:
+    """The known names, three at most, with a similar spelling; a name that differs only in case is returned alone."""
+    from difflib import get_close_matches
+
+    lowered = {one.lower(): one for one in sorted(set(known), reverse=True)}
+    if name.lower() in lowered:
+        return [lowered[name.lower()]]
+    close = get_close_matches(name.lower(), list(lowered), n=3, cutoff=0.6)
+    # get_close_matches misses a name that merely lost its tail (mov for moves): offer prefixes as well.
+    close += [one for one in sorted(lowered) if one not in close and len(name) > 1 and one.startswith(name.lower())]
+    return [lowered[one] for one in close[:3]]
+
+
+def suggest_names(name: str, known: Iterable[str]) -> tuple[str, ...]:
+    """Hints with the closest known names, or with all names where there are few."""
+    names = sorted(set(known))
+    if twins := [one for one in names if one != name and normalize("NFKC", one) == normalize("NFKC", name)]:
+        return tuple(f"did you mean '{one}', which is written with {_spell_code_points(one)}?" for one in twins)
+    if close := suggest_similar(name, names):
+        return ("did you mean " + " or ".join(f"'{one}'" for one in close) + "?",)
+    if 0 < len(names) <= FEW:
+        return ("known here: " + ", ".join(names),)
+    return ()
+
+
+def _spell_code_points(name: str) -> str:
+    """A name with the code points of its characters beyond ASCII, for names that look the same."""
+    return ", ".join(f"U+{ord(char):04X}" if not char.isascii() else char for char in name)
+
+
+def respell_hints(error: Error, spellings: Spellings) -> None:
+    """Rewrites hints for users of Python into hints for a command line or a shell."""
+    for one in error.errors:
+        for pattern, spelling in spellings:
+            one.hints = tuple(pattern.sub(spelling, hint) for hint in one.hints)
+
+
+# --- the note on a user's exception with the place in the script; type and traceback stay
+def note_place(
+    exception: BaseException, called: str, spans: Sequence[Span], kind: str = "function", evals: Sequence[Span] = ()
+) -> None:
+    """Adds to a user's exception, once, the note with the function that raised it and its place in the script.
+
+    Args:
+        exception: what was raised; its type and its traceback stay.
+        called: the name of what raised it.
+        spans: where it is called.
+        kind: what it is.
+        evals: the places of the `eval` calls whose strings contain the call, the innermost first.
+    """
+    places = ", ".join(dict.fromkeys(span.place for span in spans)) or "<script>"
+    lines = [f"raised by the {kind} '{called}', called at {places}", *_show_script_lines(spans)]
+    for span in evals:
+        lines += [f"in the text that eval reads at {span.place}", *_show_script_lines([span])]
+    note_once(exception, "\n".join(lines))
+
+
+def note_once(exception: BaseException, note: str) -> None:
+    """Adds the note, unless the exception already has a more precise one."""
+    if getattr(exception, "_ss2sql_noted", False):
+        return
+    exception.add_note(note)
+    try:
+        exception._ss2sql_noted = True  # type: ignore[attr-defined]
+    except AttributeError:
+        return  # exceptions with __slots__ cannot be marked and may get a second note
+
+
+def _show_script_lines(spans: Sequence[Span]) -> list[str]:
+    lines = dict.fromkeys((span.source, span.line) for span in spans)
+    return [f"  {number} | {source.get_line(number)}" for source, number in lines]

@@ -1,4 +1,4 @@
-"""The text of an error, in the manner of rustc: code and sentence, place, source lines with marks, hints.
+"""Places in scripts, and the text of an error that shows them.
 
     error[P002]: the script ends before '(' is closed
      --> <script>:1:18
@@ -15,16 +15,78 @@ The place of an error is marked with `^`, related places with `-`. The caller de
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from dataclasses import field
+from functools import cached_property
 from typing import TYPE_CHECKING
 from unicodedata import bidirectional, category, east_asian_width
 
-from ss2sql.errors.spans import Span
 from ss2sql.fast_dataclasses import dataclass
 
 if TYPE_CHECKING:
     from ss2sql.errors.exceptions import Error
 
+
+@dataclass(frozen=True)
+class Source:
+    """A script's text with the name that errors show for it (a file name, or `<script>`)."""
+
+    text: str
+    name: str = "<script>"
+
+    @cached_property
+    def _line_starts(self) -> list[int]:
+        starts = [0]
+        starts.extend(i + 1 for i, char in enumerate(self.text) if char == "\n")
+        return starts
+
+    def find_line_column(self, offset: int) -> tuple[int, int]:
+        """The line and column, both counted from 1, of a character offset."""
+        line = bisect_right(self._line_starts, offset)
+        return line, offset - self._line_starts[line - 1] + 1
+
+    def get_line(self, number: int) -> str:
+        """The text of a line, counted from 1, without its end."""
+        start = self._line_starts[number - 1]
+        end = self._line_starts[number] - 1 if number < len(self._line_starts) else len(self.text)
+        return self.text[start:end].rstrip("\r")
+
+    def find_offset(self, line: int, column: int) -> int:
+        """The character offset of a line and column, both counted from 1."""
+        return self._line_starts[line - 1] + column - 1
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of a script: character offsets `start` (included) to `end` (not included)."""
+
+    source: Source
+    start: int
+    end: int
+
+    @property
+    def line(self) -> int:
+        return self.source.find_line_column(self.start)[0]
+
+    @property
+    def column(self) -> int:
+        return self.source.find_line_column(self.start)[1]
+
+    @property
+    def text(self) -> str:
+        return self.source.text[self.start : self.end]
+
+    @property
+    def place(self) -> str:
+        """`name:line:column`, as errors print it."""
+        return f"{self.source.name}:{self.line}:{self.column}"
+
+    def extend_to(self, other: Span) -> Span:
+        """The stretch from the start of this span to the end of the other."""
+        return Span(self.source, self.start, max(self.end, other.end))
+
+
+# --- the text of an error, in the manner of rustc: code and sentence, place, source lines with marks, hints
 CONTROL_CHARACTERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 

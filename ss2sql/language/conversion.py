@@ -16,8 +16,7 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.kinds import INT_MAX, INT_MIN, VALUE_MODULES, Opaque
-from ss2sql.language.unreadable_text import UnreadableText
-from ss2sql.language.value_messages import DEPTH_LIMIT, build_depth_error, format_value
+from ss2sql.language.value_messages import DEPTH_LIMIT, UnreadableText, build_depth_error, format_value
 
 SCALARS = frozenset({NoneType, bool, int, float, str})
 _SEQUENCES: tuple[type[Iterable[Any]], ...] = (

@@ -22,8 +22,7 @@ from ss2sql.language.ordering import NUMBERS as NUMBERS
 from ss2sql.language.ordering import compare_values as compare_values
 from ss2sql.language.ordering import sort_positions as sort_positions
 from ss2sql.language.ordering import sort_rows as sort_rows
-from ss2sql.language.unreadable_text import UnreadableText
-from ss2sql.language.value_messages import DEPTH_LIMIT
+from ss2sql.language.value_messages import DEPTH_LIMIT, UnreadableText
 from ss2sql.language.value_messages import build_depth_error as build_depth_error
 from ss2sql.language.value_messages import check_arithmetic as check_arithmetic
 from ss2sql.language.value_messages import format_value as format_value

@@ -25,8 +25,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import can_fail, list_parts, list_sources, list_states
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.evaluation_order import Condition, EvaluationOrder, HoistedValue
-from ss2sql.lowering.expression_index import MIN_INDEXED_LENGTH, ExpressionKey
+from ss2sql.lowering.evaluation_order import MIN_INDEXED_LENGTH, Condition, EvaluationOrder, ExpressionKey, HoistedValue
 from ss2sql.lowering.from_clause import FromItem
 from ss2sql.lowering.materialize import (
     find_equality_columns,

@@ -11,17 +11,16 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, is_flag
 from ss2sql.language.plan_traversal import walk
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.flat import FlatLowering
 from ss2sql.lowering.materialize import MaterializedTables
-from ss2sql.lowering.scalar_replacement import replace_items_by_columns
 from ss2sql.lowering.search import EagerSearch
+from ss2sql.lowering.sql_builder import SQLITE, Dialect
 from ss2sql.lowering.sql_query import Bookkeeping, OutputColumn, SqlQuery
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.statement_needs import StatementNeeds
+from ss2sql.lowering.union_branches import replace_items_by_columns
 from ss2sql.lowering.unsupported import check_supported
-from ss2sql.vtables.late_materialization import LateColumns, find_late_columns, plan_late_columns
-from ss2sql.vtables.snapshots import NO_SNAPSHOT, plan_snapshot
+from ss2sql.vtables.snapshots import NO_SNAPSHOT, LateColumns, find_late_columns, plan_late_columns, plan_snapshot
 
 SCALAR_KINDS = Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE
 

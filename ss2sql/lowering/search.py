@@ -23,12 +23,18 @@ from ss2sql.lowering import sql_builder
 from ss2sql.lowering.element_calls import add_call_columns, find_element_calls
 from ss2sql.lowering.flat import FlatLowering, find_aggregate_inputs, select_group_inputs
 from ss2sql.lowering.recursive_query import RecursiveQuery, iterate_element_reads, shorten_column_name
-from ss2sql.lowering.search_step import SearchStep, find_certain_parts, find_fallible_parts, split_stop_conditions
+from ss2sql.lowering.search_step import (
+    SearchStep,
+    find_certain_parts,
+    find_fallible_parts,
+    find_step_equalities,
+    simplify_by_equalities,
+    split_stop_conditions,
+)
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_names import choose_free_name
 from ss2sql.lowering.sql_query import Bookkeeping, StepCounting
 from ss2sql.lowering.sqlite_expressions import SqlScope
-from ss2sql.lowering.step_lookup import find_step_equalities, simplify_by_equalities
 
 MAX_WEIGHT = 2**40  # costs up to here do not add up to 64 bits: 2^23 steps on one path would be needed
 

@@ -1,17 +1,86 @@
-"""A lowered query: its text, the values to bind, the functions to have, and how the steps of a search are kept."""
+"""A lowered query: its text, the values to bind and their other forms, the functions to have, and how steps are read.
+
+A list becomes one BLOB, a byte for every element, so that SQLite finds an element by its place: a Python call for each
+index takes 0.3 us, `substr` of a BLOB 0.05 us whatever its length. A value of an unknown kind that numbers are
+compared with becomes the number that it equals.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any, Literal, TypeAlias
 
 from ss2sql.errors import Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.lowering.blob_encoding import BlobEncoding
-from ss2sql.vtables.late_materialization import LateColumns
-from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
+from ss2sql.language.values import make_hashable
+from ss2sql.vtables.snapshots import NO_SNAPSHOT, LateColumns, Snapshot
 
+
+class BlobValue(bytes):
+    """A BLOB that is handed to SQLite as it is; no value of the language."""
+
+
+@dataclass(frozen=True, slots=True)
+class ListEncoding:
+    """The integers or bools of a list, or of a list of lists, row after row: each as a byte, `least` as 0."""
+
+    nested: bool
+    least: int
+
+    def pack_value(self, value: Any) -> BlobValue:
+        elements: Iterable[int] = chain.from_iterable(value) if self.nested else value
+        least = self.least
+        # bytes() alone takes 2 ms for 100,000 elements, the subtraction 5 ms more.
+        return BlobValue(elements) if least == 0 else BlobValue(element - least for element in elements)
+
+
+@dataclass(frozen=True, slots=True)
+class PointSetEncoding:
+    """Which points of a box are elements of a list: the byte 1 for those that are, 0 for the others.
+
+    `box` has the least and the greatest integer in each position; the last position varies fastest.
+    """
+
+    box: tuple[tuple[int, int], ...]
+
+    @property
+    def size(self) -> int:
+        size = 1
+        for low, high in self.box:
+            size *= high - low + 1
+        return size
+
+    def pack_value(self, value: Any) -> BlobValue:
+        cells = bytearray(self.size)
+        for point in value:
+            place = 0
+            for (low, high), coordinate in zip(self.box, point, strict=True):
+                place = place * (high - low + 1) + int(coordinate) - low
+            cells[place] = 1
+        return BlobValue(cells)
+
+
+@dataclass(frozen=True, slots=True)
+class EqualValueEncoding:
+    """The number, or the string, that a value equals; None where it equals none."""
+
+    text: bool
+
+    def pack_value(self, value: Any) -> Any:
+        if self.text:
+            return value if type(value) is str else None
+        found = value if isinstance(value, (str, list, dict)) else make_hashable(value)
+        if type(found) is bool:
+            return int(found)
+        return found if type(found) in (int, float) else None
+
+
+BlobEncoding: TypeAlias = ListEncoding | PointSetEncoding | EqualValueEncoding
+
+
+# --- a lowered query: its text, the values to bind, the functions to have, and how the steps of a search are kept
 StepCounting: TypeAlias = Literal["steps", "product", "entered"]
 
 
@@ -109,3 +178,39 @@ class SqlQuery:
     only_iterated: frozenset[str] = frozenset()  # parameters whose value nobody reads as a whole
     truths: frozenset[str] = frozenset()  # functions whose calls are conditions, see lower.py
     told_apart: frozenset[str] = frozenset()  # functions whose equal arguments are the same ones
+
+
+# --- SQL text with what it needs beside it
+class Sql(str):
+    """SQL text with what it needs beside it.
+
+    `parameters` are the values bound to its `:names`, `statements` the texts of the script's statements one
+    by one, `modules` the virtual tables that it reads, with the columns of their elements.
+    """
+
+    parameters: Mapping[str, Any]
+    statements: tuple[Sql, ...]
+    modules: Mapping[str, ListTable]
+
+    def __new__(
+        cls,
+        text: str,
+        parameters: Mapping[str, Any] | None = None,
+        statements: tuple[Sql, ...] = (),
+        modules: Mapping[str, ListTable] | None = None,
+    ) -> Sql:
+        self = super().__new__(cls, text)
+        self.parameters = dict(parameters or {})
+        self.statements = statements or (self,)
+        self.modules = dict(modules or {})
+        return self
+
+
+def join_sql(texts: Sequence[Sql]) -> Sql:
+    """The texts of several statements as one, each with its own parameters in `statements`."""
+    if len(texts) == 1:
+        return texts[0]
+    parameters = {name: value for text in texts for name, value in text.parameters.items()}
+    modules = {name: columns for text in texts for name, columns in text.modules.items()}
+    joined = "\n\n".join(text if text.startswith("--") else f"{text};" for text in texts)
+    return Sql(joined, parameters, tuple(texts), modules)

@@ -1,4 +1,6 @@
-"""The forms of operations in SQLite, and what they are checked by.
+"""The forms of operations that are SQL, and what SQLite's are checked by.
+
+SQLite's own operators are right within one class only.
 
     Form("{0} + {1}", check=SIZE)          CASE WHEN a + b BETWEEN -4611686018427387904 AND 4611686018427387904
                                            THEN a + b ELSE "add"(a, b, '1:8') END
@@ -13,26 +15,143 @@ once is written more than once, so it has to be short; see `may_repeat`.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import sqlglot
 from sqlglot import exp
+from sqlglot.dialects.sqlite import SQLite
 
 from ss2sql.language import plan
-from ss2sql.language.kinds import Kind
+from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import GROUPS, OPERATIONS, Check, Form
 from ss2sql.language.operations.operation import find_sql_class
 from ss2sql.language.plan_traversal import is_volatile, list_choices
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.operation_forms import fill_operands
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS
-from ss2sql.lowering.storage_class import can_repeat
 
 if TYPE_CHECKING:
     from ss2sql.lowering.sqlite_expressions import ExpressionLowering, SqlScope
 
+
+REAL_NUMBER = Kind.INT | Kind.FLOAT
+
+
+def is_sql_number(kind: Type) -> bool:
+    return find_sql_class(kind) == "number"
+
+
+def have_same_storage_class(left: Type, right: Type, none: bool = False) -> bool:
+    known = find_sql_class(left, none)
+    return known is not None and known == find_sql_class(right, none)
+
+
+INTEGRAL = Kind.BOOL | Kind.INT
+MAX_REPEATED_NODES = (
+    12  # what is written twice must not be longer: two columns and a literal with operators between them
+)
+
+_PLAIN = (exp.Column, exp.Identifier, exp.Literal, exp.Placeholder, exp.Paren, exp.Neg, exp.Add, exp.Sub, exp.Mul)
+
+
+def can_repeat(node: Node, most: int = MAX_REPEATED_NODES) -> bool:
+    """Whether an operand is so short that it may stand several times in the text, and so quick to compute."""
+    parts = list(node.walk())
+    return len(parts) <= most and all(isinstance(part, _PLAIN) for part in parts)
+
+
+# --- reads the forms of operations that are SQL: texts, parsed once, with the operands in their places
+_VALUE = "the_value"
+
+
+def _build_parser(*known: str) -> Callable[[str], Any]:
+    """A parser of SQLite's SQL to which a call stays what is written, but for these functions."""
+    base: Any = SQLite.Parser
+    syntax = {name: base.FUNCTION_PARSERS[name] for name in ("CAST", "CHAR")}
+    functions = {name: base.FUNCTIONS[name] for name in known}
+    parser = type(base)("Parser", (base,), {"FUNCTIONS": functions, "FUNCTION_PARSERS": syntax})
+    return lambda text: parser(dialect="sqlite").parse(SQLite().tokenize(text), text)[0]
+
+
+_PARSERS: dict[str, Callable[[str], Any]] = {
+    "sqlite": _build_parser(),
+    "sqlite groups": _build_parser("COUNT", "MIN", "MAX"),  # sqlglot has to know that they are aggregates
+    "duckdb": lambda text: sqlglot.parse_one(text, dialect="duckdb"),
+}
+
+
+@cache
+def _parse_sql(text: str, dialect: str, count: int) -> Node:
+    """The tree of a text for so many operands, which are columns in it. Read it, and copy what you take."""
+    places = [f"{{{index}}}" for index in range(count)]
+    text = text.replace("{*}", ", ".join(places)).replace("{reversed}", ", ".join(reversed(places)))
+    node: Node = _PARSERS[dialect](re.sub(r"\{(\d+)\}", r"argument_\1", text).replace("{value}", _VALUE))
+    return node
+
+
+def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None, dialect: str = "sqlite") -> Node:
+    """A text with the operands in their places, and with the parentheses that these need."""
+    if len(operands) == 1 and ("{*}" in text or "{reversed}" in text):  # SQLite takes a max of one for the aggregate
+        return operands[0].copy()
+    finish = _finish_duckdb if dialect == "duckdb" else _finish_sqlite
+
+    def fill_node(node: Node) -> Node:
+        match node:
+            case exp.Column(name=name):
+                known = value if name == _VALUE else operands[int(name.removeprefix("argument_"))]
+                assert known is not None
+                return known.copy()
+            case exp.Paren():
+                return fill_node(node.this)
+            case exp.And():
+                joined = sql_builder.conjunction([fill_node(part) for part in node.flatten()])
+                assert joined is not None
+                return joined
+            case exp.Binary():
+                made: Node = sql_builder.binary(type(node), fill_node(node.this), fill_node(node.expression))
+                made.set("typed", True if isinstance(node, exp.Div) else None)  # sqlglot adds no cast of its own
+                return finish(made)
+        made = node.copy()
+        for name, part in node.args.items():
+            if isinstance(part, list):
+                made.set(name, [fill_node(one) for one in part])
+            elif isinstance(part, exp.Expr) and not isinstance(part, exp.DataType):
+                made.set(name, fill_node(part))
+        if isinstance(made, (exp.Not, exp.Neg, exp.Between)):
+            made.set("this", sql_builder.wrap_operand(made.this))
+        return finish(made)
+
+    return fill_node(_parse_sql(text, dialect, len(operands)))
+
+
+def _finish_sqlite(node: Node) -> Node:
+    """Names of functions as they are written, and a float of an integer that is written out."""
+    match node:
+        case exp.Anonymous():
+            return sql_builder.call(node.name, *node.expressions)
+        case exp.Chr():
+            return sql_builder.call("char", *node.expressions)
+        case exp.Cast(this=exp.Literal() as known) if node.to.sql("sqlite") == "REAL" and known.this.isdigit():
+            return exp.Literal.number(f"{known.this}.0")
+    return node
+
+
+def _finish_duckdb(node: Node) -> Node:
+    """`i + 1 + 1` as `i + 2`, of numbers that are written out."""
+    match node:
+        case exp.Add(this=exp.Literal(is_string=False) as one, expression=exp.Literal(is_string=False) as other):
+            return sql_builder.number(int(one.this) + int(other.this))
+        case exp.Add(
+            this=exp.Add(this=base, expression=exp.Literal(is_string=False) as one),
+            expression=exp.Literal(is_string=False) as other,
+        ):
+            return sql_builder.binary(exp.Add, base, sql_builder.number(int(one.this) + int(other.this)))
+    return node
+
+
+# --- the forms of operations in SQLite, and what they are checked by
 MAX_SAFE_INTEGER = 2**62  # an operation on integers that leaves 64 bits gives a float beyond
 MAX_SAFE_FLOAT = 1e308
 MAX_CHECKED_NODES = 60  # of an expression that is written twice: the distance of two points takes 45

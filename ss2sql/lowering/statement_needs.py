@@ -13,10 +13,9 @@ from ss2sql.errors.renderer import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.blob_encoding import BlobEncoding
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_names import build_module_name, choose_free_name
-from ss2sql.lowering.sql_query import ListTable, Parameter
+from ss2sql.lowering.sql_query import BlobEncoding, ListTable, Parameter
 
 
 @dataclass(slots=True)
@@ -36,9 +35,7 @@ class StatementNeeds:
     walked: dict[int, str] = field(default_factory=dict)  # source -> the parameter that it walks
     disabled: Collection[str] = ()  # the rewrites that are switched off
     applied: dict[str, None] = field(default_factory=dict)  # the rewrites that lowering has applied
-    memoized_expressions: list[plan.Expr] = field(
-        default_factory=list
-    )  # what is remembered, see aggregate_subqueries.py
+    memoized_expressions: list[plan.Expr] = field(default_factory=list)  # what is remembered, see sqlite_expressions.py
     written: Callable[[plan.Expr], plan.Expr] | None = None  # an expression before the rewrites, for Python
 
     def number_reduction(self, expr: plan.Expr) -> int:

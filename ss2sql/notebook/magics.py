@@ -1,24 +1,299 @@
-"""The magics `%%ss` and `%ss`."""
+"""The magics `%%ss` and `%ss`: their options, the names of the notebook that scripts may use, and errors of cells.
+
+Only names in the script that the session does not know are looked up, so a variable `add` of the notebook never becomes
+the operator `+`.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
+from difflib import get_close_matches
 from importlib import import_module
+from pathlib import Path
+from types import ModuleType, TracebackType
 from typing import Any
 
 from IPython.core.error import UsageError
 from IPython.core.magic import Magics, line_cell_magic, magics_class, no_var_expand
 
-from ss2sql.errors import ResolveError, Source, Stopped
+from ss2sql.errors import Error, ResolveError, Source, Stopped, suggest_names
+from ss2sql.errors import render_all as rendered
 from ss2sql.errors.renderer import escape_controls
-from ss2sql.notebook.caller_names import NotebookNames
-from ss2sql.notebook.cell_errors import shorten_traceback
-from ss2sql.notebook.magic_options import Options, WrongOption, read_magic_options
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.resolve.resolver import resolve
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.parser import parse
+from ss2sql.language.recursion_limit import retry_with_stack
+from ss2sql.language.values import SCALARS
 from ss2sql.results.result import Result
 from ss2sql.results.show import MOST_ROWS, format_html, format_result_text
 from ss2sql.results.watching.search_trace import MOST_EVENTS
-from ss2sql.session.connect import connect
-from ss2sql.session.session import Session
+from ss2sql.session.engines import ENGINES, Engine
+from ss2sql.session.session import Session, connect
 
+OWN_FOLDERS = (str(Path(__file__).parent.parent), "src/")  # src/ is apsw
+
+
+def shorten_traceback(error: Exception, shell: Any) -> Exception:
+    """The same exception, with a short traceback in IPython by its method `_render_traceback_`."""
+    lines: Callable[[], list[str]]
+    if isinstance(error, Error):
+        color = getattr(shell, "colors", "nocolor").lower() != "nocolor"
+        lines = lambda: [rendered(error, color)]  # noqa: E731
+    elif not getattr(error, "_ss2sql_noted", False):
+        return error  # it comes from outside of the user's functions
+    else:
+        frames = keep_user_frames(error.__traceback__)
+        lines = lambda: shell.InteractiveTB.structured_traceback(type(error), error, frames)  # noqa: E731
+    try:
+        error._render_traceback_ = lines  # type: ignore[attr-defined]
+    except AttributeError:
+        return error  # exceptions with __slots__ cannot be marked; IPython then shows all frames
+    return error
+
+
+def keep_user_frames(traceback: TracebackType | None) -> TracebackType | None:
+    """The frames of a traceback without ours and IPython's."""
+    frames = []
+    while traceback is not None:
+        frames.append(traceback)
+        traceback = traceback.tb_next
+    remaining: TracebackType | None = None
+    for frame in reversed(frames):
+        if not frame.tb_frame.f_code.co_filename.startswith(OWN_FOLDERS):
+            remaining = TracebackType(remaining, frame.tb_frame, frame.tb_lasti, frame.tb_lineno)
+    return remaining
+
+
+# --- the first line of `%%ss`: options, a name for the result, and the beginning of the script
+WORD = re.compile(r"\s*(-o|--?[a-z][\w-]*)(?=\s|=|$)")
+VALUE = re.compile(r"(?:\s*=\s*|\s+)(?!-)(\S+)")
+TARGET = re.compile(r"\s*([^\W\d]\w*)\s*<<(?=\s|$)")
+
+
+class WrongOption(Exception):  # noqa: N818 - told by IPython as wrong usage
+    """An unknown option, or an invalid value of one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """The options of the first line.
+
+    `output` is the variable for the result; `quiet`: it was named with `<<`, so nothing is shown. `rest` comes after.
+    """
+
+    engine: Engine = "auto"
+    timeout: float | None = None
+    maximum: int | None = None
+    session: str | None = None
+    show: int | None = None
+    explain: bool = False
+    play: bool = False
+    sql: bool = False
+    output: str | None = None
+    quiet: bool = False
+    rest: str = ""
+
+
+def _parse_engine(text: str) -> str:
+    if text not in ENGINES:
+        raise WrongOption(f"--engine is one of {', '.join(ENGINES)}, not {text}")
+    return text
+
+
+def _parse_seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = -1.0
+    if not 0 <= seconds < float("inf"):
+        raise WrongOption(f"--timeout takes seconds, not {text}")
+    return seconds
+
+
+def _make_count_parser(name: str, least: int) -> Callable[[str], int]:
+    def parse_text(text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise WrongOption(f"{name} takes a whole number of at least {least}, not {text}")
+        return int(text)
+
+    return parse_text
+
+
+def _parse_name(text: str) -> str:
+    if not text.isidentifier():
+        raise WrongOption(f"{text} is not a name for a variable")
+    return text
+
+
+# The parser of each option's value; None for those without one.
+READERS: dict[str, tuple[str, Callable[[str], Any] | None]] = {
+    "--engine": ("engine", _parse_engine),
+    "--timeout": ("timeout", _parse_seconds),
+    "--maximum": ("maximum", _make_count_parser("--maximum", 1)),
+    "--session": ("session", _parse_name),
+    "--show": ("show", _make_count_parser("--show", 0)),
+    "--explain": ("explain", None),
+    "--play": ("play", None),
+    "--sql": ("sql", None),
+    "-o": ("output", _parse_name),
+    "--output": ("output", _parse_name),
+}
+
+
+def read_magic_options(line: str) -> Options:
+    """The options of a line. Raises WrongOption."""
+    found: dict[str, Any] = {}
+    position = 0
+    while word := WORD.match(line, position):
+        if word[1] not in READERS:
+            hints = suggest_names(word[1], READERS) or (f"the options are {', '.join(READERS)}",)
+            raise WrongOption(f"%ss knows no option {word[1]}; {hints[0]}")
+        field, reader = READERS[word[1]]
+        position = word.end()
+        if reader is None:
+            found[field] = True
+            continue
+        value = VALUE.match(line, position)
+        if value is None:
+            raise WrongOption(f"{word[1]} needs a value")
+        found[field] = reader(value[1])
+        position = value.end()
+    options = Options(**found)
+    if target := TARGET.match(line, position):
+        if options.output is not None:
+            raise WrongOption(f"the result has two names, {options.output} and {target[1]}")
+        options = replace(options, output=target[1], quiet=True)
+        position = target.end()
+    return replace(options, rest=line[position:])
+
+
+# --- functions and values of the notebook for unknown names of a script
+MISSING = object()
+UNKNOWN = ("R001", "R002", "R003")  # the codes for unknown names, functions and sources
+
+
+class NotebookNames:
+    """The names that one session got from a notebook, so that changes are passed on.
+
+    `names` is the notebook's namespace, `hidden` are the names in it that are IPython's own.
+    """
+
+    def __init__(self, session: Session, names: Mapping[str, Any], hidden: Mapping[str, Any]) -> None:
+        self.session = session
+        self._names = names
+        self._hidden = hidden
+        self._functions: dict[str, Any] = {}
+        self._values: dict[str, Any] = {}  # as they are in the notebook
+        self._kept: dict[str, Any] = {}  # the same in the session
+
+    def provide_names(self, script: Source) -> None:
+        """Gives the session the notebook's values for names of the script that it does not know.
+
+        Raises ParseError, and SessionError for what a session cannot take.
+        """
+        tree = parse(script)
+        self._remove_outdated()
+        for name in dict.fromkeys(_find_called_functions(tree)):
+            found = self._find_value(name)
+            if callable(found) and self._is_new(name, found):
+                self._provide_function(name, found)
+        provided = True
+        while provided:  # new values may have columns, which changes the unknown names
+            provided = self._provide_all(self._list_unknown(tree))
+
+    def add_hints(self, error: ResolveError) -> ResolveError:
+        """The error, with hints at names of the notebook that are close to unknown ones."""
+        usable = [name for name in self._names if self._find_value(name) is not MISSING]
+        for one in error.errors:
+            unknown = one.span.text if one.code in UNKNOWN and one.span is not None else ""
+            for name in get_close_matches(unknown, usable, n=1):
+                if not any(f"'{name}'" in hint for hint in one.hints):
+                    one.with_hint(f"the notebook has '{name}'")
+        return error
+
+    def _find_value(self, name: str) -> Any:
+        """The notebook's value of a name; MISSING where it has none that a script could use."""
+        found = self._names.get(name, MISSING)
+        own = name in self._hidden and found is self._hidden[name]
+        return MISSING if own or name.startswith("_") or isinstance(found, ModuleType) else found
+
+    def _is_new(self, name: str, function: Any) -> bool:
+        """Whether the session has no function of the name, or a former one from the notebook."""
+        host = self.session.host
+        if name in self._functions:
+            current = host.functions.get(name)
+            ours = current is not None and current.function is self._functions[name]
+            return ours and function is not self._functions[name]
+        return name not in host.make_catalog().functions and name not in host.world_functions
+
+    def _list_unknown(self, tree: ast.Script) -> tuple[str, ...]:
+        catalog = self.session.host.make_catalog(open_names=True)
+        try:
+            return retry_with_stack(lambda: resolve(tree, catalog)).parameters
+        except ResolveError:
+            return ()  # running the script raises the error
+
+    def _provide_all(self, names: Iterable[str]) -> bool:
+        return sum(map(self._provide_name, names)) > 0
+
+    def _provide_name(self, name: str) -> bool:
+        """Gives the session one name; False where the notebook does not have it."""
+        found = self._find_value(name)
+        if found is MISSING:
+            return False
+        if callable(found):
+            if not self._is_new(name, found):
+                return False
+            self._provide_function(name, found)
+            return True
+        if type(found) in SCALARS:
+            self.session.set(name, found)
+        else:
+            self.session.attach(name, found)
+        self._values[name] = found
+        self._kept[name] = self._get_session_value(name)
+        return True
+
+    def _provide_function(self, name: str, function: Any) -> None:
+        self.session.function(name, function)
+        self._functions[name] = function
+
+    def _remove_outdated(self) -> None:
+        """Removes values that the notebook no longer has; values set by a script stay."""
+        for name, value in list(self._values.items()):
+            if self._get_session_value(name) is not self._kept[name]:
+                del self._values[name], self._kept[name]  # it is the session's own now
+            elif self._find_value(name) is not value:
+                self._remove_name(name)
+                del self._values[name], self._kept[name]
+
+    def _get_session_value(self, name: str) -> Any:
+        names = self.session.host.names
+        return names.attached.get(name, names.values.get(name, MISSING))
+
+    def _remove_name(self, name: str) -> None:
+        if name in self.session.host.names.values:
+            self.session.host.names.forget_name(name)
+        else:
+            self.session.detach(name)
+
+
+def _find_called_functions(tree: Any) -> Iterator[str]:
+    stack = [tree]
+    while stack:
+        node = stack.pop()
+        if isinstance(node, ast.Call) and node.owner is None:
+            yield node.function
+        if isinstance(node, tuple):
+            stack.extend(node)
+        elif is_dataclass(node) and type(node).__module__ == ast.__name__:
+            stack.extend(getattr(node, field.name) for field in fields(node))
+
+
+# --- the magics `%%ss` and `%ss`
 _display: Any = import_module("IPython.display").display  # it has no types
 
 

@@ -15,7 +15,7 @@ from ss2sql.results.graph_plot import draw_graph, draw_tree
 from ss2sql.results.path_plot import draw_costs, draw_lengths, draw_paths, find_coordinates, is_point, require_weights
 from ss2sql.results.plot_style import BLUE, PALETTE, escape, hide_spines, make_plot_error, set_integer_ticks, shorten
 from ss2sql.results.show import format_cell
-from ss2sql.results.watching.search_plot import draw_search
+from ss2sql.results.watching.animation import draw_search
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result

@@ -16,7 +16,7 @@ from ss2sql.language.cancellation import Check, iterate_with_check
 from ss2sql.language.kinds import Type
 from ss2sql.language.rows import Row, Rows, iterate_checked_paths, make_row_class, make_unique_name
 from ss2sql.language.values import copy_for_python
-from ss2sql.lowering.sql_string import Sql
+from ss2sql.lowering.sql_query import Sql
 from ss2sql.results import copy_result_row, get_rows
 from ss2sql.results.explain.outline import OutlinedStatement, join_script_sql
 from ss2sql.runtime.run.option_checks import check_bound
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from ss2sql.results.explain.explanation import Explanation
-    from ss2sql.results.watching.page import Page
+    from ss2sql.results.watching.animation import Page
     from ss2sql.results.watching.search_trace import SearchTrace
     from ss2sql.runtime.run.run_state import Run
 
@@ -259,24 +259,24 @@ class Result:
 
         None is an empty field; lists, dicts, bools and dates are written as in JSON.
         """
-        from ss2sql.results import files
+        from ss2sql.results import frames
 
-        return files.write_or_return(files.format_csv(self), path)
+        return frames.write_or_return(frames.format_csv(self), path)
 
     def json(self, path: str | Path | None = None) -> str | None:
         """The value as JSON, written to a file or given as text.
 
         Sets and arrays are lists, dates are as in ISO 8601, other objects their repr.
         """
-        from ss2sql.results import files
+        from ss2sql.results import frames
 
-        return files.write_or_return(files.format_json(self.value), path)
+        return frames.write_or_return(frames.format_json(self.value), path)
 
     def parquet(self, path: str | Path) -> None:
         """Writes the rows to a Parquet file. Raises what `arrow` raises."""
-        from ss2sql.results import files
+        from ss2sql.results import frames
 
-        files.write_parquet(self, path)
+        frames.write_parquet(self, path)
 
     def graph(self) -> Any:
         """The paths of a search as a networkx.DiGraph: rows are nodes, an edge leads from a step to the next one.
@@ -288,9 +288,9 @@ class Result:
         often paths take it. Raises RepresentationError V001 where there is no search, SessionError S003 without
         networkx.
         """
-        from ss2sql.results import networkx_graphs
+        from ss2sql.results import graph_plot
 
-        return networkx_graphs.build_graph(self)
+        return graph_plot.build_graph(self)
 
     def animate(self, path: str | Path | None = None, beside: Result | None = None, title: str | None = None) -> Page:
         """The search of a run with `trace=` as a page that plays it in a browser; notebooks show what this gives.
@@ -304,7 +304,7 @@ class Result:
             RepresentationError: V001 where a run was not traced.
             SessionError: S002 for a file that cannot be written.
         """
-        from ss2sql.results.watching.page import make_watching_page, write_page
+        from ss2sql.results.watching.animation import make_watching_page, write_page
 
         page = make_watching_page([self] if beside is None else [self, beside], title)
         if path is not None:

@@ -1,8 +1,7 @@
 """Simulations to ask questions of, and their pictures, all without a window; they need the extra `sim`.
 
 `chaos` is a box of particles that fly, collide and explode, `hall` a factory floor with a robot; `render` makes a
-picture of either. In order: random_particles, chaos_scene, mujoco_chaos, ode_chaos, hall_layout, hall_scene, then
-camera, overlay_lines, rendering.
+picture of either. In order: chaos_scene, mujoco_chaos, ode_chaos, hall_scene, rendering.
 """
 
 from __future__ import annotations

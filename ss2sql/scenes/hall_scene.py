@@ -1,4 +1,7 @@
-"""The scene `hall`: a factory floor with rooms, doors and obstacles, and a mobile robot that stands in it."""
+"""The scene `hall`: a factory floor with rooms, doors and obstacles, and a mobile robot that stands in it.
+
+Inner walls and the middles of doors have whole coordinates, so a robot that moves by half metres has to use the doors.
+"""
 
 from __future__ import annotations
 
@@ -7,12 +10,68 @@ from math import dist, hypot, pi
 from typing import Any, ClassVar
 
 from ss2sql.package_data import find_file
-from ss2sql.scenes import hall_layout
-from ss2sql.scenes.hall_layout import Spot
-from ss2sql.vtables.pybullet.pybullet_loader import import_pybullet, require_sim_package
+from ss2sql.vtables.pybullet.client import import_pybullet, require_sim_package
 from ss2sql.vtables.pybullet.scene import Scene, Sensor, View
-from ss2sql.vtables.pybullet.solids import Box, Cylinder, Vector
+from ss2sql.vtables.pybullet.solids import Box, Colour, Cylinder, Vector
 
+Spot = tuple[float, float]
+
+WIDTH, DEPTH, HEIGHT, THICKNESS = 16.0, 12.0, 1.6, 0.2  # the last two those of walls
+COLUMN_HEIGHT = 2.0
+
+START: Spot = (4.0, 3.0)
+TARGET: Spot = (10.0, 9.0)
+PLACES: dict[str, Spot] = {
+    "start": START, "target": TARGET, "store": (3.0, 10.0), "workshop": (14.0, 3.0), "gate": (6.0, 6.0),
+}  # fmt: skip
+
+WALLS: tuple[tuple[Spot, Spot], ...] = (
+    ((0, 0), (16, 0)), ((0, 12), (16, 12)), ((0, 0), (0, 12)), ((16, 0), (16, 12)),
+    ((0, 6), (5, 6)), ((7, 6), (12.3, 6)), ((13.7, 6), (16, 6)),  # doors at (6, 6), which is a gate, and at (13, 6)
+    ((8, 6), (8, 8.3)), ((8, 9.7), (8, 12)),  # a door at (8, 9)
+    ((11, 0), (11, 1.3)), ((11, 2.7), (11, 6)),  # a door at (11, 2)
+)  # fmt: skip
+COLUMNS: tuple[Spot, ...] = ((2.0, 4.6), (8.5, 4.5), (8.5, 1.5), (4.0, 8.5), (12.0, 9.5), (14.5, 8.0))
+SHELVES: tuple[Spot, ...] = ((0.8, 0.8), (1.9, 0.8), (0.8, 11.2), (1.9, 11.2))
+TABLES: tuple[Spot, ...] = ((7.1, 7.25), (14.6, 0.85), (10.0, 11.2))
+MACHINES: tuple[tuple[Spot, Vector], ...] = (((14.6, 10.6), (1.8, 1.3, 1.4)), ((5.0, 10.9), (1.6, 1.0, 1.2)))
+TANKS: tuple[Spot, ...] = ((12.4, 11.2), (15.2, 5.2))
+CONVEYOR: tuple[Spot, Vector] = ((4.0, 4.5), (2.6, 0.5, 0.6))
+CRATES = 13  # three of them on the conveyor, the others at random places
+BARRELS = 4
+
+# These paths stay free for every seed: the short one through two doors, and the long one round the other side.
+WAYS: tuple[tuple[Spot, ...], ...] = (
+    ((4, 3), (5, 3), (6, 4), (6, 8), (7, 9), (10, 9)),
+    ((4, 3), (5, 3), (6, 2), (12, 2), (13, 3), (13, 7), (11, 9), (10, 9)),
+    ((6, 6), (6, 9), (5, 10), (3, 10)),
+    ((12, 2), (13, 3), (14, 3)),
+)
+
+# Sensors hang on walls: their places and where they look, and how far.
+SENSORS: tuple[tuple[Vector, Vector, float], ...] = (
+    ((0.2, 3.0, 1.4), (1.0, 0.0, -0.3), 5.0),
+    ((10.8, 4.0, 1.4), (-1.0, 0.0, -0.3), 5.0),
+    ((6.0, 11.8, 1.4), (0.0, -1.0, -0.3), 6.0),
+    ((8.2, 7.0, 1.4), (1.0, 0.5, -0.3), 5.0),
+    ((15.8, 7.0, 1.4), (-1.0, 0.3, -0.3), 5.0),
+    ((13.0, 0.2, 1.4), (0.0, 1.0, -0.3), 6.0),
+)
+SENSOR_ANGLE = 70.0
+
+FLOOR: Colour = (0.87, 0.87, 0.85)
+WALL: Colour = (0.62, 0.71, 0.82)
+COLUMN: Colour = (0.78, 0.8, 0.82)
+MACHINE: Colour = (0.35, 0.6, 0.42)
+TANK: Colour = (0.55, 0.75, 0.72)
+BELT: Colour = (0.28, 0.3, 0.33)
+BARREL: Colour = (0.2, 0.42, 0.7)
+SENSOR: Colour = (0.85, 0.15, 0.2)
+GOAL: Colour = (0.15, 0.7, 0.3)
+WOOD: tuple[Colour, ...] = ((0.76, 0.58, 0.36), (0.68, 0.5, 0.3), (0.82, 0.66, 0.44), (0.6, 0.44, 0.27))
+
+
+# --- the scene `hall`: a factory floor with rooms, doors and obstacles, and a mobile robot that stands in it
 ROBOT = "YouBot"
 CLEARANCE = 0.45  # between the free paths and the nearest obstacle: half the diagonal of the robot is 0.35
 
@@ -20,7 +79,7 @@ CLEARANCE = 0.45  # between the free paths and the nearest obstacle: half the di
 class Hall(Scene):
     """A factory floor of 16 x 12 m; `places` names its points, `robot` is the id of the robot."""
 
-    bounds = ((0.0, 0.0, 0.0), (hall_layout.WIDTH, hall_layout.DEPTH, hall_layout.HEIGHT))
+    bounds = ((0.0, 0.0, 0.0), (WIDTH, DEPTH, HEIGHT))
     views: ClassVar[dict[str, View]] = {
         "south": View((8.0, -10.5, 24.0), (8.0, 5.5, 0.0), 28.4),
         "top": View((8.0, 6.0, 23.0), (8.0, 6.0, 0.0), 32.0, (0.0, 1.0, 0.0)),
@@ -31,7 +90,7 @@ class Hall(Scene):
         super().__init__(seed, client)
         self.client.setGravity(0, 0, -9.81)
         self.client.setAdditionalSearchPath(require_sim_package("pybullet_data").getDataPath())
-        self.places |= hall_layout.PLACES
+        self.places |= PLACES
         self._taken: list[tuple[Spot, float, float]] = []  # middle, half width, half depth
         self._build_walls()
         self._add_furniture()
@@ -42,65 +101,59 @@ class Hall(Scene):
     def _build_walls(self) -> None:
         self.add(
             "floor",
-            Box(hall_layout.WIDTH, hall_layout.DEPTH, 0.1),
-            (hall_layout.WIDTH / 2, hall_layout.DEPTH / 2, -0.05),
-            hall_layout.FLOOR,
+            Box(WIDTH, DEPTH, 0.1),
+            (WIDTH / 2, DEPTH / 2, -0.05),
+            FLOOR,
         )
-        self.outlines = [((x, 0.0, 0.0), (x, hall_layout.DEPTH, 0.0)) for x in range(1, int(hall_layout.WIDTH))]
-        self.outlines += [((0.0, y, 0.0), (hall_layout.WIDTH, y, 0.0)) for y in range(1, int(hall_layout.DEPTH))]
-        for (x1, y1), (x2, y2) in hall_layout.WALLS:
+        self.outlines = [((x, 0.0, 0.0), (x, DEPTH, 0.0)) for x in range(1, int(WIDTH))]
+        self.outlines += [((0.0, y, 0.0), (WIDTH, y, 0.0)) for y in range(1, int(DEPTH))]
+        for (x1, y1), (x2, y2) in WALLS:
             # Walls along y end where those along x begin, so that no two surfaces coincide.
-            shape = (
-                (x2 - x1 + hall_layout.THICKNESS, hall_layout.THICKNESS)
-                if y1 == y2
-                else (hall_layout.THICKNESS, y2 - y1)
-            )
-            self._add_box("wall", ((x1 + x2) / 2, (y1 + y2) / 2), (*shape, hall_layout.HEIGHT), hall_layout.WALL)
-        for spot in hall_layout.COLUMNS:
-            self._add_cylinder("column", spot, 0.2, hall_layout.COLUMN_HEIGHT, hall_layout.COLUMN)
+            shape = (x2 - x1 + THICKNESS, THICKNESS) if y1 == y2 else (THICKNESS, y2 - y1)
+            self._add_box("wall", ((x1 + x2) / 2, (y1 + y2) / 2), (*shape, HEIGHT), WALL)
+        for spot in COLUMNS:
+            self._add_cylinder("column", spot, 0.2, COLUMN_HEIGHT, COLUMN)
 
     def _add_furniture(self) -> None:
-        for spot in hall_layout.SHELVES:
+        for spot in SHELVES:
             (shelf,) = self.client.loadSDF("kiva_shelf/model.sdf")
             self._place_body(shelf, "shelf", spot, (0.46, 0.44))
-        for spot in hall_layout.TABLES:
+        for spot in TABLES:
             self._place_body(self.client.loadURDF("table/table.urdf", useFixedBase=True), "table", spot, (0.75, 0.5))
-        for spot, size in hall_layout.MACHINES:
-            self._add_box("machine", spot, size, hall_layout.MACHINE)
-        for spot in hall_layout.TANKS:
-            self._add_cylinder("tank", spot, 0.5, 1.5, hall_layout.TANK)
+        for spot, size in MACHINES:
+            self._add_box("machine", spot, size, MACHINE)
+        for spot in TANKS:
+            self._add_cylinder("tank", spot, 0.5, 1.5, TANK)
 
     def _add_movable_bodies(self) -> None:
         """Adds the movable bodies: crates on the conveyor, then crates and barrels at random places."""
-        (x, y), (length, depth, height) = hall_layout.CONVEYOR
-        self._add_box("conveyor", (x, y), (length, depth, height), hall_layout.BELT)
+        (x, y), (length, depth, height) = CONVEYOR
+        self._add_box("conveyor", (x, y), (length, depth, height), BELT)
         for number in range(3):
             self._add_crate((x + (number - 1) * 0.85 + self.random.uniform(-0.1, 0.1), y), 0.35, height)
-        for _ in range(hall_layout.CRATES - 3):
+        for _ in range(CRATES - 3):
             size = self.random.uniform(0.5, 0.9)
             self._add_crate(self._find_spot(size * 0.71), size, 0.0)
-        for _ in range(hall_layout.BARRELS):
-            self._add_cylinder("barrel", self._find_spot(0.29), 0.29, 0.88, hall_layout.BARREL, 30.0)
+        for _ in range(BARRELS):
+            self._add_cylinder("barrel", self._find_spot(0.29), 0.29, 0.88, BARREL, 30.0)
 
     def _add_sensors(self) -> None:
-        for position, direction, far in hall_layout.SENSORS:
-            body = self.add(self.next_name("sensor"), Box(0.14, 0.14, 0.14), position, hall_layout.SENSOR)
+        for position, direction, far in SENSORS:
+            body = self.add(self.next_name("sensor"), Box(0.14, 0.14, 0.14), position, SENSOR)
             length = hypot(*direction)
             unit = (direction[0] / length, direction[1] / length, direction[2] / length)
-            self.sensors[body] = Sensor(position, unit, far, hall_layout.SENSOR_ANGLE)
+            self.sensors[body] = Sensor(position, unit, far, SENSOR_ANGLE)
 
     def _add_robot(self) -> int:
-        x, y = hall_layout.TARGET
-        self.add("target", Cylinder(0.35, 0.02), (x, y, 0.01), hall_layout.GOAL, touchable=False)
+        x, y = TARGET
+        self.add("target", Cylinder(0.35, 0.02), (x, y, 0.01), GOAL, touchable=False)
         exact = import_pybullet().URDF_USE_IMPLICIT_CYLINDER  # otherwise Bullet turns cylinders into meshes
-        robot = self.client.loadURDF(
-            str(find_file("ss2sql.scenes", "youbot.urdf")), (*hall_layout.START, 0.0), flags=exact
-        )
+        robot = self.client.loadURDF(str(find_file("ss2sql.scenes", "youbot.urdf")), (*START, 0.0), flags=exact)
         return self.adopt(robot, ROBOT)
 
     def _add_crate(self, spot: Spot, size: float, height: float) -> None:
         turned = (0.0, 0.0, self.random.uniform(-pi / 12, pi / 12))
-        colour = self.random.choice(hall_layout.WOOD)
+        colour = self.random.choice(WOOD)
         mass = 150.0 * size**3
         self.add(self.next_name("crate"), Box(size, size, size), (*spot, height + size / 2), colour, mass, turned)
 
@@ -124,8 +177,8 @@ class Hall(Scene):
     def _find_spot(self, radius: float) -> Spot:
         """A random place for something of this radius, away from the free paths and everything else."""
         while True:
-            x = self.random.uniform(radius + 0.2, hall_layout.WIDTH - radius - 0.2)
-            y = self.random.uniform(radius + 0.2, hall_layout.DEPTH - radius - 0.2)
+            x = self.random.uniform(radius + 0.2, WIDTH - radius - 0.2)
+            y = self.random.uniform(radius + 0.2, DEPTH - radius - 0.2)
             if self._is_unoccupied((x, y), radius):
                 self._taken.append(((x, y), radius, radius))
                 return x, y
@@ -134,7 +187,7 @@ class Hall(Scene):
         for (x, y), width, depth in self._taken:
             if abs(spot[0] - x) < radius + width + 0.05 and abs(spot[1] - y) < radius + depth + 0.05:
                 return False
-        legs = [leg for path in hall_layout.WAYS for leg in pairwise(path)]
+        legs = [leg for path in WAYS for leg in pairwise(path)]
         return all(_measure_distance(spot, *leg) > radius + CLEARANCE for leg in legs)
 
 

@@ -11,8 +11,7 @@ from typing import ClassVar
 from xml.sax.saxutils import quoteattr
 
 from ss2sql.extras import install_line
-from ss2sql.scenes.chaos_scene import PUSH_EVERY, WALLS
-from ss2sql.scenes.random_particles import HALF, Particle, ParticleSource, import_sim, make_quaternion
+from ss2sql.scenes.chaos_scene import HALF, PUSH_EVERY, WALLS, Particle, ParticleSource, import_sim, make_quaternion
 from ss2sql.vtables.mujoco import MuJoCoWorld
 from ss2sql.vtables.pybullet.scene import TIME_STEP
 from ss2sql.vtables.pybullet.solids import Box, Capsule, Cylinder, Solid, Sphere, Vector

@@ -11,13 +11,18 @@ from ss2sql.scenes.chaos_scene import (  # fmt: skip
     BOUNCE,
     EXPLODES,
     FULL,
+    HALF,
     PUSH_EVERY,
     SPLINTER,
     SPLINTER_STEPS,
     WALLS,
     WHITE,
+    Particle,
+    ParticleSource,
+    import_sim,
+    is_outside,
+    make_quaternion,
 )
-from ss2sql.scenes.random_particles import HALF, Particle, ParticleSource, import_sim, is_outside, make_quaternion
 from ss2sql.vtables.ode import OdeWorld
 from ss2sql.vtables.pybullet.scene import TIME_STEP
 from ss2sql.vtables.pybullet.solids import Box, Capsule, Cylinder, Solid, Sphere, Vector

@@ -1,12 +1,15 @@
-"""`render`: pictures of simulations, without a window."""
+"""`render`: pictures of simulations by cameras, without a window, with lines and dots over them."""
 
 from __future__ import annotations
 
 import struct
 import zlib
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from math import dist, hypot, radians, tan
+from functools import cached_property
+from itertools import pairwise
+from math import asin, degrees, dist, hypot, isfinite, log, radians, tan
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +17,197 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ss2sql.errors import SessionError, suggest_names
-from ss2sql.scenes.camera import Camera, Floats, Shot, compute_light, make_sun_camera
-from ss2sql.scenes.overlay_lines import Point, draw_dots, draw_lines
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.vtables.pybullet.client import import_pybullet
 from ss2sql.vtables.pybullet.scene import Scene, View
 from ss2sql.vtables.pybullet.solids import Colour, Vector
 
+Floats = NDArray[np.float32]
+LIGHT: Vector = (0.35, -0.5, 1.1)  # the direction from which it comes
+TAPS = (-1.2, 0.0, 1.2)  # pixels of the light's picture around a point, for soft edges of shadows
+SLACK = 0.08  # metres of tolerance for the depth of a surface in the light's picture
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """A camera's picture, per pixel: the colour from 0 to 1, the depth from 0 to 1, and the body, or -1."""
+
+    colours: Floats
+    depth: Floats
+    bodies: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera with a picture of `width` x `height` pixels that sees everything between `near` and `far`."""
+
+    view: View
+    width: int
+    height: int
+    near: float
+    far: float
+
+    @cached_property
+    def _matrices(self) -> tuple[list[float], list[float]]:
+        view, bullet = self.view, import_pybullet()
+        return (
+            list(bullet.computeViewMatrix(view.eye, view.target, view.up)),
+            list(bullet.computeProjectionMatrixFOV(view.angle, self.width / self.height, self.near, self.far)),
+        )
+
+    @cached_property
+    def _matrix(self) -> NDArray[np.float64]:
+        looking, seeing = (np.reshape(matrix, (4, 4)).T for matrix in self._matrices)  # Bullet writes columns
+        return np.asarray(seeing @ looking, np.float64)
+
+    def take_picture(self, client: Any) -> Shot:
+        looking, seeing = self._matrices
+        _, _, colours, depth, bodies = client.getCameraImage(
+            self.width, self.height, looking, seeing,
+            shadow=0, lightDirection=LIGHT, lightColor=(1, 1, 1), lightDistance=1,
+            lightAmbientCoeff=0.65, lightDiffuseCoeff=0.42, lightSpecularCoeff=0.05,
+            renderer=import_pybullet().ER_TINY_RENDERER,
+        )  # fmt: skip
+        shape = (self.height, self.width)  # a build without NumPy gives flat tuples
+        return Shot(
+            np.reshape(colours, (*shape, 4))[..., :3].astype(np.float32) / np.float32(255),
+            np.asarray(np.reshape(depth, shape), np.float32),
+            np.asarray(np.reshape(bodies, shape), np.int64),
+        )
+
+    def project_points(self, points: NDArray[Any]) -> tuple[Floats, Floats, Floats]:
+        """Column and row of points (n x 3) in the picture, and their distance, which is negative behind the camera."""
+        matrix = self._matrix.astype(points.dtype)
+        x, y, distance = (points @ matrix[row, :3] + matrix[row, 3] for row in (0, 1, 3))
+        away = np.maximum(distance, self.near)
+        return (x / away + 1) / 2 * self.width, (1 - y / away) / 2 * self.height, distance
+
+    def convert_depths(self, depth: Floats) -> Floats:
+        """Metres along the line of sight, from the depths of a shot."""
+        return self.near * self.far / (self.far - depth * (self.far - self.near))
+
+    def locate_pixels(self, depth: Floats) -> Floats:
+        """The points in space of all pixels, from their depths."""
+        back = np.linalg.inv(self._matrix).astype(np.float32)
+        x = (np.arange(self.width, dtype=np.float32) + 0.5) / self.width * 2 - 1
+        y = 1 - (np.arange(self.height, dtype=np.float32) + 0.5) / self.height * 2
+        z = depth * 2 - 1
+        found = [back[k, 0] * x[None, :] + back[k, 1] * y[:, None] + back[k, 2] * z + back[k, 3] for k in range(4)]
+        return np.stack([part / found[3] for part in found[:3]], axis=-1)
+
+
+def make_sun_camera(low: Vector, high: Vector, pixels: int) -> Camera:
+    """The camera at the light's position, far away, so that the rays are almost parallel."""
+    middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
+    around = dist(low, high) / 2
+    away = 8 * around
+    scale = away / dist((0, 0, 0), LIGHT)
+    eye = (middle[0] + LIGHT[0] * scale, middle[1] + LIGHT[1] * scale, middle[2] + LIGHT[2] * scale)
+    view = View(eye, (middle[0], middle[1], middle[2]), 2 * degrees(asin(around / away)), (0.0, 1.0, 0.0))
+    return Camera(view, pixels, pixels, away - around, away + around)
+
+
+def compute_light(shot: Shot, seen: Camera, light: Shot, source: Camera) -> Floats:
+    """The light of each pixel: 1, or 0 in the shadow, with soft edges."""
+    height, width = shot.depth.shape
+    column, row, distance = source.project_points(seen.locate_pixels(shot.depth).reshape(-1, 3))
+    surface = source.convert_depths(light.depth)
+    total = np.zeros(column.shape, np.float32)
+    for across in TAPS:
+        x = np.clip((column + across).astype(np.int32), 0, source.width - 1)
+        for up in TAPS:
+            y = np.clip((row + up).astype(np.int32), 0, source.height - 1)
+            total += surface[y, x] > distance - SLACK
+    return (total / np.float32(len(TAPS) ** 2)).reshape(height, width)
+
+
+# --- lines and dots over a picture, hidden by what stands before them
+Point = Sequence[float]  # x and y, or x, y and z
+ABOVE = 0.06  # metres over the floor, for points without z
+HIDDEN = 0.3  # the strength of a hidden line
+LINE_SLACK = 0.08  # metres of tolerance before a surface hides a line
+
+
+def make_point(point: Point) -> tuple[float, float, float]:
+    try:
+        x, y, z = (*map(float, point), ABOVE)[:3]
+        if not isfinite(x + y + z):
+            raise ValueError
+    except (TypeError, ValueError) as reason:
+        raise SessionError(
+            "S002", f"{point!r} is not a point", hints=("points are lists of x and y, or of x, y and z",)
+        ) from reason
+    return x, y, z
+
+
+def draw_lines(
+    distance: Floats, camera: Camera, paths: Iterable[Sequence[Point]], width: float, hidden: float = HIDDEN
+) -> Floats:
+    """The coverage of each pixel by paths. Segments that many paths share are drawn once, and stronger."""
+    pieces: Counter[tuple[tuple[float, float, float], ...]] = Counter()
+    for path in paths:
+        points = [make_point(point) for point in path]
+        pieces.update(tuple(sorted(pair)) for pair in pairwise(points) if pair[0] != pair[1])
+    if not pieces:
+        return np.zeros(distance.shape, np.float32)
+    ends = np.array(list(pieces))
+    most = max(pieces.values())
+    strength = np.array([1.0 if most == 1 else 0.6 + 0.4 * log(n) / log(most) for n in pieces.values()])
+    along, strengths = _sample_points(ends, strength, camera)
+    return _widen_pixels(_stamp_points(distance, camera, along, strengths, hidden), width)
+
+
+def draw_dots(distance: Floats, camera: Camera, points: Iterable[Point], width: float) -> Floats:
+    """The coverage of each pixel by round dots at points."""
+    places = {make_point(point) for point in points}
+    if not places:
+        return np.zeros(distance.shape, np.float32)
+    return _widen_pixels(_stamp_points(distance, camera, np.array(sorted(places)), np.ones(len(places)), HIDDEN), width)
+
+
+def _sample_points(
+    ends: NDArray[np.float64], strength: NDArray[np.float64], camera: Camera
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points along segments (n x 2 x 3), close enough for every pixel, and the strength of each."""
+    column, row, distance = camera.project_points(ends.reshape(-1, 3))
+    seen = (distance > camera.near).reshape(-1, 2).all(axis=1)
+    ends, strength = ends[seen], strength[seen]
+    length = np.hypot(np.diff(column.reshape(-1, 2)[seen]), np.diff(row.reshape(-1, 2)[seen]))[:, 0]
+    counts = np.ceil(length * 1.5).astype(int) + 1
+    piece = np.repeat(np.arange(len(counts)), counts)
+    part = (np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)) / np.maximum(counts[piece] - 1, 1)
+    start, end = ends[piece, 0], ends[piece, 1]
+    return start + (end - start) * part[:, None], strength[piece]
+
+
+def _stamp_points(
+    distance: Floats, camera: Camera, points: NDArray[np.float64], strength: NDArray[np.float64], hidden: float
+) -> Floats:
+    """One pixel for each point, weaker where something stands before it."""
+    height, width = distance.shape
+    column, row, away = camera.project_points(points)
+    inside = (away > camera.near) & (column >= 0) & (column < width) & (row >= 0) & (row < height)
+    x, y = column[inside].astype(int), row[inside].astype(int)
+    occluded = away[inside] > distance[y, x] + LINE_SLACK
+    covered = np.zeros(distance.shape, np.float32)
+    np.maximum.at(covered, (y, x), np.where(occluded, hidden, 1.0) * strength[inside])
+    return covered
+
+
+def _widen_pixels(covered: Floats, width: float) -> Floats:
+    radius = int(width / 2)
+    padded = np.pad(covered, radius)
+    height, across = covered.shape
+    wide = covered.copy()
+    for down in range(-radius, radius + 1):
+        for right in range(-radius, radius + 1):
+            if down * down + right * right <= width * width / 4:
+                part = padded[radius + down : radius + down + height, radius + right : radius + right + across]
+                np.maximum(wide, part, out=wide)
+    return wide
+
+
+# --- `render`: pictures of simulations, without a window
 Pixels = NDArray[np.uint8]  # height x width x (red, green, blue)
 
 

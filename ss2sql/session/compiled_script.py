@@ -13,13 +13,12 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, NOTHING, Type, is_covering, type_of
 from ss2sql.language.plan_traversal import list_call_places, walk
 from ss2sql.language.recursion_limit import retry_with_stack
-from ss2sql.lowering.sql_string import Sql
+from ss2sql.lowering.sql_query import Sql
 from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement
 from ss2sql.results.result import Result
 from ss2sql.runtime.python import compile_statement
 from ss2sql.runtime.run.run_state import Places, Run, Stats
-from ss2sql.session.compiled_query import CompiledQuery
-from ss2sql.session.dataframe_answer import build_dataframe_answer
+from ss2sql.session.compiled_query import CompiledQuery, build_dataframe_answer
 from ss2sql.session.engines import Engine
 from ss2sql.session.variables import predict_values
 

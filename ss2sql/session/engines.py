@@ -19,9 +19,8 @@ ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 def get_abilities(name: str) -> EngineAbilities | None:
     """The abilities of a database that searches by levels; None for other engines. Loads only this engine."""
-    from ss2sql.lowering.dialects import DUCKDB, SPARK
-    from ss2sql.runtime.external.level_query import EngineAbilities
-    from ss2sql.runtime.external.level_statements import DuckLevelStatements, SparkLevelStatements
+    from ss2sql.lowering.sql_builder import DUCKDB, SPARK
+    from ss2sql.runtime.external.level_query import DuckLevelStatements, EngineAbilities, SparkLevelStatements
     from ss2sql.runtime.external.task_pickle import RULES
 
     match name:
@@ -49,10 +48,9 @@ def open_table_engine(name: str, session: Any = None, begun: Sequence[Run] = ())
 def _open_duckdb(session: Any, begun: Sequence[Run]) -> TableEngine:
     duckdb = require_package("duckdb", "duckdb", "engine='duckdb'")
     require_package("pyarrow", "duckdb", "engine='duckdb'")
+    from ss2sql.runtime.external.duckdb_search import DuckEngine, DuckSearch
     from ss2sql.runtime.external.duckdb_sources import DuckSources
-    from ss2sql.runtime.external.duckdb_store import DuckEngine
     from ss2sql.runtime.external.level_query import TableEngine
-    from ss2sql.runtime.external.level_search import DuckSearch
 
     if session is not None and not isinstance(session, duckdb.DuckDBPyConnection):
         message = f"the session of engine='duckdb' is a connection of DuckDB, not {type(session).__name__}"

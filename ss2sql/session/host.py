@@ -24,7 +24,7 @@ from ss2sql.language.kinds import Type, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.recursion_limit import retry_with_stack
 from ss2sql.language.rows import Row, Rows
-from ss2sql.language.unreadable_text import is_unreadable
+from ss2sql.language.value_messages import is_unreadable
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.runtime import representations
 from ss2sql.runtime.representations.shape import Representations, expand_stars
@@ -38,12 +38,10 @@ from ss2sql.runtime.sqlite.database_tables import Tables
 from ss2sql.runtime.sqlite.executor import Database
 from ss2sql.runtime.sqlite.file_locks import close_file, while_using_files
 from ss2sql.runtime.sqlite.function_names import BUILT_IN, choose_function_names
-from ss2sql.session.resources import SessionResources
 from ss2sql.session.session_functions import SessionFunctions
-from ss2sql.session.session_lock import SessionLock
-from ss2sql.session.temporal_variables import TemporalFile, TemporalStore, convert_moment
+from ss2sql.session.session_lock import SessionLock, SessionResources
 from ss2sql.session.triggers import Triggers
-from ss2sql.session.variables import OtherTables, Variables
+from ss2sql.session.variables import OtherTables, TemporalFile, TemporalStore, Variables, convert_moment
 from ss2sql.vtables import contract
 from ss2sql.vtables.attached_worlds import AttachedWorld, WorldFunctions
 from ss2sql.vtables.query_cache import QueryCaches

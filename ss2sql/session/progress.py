@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from ss2sql.errors import SessionError
 from ss2sql.language import plan
-from ss2sql.runtime.run import backpointers
+from ss2sql.runtime.run import search_paths
 from ss2sql.runtime.run.search_paths import SearchPaths
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class Progress:
     """The line of one run. `show_line` is called again and again while it works, `remove_line` when it is over.
 
     Executors say here how far they are: `search` is the state of the search that SQLite runs, `reached` the rows on the
-    path of a native search, or the backpointer of the present step, see backpointers.py.
+    path of a native search, or the backpointer of the present step, see search_paths.py.
     """
 
     def __init__(self, run: Run, stream: Stream, clock: Callable[[], float], width: Callable[[], int]) -> None:
@@ -152,7 +152,7 @@ class Progress:
                 return measure_depth(self.search.parents)
             paths = None if self._run.sink is None else self._run.sink.rows.paths
             return paths.measure_depth(MAX_DEPTH_LOOKS) if isinstance(paths, SearchPaths) else (0, True)
-        depth, whole = backpointers.measure_depth(self.reached, MAX_DEPTH_LOOKS)
+        depth, whole = search_paths.measure_depth(self.reached, MAX_DEPTH_LOOKS)
         return (0 if self.reached is None else depth + 1), whole
 
 

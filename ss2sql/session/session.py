@@ -1,4 +1,4 @@
-"""The session: what a user registers and attaches, and how scripts are compiled and run in it."""
+"""The session: how it begins, what a user registers and attaches, and how scripts are compiled and run in it."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
+import apsw
+
 from ss2sql.errors import SessionError, Source
 from ss2sql.frontend.syntax.parser import parse
+from ss2sql.frontend.syntax.tokenizer import read_script
 from ss2sql.frontend.user_functions import UserFunction, check_function_name, check_is_string, make_user_function
 from ss2sql.language import plan
 from ss2sql.language.values import convert_value, copy_deep, copy_for_python
@@ -22,23 +25,82 @@ from ss2sql.results.result import Result
 from ss2sql.runtime.run.keyboard_interrupt import defer_keyboard_interrupt
 from ss2sql.runtime.run.option_checks import NO_LIMITS, Limits, check_option_word, check_seconds
 from ss2sql.runtime.run.run_state import Run, Stats
-from ss2sql.runtime.sqlite.database_tables import find_parquet_path, find_sqlite_path
+from ss2sql.runtime.run.value_sizes import MAX_SIZE
+from ss2sql.runtime.sqlite.database_tables import CACHE_SIZE, find_parquet_path, find_sqlite_path
+from ss2sql.runtime.sqlite.file_locks import close_file, open_file
 from ss2sql.session.compiled_script import Query
 from ss2sql.session.engines import Engine, check_engine
 from ss2sql.session.execution import RunOptions, execute_script, run_attended, set_deadline
 from ss2sql.session.host import SessionHost
-from ss2sql.session.opening import get_function_name, open_connection
-from ss2sql.session.opening import read_script_source as read_script_source
 from ss2sql.session.progress import check_progress
 from ss2sql.session.session_lock import with_session_lock
-from ss2sql.session.temporal_variables import TemporalFile
 from ss2sql.session.triggers import Trigger
+from ss2sql.session.variables import TemporalFile
 from ss2sql.vtables import find_adapter, make_attachable, refuse_unknown
 from ss2sql.vtables.frames import find_reader
 
 if TYPE_CHECKING:
     from ss2sql.runtime.graph_cache.graph_listing import Graphs
 
+
+BUSY_MILLISECONDS = 1000  # how long to wait for a file that somebody else is writing
+# Pages are looked at when they are read, so that more damage is noticed: 2 of the 40 ms that a million rows take.
+CHECK_CELLS = "PRAGMA cell_size_check = ON"
+# How SQLite uses memory. Copies of tables stay there: searching a million edges without an index takes 1.9 s, not 3.4.
+MEMORY_PRAGMAS = (f"PRAGMA cache_size = {CACHE_SIZE}", "PRAGMA temp_store = MEMORY")
+
+
+def get_function_name(function: Any) -> str:
+    name = getattr(function, "__name__", "")
+    if not name.isidentifier():
+        raise SessionError("S002", f"{function!r} has no name of its own", hints=('give one: function("name", f)',))
+    return str(name)
+
+
+def open_connection(path: str | os.PathLike[str] | None, read_only: bool) -> apsw.Connection:
+    flags = apsw.SQLITE_OPEN_READONLY if read_only else apsw.SQLITE_OPEN_READWRITE | apsw.SQLITE_OPEN_CREATE
+    connection: apsw.Connection | None = None
+    try:
+        connection = apsw.Connection(":memory:") if path is None else open_file(os.fspath(path), flags)
+        connection.set_busy_timeout(BUSY_MILLISECONDS)
+        connection.execute("SELECT count(*) FROM sqlite_schema").fetchall()
+        for pragma in (CHECK_CELLS, *MEMORY_PRAGMAS):
+            connection.execute(pragma)
+    except (apsw.Error, ValueError, TypeError) as error:  # a path may be none at all
+        if connection is not None:
+            close_file(connection)  # else it would hold the file for as long as somebody holds the error
+        hint = "the folder has to exist, and the file has to be a SQLite database"
+        if isinstance(error, (apsw.BusyError, apsw.LockedError)):
+            hint = "another program is writing to it: try again when that has ended"
+        raise SessionError("S002", f"{path} cannot be opened as a SQLite database: {error}", hints=(hint,)) from error
+    return connection
+
+
+def read_script_source(script: str | Path | Source) -> Source:
+    """The text of a script with its name.
+
+    Raises SessionError S002 for an unreadable file, ParseError P004 for one that is too large.
+    """
+    if isinstance(script, Path):
+        try:
+            with script.open("rb") as file:
+                source = read_script(file, str(script))
+            return replace(source, text=source.text.replace("\r\n", "\n").replace("\r", "\n"))
+        except OSError as error:
+            message = f"the script {script} cannot be read: {error.strerror}"
+            raise SessionError("S002", message, hints=("look for the file and its name",)) from error
+        except UnicodeDecodeError as error:
+            message = f"the script {script} cannot be read: {error}"
+            raise SessionError("S002", message, hints=("a script is text in UTF-8",)) from error
+    if isinstance(script, Source):
+        return script
+    if not isinstance(script, str):
+        hint = "bytes become text with decode()" if isinstance(script, bytes) else "put the script into quotes"
+        raise SessionError("S002", f"a script is text or a pathlib.Path, not {type(script).__name__}", hints=(hint,))
+    return Source(script)
+
+
+# --- the session: what a user registers and attaches, and how scripts are compiled and run in it
 F = TypeVar("F", bound=Callable[..., Any])
 MAX_COMPILED_SCRIPTS = 64  # that a session has compiled and keeps
 OFF_SWITCHES = {  # what `disable` switches off
@@ -236,7 +298,7 @@ class Session:
     def tables(self) -> dict[str, tuple[str, ...]]:
         """The columns of each table that FROM finds, in the database and in worlds; none of an unreadable view."""
         self._check_open()
-        from ss2sql.session.world_description import list_tables
+        from ss2sql.session.session_functions import list_tables
 
         return list_tables(self.host.tables, self.host.names.worlds, self.host.names.others)
 
@@ -250,7 +312,7 @@ class Session:
             self._check_open()
             check_is_string(name)
             set_deadline(run, self.host, self.timeout)
-            from ss2sql.session.world_description import describe_name
+            from ss2sql.session.session_functions import describe_name
 
             return describe_name(name, self.host.tables, self.host.names.worlds, self.host.names.others)
 
@@ -470,3 +532,41 @@ class Session:
 
 def _convert_variables(variables: Mapping[str, Any]) -> dict[str, Any]:
     return {name: convert_value(value, f"the variable '{name}'", named=True) for name, value in variables.items()}
+
+
+# --- how a session begins
+def connect(
+    path: str | os.PathLike[str] | None = None,
+    timeout: float | None = None,
+    progress: str | bool = "auto",
+    read_only: bool = False,
+    disable: Sequence[str] = (),
+    max_size: int = MAX_SIZE,
+    max_memory: int | None = None,
+    max_steps: int | None = None,
+    max_output: int | None = None,
+    engine: Engine = "auto",
+    session: Any = None,
+) -> Session:
+    """A new session.
+
+    Args:
+        path: a SQLite file whose tables scripts can read; it keeps temporal variables and remembered graphs. None for a
+            database in memory.
+        timeout: seconds after which a run is broken off; None for no limit.
+        progress: "auto", True or False: whether long runs show a line of progress on a terminal.
+        read_only: opens the file without the right to change it.
+        disable: names of optimisations to switch off: "memo", "remember", "inline" and others.
+        max_size: bytes of one value that a script makes, a text or a list: at least 262,144, at most 10**9.
+        max_memory: bytes by which the process may grow while a script runs; None for no limit. Only on Linux.
+        max_steps: steps that the searches of one run may try together, as `result.stats.generated` counts them.
+        max_output: characters that one run may print.
+        engine: where scripts run for which nothing else is said, see `Session.run`.
+        session: with the engine "duckdb" a connection of DuckDB, whose tables and views scripts can read by their names
+            and whose settings count: memory, threads, folder; with "spark" a SparkSession.
+
+    Raises:
+        SessionError: the file cannot be opened, a name in `disable` is unknown, or the engine is not installed.
+    """
+    limits = Limits(max_size, max_memory, max_steps, max_output)
+    return Session(path, timeout, progress, read_only, disable, limits, engine, session)

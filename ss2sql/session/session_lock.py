@@ -1,21 +1,30 @@
-"""One thread at a time uses a session; who closes it while a script runs ends that first."""
+"""Who uses a session, one thread at a time, and what it lets go of when it is closed or forgotten."""
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import field
 from functools import wraps
-from typing import TYPE_CHECKING, Concatenate, ParamSpec, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import apsw
 
 from ss2sql.errors import SessionError
+from ss2sql.fast_dataclasses import dataclass
 from ss2sql.runtime.run.keyboard_interrupt import defer_keyboard_interrupt
+from ss2sql.runtime.run.run_state import Run
+from ss2sql.session.engines import open_table_engine
+from ss2sql.vtables.frames import Reader
 
 if TYPE_CHECKING:
+    from ss2sql.runtime.external.level_query import TableEngine
+    from ss2sql.runtime.parallel.process_pool import ProcessPool
     from ss2sql.session.session import Session
+
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -110,3 +119,41 @@ def with_session_lock(work: Callable[Concatenate[Session, P], T]) -> Callable[Co
             return work(session, *arguments, **named)
 
     return call_locked
+
+
+# --- what a session holds outside of itself, and lets go of when it is closed or forgotten
+@dataclass(slots=True)
+class SessionResources:
+    """The processes of `workers` and the databases that search by levels. A finalizer keeps it, so it knows no session.
+
+    `session` is the user's connection of such a database; `active_runs` are the runs that are under way.
+    """
+
+    session: Any = None
+    active_runs: Sequence[Run] = ()
+    processes: ProcessPool | None = None
+    engines: dict[str, TableEngine | None] = field(default_factory=dict)
+    owner: int = field(default_factory=os.getpid)
+
+    def get_engine(self, name: str) -> TableEngine | None:
+        """The database of an engine, if there is one. Raises SessionError S003 if it is not installed."""
+        if name not in self.engines:
+            self.engines[name] = open_table_engine(name, self.session, self.active_runs)
+        return self.engines[name]
+
+    def get_parquet_reader(self, path: Path, name: str) -> Reader:
+        """The reader of a Parquet file. Raises SessionError S002 for other files, S003 if DuckDB is not installed."""
+        found = self.get_engine("duckdb")
+        assert found is not None
+        assert found.sources is not None
+        return found.sources.make_parquet_reader(path, name)
+
+    def end_all(self) -> None:
+        """Ends all of it; a copy of the process made by `fork` leaves it to the original."""
+        if self.processes is not None:
+            self.processes.end_processes()
+        while self.engines:
+            _, engine = self.engines.popitem()
+            if engine is not None and os.getpid() == self.owner:
+                engine.close()
+        self.session = None  # at the end of Python DuckDB tells of each connection that somebody holds, in twenty lines

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ss2sql.errors import UnsupportedError
-from ss2sql.lowering.dialects import SQLITE, Dialect
 from ss2sql.lowering.portable.portable_flat import write_flat
-from ss2sql.lowering.sql_string import Sql
+from ss2sql.lowering.sql_builder import SQLITE, Dialect
+from ss2sql.lowering.sql_query import Sql
 from ss2sql.results.explain.outline import join_script_sql
 from ss2sql.runtime.external.level_query import plan_level_search
 from ss2sql.session.compiled_query import CompiledQuery

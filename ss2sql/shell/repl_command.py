@@ -7,8 +7,7 @@ from typing import Any
 
 import click
 
-from ss2sql.cli.exit_codes import CTRL_C, SCRIPT, exit_with_code_on_error
-from ss2sql.cli.output import SHOWN, Count
+from ss2sql.cli.output import CTRL_C, SCRIPT, SHOWN, Count, exit_with_code_on_error
 from ss2sql.cli.run_command import add_run_options
 from ss2sql.cli.script_options import ScriptInputs, add_session_options
 
@@ -41,7 +40,7 @@ def command(inputs: ScriptInputs, progress: bool | None, form: str, history: boo
         from ss2sql.results import require_package
 
         require_package("prompt_toolkit", "repl", "the shell")
-    from ss2sql.shell.settings import Settings
+    from ss2sql.shell.dot_commands import Settings
     from ss2sql.shell.shell import Shell
 
     with inputs.open_session(progress) as session:
@@ -51,7 +50,7 @@ def command(inputs: ScriptInputs, progress: bool | None, form: str, history: boo
 
             Terminal(shell, history).run_until_exit()
             return
-        from ss2sql.shell.piped_input import run_piped
+        from ss2sql.shell.shell import run_piped
 
         run_piped(shell, sys.stdin.buffer)
     if shell.failed:

@@ -1,9 +1,12 @@
-"""The shell on a terminal, with prompt_toolkit."""
+"""The shell on a terminal, with prompt_toolkit: its colors and the history of input."""
 
 from __future__ import annotations
 
+import os
+import re
 import sys
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 from prompt_toolkit import PromptSession
@@ -17,17 +20,123 @@ from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 from prompt_toolkit.lexers import PygmentsLexer
 from prompt_toolkit.output import create_output
 from prompt_toolkit.styles import Style
+from pygments.lexer import Lexer
+from pygments.token import Generic, Keyword, Text
+from pygments.token import _TokenType as Type
 
 import ss2sql
-from ss2sql.shell.colors import PROMPTS, STYLE, ShellLexer
+from ss2sql.editor.lexer import SelectScriptLexer
 from ss2sql.shell.completion import find_signature, suggest_completions
-from ss2sql.shell.dot_commands import EXAMPLE
-from ss2sql.shell.history import open_history_file, should_remember
-from ss2sql.shell.settings import SETTINGS, Settings, format_setting
+from ss2sql.shell.dot_commands import EXAMPLE, SETTINGS, Settings, format_setting
 from ss2sql.shell.shell import ExitRequest, Shell
-from ss2sql.shell.statement_splitter import find_open_bracket, is_ready
+from ss2sql.shell.statement_splitter import find_open_bracket, is_ready, split_statements
 from ss2sql.shell.symbols import SymbolTable
 
+STYLE = {
+    "pygments.keyword": "ansiblue bold",
+    "pygments.keyword.constant": "ansicyan",
+    "pygments.keyword.type": "ansicyan",
+    "pygments.keyword.pseudo": "ansimagenta bold",
+    "pygments.operator.word": "ansiblue bold",
+    "pygments.name.builtin.pseudo": "ansicyan",
+    "pygments.name.function": "ansigreen",
+    "pygments.literal.string": "ansiyellow",
+    "pygments.literal.number": "ansimagenta",
+    "pygments.comment": "italic",
+    "pygments.error": "ansired underline",
+    "argument": "bold underline",
+}
+PROMPTS = ("ss> ", "..> ")
+
+
+class ShellLexer(Lexer):
+    """Statements as SelectScriptLexer colors them, and dot commands between them."""
+
+    name = "ss2sql shell"
+
+    def get_tokens_unprocessed(self, text: str) -> Iterator[tuple[int, Type, str]]:
+        """Every token of the text with its place and its kind."""
+        position = 0
+        for piece in split_statements(text):
+            if piece.is_command:
+                yield from _color_statements(text[position : piece.start], position)
+                name = piece.text.split()[0]
+                yield piece.start, Keyword.Pseudo, name
+                position = piece.start + len(name)
+                if name not in (".sql", ".explain"):
+                    yield position, Text, text[position : piece.end]
+                    position = piece.end
+        yield from _color_statements(text[position:], position)
+
+
+class TranscriptLexer(Lexer):
+    """A session of the shell: input after prompts, and output."""
+
+    name = "ss2sql transcript"
+
+    def get_tokens_unprocessed(self, text: str) -> Iterator[tuple[int, Type, str]]:
+        """Every token of the text with its place and its kind. The lines of one input are colored together."""
+        for part in re.finditer(r"(?:^(?:ss|\.\.)> .*\n?)+|(?:^(?!(?:ss|\.\.)> ).*\n?)+", text, re.MULTILINE):
+            if not part[0].startswith(PROMPTS):
+                yield part.start(), Generic.Output, part[0]
+                continue
+            lines = part[0].splitlines(keepends=True)
+            found = ShellLexer().get_tokens_unprocessed("".join(line[4:] for line in lines))
+            place, prompts = part.start(), [line[:4] for line in lines]
+            starts = True  # whether a line of input starts here
+            for _, kind, piece in found:
+                for line in piece.splitlines(keepends=True):
+                    if starts:
+                        yield place, Generic.Prompt, prompts.pop(0)
+                        place += 4
+                    yield place, kind, line
+                    place, starts = place + len(line), line.endswith("\n")
+            yield place, Generic.Prompt, "".join(prompts)
+
+
+def _color_statements(text: str, start: int) -> Iterator[tuple[int, Type, str]]:
+    for position, kind, part in SelectScriptLexer().get_tokens_unprocessed(text):
+        yield start + position, kind, part
+
+
+# --- the history of input: a file in the user's state folder that only the user can read
+MAX_ENTRIES = 5000  # entries; the file may have twice as many before it is cut
+
+
+def find_state_folder() -> Path:
+    """The folder for programs' state, by the XDG rules."""
+    folder = os.environ.get("XDG_STATE_HOME", "")
+    base = Path(folder) if os.path.isabs(folder) else Path.home() / ".local" / "state"
+    return base / "ss2sql"
+
+
+def open_history_file() -> Path:
+    """The file, created if missing, readable by its owner alone. Raises OSError.
+
+    It has the format of prompt_toolkit: an empty line, `# ` and the time, the lines of the entry after `+`.
+    """
+    folder = find_state_folder()
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    path = folder / "history"
+    # O_NOFOLLOW: somebody else's link would make the shell write to its target.
+    number = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
+    with os.fdopen(number, "r+b") as file:
+        if hasattr(os, "fchmod"):
+            os.fchmod(file.fileno(), 0o600)
+        entries = file.read().split(b"\n\n# ")
+        if len(entries) > 2 * MAX_ENTRIES:
+            file.seek(0)
+            file.write(b"\n\n# " + b"\n\n# ".join(entries[-MAX_ENTRIES:]))
+            file.truncate()
+    return path
+
+
+def should_remember(text: str) -> bool:
+    """Whether a text belongs into the history: texts that begin with a blank do not."""
+    return bool(text.strip()) and not text[0].isspace()
+
+
+# --- the shell on a terminal, with prompt_toolkit
 PROMPT, MORE = PROMPTS
 # Words that newcomers type to leave or to get help, each alone on a line.
 PLAIN_WORDS = {"exit": ".exit", "quit": ".exit", "\\q": ".exit", "help": ".help", "?": ".help", "\\h": ".help"}

@@ -1,4 +1,4 @@
-"""The reading of worlds by one query, for both executors.
+"""The reading of worlds by one query, for both executors: keys and rows are checked, columns fetched in groups.
 
 Within a query every key list and every group is fetched once and cached, since the inner loops of joins read them
 again. A query that may move the world itself reads from a copy, made at its start.
@@ -6,24 +6,172 @@ again. A query that may move the world itself reads from a copy, made at its sta
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence, Sized
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from itertools import islice
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.errors import Error, Span
 from ss2sql.language.kinds import INT_MAX, INT_MIN
+from ss2sql.language.value_messages import format_value
 from ss2sql.language.values import make_hashable
-from ss2sql.vtables.batch_fetching import Fetch, make_fetcher
-from ss2sql.vtables.checked_input import check_adapter_keys, check_adapter_rows
-from ss2sql.vtables.column_layouts import Place
 from ss2sql.vtables.contract import Element, Filter, Table, TableFunction, Where
-from ss2sql.vtables.declared_types import Cleaner
+from ss2sql.vtables.declared_types import Cleaner, Place
 from ss2sql.vtables.query_cache import CacheOfQuery, QueryCache
-from ss2sql.vtables.schema import AdapterGuard, Schema, get_schema, make_adapter_error
+from ss2sql.vtables.schema import AdapterGuard, Schema, get_schema, make_adapter_error, world_error
 
 if TYPE_CHECKING:
     from ss2sql.vtables.attached_worlds import AttachedTable
 
+
+BLOCK = 1000  # elements between two checks of whether the run has to end
+
+
+def check_adapter_rows(items: Iterable[Any], check: Callable[[], None]) -> list[Any]:
+    """The elements as a list. `check` raises where the run has to end, since an iterator may be endless."""
+    if isinstance(items, Sized):
+        return list(items)
+    found: list[Any] = []
+    rest = iter(items)
+    while block := list(islice(rest, BLOCK)):
+        found += block
+        check()
+    return found
+
+
+def check_adapter_keys(items: Iterable[Any], check: Callable[[], None], schema: Schema) -> list[Any]:
+    """The keys as a list. Raises ExecutionError X011 for one that cannot be hashed, since caches use them.
+
+    Putting a thousand numbers into a set takes 10 us, a hundredth of the time of a walk over them.
+    """
+    found = check_adapter_rows(items, check)
+    try:
+        if len(found) == 1:
+            hash(found[0])
+        else:
+            set(found)
+    except Exception as error:
+        message = f"{schema.title} has a key that cannot be hashed and compared: {type(error).__name__}"
+        bad = next((key for key in found if type(key).__hash__ is None), None)
+        raise world_error(
+            message if bad is None else f"{schema.title} has the key {format_value(bad)}, which cannot be hashed",
+            "give numbers, texts, or tuples of these as keys",
+        ) from error
+    return found
+
+
+# --- fetching groups of columns: element by element, in blocks that grow, or as whole arrays
+Values: TypeAlias = tuple[Any, ...]
+Fetch: TypeAlias = Callable[[Any], Values]
+LARGEST_BLOCK = 64  # elements: their data are still in the processor's cache when the next group is fetched
+
+
+def make_fetcher(reading: Reading, table: Table, group: str, rows: dict[Hashable, Values]) -> Fetch:
+    """A function that fetches a group of the element with a key, and stores its values in `rows`."""
+    method = getattr(table, group)
+    if group in reading.schema.arrays:
+        return _fetch_all(reading, group, method, rows)
+    if group in reading.schema.blocks:
+        return BlockFetcher(reading, group, method, rows).fetch_key
+    return _fetch_singly(reading, group, method, rows)
+
+
+def _fetch_singly(reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]) -> Fetch:
+    schema = reading.schema
+    fits = schema.make_row_test(group)
+
+    def fetch_key(key: Hashable) -> Values:
+        try:
+            row: Values = method(key)
+            if type(row) is not tuple or not fits(row):
+                row = schema.convert_row(group, row)
+            rows[key] = row
+        except Error as error:
+            raise error.with_span(reading.span) from error.__cause__
+        except Exception as error:
+            raise make_adapter_error(schema, error, key).with_span(reading.span) from error
+        return row
+
+    return fetch_key
+
+
+def _fetch_all(reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]) -> Fetch:
+    """Fetches the group for all keys that were given last."""
+    schema = reading.schema
+
+    def fetch_key(key: Hashable) -> Values:
+        wanted = [one for one in reading.announced if one not in rows]
+        if key not in wanted:
+            wanted = [key]
+        with AdapterGuard(schema, span=reading.span):
+            raw = method(wanted)
+            rows.update(zip(wanted, schema.split_arrays(group, raw, wanted), strict=True))
+        return rows[key]
+
+    return fetch_key
+
+
+class BlockFetcher:
+    """Fetches the next elements along with the one that is wanted.
+
+    The first block is one element. As long as the query reads one element after the other, each block is twice as long
+    as the one before; where it skips some, blocks start with one again. So at most about twice the elements that are
+    read are fetched, and exactly three for `LIMIT 3`.
+    """
+
+    def __init__(
+        self, reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]
+    ) -> None:
+        self.reading = reading
+        self.method = method
+        self.rows = rows
+        self.single = len(reading.schema.groups[group].parts) == 1  # a block of values, not of tuples
+        self.first_fits, self.fit = reading.schema.make_row_test(group), reading.schema.get_block_test(group)
+        self.alone = _fetch_singly(reading, group, self._fetch_single, rows)
+        self.keys: Sequence[Hashable] = ()  # that were given when the last block was fetched
+        self.end = 0  # of the last block
+        self.size = 1
+
+    def fetch_key(self, key: Hashable) -> Values:
+        block = self._choose_block(key)
+        if len(block) > 1:
+            try:
+                found = self.method(block)
+                if self.single:
+                    found = list(zip(islice(found, len(block) + 1), strict=True))
+                if len(found) == len(block) and self.first_fits(found[0]) and self.fit(found):
+                    if self.reading.once:  # reused memory is still in the cache: a scan takes 20 % less
+                        self.rows.clear()
+                    self.rows.update(zip(block, found, strict=True))
+                    return self.rows[key]
+            except Exception:
+                pass  # perhaps of an element that the query never reads; else it is raised again below
+            self.size = 1
+        return self.alone(key)
+
+    def _choose_block(self, key: Hashable) -> Sequence[Hashable]:
+        keys, place = self.reading.announced, self.end
+        if len(keys) == 1:
+            return keys
+        if keys is self.keys and place < len(keys) and keys[place] == key:
+            self.size = min(2 * self.size, LARGEST_BLOCK)
+        else:
+            self.size = 1
+            try:
+                place = keys.index(key, place if keys is self.keys else 0)
+            except ValueError:
+                return (key,)
+            self.keys = keys
+        self.end = place + self.size
+        block = keys[place : self.end]
+        return block if self.rows.keys().isdisjoint(block) else [one for one in block if one not in self.rows]
+
+    def _fetch_single(self, key: Hashable) -> Any:
+        (row,) = self.method([key])
+        return row
+
+
+# --- the reading of worlds by one query, for both executors
 Read = Callable[[Any], Any]
 MOST_KEPT = 10_000  # lists of keys, and of rows of table functions
 

@@ -15,9 +15,8 @@ from typing import Any
 from ss2sql.errors import Error, ExecutionError, SessionError, Span, suggest_names
 from ss2sql.language.kinds import Kind, Type, is_encodable
 from ss2sql.language.value_messages import format_value
-from ss2sql.vtables.column_layouts import Layout
 from ss2sql.vtables.contract import LARGEST, OPERATORS, Column, Gone, Table, TableFunction, World, WorldFunction
-from ss2sql.vtables.declared_types import Cleaner, find_declared_type, make_cleaner, make_quick_test
+from ss2sql.vtables.declared_types import Cleaner, Layout, find_declared_type, make_cleaner, make_quick_test
 
 
 def get_schema(table: Table | TableFunction) -> Schema:

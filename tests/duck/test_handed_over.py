@@ -9,7 +9,7 @@ from agreement import exact
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.external import join_pushdown
+from ss2sql.runtime.external import predicate_pushdown
 from ss2sql.runtime.external.duckdb_sources import DuckTransaction
 from ss2sql.vtables.frames.frame import Column
 
@@ -165,7 +165,7 @@ def test_more_rows_than_the_tables_have(ss: ss2sql.Session, monkeypatch: pytest.
     result = ss.run(script)
     assert result.value == expected
     assert handed(result) == ["a, b with a.here == b.here AND a.there > 30"]
-    monkeypatch.setattr(join_pushdown, "MAX_JOINED_ROWS", 0)
+    monkeypatch.setattr(predicate_pushdown, "MAX_JOINED_ROWS", 0)
     assert ss.run(script).value == expected  # few enough with both conditions
     result = ss.run(script.replace(" AND a.there > 30", ""))
     assert len(result.value) == 270

@@ -14,7 +14,7 @@ import pytest
 from level_searches import ROADS
 
 import ss2sql
-from ss2sql.runtime.external import first_levels
+from ss2sql.runtime.external import level_steps
 
 FOLDER = Path(__file__).parent
 # What pyspark 4 does with packages that are newer than itself, and sockets that it leaves to Python to close.
@@ -68,7 +68,7 @@ def ss(spark: Any) -> Iterator[ss2sql.Session]:
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Spark does all levels, also small ones."""
-    monkeypatch.setattr(first_levels, "MAX_STATES", 0)
+    monkeypatch.setattr(level_steps, "MAX_STATES", 0)
 
 
 @pytest.fixture(autouse=True)

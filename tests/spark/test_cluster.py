@@ -39,9 +39,9 @@ def main(folder: Path) -> None:
     from pyspark.sql import SparkSession
 
     import ss2sql
-    from ss2sql.runtime.external import first_levels
+    from ss2sql.runtime.external import level_steps
 
-    first_levels.MAX_STATES = 0
+    level_steps.MAX_STATES = 0
     builder = SparkSession.builder.appName("tests").master("local-cluster[2,1,1024]")
     for name, value in SETTINGS.items():
         builder = builder.config(name, value)

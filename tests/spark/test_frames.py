@@ -10,7 +10,7 @@ from agreement import exact
 from level_searches import SHORT, ended, may_fail
 
 import ss2sql
-from ss2sql.runtime.external import first_levels, spark_dataframe, spark_search
+from ss2sql.runtime.external import level_steps, spark_dataframe, spark_search
 
 pytestmark = pytest.mark.slow
 
@@ -40,7 +40,7 @@ def test_rows_are_those_of_the_list(
     ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, strategy: str, states: int
 ) -> None:
     """Whatever is searched here, in Python and in SQL; with goals in several levels, which are numbered in parts."""
-    monkeypatch.setattr(first_levels, "MAX_STATES", states)
+    monkeypatch.setattr(level_steps, "MAX_STATES", states)
     if states == 0:
         for module, name, number in (
             (spark_search, "MAX_IN_ONE_PARTITION", 0),
@@ -66,7 +66,7 @@ def test_rows_are_those_of_the_list(
 def test_the_first_paths(
     ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, maximum: str, limit: str, given: Any, states: int
 ) -> None:
-    monkeypatch.setattr(first_levels, "MAX_STATES", states)
+    monkeypatch.setattr(level_steps, "MAX_STATES", states)
     agree(ss, GROWING.format(maximum, f"STOP WITH n > 4 {limit}" if given is None else ""), maximum=given)
 
 

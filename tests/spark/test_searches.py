@@ -20,8 +20,8 @@ from level_searches import BY_LENGTH, FORMS, MOVES, SHORT, agree, by_sheet, fail
 from programs.drawn import PROGRAMS, drawn
 
 import ss2sql
-from ss2sql.runtime.external import first_levels, spark_search, spark_steps
-from ss2sql.runtime.external.spark_store import SparkStore
+from ss2sql.runtime.external import level_steps, spark_search
+from ss2sql.runtime.external.spark_session import SparkStore
 
 pytestmark = pytest.mark.slow
 
@@ -94,7 +94,7 @@ def test_other_settings_of_spark(spark: Any, ss: ss2sql.Session) -> None:
 
 @pytest.fixture
 def no_python(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(spark_steps, "pickle_search", None)
+    monkeypatch.setattr(spark_search, "pickle_search", None)
 
 
 @pytest.mark.drawn
@@ -148,9 +148,9 @@ def test_each_step_is_tried_once(
         return min(n + more, 5)
 
     if at_first:
-        monkeypatch.setattr(first_levels, "MAX_STATES", 2000)
+        monkeypatch.setattr(level_steps, "MAX_STATES", 2000)
         ticks = count(0, 3600)
-        monkeypatch.setattr(first_levels, "time", SimpleNamespace(monotonic=lambda: next(ticks)))
+        monkeypatch.setattr(level_steps, "time", SimpleNamespace(monotonic=lambda: next(ticks)))
     ss.function("noted", noted, volatility="immutable")
     script = "SELECT noted(n, this) FROM [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = noted(n, this) AS list;"
     result = ss.run(script)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from ss2sql.errors import ResolveError
 from ss2sql.frontend.resolve.scope import make_element
-from ss2sql.frontend.syntax.expression_builder import OPERATORS
+from ss2sql.frontend.syntax.tree_builder import OPERATORS
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import list_sources, list_states, walk

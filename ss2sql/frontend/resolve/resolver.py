@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any, assert_never
 
 from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names, suggest_similar
-from ss2sql.frontend.inlining.inliner import Inliner
+from ss2sql.frontend.inlining.substitution import Inliner
 from ss2sql.frontend.resolve.catalog import Catalog
 from ss2sql.frontend.resolve.grouping import is_count_of_rows, resolve_count_distinct, resolve_count_star
 from ss2sql.frontend.resolve.path_functions import FUNCTIONS as PATH_FUNCTIONS

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ss2sql.errors import ResolveError, Span, suggest_names, suggest_similar
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
-from ss2sql.frontend.syntax.expression_builder import COMMENT_HINT
+from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT
 from ss2sql.language import plan
 
 if TYPE_CHECKING:

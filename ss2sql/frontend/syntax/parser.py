@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import ParseError, Source, Span, combine_errors
 from ss2sql.frontend.syntax import ast, tokenizer
 from ss2sql.frontend.syntax.parse_table import Rule, Table, load_parse_table
-from ss2sql.frontend.syntax.query_builder import Builder
 from ss2sql.frontend.syntax.tokenizer import Token
+from ss2sql.frontend.syntax.tree_builder import Builder
 
 if TYPE_CHECKING:
     from ss2sql.frontend.syntax.parse_failure import ParseFailure

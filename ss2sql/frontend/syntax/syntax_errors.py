@@ -10,12 +10,11 @@ from collections.abc import Callable
 from difflib import get_close_matches
 
 from ss2sql.errors import ParseError, Span
-from ss2sql.frontend.syntax import python_spellings, sql_spellings, tokenizer
-from ss2sql.frontend.syntax.expression_builder import CHAIN_HINT, COMPARISONS
+from ss2sql.frontend.syntax import foreign_spellings, tokenizer
 from ss2sql.frontend.syntax.parse_failure import CLAUSES, PAIRS, VALUES, ParseFailure, join_with_or, spell
 from ss2sql.frontend.syntax.parse_table import END
-from ss2sql.frontend.syntax.query_builder import ORDER
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
+from ss2sql.frontend.syntax.tree_builder import CHAIN_HINT, COMPARISONS, ORDER
 
 # What a clause or a bracket expects, with an example.
 _WANTED = {
@@ -50,8 +49,8 @@ def explain_failure(t: ParseFailure) -> ParseError:
     if error := tokenizer.explain_unreadable(t.source, t.found):
         return error
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, python_spellings.explain_python,
-        sql_spellings.explain_sql, _explain_misspelling, _explain_closing_bracket, _explain_search_clause,
+        _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, foreign_spellings.explain_python,
+        foreign_spellings.explain_sql, _explain_misspelling, _explain_closing_bracket, _explain_search_clause,
         _explain_missing, _explain_chain, _explain_missing_from, _open_bracket, _explain_clause, _explain_descending,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None) or _explain_surplus(t)

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.language.cancellation import iterate_checked
 from ss2sql.language.kinds import FLOAT, NONE, NOTHING, Kind, Type, unite
-from ss2sql.language.operations.argument_checks import check_list, check_number, check_numbers, misuse
 from ss2sql.language.operations.intervals import INTEGER, bound_integers, fits, is_nonnegative, make_numbers
 from ss2sql.language.operations.lists import LENGTH, are_not_lists, infer_length
 from ss2sql.language.operations.operation import (
@@ -21,11 +20,15 @@ from ss2sql.language.operations.operation import (
     Operation,
     Types,
     When,
+    check_list,
+    check_number,
+    check_numbers,
     declare,
     declare_aggregate,
     each,
     element_type,
     exactly,
+    misuse,
 )
 from ss2sql.language.value_messages import CURES, check_arithmetic, format_value
 from ss2sql.language.values import make_hashable

@@ -12,7 +12,6 @@ from typing import Any
 from ss2sql.errors import ExecutionError
 from ss2sql.language.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type, unite
 from ss2sql.language.operations import intervals
-from ss2sql.language.operations.argument_checks import INTEGERS
 from ss2sql.language.operations.intervals import (
     INTEGER,
     apply_bounds,
@@ -25,6 +24,7 @@ from ss2sql.language.operations.intervals import (
     make_text_type,
 )
 from ss2sql.language.operations.operation import (
+    INTEGERS,
     Check,
     Form,
     Operation,

@@ -6,9 +6,8 @@ from typing import Any
 
 from ss2sql.language.cancellation import iterate_checked
 from ss2sql.language.kinds import BOOL, NONE, STR, Kind, Opaque, Type, unite
-from ss2sql.language.operations.argument_checks import check_list
 from ss2sql.language.operations.lists import are_not_lists
-from ss2sql.language.operations.operation import Form, Types, declare, have_one_sql_class, remove_none
+from ss2sql.language.operations.operation import Form, Types, check_list, declare, have_one_sql_class, remove_none
 from ss2sql.language.values import get_truth
 
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from ss2sql.language.kinds import UNENCODABLE, Kind, Type
-from ss2sql.language.operations.argument_checks import misuse
-from ss2sql.language.operations.operation import declare
+from ss2sql.language.operations.operation import declare, misuse
 from ss2sql.language.value_messages import format_value
 
 

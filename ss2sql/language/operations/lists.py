@@ -11,21 +11,24 @@ from ss2sql.language.cancellation import ITEMS_PER_CHECK, iterate_checked
 from ss2sql.language.element_columns import read_column
 from ss2sql.language.kinds import ANY, NONE, NOTHING, Kind, Type, make_list_type, unite
 from ss2sql.language.operations import intervals
-from ss2sql.language.operations.argument_checks import INTEGERS, check_integer, check_list, misuse
 from ss2sql.language.operations.arithmetic import are_sql_integers
 from ss2sql.language.operations.intervals import INTEGER, are_comparable, bound_integers, make_numbers, make_text_type
 from ss2sql.language.operations.operation import (
+    INTEGERS,
     Form,
     Group,
     Operation,
     Types,
     When,
     are_orderable,
+    check_integer,
+    check_list,
     declare,
     each,
     element_type,
     exactly,
     find_sql_class,
+    misuse,
 )
 from ss2sql.language.ordering import NUMBERS, compare_values, sort_values
 from ss2sql.language.value_messages import format_value

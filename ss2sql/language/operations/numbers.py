@@ -9,7 +9,6 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.kinds import NOTHING, Kind, Type, unite
-from ss2sql.language.operations.argument_checks import INTEGERS, check_number, check_numbers, misuse
 from ss2sql.language.operations.arithmetic import FINITE, are_integers_or_reals, are_reals, can_sign_fail, split_type
 from ss2sql.language.operations.intervals import (
     INTEGER,
@@ -23,6 +22,7 @@ from ss2sql.language.operations.intervals import (
     round_bounds,
 )
 from ss2sql.language.operations.operation import (
+    INTEGERS,
     Check,
     Form,
     Operation,
@@ -30,10 +30,13 @@ from ss2sql.language.operations.operation import (
     are_integers,
     are_numbers,
     are_orderable,
+    check_number,
+    check_numbers,
     declare,
     each,
     exactly,
     find_sql_class,
+    misuse,
 )
 from ss2sql.language.ordering import NUMBERS, compare_values
 from ss2sql.language.value_messages import CURES, build_overflow_error, check_arithmetic, format_value

@@ -9,10 +9,20 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.kinds import BOOL, NOTHING, STR, UNENCODABLE, Kind, Type, unite
-from ss2sql.language.operations.argument_checks import check_list, check_string, misuse
 from ss2sql.language.operations.intervals import make_text_type
 from ss2sql.language.operations.lists import LENGTH
-from ss2sql.language.operations.operation import Form, Operation, Types, declare, each, element_type, exactly
+from ss2sql.language.operations.operation import (
+    Form,
+    Operation,
+    Types,
+    check_list,
+    check_string,
+    declare,
+    each,
+    element_type,
+    exactly,
+    misuse,
+)
 from ss2sql.language.value_messages import format_value
 
 MOST_WIDTH = 1000  # characters of a value that `format` writes

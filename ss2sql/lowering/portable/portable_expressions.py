@@ -1,4 +1,7 @@
-"""Expressions as SQL that means the same everywhere.
+"""Expressions as SQL that means the same everywhere, with the types of typed columns.
+
+Every entry gives the SQL of a call that cannot fail, or None where the types do not promise enough. Numbers are BIGINT
+and DOUBLE: integers beside floats only as far as floats hold them. Texts are compared by code point.
 
 They cannot fail, their kinds are known, and a bool is a BOOLEAN. None is NULL, which only comparisons and conditions
 meet: they are written so that their truth is never NULL.
@@ -12,17 +15,134 @@ from typing import Any, TypeAlias
 
 from sqlglot import exp
 
-from ss2sql.errors import Error, Span
+from ss2sql.errors import Error, Span, UnsupportedError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.kinds import Kind, Type
+from ss2sql.language.kinds import NOTHING, Kind, Type
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import can_fail, list_choices
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.operation_forms import fill_operands
-from ss2sql.lowering.portable.portable_equality import SPECIAL_OPERATIONS
-from ss2sql.lowering.portable.sql_types import build_refusal, cast_literal, get_column_type, is_nullable, write_cast
+from ss2sql.lowering.sqlite_forms import fill_operands
 
+SCALARS = {Kind.INT: "BIGINT", Kind.FLOAT: "DOUBLE", Kind.STR: "VARCHAR", Kind.BOOL: "BOOLEAN"}
+MAX_EXACT_INTEGER = 2.0**53  # integers up to here are floats too
+
+
+def get_column_type(kind: Type) -> str | None:
+    """The type of a column for values of this type, None where there is none; such a column may hold NULL for None."""
+    plain = kind.kinds & ~Kind.NONE
+    if plain in SCALARS:
+        return SCALARS[plain]
+    if plain == Kind.LIST and kind.item is not None and not kind.item.may_be(Kind.NONE):
+        inner = get_column_type(kind.item)
+        return None if inner is None or kind.item.may_be(Kind.FLOAT) else f"{inner}[]"
+    return None
+
+
+def is_nullable(kind: Type) -> bool:
+    return kind.may_be(Kind.NONE)
+
+
+def is_integer(kind: Type) -> bool:
+    return kind.kinds == Kind.INT and kind.is_bounded(2**63 - 1)
+
+
+def is_exact_as_float(kind: Type) -> bool:
+    """Whether the values are numbers that are the same as floats, whichever of both they are."""
+    return kind.kinds == Kind.FLOAT or (kind.kinds == Kind.INT and kind.is_bounded(MAX_EXACT_INTEGER))
+
+
+def write_cast(node: exp.Expr, kind: str) -> exp.Expr:
+    return exp.Cast(this=node, to=exp.DataType.build(kind, dialect="duckdb"))
+
+
+def cast_literal(node: exp.Expr, kind: str | None) -> exp.Expr:
+    """A value as a column of this type, if it has one: literals alone would have the smallest."""
+    return node if node.find(exp.Column) or kind in (None, "BOOLEAN") else write_cast(node, kind)
+
+
+CURE = "leave engine and dialect to ss2sql, or ask for engine='native'"
+
+
+def build_refusal(reason: str, span: Span, cure: str = CURE) -> UnsupportedError:
+    """What is raised where SQL of other databases could mean something else."""
+    return UnsupportedError("U001", reason, span, (cure,))
+
+
+# --- equality and membership, which have no forms, each under the types for which its meaning is the same
+WriteFunction: TypeAlias = "Callable[[PortableExpressions, plan.Call, PortableScope], Node | None]"
+
+
+def _are_comparable(left: Type, right: Type) -> bool:
+    """Whether both have one type in SQL, or are numbers that compare exactly."""
+    one, other = (Type(kind.kinds & ~Kind.NONE, kind.low, kind.high, kind.item) for kind in (left, right))
+    return get_column_type(one) == get_column_type(other) is not None or (
+        is_exact_as_float(one) and is_exact_as_float(other)
+    )
+
+
+def _write_equality(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
+    equal = call.function.name == "eq"
+    nodes = [of.lower_value(argument, scope) for argument in call.arguments]
+    for known, other in (nodes, reversed(nodes)):
+        if isinstance(known, exp.Null):
+            test: Node = exp.Is(this=sql_builder.wrap_operand(other), expression=exp.Null())
+            return test if equal else exp.Not(this=test)
+    left, right = (argument.type for argument in call.arguments)
+    if not _are_comparable(left, right):
+        return None
+    if is_nullable(left) or is_nullable(right):
+        return sql_builder.binary(exp.NullSafeEQ if equal else exp.NullSafeNEQ, *nodes)
+    return sql_builder.binary(exp.EQ if equal else exp.NEQ, *nodes)
+
+
+def _write_membership(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
+    item, container = call.arguments
+    test: Node
+    if item.type.kinds == Kind.STR == container.type.kinds:
+        text, part = of.lower_value(container, scope), of.lower_value(item, scope)
+        test = exp.Contains(this=text, expression=part)
+    else:
+        inner = container.type.item or NOTHING
+        if not _are_comparable(item.type, inner) or is_nullable(item.type):
+            return None
+        if get_column_type(item.type) != get_column_type(inner) and not isinstance(container, plan.Constant):
+            return None
+        if isinstance(container, plan.Subquery):
+            if is_nullable(inner):
+                return None
+            rows = exp.Subquery(this=of.write_rows(container.query))
+            test = exp.In(this=sql_builder.wrap_operand(of.lower_value(item, scope)), query=rows)
+        elif isinstance(values := of.lower_value(container, scope), exp.Array):
+            test = exp.In(this=sql_builder.wrap_operand(of.lower_value(item, scope)), expressions=values.expressions)
+        else:
+            test = exp.ArrayContains(this=values, expression=of.lower_value(item, scope))
+    return test if call.function.name == "in" else exp.Not(this=sql_builder.wrap_operand(test))
+
+
+def _write_like(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
+    """LIKE; what a backslash means in its pattern is not the same everywhere."""
+    pattern = call.arguments[1]
+    if not isinstance(pattern, plan.Constant) or "\\" in pattern.value:
+        return None
+    text, known = (of.lower_value(argument, scope) for argument in call.arguments)
+    test = exp.Like(this=sql_builder.wrap_operand(text), expression=known)
+    return test if call.function.name == "like" else exp.Not(this=sql_builder.wrap_operand(test))
+
+
+SPECIAL_OPERATIONS: dict[str, WriteFunction] = {
+    "eq": _write_equality,
+    "ne": _write_equality,
+    "in": _write_membership,
+    "not_in": _write_membership,
+    "like": _write_like,
+    "not_like": _write_like,
+}
+
+assert SPECIAL_OPERATIONS.keys() == {name for name, row in OPERATIONS.items() if "portable" in row.by_hand}
+
+
+# --- expressions as SQL that means the same everywhere
 Node: TypeAlias = exp.Expr
 ColumnReader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
 

@@ -21,23 +21,28 @@ from ss2sql.language.operations.operation import remove_none
 from ss2sql.language.plan_traversal import can_fail
 from ss2sql.language.rows import make_unique_name
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.portable.portable_expressions import Node, PortableExpressions, PortableScope
-from ss2sql.lowering.portable.portable_flat import FlatWriter, GroupedExpressions, write_inner_limit
-from ss2sql.lowering.portable.portable_from import (
-    NUMBER_COLUMN,
-    OpenSource,
-    PortableSource,
-    get_element_columns,
-    get_literal_elements,
-    write_values,
-)
-from ss2sql.lowering.portable.portable_names import ColumnNames, is_plain_name
-from ss2sql.lowering.portable.sql_types import (
+from ss2sql.lowering.portable.portable_expressions import (
+    Node,
+    PortableExpressions,
+    PortableScope,
     build_refusal,
     get_column_type,
     is_exact_as_float,
     is_nullable,
     write_cast,
+)
+from ss2sql.lowering.portable.portable_flat import (
+    NUMBER_COLUMN,
+    ColumnNames,
+    FlatWriter,
+    GroupedExpressions,
+    OpenSource,
+    PortableSource,
+    get_element_columns,
+    get_literal_elements,
+    is_plain_name,
+    write_inner_limit,
+    write_values,
 )
 
 # Begins the names of all that the database is given: nothing that a view of the user's reads is called so.

@@ -21,9 +21,15 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import INT, Kind
 from ss2sql.language.plan_traversal import find_direct_assignments, walk
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.portable.portable_expressions import PortableExpressions, PortableScope
-from ss2sql.lowering.portable.portable_names import ColumnNames
-from ss2sql.lowering.portable.sql_types import build_refusal, cast_literal, get_column_type, is_nullable
+from ss2sql.lowering.portable.portable_expressions import (
+    PortableExpressions,
+    PortableScope,
+    build_refusal,
+    cast_literal,
+    get_column_type,
+    is_nullable,
+)
+from ss2sql.lowering.portable.portable_flat import ColumnNames
 
 MAX_ELEMENTS = 1 << 24  # of a state; a place is a step and an element, in 64 bits
 Node = exp.Expr

@@ -1,8 +1,7 @@
 """Rewrites of the plan, each with a name by which `connect(disable=[...])` switches it off.
 
 A rewrite takes a query and gives one with the same result and the same effects. `optimise` applies them in the order of
-the registry, for both engines; rewrite_context is what they may know of the session, plan_nodes makes nodes. Some are
-about SQL alone, and lowering applies them.
+the registry, for both engines; rewrite_context is what they share. Some are about SQL alone, and lowering applies them.
 """
 
 from __future__ import annotations
@@ -11,17 +10,12 @@ from collections.abc import Callable, Collection
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.lowering.rewrites import (
-    constant_folding,
-    distance_ranges,
-    in_to_exists,
-    inline_functions,
-    keys_to_columns,
-    lists_to_rows,
-    normalize_conditions,
-    unnest_subqueries,
-)
+from ss2sql.lowering.rewrites.constant_folding import fold_constants
+from ss2sql.lowering.rewrites.distance_ranges import limit_distances
+from ss2sql.lowering.rewrites.inline_functions import inline_functions, read_keys_as_columns, read_lists_as_rows
+from ss2sql.lowering.rewrites.normalize_conditions import normalize_conditions
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
+from ss2sql.lowering.rewrites.unnest_subqueries import search_for_members, unnest_subqueries
 
 
 def keep_plan(query: plan.Query, world: RewriteContext) -> plan.Query:
@@ -42,42 +36,42 @@ REWRITES: dict[str, Rewrite] = {
     "inline": Rewrite(
         "puts the expression that a function returns in the place of its call",
         "calls of Python functions became the expressions that they compute",
-        inline_functions.rewrite,
+        inline_functions,
     ),
     "columns": Rewrite(
         'reads this["a"] of rows that have it as the column a',
         "keys of rows are read as columns",
-        keys_to_columns.rewrite,
+        read_keys_as_columns,
     ),
     "fold": Rewrite(
         "computes what is made of constants before the query runs",
         "what is made of constants alone was computed beforehand",
-        constant_folding.rewrite,
+        fold_constants,
     ),
     "unnest": Rewrite(
         "makes conditions of a nested query over a known list, and reads constant texts for eval",
         "a nested query over a list that is known became plain conditions",
-        unnest_subqueries.rewrite,
+        unnest_subqueries,
     ),
     "exists": Rewrite(
         "asks of x IN (SELECT ...) whether a row equals x, where the query reads the row around it",
         "membership in what a query finds for a row is looked up",
-        in_to_exists.rewrite,
+        search_for_members,
     ),
     "split": Rewrite(
         "flattens AND and OR, moves NOT inwards, drops repeated parts, makes IN of several ==",
         "conditions were taken apart, so that each is evaluated as early as possible",
-        normalize_conditions.rewrite,
+        normalize_conditions,
     ),
     "rows": Rewrite(
         "reads a query in FROM that gives a list of one column as rows",
         "rows of a query in FROM are joined, not collected in a list",
-        lists_to_rows.rewrite,
+        read_lists_as_rows,
     ),
     "near": Rewrite(
         "queries a world only for the box around a point where distance(this, point) <= 1",
         "a distance became ranges of coordinates, which the world is queried for",
-        distance_ranges.rewrite,
+        limit_distances,
     ),
     "early": Rewrite(
         "evaluates conditions that can fail as soon as their sources are bound",

@@ -6,6 +6,9 @@ A call of a built-in function is computed if that does not fail; one that fails 
 runs. Functions of the user are not run. In AND, OR and IF a constant decides or goes away; what stood to its
 left and may fail stays, what would not have been evaluated goes. Aggregates are: they are fed before anything is
 evaluated of their group, so those that may fail hold the constant.
+
+Only a text of one expression that cannot fail and has no effect is read early; every other one is read when
+it runs, and what is wrong in it is said then, with its place and that of the `eval`.
 """
 
 from __future__ import annotations
@@ -13,16 +16,23 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from ss2sql.errors import Error
+from ss2sql.errors import Error, Span
 from ss2sql.language import plan
 from ss2sql.language.kinds import is_covering
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import is_volatile
-from ss2sql.lowering.rewrites.plan_nodes import is_true, make_bool, make_constant, rewrite_bottom_up
-from ss2sql.lowering.rewrites.rewrite_context import MAX_ELEMENTS, RewriteContext, is_plain_value
+from ss2sql.language.plan_traversal import can_fail, is_volatile, rebuild_node, walk
+from ss2sql.lowering.rewrites.rewrite_context import (
+    MAX_ELEMENTS,
+    RewriteContext,
+    is_plain_value,
+    is_true,
+    make_bool,
+    make_constant,
+    rewrite_bottom_up,
+)
 
 
-def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
+def fold_constants(query: plan.Query, world: RewriteContext) -> plan.Query:
     return rewrite_bottom_up(query, fold_node)
 
 
@@ -129,3 +139,33 @@ def _drop_true_conditions(query: plan.Query) -> plan.Query:
     if query.search is not None and isinstance(stop, plan.Constant) and not is_true(stop):
         query = replace(query, search=replace(query.search, stop=None))
     return query
+
+
+# --- texts given to `eval` that are known when the query is compiled: they become part of the plan
+_OF_GROUPS = (plan.Aggregate, plan.GroupKey)
+
+
+def resolve_constant_string(node: plan.Eval, world: RewriteContext) -> plan.Expr | None:
+    """What a constant text stands for; None where that has to wait."""
+    if not isinstance(node.text, plan.Constant) or not isinstance(node.text.value, str):
+        return None
+    if node.scope is None or any(level.grouped for level in node.scope.list_outwards()):
+        return None
+    expr = world.read(node.text.value, node.scope)
+    if expr is None or can_fail(expr):
+        return None
+    parts = list(walk(expr))
+    if any(isinstance(part, (plan.Temporal, *_OF_GROUPS)) for part in parts):
+        return None
+    types = {part.name: part.type for part in parts if isinstance(part, plan.Variable)}
+    if types and not world.fixed:
+        return None
+    world.types.update(types)
+    here: plan.Expr = move_to_span(expr, node.span)
+    return here
+
+
+def move_to_span(node: Any, span: Span) -> Any:
+    """The node with everything in it at one place of the script, where its text stands."""
+    node = rebuild_node(node, lambda part: move_to_span(part, span))
+    return replace(node, span=span, place=span) if isinstance(node, plan.Call) else replace(node, span=span)

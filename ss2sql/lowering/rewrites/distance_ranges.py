@@ -20,8 +20,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import can_fail, list_sources, split_and, walk
-from ss2sql.lowering.rewrites.plan_nodes import make_call, make_constant, rewrite_bottom_up
-from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
+from ss2sql.lowering.rewrites.rewrite_context import RewriteContext, make_call, make_constant, rewrite_bottom_up
 
 # So much wider is the box: more than what floats lose between the distance and the ends of the box. It can be a factor,
 # for where a float ends a range, rounding the end never leaves the float outside.
@@ -42,7 +41,7 @@ class Point:
     is_element: bool = False
 
 
-def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
+def limit_distances(query: plan.Query, world: RewriteContext) -> plan.Query:
     sources: Sources = {node.id: node for node in walk(query) if isinstance(node, plan.SOURCES)}
     placed = any(isinstance(source, plan.WorldSource) and source.table.schema.places for source in sources.values())
     if not placed or not _NEEDED_OPERATORS.isdisjoint(world.replaced):

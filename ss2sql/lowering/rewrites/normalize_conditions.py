@@ -21,8 +21,10 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.plan_traversal import is_volatile, split_and
 from ss2sql.language.values import SCALARS
-from ss2sql.lowering.rewrites.plan_nodes import (
+from ss2sql.lowering.rewrites.rewrite_context import (
     COMPARISONS,
+    RewriteContext,
+    is_plain_value,
     make_bool,
     make_call,
     make_conjunction,
@@ -31,12 +33,11 @@ from ss2sql.lowering.rewrites.plan_nodes import (
     negate_expression,
     rewrite_bottom_up,
 )
-from ss2sql.lowering.rewrites.rewrite_context import RewriteContext, is_plain_value
 
 MIN_MEMBERS = 3  # comparisons that are worth an IN
 
 
-def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
+def normalize_conditions(query: plan.Query, world: RewriteContext) -> plan.Query:
     return query if not COMPARISONS.isdisjoint(world.replaced) else rewrite_bottom_up(query, _rewrite_node)
 
 

@@ -1,4 +1,4 @@
-"""`unnest`: a nested query over a known list, which only tests its elements, becomes conditions.
+"""`unnest` and `exists`: nested queries that only test elements become conditions.
 
     [] == (SELECT this FROM [[a.this, b.this], [b.this, c.this]] WHERE this[0] == this[1] AS list)
 
@@ -7,6 +7,13 @@ are bound: the four-colour map over eight countries takes 8.7 s nested and 0.01 
 literal, a constant, or a variable's value; in the last case the query relies on the value, and is made anew
 when it has changed. A text for `eval` that is constant by then is read, too. The conditions must not fail,
 because the nested query evaluates all of them and a conjunction stops early.
+
+    x IN (SELECT e.x FROM e = es WHERE e.k == n.k AS list)
+
+    EXISTS (SELECT 1 FROM e = es WHERE e.k == n.k AND e.x == x)
+
+so that both equalities are looked up, and no list is made. The plan says it with a query `AS value`, cut after its
+first row, see `is_exists`. A query that is the same for all rows stays as it is, for its list is made once.
 """
 
 from __future__ import annotations
@@ -16,15 +23,30 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 from ss2sql.errors import Span
+from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.kinds import Kind, unite
+from ss2sql.language.kinds import BOOL, NONE, Kind, unite
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import can_fail, walk
-from ss2sql.lowering.rewrites.constant_eval import resolve_constant_string
-from ss2sql.lowering.rewrites.constant_folding import fold_node
-from ss2sql.lowering.rewrites.plan_nodes import (
+from ss2sql.language.plan_traversal import (
+    can_fail,
+    has_query,
+    is_column_query,
+    is_exists,
+    is_volatile,
+    list_inside,
+    list_sources,
+    list_states,
+    rebuild_node,
+    split_and,
+    walk,
+)
+from ss2sql.lowering.rewrites.constant_folding import fold_node, resolve_constant_string
+from ss2sql.lowering.rewrites.rewrite_context import (
     COMPARISONS,
+    MAX_ELEMENTS,
     NEGATED_COMPARISONS,
+    RewriteContext,
+    is_plain_value,
     is_true,
     make_bool,
     make_call,
@@ -34,15 +56,117 @@ from ss2sql.lowering.rewrites.plan_nodes import (
     negate_expression,
     rewrite_bottom_up,
 )
-from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
-from ss2sql.lowering.rewrites.unroll_lists import UnrolledRow, find_searched_item, unroll_rows
 
+MAX_NODES = 20_000  # of the conditions and columns of all elements together
+LIST_FORMS = ("list", "rows", "dict")
+
+
+@dataclass(frozen=True, slots=True)
+class UnrolledRow:
+    """What one element of the list comes to: the condition that it passes, and the columns that it gives."""
+
+    passes: plan.Expr
+    columns: tuple[plan.Expr, ...]
+
+
+def unroll_rows(query: plan.Query, world: RewriteContext) -> list[UnrolledRow] | None:
+    """A row for each element of a nested query's list; None where the query cannot be taken apart unnoticed.
+
+    All elements and what is made of them must not fail: the query evaluates all, and what its rows are used
+    for may stop early. A query that mentions nothing of the queries around it is left alone, for it is evaluated once.
+    """
+    if not _is_plain_query(query) or not isinstance(query.sources[0], plan.ValueSource):
+        return None
+    source = query.sources[0]
+    if not _is_correlated(query):
+        return None
+    items = _list_items(source.value, world)
+    parts = [query.where or make_constant(True, query.span), *(output.expr for output in query.columns)]
+    if items is None or len(items) * sum(1 for part in parts for _ in walk(part)) > MAX_NODES:
+        return None
+    rows: list[UnrolledRow] = []
+    for item in items:
+        passes, *columns = (substitute_element(part, source.id, item, world) for part in parts)
+        if any(part is None or can_fail(part) for part in (item, passes, *columns)):
+            return None
+        rows.append(UnrolledRow(passes, tuple(columns)))
+    return rows
+
+
+def find_searched_item(query: plan.Query, world: RewriteContext) -> tuple[plan.Expr, plan.Constant] | None:
+    """What a query looks for in which list, if its WHERE asks for nothing but `this == x`; else None."""
+    match query.where:
+        case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=arguments):
+            pass
+        case _:
+            return None
+    if not _is_plain_query(query) or not isinstance(query.sources[0], plan.ValueSource):
+        return None
+    source = query.sources[0]
+    for one, item in (arguments, arguments[::-1]):
+        if isinstance(one, plan.Element) and one.source == source.id and source.id not in list_sources(item):
+            shown = [item, *(output.expr for output in query.columns)]
+            items = None if any(map(can_fail, shown)) or not _is_correlated(query) else _list_items(source.value, world)
+            if items and all(isinstance(known, plan.Constant) for known in items):
+                values = [known.value for known in items if isinstance(known, plan.Constant)]
+                return item, make_constant(values, source.value.span)
+    return None
+
+
+def _is_plain_query(query: plan.Query) -> bool:
+    """Whether the query gives a list of the rows that pass its WHERE, in the order of its one source."""
+    shaped = (
+        query.search or query.grouped or query.limit or query.representation.arguments or query.representation.named
+    )
+    keys = any(can_fail(key.expr) for key in query.order)
+    labelled = any(output.label is not None or output.star for output in query.columns)
+    alone = len(query.sources) == 1
+    return alone and not (shaped or keys or labelled) and query.representation.name in LIST_FORMS
+
+
+def _is_correlated(query: plan.Query) -> bool:
+    """Whether the query reads anything of the queries around it."""
+    return bool(list_sources(query) - {query.sources[0].id} or list_states(query))
+
+
+def _list_items(value: plan.Expr, world: RewriteContext) -> list[plan.Expr] | None:
+    match value:
+        case plan.MakeList(items=items):
+            known: list[plan.Expr] | None = list(items)
+        case plan.Constant(value=list(values)) if is_plain_value(values):
+            known = [make_constant(element, value.span) for element in values]
+        case plan.Variable(name=name):
+            listed = world.get_list(name)
+            known = None if listed is None else [make_constant(element, value.span) for element in listed]
+        case _:
+            return None
+    return known if known is not None and len(known) <= MAX_ELEMENTS else None
+
+
+def substitute_element(expr: Any, source: int, item: plan.Expr, world: RewriteContext) -> Any:
+    """The expression with `item` in place of the element, and what that makes known; None where it reads columns."""
+    if any(isinstance(node, (plan.Column, plan.Subquery)) and source in list_sources(node) for node in walk(expr)):
+        return None
+
+    def put_element(node: Any) -> Any:
+        if isinstance(node, plan.Element) and node.source == source:
+            return item
+        node = fold_node(rebuild_node(node, put_element))
+        if isinstance(node, plan.Eval):
+            meaning = resolve_constant_string(node, world)
+            return node if meaning is None else put_element(meaning)
+        return node
+
+    return put_element(expr)
+
+
+# --- `unnest`: a nested query over a known list, which only tests its elements, becomes conditions
 MIRRORED_COMPARISONS = {name: row.mirrored for name, row in OPERATIONS.items() if row.mirrored}
 MAX_COUNTED = 50  # elements that are counted one by one
 Test: TypeAlias = Callable[[plan.Expr], plan.Expr]
 
 
-def rewrite(query: plan.Query, world: RewriteContext) -> plan.Query:
+def unnest_subqueries(query: plan.Query, world: RewriteContext) -> plan.Query:
     nested = any(isinstance(node, (plan.Subquery, plan.Eval)) for node in walk(query))
     if not nested or not COMPARISONS.isdisjoint(world.replaced):
         return query
@@ -263,3 +387,38 @@ def _make_no_row_test(rows: list[UnrolledRow], span: Span) -> plan.Expr:
 
 def _make_bool(expr: Any) -> plan.Expr:
     return make_bool(expr) if not isinstance(expr, plan.Constant) else make_constant(is_true(expr), expr.span)
+
+
+# --- `exists`: membership in what a query finds for the row around it is the question whether it finds that value
+def search_for_members(query: plan.Query, world: RewriteContext) -> plan.Query:
+    """The query with such memberships as questions for rows."""
+    if not {"in", "not_in", "eq", "ne"}.isdisjoint(world.replaced):
+        return query
+    return rewrite_bottom_up(query, _rewrite_node)
+
+
+def _rewrite_node(node: Any) -> Any:
+    match node:
+        case plan.Call(
+            function=plan.Function(name="in" | "not_in" as name, builtin=True),
+            arguments=(item, plan.Subquery(query=inner)),
+        ) if is_column_query(inner) and _reads_outer_rows(inner) and not has_query(item) and not is_volatile(node):
+            column = inner.columns[0].expr
+            equal = make_call("eq", column, item, span=node.span)
+            found = replace(
+                inner,
+                columns=(plan.Output("found", make_constant(True, node.span)),),
+                where=make_conjunction([*split_and(inner.where), equal], node.span),
+                order=(),
+                limit=make_constant(1, node.span),
+                representation=plan.Representation("value"),
+            )
+            assert is_exists(found)
+            question = plan.Subquery(found, unite((BOOL, NONE)), span=node.span)
+            return make_call("ne" if name == "in" else "eq", question, make_constant(None, node.span), span=node.span)
+        case _:
+            return node
+
+
+def _reads_outer_rows(query: plan.Query) -> bool:
+    return bool(list_sources(query) - list_inside(query) or list_states(query))

@@ -1,4 +1,11 @@
-"""Collects the facts about a script: engines, rewrites, functions, SQLite's plan, the run."""
+"""Collects the facts about a script: engines, rewrites, functions, whether a search ends, the run and its levels.
+
+A search counts all its steps together, because counting by level would cost time in its innermost loop. So a second,
+native run of the same search counts them, where calling functions again has no effect.
+
+It does where it has MAXIMUM or MEMORIZE n, where STOP WITH or the condition of CONNECT BY counts its steps, or where
+rows or keys do not repeat and there are only so many. What cannot be shown may still end; `explain` advises a bound.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +15,21 @@ from typing import TYPE_CHECKING
 
 import apsw
 
-from ss2sql.frontend.inlining.inliner import InlinedCall
-from ss2sql.frontend.inlining.substitution import FunctionBody
+from ss2sql.frontend.inlining.substitution import FunctionBody, InlinedCall
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
-from ss2sql.language.plan_traversal import list_functions
+from ss2sql.language.plan_traversal import find_direct_assignments, list_functions, split_and, walk
 from ss2sql.language.recursion_limit import retry_with_stack
 from ss2sql.language.values import format_value
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.lowering.rewrites.inline_functions import list_call_sites
+from ss2sql.lowering.rewrites.rewrite_context import negate_expression
+from ss2sql.results.explain.engine_plans import (
+    describe_duckdb_plan,
+    describe_python_plan,
+    describe_sqlite_plan,
+    describe_table_plan,
+)
 from ss2sql.results.explain.findings import (
     FunctionFacts,
     LevelTable,
@@ -26,22 +39,159 @@ from ss2sql.results.explain.findings import (
     RunFacts,
     ScriptFacts,
     StatementFacts,
+    cut_script,
+    describe_search,
 )
-from ss2sql.results.explain.level_counts import count_levels
 from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement
-from ss2sql.results.explain.python_plan import describe_duckdb_plan, describe_python_plan, describe_table_plan
-from ss2sql.results.explain.sqlite_plan import describe_sqlite_plan
-from ss2sql.results.explain.termination import warn_of_endless_searches
-from ss2sql.results.explain.vocabulary import cut_script, describe_search
 from ss2sql.results.result_notes import find_notes
 from ss2sql.runtime.graph_cache.cache_policy import do_steps_call_user
+from ss2sql.runtime.python import NativeQuery
+from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
+from ss2sql.runtime.python.search_execution import LevelCount, LevelCounter
 from ss2sql.runtime.run.run_state import Stats
 from ss2sql.runtime.run.search_paths import SearchPaths, measure_lengths
 from ss2sql.runtime.search.regression import find_regression
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
+    from ss2sql.runtime.run.run_state import Run
 
+
+def count_levels(result: Result) -> list[LevelCount] | str:
+    """The steps of the result's search by level, or the reason why they cannot be counted."""
+    query = result.outline[-1].queries[-1].query if result.outline and result.outline[-1].queries else None
+    if result.answer is None or query is None or query.search is None:
+        return "the result is not that of a search"
+    reason = _find_obstacle(query)
+    if reason is None and result.status not in ("complete", "maximum"):
+        reason = "the search was broken off"
+    if reason is not None or result.rerun is None:
+        return reason or "the search cannot be run again"
+    found: list[LevelCount] = result.rerun(lambda run: _count_again(query, run))
+    return found
+
+
+def _find_obstacle(query: plan.Query) -> str | None:
+    if not ExpressionAnalysis((query,)).facts(query).steady:
+        return "what it calls or assigns is not to be done twice"
+    if any(isinstance(node, plan.WorldSource) for node in walk(query)):
+        return "it reads a world"
+    return None
+
+
+def _count_again(query: plan.Query, run: Run) -> list[LevelCount]:
+    run.by_level = LevelCounter(run.stats)
+    NativeQuery(query, by_level=True).compute_rows(run)
+    run.by_level.add_counts()
+    levels: list[LevelCount] = run.by_level.levels
+    return levels
+
+
+# --- whether a search can be shown to end
+CHANGING_NODES = (plan.Eval, plan.Assign, plan.AssignLate, plan.TemporalAssign)
+ADVICE = (
+    "nothing shows that this search ends: bound it with MAXIMUM, by counting its steps in STOP WITH, or by timeout="
+)
+
+
+def warn_of_endless_searches(query: plan.Query) -> Iterator[str]:
+    """A warning for each search of a query that cannot be shown to end."""
+    for node in walk(query):
+        if isinstance(node, plan.Query) and node.search is not None and not _is_bounded(node, node.search):
+            yield ADVICE
+
+
+def _is_bounded(query: plan.Query, search: plan.Search) -> bool:
+    if search.maximum is not None or search.bound is not None:
+        return True
+    if search.stop is not None and any(_is_step_bound(part, query, search) for part in _split_certain(search.stop)):
+        return True
+    made = split_and(search.made) if search.first is None else ()
+    if any(_is_step_bound(negate_expression(part), query, search) for part in made):
+        return True
+    if search.repeats == "allowed" or any(isinstance(node, CHANGING_NODES) for node in walk(query)):
+        return False
+    return all(_is_of_sources(expr, query, query.id) for expr in _list_compared(query, search))
+
+
+def _list_compared(query: plan.Query, search: plan.Search) -> list[plan.Expr]:
+    """What is compared; of the state reached what CONNECT BY assigns."""
+    if search.by != "state":
+        return list(search.key or (output.expr for output in query.columns))
+    values = find_direct_assignments(query)
+    states = [node for key in search.key for node in walk(key) if isinstance(node, plan.State)]
+    return [values.get(state.name, state) for state in states]
+
+
+def _split_certain(expr: plan.Expr) -> Sequence[plan.Expr]:
+    """The conditions of which each one alone stops a step."""
+    return [part for inner in expr.parts for part in _split_certain(inner)] if isinstance(expr, plan.Or) else [expr]
+
+
+def _is_step_bound(stop: plan.Expr, query: plan.Query, search: plan.Search) -> bool:
+    """Whether a condition holds at the latest after so many steps."""
+    match stop:
+        case plan.Constant(value=value):
+            return bool(value)
+        case plan.Call(plan.Function(name="eq" | "ge" | "gt" as name, builtin=True), (plan.State() as state, limit)):
+            return _does_rise_to(state, limit, name, query, search)
+        case plan.Call(plan.Function(name="le" | "lt" as name, builtin=True), (limit, plan.State() as state)):
+            return _does_rise_to(state, limit, "ge" if name == "le" else "gt", query, search)
+    return False
+
+
+def _does_rise_to(state: plan.State, limit: plan.Expr, name: str, query: plan.Query, search: plan.Search) -> bool:
+    """Whether a state variable grows with every step, and does not miss the limit."""
+    step = _find_increment(find_direct_assignments(query).get(state.name), state)
+    moving = (plan.State, plan.Element, plan.Column)
+    if step is None or step <= 0 or any(isinstance(node, moving) for node in walk(limit)):
+        return False
+    if name != "eq":
+        return True
+    start = dict(search.start).get(state.name)
+    if not isinstance(start, plan.Constant) or not isinstance(limit, plan.Constant):
+        return False
+    ends = (start.value, limit.value)
+    return all(type(end) is int for end in ends) and ends[1] >= ends[0] and (ends[1] - ends[0]) % step == 0
+
+
+def _find_increment(expr: plan.Expr | None, state: plan.State) -> int | None:
+    """By how much `state + 1` or `1 + state` differs from the state."""
+    match expr:
+        case plan.Call(plan.Function(name="add", builtin=True), (plan.State(name=own), plan.Constant(value=step))):
+            pass
+        case plan.Call(plan.Function(name="add", builtin=True), (plan.Constant(value=step), plan.State(name=own))):
+            pass
+        case _:
+            return None
+    return step if own == state.name and type(step) is int else None
+
+
+def _is_of_sources(expr: plan.Expr, query: plan.Query, search: int) -> bool:
+    """Whether an expression has only so many values: it is made of elements of sources that are the same throughout."""
+    still = {source.id for source in query.sources if _is_constant_source(source, search)}
+    for node in walk(expr):
+        match node:
+            case plan.State(query=own) if own == search:
+                return False
+            case plan.Element(source=source) | plan.Column(source=source):
+                if source not in still:
+                    return False
+            case plan.Call(function) if function.volatility == "volatile":
+                return False
+    return True
+
+
+def _is_constant_source(source: plan.Source, search: int) -> bool:
+    """Whether a source has the same elements for every state, or a part of what a still table has."""
+    if isinstance(source, plan.QuerySource):
+        inner = source.query
+        plain = inner.search is None and not inner.grouped
+        return plain and all(_is_of_sources(output.expr, inner, search) for output in inner.columns)
+    return not any(isinstance(node, plan.State) and node.query == search for node in walk(source))
+
+
+# --- collects the facts about a script: engines, rewrites, functions, SQLite's plan, the run
 MOST_TEXT = 70  # characters of a bound value, and of its expression
 
 

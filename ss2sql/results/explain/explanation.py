@@ -1,20 +1,157 @@
-"""The value of `explain()`: a text that is also data."""
+"""The value of `explain()`: a text for first-time readers that is also data."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from ss2sql.errors.renderer import escape_controls
 from ss2sql.results.explain.collector import collect_facts
-from ss2sql.results.explain.explanation_text import format_explanation
-from ss2sql.results.explain.findings import ScriptFacts
+from ss2sql.results.explain.findings import (
+    STAGES,
+    FunctionFacts,
+    LevelTable,
+    ParameterFacts,
+    PlanLine,
+    QueryFacts,
+    RunFacts,
+    ScriptFacts,
+    cut_script,
+)
 from ss2sql.results.explain.outline import OutlinedStatement
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
 
 
+MOST_TEXT = 70  # characters of a statement in its heading
+MOST_LEVELS, LAST_LEVELS = 20, 5  # of a search: how many are shown, and how many of them are the last ones
+INDENT = "  "
+ENGINE_NAMES = {"database": "SQLite", "native": "Python", "duckdb": "DuckDB", "spark": "Spark"}
+
+
+def format_explanation(facts: ScriptFacts) -> str:
+    lines = [f"needs a value for {', '.join(facts.missing)}"] if facts.missing else []
+    for number, statement in enumerate(facts.statements, 1):
+        lines.append(f"{number}. {cut_script(statement.text, MOST_TEXT)}")
+        if not statement.queries:
+            lines.append("   no query: runs in Python as it is written")
+        for query in statement.queries:
+            if len(statement.queries) > 1:
+                lines.append(f"   {cut_script(query.text, MOST_TEXT)}")
+            lines.extend(f"   {line}".rstrip() for line in _format_query(query))
+    if facts.run is not None:
+        lines.extend(_format_run(facts.run))
+    return escape_controls("\n".join(lines))
+
+
+def _format_query(query: QueryFacts) -> Iterator[str]:
+    yield f"engine: {query.engine}: {query.reason}"
+    yield from (f"{INDENT}to have SQLite run it: {cure}" for cure in query.cures)
+    yield from _format_terms("search", query.search)
+    yield from _format_terms("rewrites", query.rewrites)
+    for function in query.functions:
+        yield from _format_function(function)
+    yield from query.notes
+    yield from (f"warning: {warning}" for warning in query.warnings)
+    yield from _format_plan(query)
+    if query.sql is not None:
+        yield "SQL:"
+        yield from (INDENT + line for line in query.sql.splitlines())
+        yield from _format_parameters(query.parameters, "$" if query.engine == "duckdb" else ":")
+
+
+def _format_terms(heading: str, terms: Mapping[str, str]) -> Iterator[str]:
+    if terms:
+        yield f"{heading}:"
+        yield from (f"{INDENT}{name}: {words}" for name, words in terms.items())
+
+
+def _format_plan(query: QueryFacts) -> Iterator[str]:
+    if query.plan_missing is not None:
+        yield f"how SQLite does it cannot be told: {query.plan_missing}"
+    if query.plan:
+        yield f"how {ENGINE_NAMES.get(query.engine, query.engine)} does it:"
+        yield from _nest_lines(query.plan)
+    if query.afterwards:
+        yield "what Python does with its results:"
+        yield from (INDENT + words for words in query.afterwards)
+
+
+def _nest_lines(plan: Iterable[PlanLine]) -> Iterator[str]:
+    yield from (INDENT * (line.depth + 1) + line.words for line in plan)
+
+
+def _format_parameters(parameters: Sequence[ParameterFacts], sign: str) -> Iterator[str]:
+    """The values of `:name` or `$name` in the SQL, with the script's expressions where these differ."""
+    if parameters:
+        yield "values that are bound in it:"
+    for parameter in parameters:
+        name, written = parameter.name, parameter.written
+        if parameter.value is None:
+            yield f"{INDENT}{sign}{name}{f' = {written}' if written not in ('', name) else ''}, once it runs"
+        elif written in ("", name) or written.replace(" ", "") == parameter.value.replace(" ", ""):
+            yield f"{INDENT}{sign}{name} = {parameter.value}"
+        else:
+            yield f"{INDENT}{sign}{name} = {parameter.value}, which is {written}"
+
+
+def _format_function(function: FunctionFacts) -> Iterator[str]:
+    yield from function.inlined
+    for reason in function.called:
+        yield f"{function.name} is called: {reason}{_format_counts(function)}"
+    yield f"{INDENT}{function.name} is {function.volatility}: {function.volatility_reason}"
+
+
+def _format_counts(function: FunctionFacts) -> str:
+    if function.calls is None:
+        return ""
+    times = _count_words(function.calls, "call")
+    if function.blocks is not None:
+        times = f"{_count_words(function.calls, 'row')} in {_count_words(function.blocks, 'call')}"
+    return f" ({times}, {function.remembered:,} remembered)" if function.remembered else f" ({times})"
+
+
+def _count_words(number: int, word: str) -> str:
+    return f"{number:,} {word}{'' if number == 1 else 's'}"
+
+
+def _format_run(run: RunFacts) -> Iterator[str]:
+    paths = "" if run.paths is None else f"{_count_words(run.paths, 'path')} of "
+    yield f"the run: {run.status}, {paths}{_count_words(run.rows, 'row')}, {run.engine}"
+    if run.generated:
+        pruned = f", {run.pruned:,} pruned for a row that was there before" if run.pruned else ""
+        yield f"   {_count_words(run.generated, 'step')} generated, {run.expanded:,} of them expanded{pruned}"
+    yield "the time of its stages:"
+    yield from _format_seconds(run.seconds)
+    if run.levels is not None:
+        yield f"{run.levels.title}:"
+        yield from _format_table(run.levels)
+    yield from run.notes
+
+
+def _format_seconds(seconds: Mapping[str, float]) -> Iterator[str]:
+    shown = {**{stage: seconds.get(stage, 0.0) for stage in STAGES}, "all": sum(seconds.values())}
+    cells = {stage: f"{time * 1000:,.1f} ms" for stage, time in shown.items()}
+    width, wide = max(map(len, cells.values())), max(map(len, cells))
+    for stage, cell in cells.items():
+        yield f"   {stage:{wide}}  {cell:>{width}}  {STAGES.get(stage, '')}".rstrip()
+
+
+def _format_table(table: LevelTable) -> Iterator[str]:
+    """The rows of a table under its names, without the middle ones if there are many, and the sums."""
+    sums = ("all", *(sum(column) for column in list(zip(*table.rows, strict=True))[1:]))
+    rows: list[Sequence[int | str]] = [*table.rows]
+    if len(rows) > MOST_LEVELS:
+        rows[MOST_LEVELS - LAST_LEVELS : -LAST_LEVELS] = [("…",) * len(table.columns)]
+    cells = [[f"{cell:,}" if isinstance(cell, int) else cell for cell in row] for row in (table.columns, *rows, sums)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    for row in cells:
+        yield "   " + "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+
+
+# --- the value of `explain()`: a text that is also data
 class Explanation(str):
     """The text of an explanation; `as_dict` has the same as data."""
 

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.lowering.sql_query import SqlQuery
-from ss2sql.lowering.sql_string import Sql, join_sql
+from ss2sql.lowering.sql_query import Sql, SqlQuery, join_sql
 
 if TYPE_CHECKING:
     from ss2sql.frontend.user_functions import UserFunction

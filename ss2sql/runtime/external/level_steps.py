@@ -2,22 +2,171 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import time
+from collections.abc import Callable, Container, Hashable, Iterator, Sequence
 from functools import cached_property
-from marshal import loads
-from typing import Any
+from hashlib import blake2b
+from marshal import dumps, loads
+from typing import Any, TypeAlias
 
+from ss2sql.errors import UnsupportedError
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.frozen_values import FrozenRow, FrozenShapes, State
 from ss2sql.language.rows import Row
+from ss2sql.language.values import make_hashable
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn, build_element_limit_error
-from ss2sql.runtime.external.first_levels import FirstStep
-from ss2sql.runtime.external.level_statements import TRIED, LevelStatements
-from ss2sql.runtime.external.step_evaluation import StepEvaluation, pickle_values
+from ss2sql.runtime.external.level_query import TRIED, LevelStatements
 from ss2sql.runtime.external.table_statements import Value
 from ss2sql.runtime.python.native_query import NativeQuery
-from ss2sql.runtime.search.search_run import SearchRun
+from ss2sql.runtime.run.run_state import GraphLevel
+from ss2sql.runtime.search.search_run import Found, SearchRun
+from ss2sql.runtime.search.step_contract import Expand
 from ss2sql.runtime.search.step_notes import Last, list_elements
 
+DIGEST = 32  # bytes
 
+Try: TypeAlias = tuple[Any, ...]  # a row of `tries`
+
+
+@dataclass(frozen=True, slots=True)
+class StepEvaluation:
+    """The step function of a search, see runtime/search/step_contract.py, and how its values are frozen.
+
+    `keyed`: GROUP BY or ORDER BY ask for the last part of a result. `flush` brings the counts of the run up to date.
+    """
+
+    expand: Expand
+    shapes: FrozenShapes
+    flush: Callable[[], None]
+    keyed: bool
+
+    def evaluate_steps(self, step: int, state: bytes) -> Iterator[Try]:
+        """What `tries` has of each step from the state that a step led to.
+
+        Raises UnsupportedError where another database cannot keep what a step comes to.
+        """
+        tried = self.expand(self.shapes.freeze_state(loads(state)), ())
+        for nth, (row, _, goal, goes_on, after, _, _, last) in enumerate(tried):
+            if nth == MAX_ELEMENTS:
+                raise build_element_limit_error("a state")
+            key, *noted = self.encode_step(row, last, after if goes_on else None)
+            yield step * MAX_ELEMENTS + nth, key, goal, goes_on, *noted
+
+    def encode_step(
+        self, row: FrozenRow, last: Any, state: State | None
+    ) -> tuple[bytes, bytes, bytes | None, bytes | None]:
+        """The key, the row, the last part and the state after a step as bytes."""
+        shown = self.shapes.thaw_state(row)
+        following = None if state is None else pickle_values(self.shapes.thaw_state(state))
+        return _encode_row_key(shown), pickle_values(shown), pickle_values(last) if self.keyed else None, following
+
+
+def pickle_values(values: State) -> bytes:
+    """Values as bytes. Raises UnsupportedError where there are objects among them."""
+    try:
+        return dumps(values, 2)
+    except ValueError:
+        raise _build_object_error() from None
+
+
+def _encode_row_key(row: tuple[Any, ...]) -> bytes:
+    """Bytes that are the same for equal rows. Raises UnsupportedError where there are objects among their values."""
+    key = make_hashable(list(row))
+    if not isinstance(key, bytes):
+        raise _build_object_error()
+    # What is compared with all other rows should be short. Two rows with the same digest of 256 bits nobody has seen.
+    return key if len(key) <= DIGEST else blake2b(key, digest_size=DIGEST).digest()
+
+
+def _build_object_error() -> UnsupportedError:
+    hints = ("show and keep numbers, texts and lists, or leave the engine to ss2sql",)
+    return UnsupportedError("U001", "a row or state has an object, which no other database can keep", hints=hints)
+
+
+# --- the first levels of a search, in memory: where another database plans a level for longer than its steps take
+MAX_STATES = 2_000  # of a level that is done here
+MOST = 100_000  # steps that are kept here
+
+
+@dataclass(frozen=True, slots=True)
+class FirstStep:
+    """A step that was kept, as the step function gives it; `state` is the one to go on from, if there is one.
+
+    `trail` has the keys of the rows of its path, for NO CYCLE.
+    """
+
+    place: int
+    row: FrozenRow
+    last: Any
+    goal: bool
+    state: State | None
+    trail: tuple[Hashable, ...]
+
+
+class FirstLevels:
+    """Goes on step by step, as the native search does, until a level has more than STATES or `states`, takes longer
+    than `seconds`, as the one before tells, or all have more than MOST steps.
+
+    The n-th step that a level has kept has the number n; `levels` are those that are done. `frontier` has the steps to
+    go on from, with their numbers. `met` are the keys of all rows, for UNIQUE.
+    """
+
+    def __init__(self, search_run: SearchRun, states: float = math.inf, seconds: float = math.inf) -> None:
+        self.search_run, self.repeats = search_run, search_run.problem.repeats
+        self.states, self.seconds = min(states, MAX_STATES), seconds
+        self.levels: list[list[FirstStep]] = []
+        self.frontier = [(0, FirstStep(0, (), None, False, search_run.problem.starts[0], ()))]
+        self.met: set[Hashable] = set()
+
+    def find_goals(self) -> Iterator[FirstStep]:
+        """The goals in their order."""
+        search_run, seconds, kept = self.search_run, 0.0, 0
+        search_run.flush()
+        while 0 < len(self.frontier) <= self.states and seconds * len(self.frontier) <= self.seconds and kept <= MOST:
+            search_run.check()
+            begin, before = time.monotonic(), search_run.stats.generated
+            level: list[FirstStep] = []
+            for step, begun in self.frontier:
+                for found in self._expand_step(step, begun):
+                    level.append(found)
+                    if found.goal:
+                        yield found
+            seconds = (time.monotonic() - begin) / len(self.frontier)
+            kept += len(level)
+            self.levels.append(level)
+            search_run.flush()
+            search_run.stats.levels.append(
+                GraphLevel(len(level), len(level), search_run.stats.generated - before - len(level))
+            )
+            self.frontier = [(step, begun) for step, begun in enumerate(level, 1) if begun.state is not None]
+
+    def _expand_step(self, step: int, before: FirstStep) -> Iterator[FirstStep]:
+        """The steps from a state that are kept."""
+        unique, free = self.repeats == "unique", self.repeats == "no cycle"
+        closed: Container[Hashable] = self.met if unique else before.trail
+        expanded = self.search_run.problem.expand(before.state, closed)
+        for nth, (row, key, goal, goes_on, after, _, _, last) in enumerate(expanded):
+            if unique:
+                self.met.add(key)
+            trail = (*before.trail, key) if free else ()
+            yield FirstStep(step * MAX_ELEMENTS + nth, row, last, bool(goal), after if goes_on else None, trail)
+
+    def trace_path(self, step: FirstStep, depth: int) -> list[FirstStep]:
+        """The steps of the path to a step of a level."""
+        way = [step]
+        for level in reversed(self.levels[: depth - 1]):
+            way.append(level[way[-1].place // MAX_ELEMENTS - 1])
+        return way[::-1]
+
+    def make_result(self, goal: FirstStep) -> Found:
+        """The path to a goal that was just found, and the last part of its last step."""
+        return [
+            self.search_run.shapes.thaw_state(step.row) for step in self.trace_path(goal, len(self.levels) + 1)
+        ], goal.last
+
+
+# --- how the steps of a run are made, and what tables have of them: by Python as bytes, by SQL as typed columns
 def make_level_steps(search_run: SearchRun, written: LevelStatements) -> PythonSteps:
     return PythonSteps(search_run, written) if written.steps is TRIED else SqlSteps(search_run, written)
 

@@ -1,4 +1,4 @@
-"""Trying steps in a Python process of an executor of Spark.
+"""What the executors of Spark call: steps are tried in a Python process there.
 
 Each task gives the rows of `tries`, and at its end its account: a row with a place below 0 that says what it has
 counted. So what is counted belongs to the rows, however often Spark begins a task anew.
@@ -6,19 +6,46 @@ counted. So what is counted belongs to the rows, however often Spark begins a ta
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from marshal import dumps, loads
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.lowering.portable.search_steps import TypedColumn
-from ss2sql.runtime.external.arrow_columns import batch_of_rows
-from ss2sql.runtime.external.step_evaluation import Try
+from ss2sql.runtime.external.level_steps import Try
+from ss2sql.runtime.external.table_statements import batch_of_rows
 from ss2sql.runtime.external.task_pickle import UnpickledSearch
 
 if TYPE_CHECKING:
     import pyarrow as pa  # type: ignore[import-untyped]
     from pyspark import Broadcast
 
+
+Task: TypeAlias = Callable[[Iterator[Any]], Iterator[Any]]
+
+
+def make_task(function: Callable[..., Iterator[Any]], *arguments: Any) -> Task:
+    """What Spark calls with batches: a function of a module here, with more arguments.
+
+    It is sent by value, because ss2sql can be imported there only after it has told where modules are found here; on
+    other machines such folders may be missing. So the arguments are nothing of ss2sql.
+    """
+    module, name = function.__module__, function.__name__
+    paths = [os.path.abspath(path) for path in sys.path]
+
+    def run_task(batches: Iterator[Any]) -> Iterator[Any]:
+        import sys
+        from importlib import import_module
+
+        sys.path.extend(path for path in paths if path not in sys.path)
+        found: Iterator[Any] = getattr(import_module(module), name)(batches, *arguments)
+        return found
+
+    return run_task
+
+
+# --- trying steps in a Python process of an executor of Spark
 ROWS_PER_BLOCK = 5_000  # of a batch
 BYTES_PER_BLOCK = 1 << 22  # of its rows and states, at about which a batch ends
 _unpacked_tasks: dict[

@@ -1,8 +1,8 @@
-"""Going from level to level in Spark.
+"""Going from level to level in Spark: steps by Python processes of the executors, or by SQL.
 
 Each level is one query, whose rows the executors keep, and one job, which counts them. While the job runs the next
 level is planned, because a plan takes as long as the job of a level with some thousand steps. The levels of a search
-that are smaller than that this process does itself, see first_levels.py.
+that are smaller than that this process does itself, see level_steps.py.
 """
 
 from __future__ import annotations
@@ -13,19 +13,103 @@ from contextlib import contextmanager
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
+from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.rows import Row
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
-from ss2sql.runtime.external.first_levels import FirstLevels
-from ss2sql.runtime.external.level_statements import SparkLevelStatements
-from ss2sql.runtime.external.spark_steps import LevelCounts, SparkSteps
-from ss2sql.runtime.external.spark_store import SparkStore
+from ss2sql.runtime.external.level_query import SparkLevelStatements
+from ss2sql.runtime.external.level_steps import FirstLevels, SqlSteps, make_level_steps
+from ss2sql.runtime.external.spark_executor import expand_batches, make_task, read_account
+from ss2sql.runtime.external.spark_session import SparkStore, write_spark_schema
 from ss2sql.runtime.external.table_statements import join_names, list_names
+from ss2sql.runtime.external.task_pickle import add_executor_counts, pickle_search
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
 if TYPE_CHECKING:
+    from pyspark import Broadcast
     from pyspark.sql import DataFrame
 
+
+TASKS_PER_CORE = 2  # of each level for each core where Python tries the steps, because some take longer than others
+
+
+@dataclass(frozen=True, slots=True)
+class LevelCounts:
+    """What became of a level: how many steps were tried and kept, how many of these are goals, and how many go on."""
+
+    tried: int
+    kept: int
+    goals: int
+    continuing: int
+
+
+class SparkSteps:
+    """The steps of a search in a store."""
+
+    def __init__(self, search_run: SearchRun, store: SparkStore, written: SparkLevelStatements) -> None:
+        self.search_run, self.store, self.written = search_run, store, written
+        self.made = make_level_steps(search_run, written)
+        self.parcel: Broadcast[bytes] | None = None
+
+    def check_transferable(self) -> None:
+        """Raises UnsupportedError where the executors cannot have what they need."""
+        if not isinstance(self.made, SqlSteps):
+            self.packed = pickle_search(self.search_run)
+
+    def send_to_executors(self) -> None:
+        """Has the executors get what they need for all levels: the search itself, or the values of elements."""
+        if isinstance(self.made, SqlSteps):
+            elements = self.store.load_rows(self.written.elements, self.made.elements)
+            elements.coalesce(1).createOrReplaceTempView("elements")
+        else:
+            self.parcel = self.store.context.broadcast(self.packed)
+
+    def release_broadcast(self) -> None:
+        if self.parcel is not None:
+            self.parcel.destroy()
+
+    def make_level_views(self, frontier: DataFrame) -> None:
+        """Makes the views of a level that has these states to go on from."""
+        cores = self.store.context.defaultParallelism
+        if self.parcel is None:
+            frontier.repartition(cores, "step").createOrReplaceTempView("frontier")
+            return
+        frontier.createOrReplaceTempView("frontier")
+        spread = frontier.select("step", "state").repartition(cores * TASKS_PER_CORE, "step")
+        columns = [(column.name, column.type) for column in self.written.tries]
+        steps = make_task(expand_batches, self.store.name, self.parcel, columns)
+        spread.mapInArrow(steps, write_spark_schema(self.written.tries)).createOrReplaceTempView("tries")
+
+    def read_counts(self, counts: Row, frontier: DataFrame, expanded: int) -> LevelCounts:
+        """What the row of `counts` tells. Raises what has kept a task from its work, or has failed there."""
+        kept, goals, going, accounts = counts
+        stats, before = self.search_run.stats, self.search_run.stats.generated
+        if isinstance(self.made, SqlSteps):
+            self.made.count_tries(expanded)
+        told: list[dict[str, Any]] = [read_account(bytes(state)) for state in accounts]
+        for one in told:
+            if one["trouble"]:
+                hint = "what functions import has to be installed there, or sent with spark.sparkContext.addPyFile"
+                raise ExecutionError(
+                    "X009", f"an executor cannot make the search ready: {one['trouble']}", hints=(hint,)
+                )
+            add_executor_counts(stats, one)
+        refused = [one["refused"] for one in told if one["refused"] is not None]
+        if refused:
+            self._retry_locally(min(refused), frontier)
+        return LevelCounts(stats.generated - before, kept, goals, going)
+
+    def _retry_locally(self, step: int, frontier: DataFrame) -> None:
+        """Tries the steps from a state in this process, which raises what an executor met there."""
+        ((state,),) = frontier.where(f"step = {step}").select("state").collect()
+        for _ in self.made.trial.evaluate_steps(step, bytes(state)):
+            pass
+        hint = "see whether a function is declared immutable that is not"
+        raise ExecutionError("X009", "a step that failed did not fail again", hints=(hint,))
+
+
+# --- going from level to level in Spark
 TABLES = 16  # of rows, before they become one; to plan with each takes some milliseconds
 MAX_IN_ONE_PARTITION = 100_000  # steps of a level that are numbered in one partition, which takes a job less
 MAX_COLLECTED_GOALS = 10_000  # whose ways are looked up at once

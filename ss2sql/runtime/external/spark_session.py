@@ -1,20 +1,149 @@
-"""Apache Spark as an engine: its session, and whether searches can run there."""
+"""Apache Spark as an engine: its session, what one run keeps in it, and whether searches can run there."""
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
+from collections.abc import Iterable, Mapping, Sequence
 from os import environ
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
+from uuid import uuid4
 
-from ss2sql.errors import SessionError
-from ss2sql.runtime.external.spark_store import SparkStore, is_local
+from ss2sql.errors import ExecutionError, SessionError
+from ss2sql.lowering.portable.search_steps import TypedColumn
+from ss2sql.lowering.sql_builder import SPARK
+from ss2sql.runtime.external.table_statements import Value, batch_of_rows, translate_sql
 from ss2sql.runtime.search.search_run import SearchRun
 
 if TYPE_CHECKING:
-    from pyspark.sql import SparkSession
+    from pyspark import SparkContext
+    from pyspark.sql import DataFrame, SparkSession
 
 
+SETTINGS = {  # of the run's own session: planning a level is no job, and one level is one
+    "spark.sql.adaptive.enabled": "false",
+    "spark.sql.autoBroadcastJoinThreshold": "-1",
+}
+
+
+class SparkStore:
+    """What one run keeps in Spark.
+
+    Its views are in a session of the run's own, which has the settings of the user's and runs with its executors. On
+    one machine the executors keep what is computed. On others it also goes to files in the folder for checkpoints, from
+    where Spark goes on when it loses an executor.
+    """
+
+    def __init__(self, session: SparkSession) -> None:
+        self.user, self.session, self.context = session, _clone_session(session), session.sparkContext
+        for name, value in SETTINGS.items():
+            self.session.conf.set(name, value)
+        self.name = f"ss2sql-{uuid4().hex[:12]}"
+        self.is_stopping = False
+        self._kept: list[tuple[DataFrame, DataFrame]] = []  # what was kept, and how it is read
+        self.context.addJobTag(self.name)
+
+    def interrupt_statement(self) -> None:
+        self.is_stopping = True
+        self.context.cancelJobsWithTag(self.name)
+
+    def close_tables(self) -> None:
+        self.context.removeJobTag(self.name)
+        for kept in self._kept:
+            self._release_frame(*kept)
+        self._kept.clear()
+
+    # --- rows --------------------------------------------------------------------------------------------
+
+    def query_rows(self, select: str, values: Mapping[str, Value] | None = None) -> DataFrame:
+        """The rows of a query, not computed yet."""
+        if self.is_stopping:
+            raise ExecutionError("X009", "the run has ended")
+        text = translate_sql(SPARK, select)
+        arguments = {name: _convert_argument(value) for name, value in (values or {}).items() if f":{name}" in text}
+        return self.session.sql(text, arguments)
+
+    def load_rows(self, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> DataFrame:
+        """Rows of this process."""
+        import pyarrow as pa  # type: ignore[import-untyped]
+
+        return self.session.createDataFrame(pa.Table.from_batches([batch_of_rows(columns, rows)]))
+
+    def persist_frame(self, frame: DataFrame) -> DataFrame:
+        """The same rows, computed when they are first read, and kept from then on.
+
+        Queries over them know nothing of how they are computed, so they are planned as quickly as any.
+        """
+        leaf = self._cut_lineage(frame, eager=False)
+        self._kept.append((frame, leaf))
+        return leaf
+
+    def hand_over_frame(self, frame: DataFrame) -> DataFrame:
+        """The same rows, computed now, in the session of the user. They are kept as long as somebody has them."""
+        from pyspark.sql import DataFrame
+
+        leaf = self._cut_lineage(frame, eager=True)
+        if not is_local(self.context):
+            frame.unpersist()
+        context, user = cast(Any, self.context), cast(Any, self.user)
+        plan = leaf._jdf.queryExecution().logical()
+        return DataFrame(context._jvm.org.apache.spark.sql.classic.Dataset.ofRows(user._jsparkSession, plan), user)
+
+    def _cut_lineage(self, frame: DataFrame, eager: bool) -> DataFrame:
+        from pyspark import StorageLevel
+
+        if is_local(self.context):
+            return frame.localCheckpoint(eager)
+        return frame.persist(StorageLevel.MEMORY_AND_DISK).checkpoint(eager)
+
+    def _release_frame(self, frame: DataFrame, leaf: DataFrame) -> None:
+        """Lets go of what was kept, wherever that is."""
+        rows: Any = leaf._jdf.queryExecution().logical().rdd()
+        rows.unpersist(False)
+        if not is_local(self.context):
+            frame.unpersist()
+            file = rows.getCheckpointFile()
+            if file.isDefined():
+                context: Any = self.context
+                path = context._jvm.org.apache.hadoop.fs.Path(file.get())
+                path.getFileSystem(context._jsc.hadoopConfiguration()).delete(path, True)
+
+
+def is_local(context: SparkContext) -> bool:
+    """Whether the executors are threads of the driver, so that none can be lost without it."""
+    return re.match(r"local(\[|$)", context.master or "") is not None
+
+
+def write_spark_schema(columns: Iterable[TypedColumn]) -> str:
+    """Columns as Spark names them."""
+    return ", ".join(f"{column.name} {get_spark_type(column.type)}" for column in columns)
+
+
+def get_spark_type(kind: str) -> str:
+    if kind.endswith("[]"):
+        return f"ARRAY<{get_spark_type(kind.removesuffix('[]'))}>"
+    return {"BLOB": "BINARY", "VARCHAR": "STRING"}.get(kind, kind)
+
+
+def _convert_argument(value: Value) -> Any:
+    """A value for a query; Spark wants arrays to be made by a function."""
+    from pyspark.sql import functions
+
+    return functions.array(*map(_convert_argument, value)) if isinstance(value, list) else functions.lit(value)
+
+
+def _clone_session(session: SparkSession) -> SparkSession:
+    """A new session with the settings of another one, and the same executors."""
+    own = session.newSession()
+    before = own.conf.getAll
+    for name, value in session.conf.getAll.items():
+        if before.get(name) != value and own.conf.isModifiable(name):
+            own.conf.set(name, value)
+    return own
+
+
+# --- apache Spark as an engine: its session, and whether searches can run there
 class SparkEngine:
     """A session of Spark: the user's, or one of its own, which is started by the first search."""
 

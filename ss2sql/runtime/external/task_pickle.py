@@ -24,7 +24,7 @@ from ss2sql.language.plan_traversal import list_functions, walk
 from ss2sql.language.recursion_limit import MAX_LEVELS, deepen_stack
 from ss2sql.language.rows import Row, Rows
 from ss2sql.lowering.unsupported import Rule
-from ss2sql.runtime.external.step_evaluation import StepEvaluation, pickle_values
+from ss2sql.runtime.external.level_steps import StepEvaluation, pickle_values
 from ss2sql.runtime.graph_cache.function_fingerprint import is_of_user
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.representations.shape import Representations, expand_stars

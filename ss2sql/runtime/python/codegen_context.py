@@ -26,7 +26,7 @@ from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import list_parts
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis, ExpressionFacts
-from ss2sql.runtime.python.loop_cancellation import make_step_meter, make_turn_check
+from ss2sql.runtime.python.loop_helpers import make_step_meter, make_turn_check
 from ss2sql.runtime.run.error_locations import PAGE, CodePage
 from ss2sql.runtime.run.run_state import Run
 

@@ -1,8 +1,15 @@
-"""Flat queries: a generator of nested loops that yields one result after the other.
+"""Flat queries: a generator of nested loops that yields one result after the other, with its groups and inner queries.
+
+The generated function yields the groups in order of first appearance, each as the lists that its aggregates are
+computed of and then its values, after all rows have been evaluated. Aggregates of the same value share a list, and the
+number of rows is the length of any.
 
 A result is a row; after its columns stand the keys of ORDER BY. With GROUP BY it is a pair of the row and its keys:
 the arguments of aggregates, the values of GROUP BY, those of ORDER BY; a query that aggregates yields its groups, see
-group_loops.py.
+flat_query.py.
+
+Such a query is read again for each element before it, or for each state of a search. Its rows need not be collected
+first where nobody can notice that its parts are evaluated in between: nothing in it may raise or have an effect.
 """
 
 from __future__ import annotations
@@ -10,23 +17,132 @@ from __future__ import annotations
 import ast
 from collections import defaultdict
 from collections.abc import Sequence
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import INT
-from ss2sql.language.plan_traversal import is_volatile, split_and
+from ss2sql.language.plan_traversal import is_volatile, split_and, walk
+from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.call_code import find_keyed_sources
 from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.python.equality_index import find_lookups
-from ss2sql.runtime.python.group_loops import GroupCollector
-from ss2sql.runtime.python.python_expressions import write_expression
-from ss2sql.runtime.python.source_loops import SourceLoops, list_source_expressions
+from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
+from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, write_expression
+from ss2sql.runtime.python.source_loops import SourceLoops, are_elements_rows, list_source_expressions
 from ss2sql.runtime.run.array_calls import count_array_calls, join_stages
+from ss2sql.runtime.run.post_processing import is_row_count
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.query_compiler import QueryCompiler
 
 
+class GroupCollector:
+    """The groups of one query, loops in `outer`: `collect_row` adds a row inside of them, `write_results` follows.
+
+    A group is a list, or a tuple of several lists. Where GROUP BY has nothing but constants there is one group, which
+    is left out if it has no row; without GROUP BY it stays.
+    """
+
+    def __init__(
+        self, builder: QueryCompiler, query: plan.Query, aggregates: Sequence[plan.Aggregate], outer: PythonScope
+    ) -> None:
+        self.builder = builder
+        self.codegen = builder.codegen
+        self.query = query
+        self.aggregates = aggregates
+        self.outer = outer
+        self.build = builder.codegen.build_at(query.span)
+        self.single = all(isinstance(key, plan.Constant) for key in query.group)
+        self.plain = self.single or all(
+            key.type.is_only(SCALAR_KINDS) for key in query.group
+        )  # so that values are their own keys
+        self.groups = self.codegen.new_name("groups")  # the group where there is but one
+        self.first_rows = self.codegen.new_name("firsts")  # the values of groups by their keys
+        self.lists: list[ast.expr] = []  # what is collected, a list for each
+        self.of: list[int] = []  # by aggregate: its list
+        self.place = len(outer.blocks[0]) if outer.level == 0 else 0
+        outer.locals += [self.groups] if self.plain else [self.groups, self.first_rows]
+
+    def collect_row(self, inner: PythonScope) -> None:
+        build = self.build
+        for node in self.aggregates:
+            self.of.append(self._find_list(node, inner))
+        self.lists = self.lists or [build.constant(1)]
+        group = self.groups if self.single else self._write_group(inner)
+        for index, value in enumerate(self.lists):
+            append = build.part(self._read_list(group, index), "append")
+            if self.single:  # it is the same for all rows
+                name = self.codegen.new_name("append")
+                self.outer.locals.append(name)
+                self.outer.blocks[0].insert(self.place, build.assign(name, append))
+                append = build.name(name)
+            inner.emit(build.run(build.call(append, value)))
+        empty = self._make_empty_group() if self.single else build.record((), ())
+        self.outer.blocks[0].insert(self.place, build.assign(self.groups, empty))
+        if not self.plain:
+            self.outer.blocks[0].insert(self.place, build.assign(self.first_rows, build.record((), ())))
+        if inner is not self.outer:  # part of a generator, so it has to be one
+            inner.blocks[0] += [build.return_(build.constant(None)), build.run(build.yield_(build.constant(None)))]
+
+    def _find_list(self, node: plan.Aggregate, inner: PythonScope) -> int:
+        """The number of the list of what an aggregate is computed of; any will do where the rows are counted."""
+        argument, build = node.argument, self.build
+        if argument is None or (is_row_count(node) and self.codegen.analysis.facts(argument).total):
+            return 0
+        facts = self.codegen.analysis.facts(argument)
+        value = inner.name_or_constant(write_expression(self.builder, argument, inner), build, node.function)
+        known = [getattr(one, "id", None) for one in self.lists]
+        if isinstance(value, ast.Name) and facts.steady and value.id in known:
+            return known.index(value.id)
+        self.lists.append(value)
+        return len(self.lists) - 1
+
+    def _write_group(self, inner: PythonScope) -> str:
+        """The group of the current row, made where it is the first one."""
+        build, codegen = self.build, self.codegen
+        values, keys = [], []
+        for expr in self.query.group:
+            value = write_expression(self.builder, expr, inner)
+            if not self.plain:  # it is read twice, and statements come before expressions
+                value = inner.name_or_constant(value, build, "value")
+            values.append(value)
+            keys.append(value if expr.type.is_only(SCALAR_KINDS) else build.call(codegen.use(make_hashable), value))
+        key, group = codegen.new_name("key"), codegen.new_name("group")
+        inner.emit(build.assign(key, keys[0] if len(keys) == 1 else build.pack(*keys)))
+        groups = build.name(self.groups)
+        inner.emit(build.assign(group, build.call(build.part(groups, "get"), build.name(key))))
+        made = build.store(groups, build.name(key), self._make_empty_group())
+        fill = [made, build.assign(group, build.item(groups, build.name(key)))]
+        if not self.plain:
+            fill.append(build.store(build.name(self.first_rows), build.name(key), build.pack(*values)))
+        inner.emit(build.when(build.compare(build.name(group), ast.Is(), build.constant(None)), *fill))
+        return group
+
+    def _read_list(self, group: str, index: int) -> ast.expr:
+        return self.build.name(group) if len(self.lists) == 1 else self.build.item(self.build.name(group), index)
+
+    def _make_empty_group(self) -> ast.expr:
+        lists = [self.build.array() for _ in self.lists]
+        return lists[0] if len(lists) == 1 else self.build.pack(*lists)
+
+    def write_results(self) -> None:
+        build, outer = self.build, self.outer
+        group, key = ((self.groups if self.single else self.codegen.new_name("group")), self.codegen.new_name("key"))
+        first, *lists = [self._read_list(group, index) for index in (0, *self.of)]
+        if self.single:
+            values = [write_expression(self.builder, value, outer) for value in self.query.group]
+            give = build.run(build.yield_(build.pack(*lists, *values)))
+            outer.blocks[0].append(build.when(first, give) if self.query.group else give)
+            return
+        found = build.name(key) if self.plain else build.item(build.name(self.first_rows), build.name(key))
+        several = len(self.query.group) > 1 or not self.plain
+        values = [build.item(found, index) for index in range(len(self.query.group))] if several else [found]
+        items = build.call(build.part(build.name(self.groups), "items"))
+        outer.blocks[0].append(build.loop([key, group], items, [build.run(build.yield_(build.pack(*lists, *values)))]))
+
+
+# --- flat queries: a generator of nested loops that yields one result after the other
 def compile_flat_query(
     builder: QueryCompiler, query: plan.Query, body: PythonScope, aggregates: Sequence[plan.Aggregate]
 ) -> str:
@@ -140,3 +256,80 @@ def place_conditions(
         reached = max(reached, level)
         placed[level].append(part)
     return dict(placed), guarded
+
+
+# --- queries in FROM whose loops stand right inside the loops of the query around them
+def can_open_inside(query: plan.Query, analysis: ExpressionAnalysis) -> bool:
+    """Whether the loops of a query can stand in those of the query around it."""
+    if not are_elements_rows(query) or query.grouped or query.order or query.limit is not None:
+        return False
+    if len({output.name for output in query.columns}) < len(query.columns):
+        return False
+    # One loop for one: a search may leave the loop over its source, and come back to it later.
+    if len(query.sources) > 1 or not isinstance(query.sources[0], (plan.TableSource, plan.ValueSource)):
+        return False
+    expressions = [*list_source_expressions(query), *(output.expr for output in query.columns)]
+    facts = [analysis.facts(expr) for expr in (*expressions, *((query.where,) if query.where is not None else ()))]
+    return all(one.steady and one.total for one in facts)
+
+
+def has_test_before_loop(query: plan.Query, analysis: ExpressionAnalysis) -> bool:
+    """Whether a part of WHERE is tested before the loop, for it reads nothing of the element."""
+    own = {source.id for source in query.sources}
+    return any(own.isdisjoint(analysis.facts(part).sources) for part in split_and(query.where))
+
+
+def open_inner_loops(
+    builder: QueryCompiler, source: plan.QuerySource, read: tuple[str, ...], body: PythonScope
+) -> PythonScope:
+    """Opens the loops of a query in FROM; its element is a tuple of the columns that are `read`."""
+    codegen, query = builder.codegen, source.query
+    loops = SourceLoops(builder, query, body, inside=True)
+    outputs = {output.name: output.expr for output in query.columns if output.name in read}
+    where = () if query.where is None else (query.where,)
+    body.count_uses([*list_source_expressions(query), *where, *outputs.values()])
+    loops.read_constant_sources()
+    conditions, guarded = place_conditions(builder, query, loops)
+    inner = query.sources[0]
+    wanted = _find_only_column(inner, [*chain.from_iterable(conditions.values()), *outputs.values()])
+    if wanted is not None and loops.has_row_index(inner):
+        loops.wanted[inner.id] = wanted
+        codegen.single_column_queries.add(inner.id)
+    body = loops.open_loops(body, conditions, guarded)
+    if inner.id in codegen.single_column_queries and all(isinstance(expr, plan.Column) for expr in outputs.values()):
+        codegen.single_column_queries.add(source.id)
+        codegen.names[source.id], codegen.tuples[source.id] = codegen.names[inner.id], tuple(outputs)
+        return body
+    row = None if inner.id in codegen.single_column_queries else _find_row_tuple(builder, outputs)
+    if row is not None:
+        codegen.names[source.id], codegen.tuples[source.id] = row
+        return body
+    build = codegen.build_at(source.span)
+    codegen.tuples[source.id] = tuple(outputs)
+    name = codegen.names[source.id] = codegen.new_name(source.name)
+    body.emit(build.assign(name, build.pack(*(write_expression(builder, expr, body) for expr in outputs.values()))))
+    body.locals.append(name)
+    return body
+
+
+def _find_only_column(source: plan.Source, read: Sequence[plan.Expr]) -> str | None:
+    names = set[str | None]()
+    for node in chain.from_iterable(map(walk, read)):
+        if isinstance(node, (plan.Column, plan.Element)) and node.source == source.id:
+            names.add(node.name if isinstance(node, plan.Column) else None)
+    return names.pop() if len(names) == 1 else None
+
+
+def _find_row_tuple(builder: QueryCompiler, outputs: dict[str, plan.Expr]) -> tuple[str, tuple[str, ...]] | None:
+    """The name of a tuple that holds all outputs, and what its columns are called then ("": none of the outputs)."""
+    codegen, sources, names = builder.codegen, set[int](), dict[str, str]()
+    for name, output in outputs.items():
+        if not isinstance(output, plan.Column) or output.name in names:
+            return None
+        sources.add(output.source)
+        names[output.name] = name
+    source = sources.pop() if len(sources) == 1 else None
+    columns = codegen.tuples.get(source) if source is not None else None
+    if source is None or columns is None:
+        return None
+    return codegen.names[source], tuple(names.get(column, "") for column in columns)

@@ -1,4 +1,4 @@
-"""Compiles the queries of a statement, each with the queries inside of it.
+"""Compiles the queries of a statement, each with the queries and the texts given to `eval` inside of it.
 
 A query becomes a function that finds its results (flat_query.py, search_compiler.py), functions for what stands around
 them (LIMIT and its kin, groups, the arguments of AS), and a `QueryExecution` that puts them together when a run begins.
@@ -11,26 +11,120 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.frozen_values import UNSET
-from ss2sql.language.kinds import SCALAR, Kind
+from ss2sql.language.kinds import ANY, SCALAR, Kind, Type
 from ss2sql.language.plan_traversal import has_constant_source, split_and, walk
-from ss2sql.language.representation_table import make_label
+from ss2sql.language.recursion_limit import deepen_stack
+from ss2sql.language.rows import make_label
+from ss2sql.language.values import format_value
 from ss2sql.runtime.python import flat_query
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
-from ss2sql.runtime.python.eval_compiler import EvalScope, make_eval_cache
-from ss2sql.runtime.python.expression_facts import ExpressionFacts
+from ss2sql.runtime.python.expression_facts import ExpressionAnalysis, ExpressionFacts
 from ss2sql.runtime.python.python_expressions import get_group_key, write_expression
 from ss2sql.runtime.python.query_execution import get_tuples_function, get_value_function, make_execution
 from ss2sql.runtime.run.array_calls import count_array_calls
 from ss2sql.runtime.run.call_memo import make_exact_key
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, forget_older_half
-from ss2sql.runtime.run.option_values import check_count_value
+from ss2sql.runtime.run.option_checks import check_count_value
 from ss2sql.runtime.run.post_processing import QueryForm, find_aggregates
 from ss2sql.runtime.run.run_state import Run
 
+MAX_EVAL_DEPTH = 30
+
+
+@dataclass(frozen=True, slots=True)
+class EvalScope:
+    """What one `eval` sees.
+
+    `scope` belongs to the resolver. `sources` are numbers of sources with the columns of tuples, the types of elements
+    and the tables of worlds (see CodegenContext), `states` START WITH variables; texts take values in this order.
+    """
+
+    scope: Any
+    sources: tuple[tuple[int, tuple[str, ...] | None, Type | None, Any], ...]
+    states: tuple[tuple[int, str], ...]
+    dispatch: Callable[[plan.Query], Callable[[Run], Any]] | None
+
+
+class EvalCache(dict[str, Callable[..., Any]]):
+    """The compiled texts of one `eval` in one run; asking for a new one compiles it."""
+
+    def __init__(self, run: Run, name_scope: EvalScope) -> None:
+        super().__init__()
+        self.run = run
+        self.name_scope = name_scope
+
+    def __getitem__(self, text: Any) -> Callable[..., Any]:
+        if type(text) is not str:  # a list could not even be looked up
+            raise ExecutionError("X007", f"eval reads a text, not {format_value(text)}", hints=("put it into quotes",))
+        return super().__getitem__(text)
+
+    def __missing__(self, text: str) -> Callable[..., Any]:
+        statements = self.run.host.resolve_text(text, self.name_scope.scope)
+        function = self[text] = limit_eval_depth(self.run, compile_statements(statements, self.name_scope)(self.run))
+        return function
+
+
+def limit_eval_depth(run: Run, text: Callable[..., Any]) -> Callable[..., Any]:
+    """A text that counts how deep it stands inside of others; one that reads itself would never end.
+
+    So many levels fit into the stack, also where SQLite calls each of them.
+    """
+
+    def count_depth(*values: Any) -> Any:
+        if run.texts == MAX_EVAL_DEPTH:
+            hint = "let the text end: IF(condition; eval(text); value)"
+            raise ExecutionError("X016", f"eval is nested more than {MAX_EVAL_DEPTH} deep", hints=(hint,))
+        run.texts += 1
+        try:
+            with deepen_stack(run.texts):
+                return text(*values)
+        finally:
+            run.texts -= 1
+
+    return count_depth
+
+
+def compile_statements(statements: tuple[plan.Expr, ...], name_scope: EvalScope) -> Callable[[Run], Callable[..., Any]]:
+    """The function that binds a text to a run; the bound text gives the value of its last statement."""
+    from ss2sql.runtime.python.python_expressions import write_expression
+
+    analysis = ExpressionAnalysis(statements, open_world=True)
+    with deepen_stack(analysis.levels):
+        codegen = CodegenContext(statements[0].span, analysis)
+        builder = QueryCompiler(codegen, name_scope.dispatch)
+        body = PythonScope(codegen, codegen.new_name("text"), [], codegen.root)
+        for source, columns, kind, table in name_scope.sources:
+            name = codegen.names[source] = codegen.new_name("element")
+            body.parameters.append(name)
+            body.levels[source] = 0
+            if columns is not None:
+                codegen.tuples[source] = columns
+            if table is not None:
+                codegen.worlds[source] = table
+            codegen.elements[source] = kind or ANY
+        for state in name_scope.states:
+            name = codegen.states[state] = codegen.new_name(state[1])
+            body.parameters.append(name)
+            body.states.add(state)
+        for statement in statements[:-1]:
+            build = codegen.build_at(statement.span)
+            body.emit(build.run(write_expression(builder, statement, body)))
+        build = codegen.build_at(statements[-1].span)
+        body.emit(build.return_(write_expression(builder, statements[-1], body)))
+        body.define_function()
+        return codegen.compile_module(codegen.build_module(build.name(body.name)))
+
+
+def make_eval_cache(run: Run, name_scope: EvalScope) -> EvalCache:
+    return EvalCache(run, name_scope)
+
+
+# --- compiles the queries of a statement, each with the queries inside of it
 SELF_KEYED_KINDS = Kind.INT | Kind.STR | Kind.NONE  # equal values of these kinds are the same
 
 Dispatch = Callable[[plan.Query], Callable[[Run], Any]]

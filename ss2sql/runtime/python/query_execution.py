@@ -11,7 +11,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row, Rows, build_row_limit_error, make_unique_names
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.run.array_calls import BLOCK, iterate_blocks
-from ss2sql.runtime.run.option_values import find_least
+from ss2sql.runtime.run.option_checks import find_least
 from ss2sql.runtime.run.post_processing import PostProcessing, QueryForm
 from ss2sql.runtime.run.run_state import Run
 

@@ -32,7 +32,7 @@ from ss2sql.runtime.python.equality_index import (
     look_up_elements,
 )
 from ss2sql.runtime.python.expression_facts import ExpressionFacts
-from ss2sql.runtime.python.loop_items import (
+from ss2sql.runtime.python.loop_helpers import (
     attach_computed,
     iterate_with_checks,
     iterate_with_progress,
@@ -53,11 +53,11 @@ if TYPE_CHECKING:
 class SourceLoops:
     """The loops of one query, opened in `body`; what is read once is read in `owner`, around it or the same.
 
-    They stand `inside` of the loops of another query, see subquery_loops.py, or are loops of their own.
+    They stand `inside` of the loops of another query, see flat_query.py, or are loops of their own.
     """
 
     def __init__(self, builder: QueryCompiler, query: plan.Query, owner: PythonScope, inside: bool = False) -> None:
-        from ss2sql.runtime.python.subquery_loops import can_open_inside, has_test_before_loop
+        from ss2sql.runtime.python.flat_query import can_open_inside, has_test_before_loop
 
         self.builder = builder
         self.query = query
@@ -230,7 +230,7 @@ class SourceLoops:
         return body
 
     def _open_loop(self, body: PythonScope, source: plan.Source) -> PythonScope:
-        from ss2sql.runtime.python.subquery_loops import open_inner_loops
+        from ss2sql.runtime.python.flat_query import open_inner_loops
 
         codegen = self.builder.codegen
         if source.id in self.opened:

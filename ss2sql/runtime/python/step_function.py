@@ -46,12 +46,12 @@ from ss2sql.language import frozen_values, plan
 from ss2sql.language.ordering import sort_rows
 from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row
+from ss2sql.runtime.python.ast_builder import list_names_read, write_template
 from ss2sql.runtime.python.call_code import find_keyed_sources, is_memoized_call
-from ss2sql.runtime.python.code_templates import list_names_read, write_template
 from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.python.equality_index import Lookup, find_lookups
 from ss2sql.runtime.python.flat_query import place_conditions
-from ss2sql.runtime.python.loop_cancellation import (
+from ss2sql.runtime.python.loop_helpers import (
     TURNS_PER_CHECK,
     Parts,
     make_count_report,
@@ -63,7 +63,7 @@ from ss2sql.runtime.python.source_loops import SourceLoops, list_source_expressi
 from ss2sql.runtime.python.step_clauses import StepClauses, StepForm
 from ss2sql.runtime.python.step_inlining import has_source_code, inline_step_function
 from ss2sql.runtime.run.array_calls import count_array_calls
-from ss2sql.runtime.run.backpointers import (
+from ss2sql.runtime.run.search_paths import (
     START,
     Parents,
     PathKeys,

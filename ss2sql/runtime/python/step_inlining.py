@@ -22,8 +22,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from ss2sql.runtime.python.ast_builder import AstBuilder
-from ss2sql.runtime.python.code_templates import (
+from ss2sql.runtime.python.ast_builder import (
+    AstBuilder,
     copy_tree,
     list_names_read,
     list_names_set,

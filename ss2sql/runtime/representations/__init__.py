@@ -10,8 +10,15 @@ from collections.abc import Callable
 from typing import Any
 
 from ss2sql.runtime.representations.as_plane import as_plane
-from ss2sql.runtime.representations.as_prolog import as_prolog
-from ss2sql.runtime.representations.rows_as_values import as_dict, as_list, as_rows, as_set, as_value, as_void
+from ss2sql.runtime.representations.rows_as_values import (
+    as_dict,
+    as_list,
+    as_prolog,
+    as_rows,
+    as_set,
+    as_value,
+    as_void,
+)
 
 ALL: dict[str, Callable[..., Any]] = {
     "dict": as_dict,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.language.area_arguments import check_cells, check_number, check_numbers, refuse_argument
 from ss2sql.language.cancellation import Check
-from ss2sql.language.representation_table import Table, request_hidden_columns
+from ss2sql.language.rows import Table, request_hidden_columns
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
 

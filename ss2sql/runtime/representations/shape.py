@@ -11,8 +11,7 @@ from typing import Any
 from ss2sql.errors import Error, RepresentationError, note_place
 from ss2sql.language import plan
 from ss2sql.language.cancellation import ITEMS_PER_CHECK, Check, iterate_with_check
-from ss2sql.language.representation_table import HIDDEN_COLUMNS_ATTRIBUTE, Table
-from ss2sql.language.rows import Row, Rows, iterate_checked_paths
+from ss2sql.language.rows import HIDDEN_COLUMNS_ATTRIBUTE, Row, Rows, Table, iterate_checked_paths
 from ss2sql.language.value_messages import format_value
 from ss2sql.language.values import Opaque, convert_value, copy_for_python, copy_rows_for_python
 from ss2sql.runtime import representations

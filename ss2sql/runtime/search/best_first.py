@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from heapq import heappop, heappush
 from typing import Any
 
-from ss2sql.runtime.run.backpointers import (
+from ss2sql.runtime.run.search_paths import (
     START,
     Parents,
     PathKeys,

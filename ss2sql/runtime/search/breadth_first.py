@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Iterator
 from typing import Any
 
-from ss2sql.runtime.run.backpointers import (
+from ss2sql.runtime.run.search_paths import (
     START,
     Parents,
     PathKeys,

@@ -17,10 +17,9 @@ from ss2sql.errors import ExecutionError
 from ss2sql.language import plan
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.bidirectional import BackwardSearch, balance_backward_search, start_backward_search
-from ss2sql.runtime.search.graph import RowGraph
 from ss2sql.runtime.search.paths_by_length import enumerate_by_length
 from ss2sql.runtime.search.paths_by_weight import enumerate_by_weight
-from ss2sql.runtime.search.search_run import ChooseElements, Found, Node, Nodes, SearchRun
+from ss2sql.runtime.search.search_run import ChooseElements, Found, Node, Nodes, RowGraph, SearchRun
 from ss2sql.runtime.search.step_contract import Problem
 from ss2sql.runtime.search.step_notes import Notes
 

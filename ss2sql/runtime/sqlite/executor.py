@@ -25,13 +25,11 @@ from ss2sql.language.operations import PREDICATES
 from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row, Rows, check_room, iterate_within_limit
 from ss2sql.language.values import get_truth
-from ss2sql.lowering.blob_encoding import BlobValue
 from ss2sql.lowering.sql_names import get_builtin_name
-from ss2sql.lowering.sql_query import Bookkeeping, ListTable, Parameter, SqlQuery
-from ss2sql.lowering.sql_string import Sql
+from ss2sql.lowering.sql_query import BlobValue, Bookkeeping, ListTable, Parameter, Sql, SqlQuery
 from ss2sql.runtime.run.array_calls import make_row_function
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, CallMemo, forget_older_half
-from ss2sql.runtime.run.option_values import check_cost, check_heuristic, check_probability
+from ss2sql.runtime.run.option_checks import check_cost, check_heuristic, check_probability
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.search_paths import SearchPaths
 from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, Authorizer, find_run_error

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type
-from ss2sql.vtables.column_layouts import Place
+from ss2sql.vtables.declared_types import Place
 from ss2sql.vtables.reading import Reading
 from ss2sql.vtables.schema import Schema
 

@@ -9,7 +9,7 @@ from typing import Any
 from ss2sql.language.element_columns import read_column
 from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import GROUPS
-from ss2sql.language.representation_table import Table
+from ss2sql.language.rows import Table
 from ss2sql.language.values import convert_value
 from ss2sql.runtime.representations.rows_as_values import as_set
 from ss2sql.runtime.run.elements import list_elements
@@ -94,7 +94,7 @@ _UNENCODED_KINDS = Kind.NONE | Kind.INT | Kind.FLOAT | Kind.STR
 
 
 def _read_element_part(element: Any, name: str) -> Any:
-    """The column of an element; that of a list is one of its own elements, see lowering/scalar_replacement.py."""
+    """The column of an element; that of a list is one of its own elements, see lowering/union_branches.py."""
     if type(element) is list:
         return element[int(name.removeprefix("this_"))]
     return read_column(element, name, None)

@@ -17,10 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ss2sql.errors import ExecutionError, SessionError
-from ss2sql.vtables.body_columns import Quaternion, Vector
-from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps
-from ss2sql.vtables.mujoco.mujoco_shapes import MuJoCoShapes
-from ss2sql.vtables.mujoco.mujoco_tables import MuJoCoBodies, MuJoCoContacts, MuJoCoGeoms, MuJoCoJoints, MuJoCoSensors
+from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps, Quaternion, Vector
+from ss2sql.vtables.mujoco.mujoco_tables import (
+    MuJoCoBodies,
+    MuJoCoContacts,
+    MuJoCoGeoms,
+    MuJoCoJoints,
+    MuJoCoSensors,
+    MuJoCoShapes,
+)
 
 Array = NDArray[Any]
 FURTHEST = 1e9  # m, the greatest measured distance

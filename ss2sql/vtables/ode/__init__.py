@@ -16,11 +16,17 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 import numpy as np
 
 from ss2sql.errors import ExecutionError
-from ss2sql.vtables.body_columns import Quaternion, Vector, make_gone_error
-from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps
-from ss2sql.vtables.ode import convex_distance
-from ss2sql.vtables.ode.ode_shapes import make_convex, name_shape, read_geom_size, read_position
-from ss2sql.vtables.ode.ode_tables import OdeBodies, OdeContacts
+from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps, Quaternion, Vector, make_gone_error
+from ss2sql.vtables.ode.ode_tables import (
+    OdeBodies,
+    OdeContacts,
+    measure_distance,
+    measure_distance_to_plane,
+    name_shape,
+    read_geom_size,
+    read_position,
+    shape_geom,
+)
 
 _COPIED = ("GeomSphere", "GeomBox", "GeomCapsule", "GeomCCylinder", "GeomCylinder")
 
@@ -153,8 +159,8 @@ class OdeWorld(BodyWorld):
         if name_shape(first) == "plane":
             return inf
         if name_shape(second) == "plane":
-            return convex_distance.measure_distance_to_plane(make_convex(first), *second.getParams())
-        return convex_distance.measure_distance(make_convex(first), make_convex(second))
+            return measure_distance_to_plane(shape_geom(first), *second.getParams())
+        return measure_distance(shape_geom(first), shape_geom(second))
 
     def put_body(self, body: int, position: Vector, turn: Quaternion) -> None:
         geom = self.get_geom(body)

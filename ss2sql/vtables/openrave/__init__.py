@@ -17,22 +17,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ss2sql.errors import ExecutionError
-from ss2sql.vtables.body_columns import (  # fmt: skip
+from ss2sql.vtables.body_functions import (  # fmt: skip
     PLACES,
     POSITION,
     ROTATION,
     SHAPE,
     SPIN,
     VELOCITY,
+    BodyWorld,
+    Closest,
+    Near,
+    Overlaps,
+    Posed,
     Quaternion,
     Vector,
     clip_to_finite,
     make_body_columns,
     make_gone_error,
 )
-from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps
 from ss2sql.vtables.contract import Column, Table, Where
-from ss2sql.vtables.pose_columns import Posed
 
 _SHAPES = {"sphere": "sphere", "box": "box", "cylinder": "cylinder", "trimesh": "mesh"}
 _LINK_COLUMNS = f"{POSITION} {ROTATION} rot pose {SHAPE} {VELOCITY} {SPIN} mass volume aabb isEnabled".split()

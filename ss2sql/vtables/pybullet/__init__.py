@@ -1,9 +1,8 @@
 """PyBullet as a world: `ss.attach("space", client)`.
 
-client and pybullet_loader call the simulator. Tables: bodies, links, joints, shapes, cameras, contact_tables, with
-spatial_index and collision_shapes. Functions: bullet_functions, collision with robot_parts, bounding_boxes,
-forward_kinematics and poses. Representations: representations, selection, occupancy_grid, sensor_grid, environment with
-shape_copies. solids and scene are what simulations with names are made of.
+client calls the simulator. Tables: bodies, links, joints, contact_tables. Functions: collision with robot_parts and
+poses. Representations: representations, occupancy_grid, environment. solids and scene are what simulations with names
+are made of.
 """
 
 from __future__ import annotations
@@ -15,15 +14,13 @@ from ss2sql.errors import suggest_names
 from ss2sql.vtables.content_digest import digest_world
 from ss2sql.vtables.contract import Element, Gone
 from ss2sql.vtables.pybullet.bodies import BulletBodies
-from ss2sql.vtables.pybullet.cameras import Cameras
 from ss2sql.vtables.pybullet.client import Calls, NumberedClient, get_client_number
 from ss2sql.vtables.pybullet.collision import CollisionFunctions
-from ss2sql.vtables.pybullet.collision_shapes import CollisionShapes
 from ss2sql.vtables.pybullet.contact_tables import BulletClosest, BulletContacts, BulletNear, BulletOverlaps, Rays
-from ss2sql.vtables.pybullet.joints import BulletJoints
+from ss2sql.vtables.pybullet.joints import BulletJoints, BulletShapes, Cameras
 from ss2sql.vtables.pybullet.links import BulletLinks
 from ss2sql.vtables.pybullet.representations import Representations
-from ss2sql.vtables.pybullet.shapes import BulletShapes
+from ss2sql.vtables.pybullet.robot_parts import CollisionShapes
 from ss2sql.vtables.schema import world_error
 
 __all__ = ["PyBulletWorld"]

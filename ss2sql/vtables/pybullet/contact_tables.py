@@ -6,11 +6,9 @@ from collections.abc import Iterator
 from math import dist
 from typing import Any
 
-from ss2sql.vtables.body_columns import VECTOR
-from ss2sql.vtables.body_functions import make_parameter_error, read_numbers
+from ss2sql.vtables.body_functions import VECTOR, make_parameter_error, read_numbers
 from ss2sql.vtables.contract import Column, TableFunction
-from ss2sql.vtables.pybullet.bodies import measure_box
-from ss2sql.vtables.pybullet.spatial_index import get_spatial_index
+from ss2sql.vtables.pybullet.bodies import get_spatial_index, measure_box
 
 MOST_RAYS = 16_383  # in one call; from one more on PyBullet loses some
 

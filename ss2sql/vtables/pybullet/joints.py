@@ -1,13 +1,17 @@
-"""The joints of robots and other bodies with several links."""
+"""The joints of bodies, the shapes that links collide with, and the cameras of a scene."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from ss2sql.vtables.body_columns import VECTOR
-from ss2sql.vtables.contract import Column
-from ss2sql.vtables.pybullet.links import BodyPartTable, Key
+import numpy as np
+
+from ss2sql.vtables.body_functions import VECTOR
+from ss2sql.vtables.contract import Column, Gone, Table, Where
+from ss2sql.vtables.pybullet.bodies import KINDS, get_volume
+from ss2sql.vtables.pybullet.links import BodyPartTable, Key, list_demanded_bodies, read_link_pose
+from ss2sql.vtables.pybullet.poses import to_world
 
 TYPES = {0: "revolute", 1: "prismatic", 2: "spherical", 3: "planar", 4: "fixed"}  # PyBullet's JOINT_...
 
@@ -53,3 +57,110 @@ class BulletJoints(BodyPartTable):
     def read_state(self, key: Key) -> tuple[float, float, float]:
         angle, speed, _, motor = self.call_simulator(self.world.calls.getJointState, key)
         return angle, speed, motor
+
+
+# --- the shapes that links collide with
+ShapeKey = tuple[int, int, int]
+
+
+class BulletShapes(Table):
+    """One row for each collision shape."""
+
+    name = "shapes"
+    text = "the collision shapes of all links; what can be seen may look otherwise"
+    columns = (
+        Column("body", int, text="the id of its body", filter="="),
+        Column("link", int, text="the number of its link, -1 for the base"),
+        Column("number", int, text="its number within the link"),
+        Column("type", str, text="sphere box capsule cylinder plane mesh"),
+        Column("radius", float | None, "m", "of spheres, capsules and cylinders"),
+        Column("length", float | None, "m", "of capsules without their ends, and of cylinders"),
+        Column("size", list | None, "m", "the edges of boxes along their own axes; of meshes the scale"),
+        Column("normal", list | None, text="of planes"),
+        Column("file", str | None, text="of meshes, where they were read from one"),
+        Column("volume", float | None, "m3", "None for meshes and planes"),
+        Column("pos", list | None, "m", "where it is; None where PyBullet does not tell it: see Limits"),
+        Column("quat", list | None, text="how it is turned: a quaternion x, y, z, w; None where pos is"),
+    )
+    groups: ClassVar[Mapping[str, str]] = {
+        "read_numbers": "body link number",
+        "read_shape": "type radius length size normal file volume",
+        "read_pose": "pos quat",
+    }
+
+    def keys(self, where: Where) -> list[ShapeKey]:
+        world = self.world
+        return [
+            (body, link, n)
+            for body in list_demanded_bodies(world, where)
+            for link, n, _ in world.shapes.read_shapes(body)
+        ]
+
+    def read_numbers(self, key: ShapeKey) -> ShapeKey:
+        self._get_shape(key)
+        return key
+
+    def read_shape(self, key: ShapeKey) -> tuple[Any, ...]:
+        shape = self._get_shape(key)
+        kind, (a, b, c), file = KINDS.get(shape[2], "mesh"), shape[3], shape[4].decode(errors="replace")
+        radius = a if kind == "sphere" else b if kind in ("capsule", "cylinder") else None
+        length = a if kind in ("capsule", "cylinder") else None
+        size = [a, b, c] if kind in ("box", "mesh") else None
+        normal = [a, b, c] if kind == "plane" else None
+        return kind, radius, length, size, normal, file if file not in ("", "unknown_file") else None, get_volume(shape)
+
+    def read_pose(self, key: ShapeKey) -> Any:
+        shape = self._get_shape(key)
+        if shape[5] is None:
+            return None, None
+        return to_world(read_link_pose(self.world, key[:2]), (shape[5], shape[6]))
+
+    def _get_shape(self, key: ShapeKey) -> Any:
+        found = self.world.shapes.read_link_shapes(key[0], key[1])
+        if key[2] >= len(found):
+            raise Gone("its body has other shapes now")
+        return found[key[2]]
+
+
+# --- the cameras of a scene, and what they see
+WIDTH, HEIGHT = 160, 120  # pixels of the pictures that show which bodies are visible
+NEAR, FAR = 0.05, 1000.0  # metres
+
+
+class Cameras(Table):
+    """One row for each view of a scene; a client by itself has none."""
+
+    name, key = "cameras", "name"
+    text = "the views of a scene; a client that belongs to none has no cameras"
+    columns = (
+        Column("name", str, filter="="),
+        Column("eye", VECTOR, "m", "where it is"),
+        Column("target", VECTOR, "m", "the point that it looks at"),
+        Column("up", VECTOR, text="the direction that is up in its pictures"),
+        Column("angle", float, "deg", "how much it sees, from bottom to top"),
+        Column("sees", list, text="the ids of the bodies in its picture"),
+    )
+    groups: ClassVar[Mapping[str, str]] = {"read_view": "eye target up angle", "read_sensed": "sees"}
+
+    def keys(self, where: Where) -> list[str]:
+        return [name for name in self._get_views() if where.allows("name", name)]
+
+    def read_view(self, key: str) -> tuple[Any, ...]:
+        view = self._get_view(key)
+        return view.eye, view.target, view.up, view.angle
+
+    def read_sensed(self, key: str) -> list[int]:
+        calls, view = self.world.calls, self._get_view(key)
+        looking = calls.computeViewMatrix(view.eye, view.target, view.up)
+        seeing = calls.computeProjectionMatrixFOV(view.angle, WIDTH / HEIGHT, NEAR, FAR)
+        renderer = calls.ER_TINY_RENDERER
+        *_, seen = calls.getCameraImage(WIDTH, HEIGHT, looking, seeing, renderer=renderer)
+        return [int(body) for body in np.unique(np.asarray(seen)) if body >= 0]  # tuples where PyBullet lacks NumPy
+
+    def _get_views(self) -> dict[str, Any]:
+        return getattr(self.world.scene, "views", {})
+
+    def _get_view(self, key: str) -> Any:
+        if key not in self._get_views():
+            raise Gone
+        return self._get_views()[key]

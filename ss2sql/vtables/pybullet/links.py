@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from ss2sql.vtables.body_columns import VECTOR
+from ss2sql.vtables.body_functions import VECTOR
 from ss2sql.vtables.contract import Column, Gone, Table, Where
 from ss2sql.vtables.pybullet.poses import Box, Pose
 

@@ -1,26 +1,92 @@
-"""`AS occupancygrid(z, cell, area)`: the cells that the selected bodies occupy.
+"""`AS occupancygrid(z, cell, area)` and `AS sensorgrid(z, cell, area)`: what bodies occupy, what sensors see.
 
 A cell is occupied where a body reaches into its square at the height z, beyond touching its edge, so a wall that is
 thinner than the cells stays closed for path planning. The shape itself is tested, not its bounding box: Bullet tests
 whether a thin plate of the size of the cell meets the body. Plates of 2 x 2, 4 x 4 ... cells come first: where they
 meet nothing, their cells are free. The cells of a convex body in a row are contiguous, so only its ends are searched.
+
+A sensor sees a cell if the middle of the cell, at the height z, is within its range and its angle, and if nothing
+stands between the two: no body of the world, selected or not, except the sensor's own. A middle on a surface, such as
+the floor, is seen.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from math import ceil, cos, dist, hypot, radians
 from typing import Any
 
 import numpy as np
 
-from ss2sql.language.area_arguments import check_number
+from ss2sql.language.area_arguments import check_cells, check_number, check_numbers, refuse_argument
 from ss2sql.language.area_grid import Grid
-from ss2sql.language.representation_table import Table
+from ss2sql.language.rows import Table
+from ss2sql.language.values import format_value
+from ss2sql.vtables.contract import Element
 from ss2sql.vtables.pybullet.bodies import KINDS, measure_box
-from ss2sql.vtables.pybullet.poses import Box
+from ss2sql.vtables.pybullet.contact_tables import MOST_RAYS
+from ss2sql.vtables.pybullet.poses import Box, unite_boxes
 from ss2sql.vtables.pybullet.robot_parts import ShapeCache
-from ss2sql.vtables.pybullet.selection import list_selected_bodies, resolve_area
 
+FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not extend an area
+
+
+def list_selected_bodies(world: Any, form: str, table: Table) -> list[int]:
+    """The ids of the selected bodies, each once, in the order of the rows.
+
+    They are the elements in the columns of SELECT; where there are none, those of the first source.
+    """
+    selected = [value for row in table.rows for value in row if isinstance(value, Element)]
+    selected = selected or [value for row in table.hidden for value in row if isinstance(value, Element)]
+    if table.rows and not selected:
+        refuse_argument(form, "finds no bodies in these rows", "select them: SELECT obj FROM the world")
+    for element in selected:
+        if element.world.source is not world.source:
+            refuse_argument(
+                form, f"cannot mix worlds: {element!r} belongs to another one", "ask for the bodies of one world"
+            )
+    world.check()
+    found = dict.fromkeys(world.find_body(element.key) for element in selected)
+    return list(found)
+
+
+def find_selected_world(world: Any, table: Table) -> Any:
+    """The world that the selected elements belong to; `world` where there are none."""
+    values = (value for rows in (table.rows, table.hidden) for row in rows for value in row)
+    return next((value.world for value in values if isinstance(value, Element)), world)
+
+
+def resolve_area(world: Any, form: str, cell: Any, area: Any) -> tuple[list[float], float, int, int]:
+    """The lower corner of a grid, the edge of its cells, its columns and its rows.
+
+    Without an area it is that of the scene, else the box around all bodies of the world. It may extend one cell more.
+    """
+    edge = check_number(form, "the edge of a cell", cell, above=0)
+    if area is None:
+        low, high = (list(corner[:2]) for corner in measure_bounds(world))
+    else:
+        if not isinstance(area, list) or len(area) != 2:
+            refuse_argument(form, f"needs an area [[x, y], [x, y]], not {format_value(area)}")
+        low, high = (check_numbers(form, "an area [[x, y], [x, y]]", corner, 2) for corner in area)
+        if low[0] >= high[0] or low[1] >= high[1]:
+            refuse_argument(form, f"needs the lower corner of the area first, unlike {format_value(area)}")
+    counts = [(high[axis] - low[axis]) / edge for axis in (0, 1)]
+    check_cells(form, *counts)
+    columns, rows = (ceil(count - 1e-9) for count in counts)
+    return low, edge, columns, rows
+
+
+def measure_bounds(world: Any) -> Box:
+    """The lowest and the highest corner of a scene; for other clients those of all bodies."""
+    known: Box | None = getattr(world.scene, "bounds", None)
+    if known is not None:
+        return known
+    boxes = [measure_box(world, body) for body in world.list_ids()]
+    boxes = [box for box in boxes if dist(*box) < FAR]
+    return unite_boxes(boxes) if boxes else ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+# --- `AS occupancygrid(z, cell, area)`: the cells that the selected bodies occupy
 GAP = 1e-3  # parts of a cell by which plates are smaller than cells, so that touching a cell is not occupying it
 THIN = 1e-3  # the thickness of plates, in parts of a cell
 LARGEST = 6  # the largest plate has 2^6 cells along its edges
@@ -170,3 +236,66 @@ def _find_last_cell(meets: Meets, row: int, inside: int, near: int, limit: int, 
         else:
             free = column
     return occupied
+
+
+# --- `AS sensorgrid(z, cell, area)`, also `sensormap`: how many of the selected sensors see each cell
+NEAR = 1e-4  # metres before the end of a ray where a hit counts as the surface that was aimed at
+BEHIND = 1e-4  # metres after the surface of the sensor's own body where a ray continues: it misses shapes it starts in
+LAYERS = 16  # of its own body that a ray passes at most
+
+
+def make_sensor_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> Grid:
+    bodies = list_selected_bodies(world, "sensorgrid", table)
+    for body in bodies:
+        if body not in world.sensors:
+            refuse_argument(
+                "sensorgrid", f"was given '{world.name_of(body)}', which is no sensor", "add WHERE isSensor(this)"
+            )
+    height = check_number("sensorgrid", "the height z", z)
+    origin, edge, columns, rows = resolve_area(world, "sensorgrid", cell, area)
+    grid = Grid(np.zeros((rows, columns), dtype=np.int64), origin, edge)
+    xs, ys = grid.centres()
+    points = np.stack([*(axis.ravel() for axis in np.meshgrid(xs, ys)), np.full(rows * columns, height)], axis=1)
+    seen = np.asarray(grid).reshape(-1)
+    for body in bodies:
+        sensor = world.sensors[body]
+        selected = np.flatnonzero(_is_in_cone(sensor, points))
+        seen[selected[_find_visible(world, body, sensor, points[selected])]] += 1
+    return grid
+
+
+def _is_in_cone(sensor: Any, points: Any) -> Any:
+    away = points - np.asarray(sensor.position, dtype=float)
+    distance = np.linalg.norm(away, axis=1)
+    direction = np.asarray(sensor.direction, dtype=float) / hypot(*sensor.direction)
+    return (distance <= sensor.range) & (away @ direction >= distance * cos(radians(sensor.angle / 2)))
+
+
+def _find_visible(world: Any, body: int, sensor: Any, ends: Any) -> Any:
+    """For each point whether a ray from the sensor reaches it."""
+    found = np.zeros(len(ends), dtype=bool)
+    starts = np.broadcast_to(np.asarray(sensor.position, dtype=float), ends.shape).copy()
+    waiting = np.arange(len(ends))
+    for _ in range(LAYERS):
+        hits, fractions = _cast_rays(world, starts[waiting], ends[waiting])
+        directions = ends[waiting] - starts[waiting]
+        lengths = np.linalg.norm(directions, axis=1)
+        found[waiting] = (hits < 0) | ((1 - fractions) * lengths <= NEAR)
+        own = (hits == body) & ~found[waiting]
+        if not own.any():
+            break
+        on = (fractions[own] + BEHIND / lengths[own])[:, None]
+        starts[waiting[own]] += directions[own] * on
+        waiting = waiting[own]
+    return found
+
+
+def _cast_rays(world: Any, starts: Any, ends: Any) -> tuple[Any, Any]:
+    """The first body on each ray, -1 for none, and the part of the ray before it. A ray takes 1 us."""
+    hits = np.full(len(ends), -1)
+    fractions = np.ones(len(ends))
+    for first in range(0, len(ends), MOST_RAYS):
+        part = slice(first, first + MOST_RAYS)
+        for ray, hit in enumerate(world.calls.rayTestBatch(starts[part].tolist(), ends[part].tolist()), first):
+            hits[ray], fractions[ray] = hit[0], hit[2]
+    return hits, fractions

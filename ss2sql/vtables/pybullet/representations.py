@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ss2sql.language.area_grid import Grid
-from ss2sql.language.representation_table import Table, request_hidden_columns
-from ss2sql.vtables.pybullet.selection import find_selected_world, list_selected_bodies
+from ss2sql.language.rows import Table, request_hidden_columns
+from ss2sql.vtables.pybullet.occupancy_grid import find_selected_world, list_selected_bodies
 
 if TYPE_CHECKING:
     from ss2sql.vtables.pybullet.environment import Environment
@@ -34,7 +34,7 @@ class Representations:
     @request_hidden_columns("elements")
     def sensorgrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
         """How many of the selected sensors see each cell at the height `z`; with the arguments of occupancygrid."""
-        from ss2sql.vtables.pybullet.sensor_grid import make_sensor_grid
+        from ss2sql.vtables.pybullet.occupancy_grid import make_sensor_grid
 
         return make_sensor_grid(find_selected_world(self, table), table, z, cell, area)
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 
 from ss2sql.errors import SessionError, suggest_names
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.vtables.pybullet.pybullet_loader import import_pybullet, start_simulation
+from ss2sql.vtables.pybullet.client import import_pybullet, start_simulation
 from ss2sql.vtables.pybullet.solids import Colour, Plane, Solid, Vector, make_collision_shape, make_visual_shape
 
 TIME_STEP = 1 / 240  # seconds, Bullet's own

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.vtables.pybullet.pybullet_loader import import_pybullet
+from ss2sql.vtables.pybullet.client import import_pybullet
 
 Vector = tuple[float, float, float]
 Colour = tuple[float, float, float]

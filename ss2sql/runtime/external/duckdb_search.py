@@ -1,0 +1,225 @@
+"""Searches in the tables of DuckDB, level by level; it spills to disk what does not fit into memory.
+
+It finds the results of the breadth-first search that takes one step after the other, in its order. Only what nobody can
+notice is different: the clauses of all steps of a level are evaluated, also of those behind the last result that is
+wanted, and behind the first step to their row; so one of these may fail.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from itertools import count, groupby
+from operator import itemgetter
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
+from ss2sql.lowering.sql_builder import DUCKDB
+from ss2sql.runtime.external.level_query import DuckLevelStatements
+from ss2sql.runtime.external.level_steps import FirstLevels, PythonSteps, SqlSteps, make_level_steps
+from ss2sql.runtime.external.table_statements import Value, batch_of_rows, join_names, translate_sql
+from ss2sql.runtime.run.run_state import GraphLevel
+from ss2sql.runtime.search.search_run import Found, SearchRun
+
+if TYPE_CHECKING:
+    import duckdb
+
+
+ROWS_PER_BLOCK = 10_000  # rows that are read at once
+REPLAN_GROWTH = 4  # a plan is made anew for so many times as many steps
+_numbers = count(1)
+
+
+class DuckEngine:
+    """A connection of DuckDB: the user's, or one of its own, which spills to a folder that goes with it."""
+
+    def __init__(self, session: duckdb.DuckDBPyConnection | None) -> None:
+        self.folder: TemporaryDirectory[str] | None = None
+        if session is None:
+            import duckdb
+
+            self.folder = TemporaryDirectory(prefix="ss2sql-")
+            session = duckdb.connect(config={"temp_directory": self.folder.name})
+        self.session = session
+
+    def open_tables(self, search_run: SearchRun) -> DuckTables:
+        return DuckTables(self.session.cursor())
+
+    def close_engine(self) -> None:
+        if self.folder is not None:
+            self.session.close()
+            self.folder.cleanup()
+        del self.session  # what is held at the end of Python DuckDB reports as leaked
+
+
+class DuckTables:
+    """The tables of one run, in a database in memory of their own beside those of the connection.
+
+    `:name` in a statement stands for a value.
+    """
+
+    def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
+        self.connection = connection
+        self.name = f"ss2sql_{next(_numbers)}"
+        self.writer = _PreparedStatements(connection)
+        self.idle: list[_PreparedStatements] = []  # what asks
+        ((self.home,),) = connection.execute("SELECT current_database()").fetchall()
+        connection.execute(f"ATTACH ':memory:' AS {self.name}")
+        connection.execute(f"USE {self.name}")
+
+    def create_table(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]] = ()) -> None:
+        """Makes a table in the place of one that there was."""
+        self.connection.execute(translate_sql(DUCKDB, f"CREATE OR REPLACE TABLE {table}({join_names(*columns)})"))
+        self.load_rows(table, columns, rows)
+
+    def load_rows(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> None:
+        """Adds rows to a table."""
+        import pyarrow as pa  # type: ignore[import-untyped]
+
+        if rows:
+            self.connection.register("block", pa.Table.from_batches([batch_of_rows(columns, rows)]))
+            self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
+            self.connection.unregister("block")
+
+    def run_statement(self, text: str, **values: Value) -> None:
+        self.writer.execute_statement(text, values, None)
+
+    def add_rows(self, text: str, before: int, **values: Value) -> int:
+        """Runs a statement that adds rows, and counts them; `before` says how many there are."""
+        ((added,),) = self.writer.execute_statement(text, {"before": before, **values}, before).fetchall()
+        return int(added)
+
+    def read_rows(self, text: str, kept: bool = False, **values: Value) -> Iterator[tuple[Any, ...]]:
+        """The rows of a query, read in blocks; another statement may run meanwhile. `kept`: its plan is."""
+        reading = self.idle.pop() if self.idle else self._get_reader()
+        found = reading.execute_statement(text, values, 0 if kept else None)
+        while block := found.fetchmany(ROWS_PER_BLOCK):
+            yield from block
+        self.idle.append(reading)
+
+    def _get_reader(self) -> _PreparedStatements:
+        connection = self.connection.cursor()
+        connection.execute(f"USE {self.name}")
+        return _PreparedStatements(connection)
+
+    def interrupt_statement(self) -> None:
+        self.connection.interrupt()
+
+    def close_tables(self) -> None:
+        for reading in self.idle:
+            reading.connection.close()
+        self.connection.execute(f'USE "{self.home}"')
+        self.connection.execute(f"DETACH {self.name}")
+        self.connection.close()
+
+
+class _PreparedStatements:
+    """A connection that keeps the plans of what is run for every level: to make one takes DuckDB a millisecond."""
+
+    def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
+        self.connection = connection
+        self.plans: dict[str, tuple[str, int]] = {}  # by the text: a name, and how many steps there were
+
+    def execute_statement(self, text: str, values: dict[str, Value], steps: int | None) -> duckdb.DuckDBPyConnection:
+        """Runs a statement, which has a plan for so many `steps`, or none that is kept."""
+        text = translate_sql(DUCKDB, text)
+        # DuckDB wants no values but those that it names.
+        wanted = {name: value for name, value in values.items() if re.search(rf"\${name}\b", text)}
+        if steps is None or not all(type(value) is int for value in wanted.values()):
+            return self.connection.execute(text, wanted or None)
+        name, before = self.plans.get(text, (f"plan_{len(self.plans)}", -1))
+        if before < 0 or steps > REPLAN_GROWTH * before:
+            self.connection.execute(f"PREPARE {name} AS {text}")
+            self.plans[text] = name, steps
+        arguments = ", ".join(f"{label} := {value}" for label, value in wanted.items())
+        return self.connection.execute(f"EXECUTE {name}({arguments})")
+
+
+# --- going from level to level in DuckDB: steps from the states of a level are tried, then a statement says which sta
+TRIES = 2_000  # steps of a level that are SQL but tried in memory: DuckDB takes 5 ms for the smallest one
+BLOCK = 5_000  # steps that are added to their table at once
+
+
+class DuckSearch:
+    """One search in the tables of a run."""
+
+    def __init__(self, search_run: SearchRun, tables: DuckTables, written: DuckLevelStatements) -> None:
+        self.search_run, self.tables, self.written = search_run, tables, written
+        self.steps: PythonSteps = make_level_steps(search_run, written)
+
+    def find_results(self) -> Iterator[Found]:
+        """The paths and the last parts of their last steps."""
+        tries = TRIES // max(len(self.steps.elements), 1) if isinstance(self.steps, SqlSteps) else math.inf
+        beginning = FirstLevels(self.search_run, tries)
+        yield from map(beginning.make_result, beginning.find_goals())
+        depth, going = len(beginning.levels), len(beginning.frontier)
+        if going:
+            steps = self._load_first_levels(beginning)
+            del beginning  # the tables have it all
+            yield from self._search_levels(depth, steps, going)
+
+    def _load_first_levels(self, beginning: FirstLevels) -> int:
+        """Hands over what the first levels have come to; gives the number of the last step."""
+        steps, free = self.steps, bool(self.written.trails)
+        rows: list[Sequence[Any]] = [(0, None, None, 0, *steps.make_start_row(), *([[]] if free else ()))]
+        first = before = 0  # how many steps were kept before a level, and before the one above
+        for depth, level in enumerate(beginning.levels, 1):
+            for step, begun in enumerate(level, first + 1):
+                parent, nth = divmod(begun.place, MAX_ELEMENTS)
+                parent += before if parent else 0
+                trail = [steps.collect_trail(beginning.trace_path(begun, depth))] if free else ()
+                rows.append((step, parent, nth, depth, *steps.make_table_row(begun), *trail))
+            first, before = first + len(level), first
+        self.tables.create_table("steps", self.written.columns, rows)
+        if isinstance(steps, SqlSteps):
+            self.tables.create_table("elements", self.written.elements, steps.elements)
+        return first
+
+    def _search_levels(self, depth: int, steps: int, going: int) -> Iterator[Found]:
+        """The results behind that level and step, where so many states of the level are to be expanded."""
+        search_run, tables, written = self.search_run, self.tables, self.written
+        while going:
+            depth += 1
+            generated = search_run.stats.generated
+            if isinstance(self.steps, SqlSteps):
+                self.steps.count_tries(going)
+            else:
+                self._expand_level(depth)
+            kept = tables.add_rows(written.kept, steps, depth=depth, **self.steps.values)
+            steps += kept
+            search_run.stats.levels.append(GraphLevel(kept, kept, search_run.stats.generated - generated - kept))
+            search_run.check()
+            goals, going = self._count_goals_and_continuing(depth, kept)
+            if goals:
+                yield from self._read_goals(depth)
+
+    def _expand_level(self, depth: int) -> None:
+        """Adds the steps from all states of a level to `tries`."""
+        tables, written, after = self.tables, self.written, -1
+        tables.create_table("tries", written.tries)
+        block: list[Any] = []
+        while page := list(tables.read_rows(written.page, depth=depth, after=after)):
+            for after, state in page:
+                block += self.steps.trial.evaluate_steps(after, state)
+                if len(block) >= BLOCK:
+                    tables.load_rows("tries", written.tries, block)
+                    block.clear()
+        tables.load_rows("tries", written.tries, block)
+        self.search_run.flush()
+
+    def _count_goals_and_continuing(self, depth: int, kept: int) -> tuple[int, int]:
+        """How many of the steps that a level has kept are goals, and from how many the search goes on."""
+        goal, goes_on = self.written.steps.goal, self.written.steps.goes_on
+        if goal is not None and goes_on is not None:  # DuckDB takes 1 ms to count nothing
+            return kept * goal, kept * goes_on
+        ((goals, going),) = self.tables.read_rows(self.written.counts, kept=True, depth=depth)
+        return goals, going
+
+    def _read_goals(self, depth: int) -> Iterator[Found]:
+        self.tables.run_statement(self.written.ways, depth=depth)
+        for _, rows in groupby(self.tables.read_rows(self.written.paths), itemgetter(0)):
+            path = [row[1:] for row in rows]
+            (nth, *shown), before = path[-1], path[-2][1:] if len(path) > 1 else None
+            yield [self.steps.read_row(values) for _, *values in path], self.steps.read_last_part(nth, shown, before)
