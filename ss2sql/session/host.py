@@ -30,6 +30,7 @@ from ss2sql.runtime import representations
 from ss2sql.runtime.representations.shape import Representations, expand_stars
 from ss2sql.runtime.run.call_memo import bind_function
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT
+from ss2sql.runtime.run.garbage_collector import pause_collector
 from ss2sql.runtime.run.option_checks import Limits
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import ValueSizes
@@ -374,7 +375,8 @@ class SessionHost:
 
     def read_table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]:
         try:
-            return self.tables.read_rows(source)
+            with pause_collector():  # 0.7 of the time of an A* search over a table
+                return self.tables.read_rows(source)
         except ExecutionError as error:
             if run is None or not is_unreadable(error):
                 raise

@@ -19,6 +19,7 @@ from ss2sql.language import plan
 from ss2sql.language.element_columns import read_column
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
+from ss2sql.runtime.run.garbage_collector import pause_collector
 from ss2sql.runtime.run.run_state import Run
 
 
@@ -86,12 +87,13 @@ def index_integers(run: Run, table: plan.TableSource, value: int, position: int)
 
 def _build_index(keys: Iterable[Hashable], items: Iterable[Any]) -> dict[Hashable, list[Any]]:
     index: dict[Hashable, list[Any]] = {}
-    for key, item in zip(keys, items, strict=True):
-        known = index.get(key)
-        if known is None:
-            index[key] = [item]
-        else:
-            known.append(item)
+    with pause_collector():  # 0.55 of the time
+        for key, item in zip(keys, items, strict=True):
+            known = index.get(key)
+            if known is None:
+                index[key] = [item]
+            else:
+                known.append(item)
     return index
 
 
