@@ -40,7 +40,7 @@ from ss2sql.vtables import find_adapter, make_attachable, refuse_unknown
 from ss2sql.vtables.frames import find_reader
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.graph_cache.graph_listing import Graphs
+    from ss2sql.runtime.graph_cache.graph_store import Graphs
 
 
 BUSY_MILLISECONDS = 1000  # how long to wait for a file that somebody else is writing
@@ -341,7 +341,7 @@ class Session:
         They print as a table. `graphs().drop()` removes all of them, `graphs()[0].drop()` one.
         """
         self._check_open()
-        from ss2sql.runtime.graph_cache.graph_listing import Graphs, list_graphs
+        from ss2sql.runtime.graph_cache.graph_store import Graphs, list_graphs
 
         return Graphs(()) if self.host.graph_store is None else list_graphs(self.host.graph_store)
 

@@ -10,11 +10,10 @@ from ss2sql.errors import Error, Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.value_messages import format_value
-from ss2sql.runtime.graph_cache.cached_graph import CachedClause, CachedGraph, GraphDescription
-from ss2sql.runtime.graph_cache.cached_steps import CachedSteps, add_note
+from ss2sql.runtime.graph_cache.cached_steps import CachedGraph, CachedSteps, add_note
 from ss2sql.runtime.graph_cache.fingerprint import GraphFingerprint, do_call_functions, is_read_per_state
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
-from ss2sql.runtime.graph_cache.graph_store import GraphStore
+from ss2sql.runtime.graph_cache.graph_store import GraphDescription, GraphStore
 from ss2sql.runtime.graph_cache.value_json import encode_values_as_json
 from ss2sql.runtime.search.search_run import SearchRun
 
@@ -63,16 +62,16 @@ class CachePolicy:
             ("goal", "condition", query.where),
             ("weight", weight, search.weight),
         )
-        clauses = [
-            CachedClause(name, keys.make_clause_key(kind, clause), kind, clause.span.text)
+        clauses = {
+            name: f"{kind} {keys.make_clause_key(kind, clause)[:16]}"
             for name, kind, clause in parts
             if clause is not None and do_call_functions(clause) and not keys.is_known(clause)
-        ]
+        }
         elements = search_run.noted.plain and any(
             is_read_per_state(s, query) and do_call_functions(s) for s in query.sources
         )
-        graph = CachedGraph(self.store, key, described, clauses)
-        return CachedSteps(search_run, graph, [clause.name for clause in clauses], elements, keys.find_changed_function)
+        graph = CachedGraph(self.store, key, described, clauses, elements, keys.find_changed_function)
+        return CachedSteps(search_run, graph)
 
 
 def do_steps_call_user(query: plan.Query) -> bool:

@@ -6,18 +6,18 @@ one, is done: of each state all steps or none.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from time import perf_counter
 from typing import Any
 
 import apsw
 
 from ss2sql.errors import ExecutionError, Stopped
-from ss2sql.language.frozen_values import FREEZERS, UNSET, State
-from ss2sql.language.rows import Row
-from ss2sql.runtime.graph_cache.cached_graph import MAX_HELD, CachedEdge, CachedGraph, CachedNode
+from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.frozen_values import FREEZERS, UNSET, State, thaw_value
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
-from ss2sql.runtime.graph_cache.graph_store import build_damage_error
+from ss2sql.runtime.graph_cache.graph_store import GraphDescription, GraphStore, build_damage_error
+from ss2sql.runtime.graph_cache.value_json import CachedStep, decode_steps, encode_steps, encode_values_as_json
 from ss2sql.runtime.run.garbage_collector import pause_collector
 from ss2sql.runtime.run.run_state import Stats
 from ss2sql.runtime.search.search_run import SearchRun
@@ -27,7 +27,7 @@ from ss2sql.runtime.sqlite.authorizer import READ_ERRORS
 # Writing may take one part in so many of the time, so a search with many small levels writes several together.
 SHARE = 20
 PART = 0.5  # seconds after which a part of a level is written
-MAX_EDGES_WRITTEN = 1_500  # that are written in one transaction, which takes 15 ms
+MAX_STEPS_WRITTEN = 1_500  # that are written in one transaction, which takes 15 ms
 MOMENT = 0.01  # seconds after which a run that was stopped begins no other one
 
 _TEMPORARY_ERRORS = (
@@ -47,40 +47,54 @@ def add_note(stats: Stats, text: str) -> None:
         stats.notes.append(note)
 
 
-class CachedSteps(Notes):
-    """The steps of one search. A context: what is new is written in its end, too, whatever ends it.
+@dataclass(slots=True)
+class CachedState:
+    """A state and its text. `steps` are None until they are known; `loaded`: another search has found them out."""
 
-    `clauses` are those whose values are remembered, by their names in notes. With `elements` those are kept. `changed`
-    names a function that is not what it was when the search began.
+    values: State
+    text: str
+    steps: list[CachedStep] | None = None
+    loaded: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class CachedGraph:
+    """A graph in the tables of a file; `clauses` are the keys of those whose values are kept, by their names in notes.
+
+    With `elements` those are kept. `find_changed_function` names one that is not what it was when the search began.
     """
 
-    def __init__(
-        self,
-        search_run: SearchRun,
-        graph: CachedGraph,
-        clauses: Iterable[str],
-        elements: bool,
-        changed: Callable[[], str | None],
-    ) -> None:
+    store: GraphStore
+    key: str
+    described: GraphDescription
+    clauses: dict[str, str]
+    elements: bool
+    find_changed_function: Callable[[], str | None]
+
+
+class CachedSteps(Notes):
+    """The steps of one search. A context: what is new is written in its end, too, whatever ends it."""
+
+    def __init__(self, search_run: SearchRun, graph: CachedGraph) -> None:
         assert search_run.noted is not None
         super().__init__(search_run.noted)
         self.search_run = search_run
         self.graph = graph
-        self.changed = changed
-        self.stores_elements = elements
-        self._clauses = {name: self.noted.places.clauses[name] for name in clauses}
         rows, frozen, shapes, states, *_ = self.noted.places
+        self._clauses = [(key, self.noted.places.clauses[name]) for name, key in graph.clauses.items()]
         self._columns = list(zip(rows, frozen, map(FREEZERS.__getitem__, shapes), strict=True))
-        self._states = [(place, at) for at, place in enumerate(states) if place is not None and place not in rows]
-        self._rows: dict[int, tuple[Note, Row]] = {}  # by the identity of a row: a note with nothing else
+        self._places = [(place, at) for at, place in enumerate(states) if place is not None and place not in rows]
+        self._widths = len(rows), len(states), self.noted.sources
         self.off = False
-        self._nodes: list[CachedNode] = []  # of this level
-        self._unwritten: list[CachedNode] = []
+        self._number: int | None = None  # of the graph
+        self._made = False  # by this search
+        self._states: list[CachedState] = []  # of this level
+        self._unwritten: dict[str, CachedState] = {}
+        self._own: set[str] = set()  # states that this search has written
         self._begun = self._complete = 0  # levels
         self._written, self._seconds = perf_counter(), 0.0
         self._write_failed = ""
         self._missed = self._last_write = False
-        self._held = 0
 
     # --- levels ----------------------------------------------------------------------------------------
 
@@ -92,15 +106,15 @@ class CachedSteps(Notes):
             self._finish_state()
             self._complete = self._begun
         try:
-            name = self.changed() if self._unwritten or self._last_write else None
+            name = self.graph.find_changed_function() if self._unwritten or self._last_write else None
             if name is None:
-                self._write_nodes(kind is not None and issubclass(kind, (Stopped, KeyboardInterrupt)))
+                self._write_states(kind is not None and issubclass(kind, (Stopped, KeyboardInterrupt)))
             else:
                 self._abandon_graph(name)
         except ExecutionError:
             if kind is None:
                 raise
-        self.search_run.stats.graph = self.graph.number
+        self.search_run.stats.graph = self._number
         if self._write_failed and self._unwritten:
             add_note(self.search_run.stats, f"what is new is not remembered: {self._write_failed}")
         elif self._missed and not self.off:
@@ -115,33 +129,38 @@ class CachedSteps(Notes):
         self._complete = self._begun
         self._begun += 1
         if self._is_due(0.0):
-            self._write_nodes()
-        self._forget_old_level()
-        self._nodes = []
+            self._write_states()
+        self._states = []
         try:
             with pause_collector():
-                self._nodes = self.graph.find_nodes(states)
-                self._nodes = self.graph.load_nodes(self._nodes)
+                self._states = self._load_states(states)
         except NotCacheable as reason:
             self._stop_caching(reason)
         except _TEMPORARY_ERRORS as error:
             self._write_failed = str(error)
-        if self.stores_elements:
-            self.pairs[: len(self._nodes)] = map(self._load_pairs, self._nodes)
+        except (*READ_ERRORS, ValueError) as error:
+            raise build_damage_error(str(error)) from error
+        if self.graph.elements:
+            self.pairs[: len(self._states)] = map(self._load_pairs, self._states)
 
-    def _forget_old_level(self) -> None:
-        """Forgets the steps of the level that was, where there are too many; they are read again where need be."""
-        for node in self._nodes:
-            self._held += len(node.edges or ())
-            if self._held > MAX_HELD and not node.touched:
-                self._held -= len(node.edges or ())
-                node.edges = None
+    def _load_states(self, states: Sequence[State]) -> list[CachedState]:
+        texts = list(map(encode_values_as_json, states))
+        held = dict(self._unwritten)
+        self._number = self.graph.store.find_graph(self.graph.key) if self._number is None else self._number
+        new = [text for text in dict.fromkeys(texts) if text not in held]
+        known = {} if self._number is None else self.graph.store.read_states(self._number, new)
+        steps = dict(zip(known, decode_steps(list(known.values()), self._widths), strict=True))
+        for text, state in zip(texts, states, strict=True):
+            if text not in held:
+                loaded = text in steps and text not in self._own
+                held[text] = CachedState(tuple(map(thaw_value, state)), text, steps.get(text), loaded)
+        return list(map(held.__getitem__, texts))
 
     def _is_due(self, least: float) -> bool:
         passed = perf_counter() - self._written
         return bool(self._unwritten) and passed >= least and passed >= SHARE * self._seconds
 
-    def _write_nodes(self, stopped: bool = False) -> None:
+    def _write_states(self, stopped: bool = False) -> None:
         """Writes what is new, in parts, so that a run can be stopped between them.
 
         Of one that is `stopped` already as much is written as a moment is enough for; the rest is found out anew.
@@ -158,12 +177,19 @@ class CachedSteps(Notes):
     def _write_part(self) -> bool:
         """Writes some states; where somebody else is in the way that has to wait, and the answer is no."""
         store = self.graph.store
-        if self.off or not (store.writable and (self._unwritten or self.graph.number)):
+        if self.off or not (store.writable and (self._unwritten or self._number)):
             return False
-        part = self._unwritten[: _count_nodes_to_write(self._unwritten)]
+        part, length = list[tuple[str, int, str]](), 0
         try:
-            if part or store.is_use_unnoted(self.graph.number):
-                self.graph.write_nodes(part, self._complete)
+            for text, state in self._unwritten.items():
+                steps = state.steps or []
+                part.append((text, len(steps), encode_steps(steps)))
+                length += len(steps)
+                if length >= MAX_STEPS_WRITTEN:
+                    break
+            if part or store.is_use_unnoted(self._number):
+                self._number, made = store.write_states(self.graph.key, self.graph.described, part, self._complete)
+                self._made |= made
         except NotCacheable as reason:
             self._stop_caching(reason)
             return False
@@ -173,16 +199,16 @@ class CachedSteps(Notes):
         except READ_ERRORS as error:
             raise build_damage_error(str(error)) from error
         self._last_write = True
-        for node in part:
-            node.touched = False
-        del self._unwritten[: len(part)]
+        for text, *_ in part:
+            del self._unwritten[text]
+            self._own.add(text)
         return True
 
     def _abandon_graph(self, name: str) -> None:
         """Gives up a graph that nobody would find again: a function keeps something in what it reads."""
-        if self._last_write and self.graph.made:
-            self.graph.store.drop_graph(self.graph.number)
-            self.graph.number = None
+        if self._last_write and self._made:
+            self.graph.store.drop_graph(self._number)
+            self._number = None
         self._stop_caching(NotCacheable(f"'{name}' changes what it reads"))
 
     def _stop_caching(self, reason: NotCacheable) -> None:
@@ -198,84 +224,59 @@ class CachedSteps(Notes):
         return self.pairs[self.at]
 
     def pair_elements(self, at: int, items: list[Any]) -> list[Pair]:
-        edges = self._nodes[at].edges if self._nodes else None
-        if edges is None:
+        steps = self._states[at].steps if self._states else None
+        if steps is None:
             return super().pair_elements(at, items)
-        if len(items) != len(edges):
+        if len(items) != len(steps):
             raise build_damage_error("a state has other steps now; is a function declared immutable that is not?")
-        return list(zip(self._make_notes(edges), items, strict=True))
+        return list(zip(map(self._make_note, steps), items, strict=True))
 
-    def _load_pairs(self, node: CachedNode) -> list[Pair] | None:
+    def _load_pairs(self, state: CachedState) -> list[Pair] | None:
         """The pairs of a state whose elements are kept."""
-        edges = node.edges
-        if edges is None or (edges and edges[0].elements is None):
+        if state.steps is None:
             return None
-        several = self.noted.sources > 1
-        elements = [edge.elements if several else (edge.elements or ())[0] for edge in edges]
-        return list(zip(self._make_notes(edges), elements, strict=True))
+        pairs = list[Pair]()
+        for step in state.steps:
+            if step.elements is None:
+                return None
+            pairs.append((self._make_note(step), step.elements if self.noted.sources > 1 else step.elements[0]))
+        return pairs
 
-    def _make_notes(self, edges: Sequence[CachedEdge]) -> list[Note]:
-        rows = [edge.row for edge in edges]
-        found = map(self._rows.get, map(id, rows))
-        notes = [(note or self._note_row(row))[0].copy() for note, row in zip(found, rows, strict=True)]
-        if self._states or self._clauses:
-            for note, edge in zip(notes, edges, strict=True):
-                if edge.target is not None:
-                    for place, at in self._states:
-                        note[place] = edge.target.state[at]
-                for name, value in edge.verdicts.items():
-                    note[self._clauses[name]] = value
-        return notes
-
-    def _note_row(self, row: Row) -> tuple[Note, Row]:
-        """A note of which the row is known: steps share their rows."""
+    def _make_note(self, step: CachedStep) -> Note:
         note = self.noted.make_blank_note()
-        for value, (place, frozen, freeze) in zip(row, self._columns, strict=True):
+        for value, (place, frozen, freeze) in zip(step.row, self._columns, strict=True):
             note[place] = value
             if frozen is not None:
                 note[frozen] = freeze(value)
-        found = self._rows[id(row)] = note, row
-        return found
+        if step.after is not None:
+            for place, at in self._places:
+                note[place] = step.after[at]
+        for key, place in self._clauses:
+            note[place] = step.verdicts.get(key, UNSET)
+        return note
 
     def _finish_state(self) -> None:
         """Takes from the notes of the state before what was found out; all of its steps were evaluated."""
-        if self.off or self.at < 0 or not self._nodes:
+        if self.off or self.at < 0 or not self._states:
             return
-        node, pairs = self._nodes[self.at], self.pairs[self.at] or []
-        new = node.edges is None
-        if node.edges is None:
-            elements_of = self.noted.read_elements if self.stores_elements else lambda item: None
-            node.edges = [CachedEdge(self.noted.row(note), elements_of(item)) for note, item in pairs]
-        elif node.loaded:
+        state, pairs = self._states[self.at], self.pairs[self.at] or []
+        new = state.steps is None
+        if state.steps is None:
+            elements_of = self.noted.read_elements if self.graph.elements else lambda item: None
+            state.steps = [CachedStep(self.noted.row(note), None, elements_of(item), {}) for note, item in pairs]
+        elif state.loaded:
             self.search_run.stats.remembered_steps += len(pairs)
-        most = len(self._clauses)
-        for (note, _), edge in zip(pairs, node.edges, strict=True):
-            if edge.target is None:
-                after = self.noted.after(note, node.state)
-                edge.target = None if after is None else CachedNode(after)
-                new = new or after is not None
-            if most and len(edge.verdicts) < most:
-                known = len(edge.verdicts)
-                edge.verdicts = {name: note[place] for name, place in self._clauses.items() if note[place] is not UNSET}
-                new = new or len(edge.verdicts) > known
+        for (note, _), step in zip(pairs, state.steps, strict=True):
+            if step.after is None:
+                step.after = self.noted.after(note, state.values)
+                new = new or step.after is not None
+            for key, place in self._clauses:
+                if note[place] is not UNSET and key not in step.verdicts:
+                    step.verdicts[key] = note[place]
+                    new = True
         self.pairs[self.at] = None
-        if new:
-            self._mark_for_writing(node)
+        if new and self.graph.store.writable:
+            self._unwritten[state.text] = state
+        self._missed |= new and not self.graph.store.writable
         if self._is_due(PART):
-            self._write_nodes()
-
-    def _mark_for_writing(self, node: CachedNode) -> None:
-        if not self.graph.store.writable:
-            self._missed = True
-        elif not node.touched:
-            node.touched = True
-            self._unwritten.append(node)
-
-
-def _count_nodes_to_write(nodes: Sequence[CachedNode]) -> int:
-    edges = 0
-    for number, node in enumerate(nodes, 1):
-        edges += len(node.edges or ())
-        if edges >= MAX_EDGES_WRITTEN:
-            return number
-    return len(nodes)
+            self._write_states()

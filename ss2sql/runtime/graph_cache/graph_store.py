@@ -1,20 +1,23 @@
-"""Remembered graphs in tables of the session's file.
+"""Remembered graphs in tables of the session's file, and as users see them: `ss.graphs()`.
 
-They are ordinary tables, documented for users in docs/graphs.md. What is written at once is written in one short
-transaction, so that a crash leaves whole states behind. Several processes may extend one graph: what one of them finds
-in place it leaves there. The statements call no SQL function, for scripts may have replaced any.
+They are ordinary tables, documented for users in docs/graphs.md: a row for each graph, and one for each state with all
+of its steps. What is written at once is written in one short transaction, so that a crash leaves whole states behind.
+The statements call no SQL function but json_each, for scripts may have replaced any.
 """
 
 from __future__ import annotations
 
+import json
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from dataclasses import field
+from typing import Any, overload
 
 import apsw
 
 from ss2sql.errors import ExecutionError
+from ss2sql.fast_dataclasses import dataclass
 from ss2sql.runtime.run.keyboard_interrupt import without_keyboard_interrupt
 from ss2sql.runtime.sqlite.authorizer import READ_ERRORS
 
@@ -29,56 +32,29 @@ TABLES = {
         columns TEXT NOT NULL,      -- JSON: the names of the values in a row
         levels INTEGER NOT NULL,    -- how many levels a search has completed
         created TEXT NOT NULL,      -- UTC
-        used TEXT NOT NULL          -- UTC, to the minute""",
-    "ss2sql_nodes": """
-        id INTEGER PRIMARY KEY,
+        used TEXT NOT NULL          -- UTC, to the minute
+    """,
+    "ss2sql_states": """
         graph INTEGER NOT NULL REFERENCES ss2sql_graphs(id) ON DELETE CASCADE,
         state TEXT NOT NULL,        -- JSON: the values of the START WITH variables
-        steps INTEGER,              -- the number of edges from here; NULL as long as it is unknown
-        UNIQUE (graph, state)""",
-    "ss2sql_edges": """
-        source INTEGER NOT NULL REFERENCES ss2sql_nodes(id) ON DELETE CASCADE,
-        position INTEGER NOT NULL,  -- 0, 1, 2 ... in the order of FROM
-        row TEXT NOT NULL,          -- JSON: the values of SELECT
-        target INTEGER,             -- the node of the state that CONNECT BY gives; NULL as long as it is unknown
-        elements TEXT,              -- JSON: the elements of FROM, where Python functions gave them
-        PRIMARY KEY (source, position)""",
-    "ss2sql_clauses": """
-        id INTEGER PRIMARY KEY,
-        graph INTEGER NOT NULL REFERENCES ss2sql_graphs(id) ON DELETE CASCADE,
-        key TEXT NOT NULL,
-        kind TEXT NOT NULL,         -- condition, cost or probability
-        text TEXT NOT NULL,         -- what stands in the query
-        UNIQUE (graph, key)""",
-    "ss2sql_verdicts": """
-        clause INTEGER NOT NULL REFERENCES ss2sql_clauses(id) ON DELETE CASCADE,
-        source INTEGER NOT NULL,
-        position INTEGER NOT NULL,  -- with source: the edge
-        value NOT NULL,             -- of a condition 1 or 0
-        PRIMARY KEY (clause, source, position)""",
+        length INTEGER NOT NULL,    -- how many steps there are
+        steps TEXT NOT NULL,        -- JSON, in the order of FROM: [row, next state, elements, verdicts of clauses]
+        PRIMARY KEY (graph, state)
+    """,
 }
-_NO_ROWID = ("ss2sql_edges", "ss2sql_verdicts")
-_CONSTRAINTS = ("UNIQUE", "PRIMARY")
-_COLUMNS = {
-    name: [word for word, *_ in map(str.split, filter(None, text.splitlines())) if word not in _CONSTRAINTS]
-    for name, text in TABLES.items()
-}
-_ONES_OF_A_GRAPH = (
-    "DELETE FROM ss2sql_verdicts WHERE clause IN (SELECT id FROM ss2sql_clauses WHERE graph = ?)",
-    "DELETE FROM ss2sql_clauses WHERE graph = ?",
-    "DELETE FROM ss2sql_edges WHERE source IN (SELECT id FROM ss2sql_nodes WHERE graph = ?)",
-    "DELETE FROM ss2sql_nodes WHERE graph = ?",
-    "DELETE FROM ss2sql_graphs WHERE id = ?",
-)
 CURE = f"drop the tables {', '.join(TABLES)}; or connect(path, disable=['remember'])"
+_MOMENT = "%Y-%m-%d %H:%M"  # UTC
 
 
-_EACH = "json_each(?1) AS e CROSS"  # CROSS JOIN: the wanted nodes are the outer loop
+@dataclass(frozen=True, slots=True)
+class GraphDescription:
+    """What people are told of a graph: JSON but for the text of the query."""
 
-
-def _join_nodes(nodes: Iterable[int]) -> str:
-    """Nodes as one value; in the order of their numbers, which is that of the tables."""
-    return f"[{','.join(map(str, sorted(nodes)))}]"
+    query: str
+    functions: str
+    parameters: str
+    variables: str
+    columns: str
 
 
 class GraphStore:
@@ -88,33 +64,13 @@ class GraphStore:
         self.connection = connection
         self.writable = writable
         self.changes = 0
-        self._known = False
 
-    # --- transactions ----------------------------------------------------------------------------------
-
-    def has_tables(self) -> bool:
-        """Whether the tables are there. Raises ExecutionError X009 where they are not as they are made here."""
-        if not self._known:
-            found = {name: self._list_columns(name) for name in TABLES}
-            if not any(found.values()):
-                return False
-            for name, columns in found.items():
-                if columns != _COLUMNS[name]:
-                    raise build_damage_error(f"the table '{name}' is missing or has other columns")
-            self._known = True
-        return True
-
-    def _list_columns(self, name: str) -> list[str]:
-        return [row[1] for row in self.fetch_rows(f"PRAGMA main.table_info({name})")]
+    def fetch_rows(self, text: str, *bindings: Any) -> list[tuple[Any, ...]]:
+        """The rows of a statement."""
+        return self.connection.execute(text, bindings).fetchall()
 
     @contextmanager
-    def while_reading(self) -> Iterator[None]:
-        """A time in which the file stays as it is."""
-        with self._convert_errors(), self.connection:
-            yield
-
-    @contextmanager
-    def while_writing(self) -> Iterator[None]:
+    def _while_writing(self) -> Iterator[None]:
         """One transaction. Raises apsw.BusyError, apsw.FullError and their like where the file cannot be written."""
         connection = self.connection
         if connection.in_transaction:
@@ -122,164 +78,177 @@ class GraphStore:
         before = connection.total_changes()
         connection.execute("BEGIN IMMEDIATE")
         try:
-            if not self.has_tables():
-                for name, columns in TABLES.items():
-                    tail = " WITHOUT ROWID" if name in _NO_ROWID else ""
-                    connection.execute(f"CREATE TABLE {name} ({columns}\n    ){tail}")
+            for name, columns in TABLES.items():
+                connection.execute(f"CREATE TABLE IF NOT EXISTS {name} ({columns})")
             yield
             connection.execute("COMMIT")
         except BaseException:
-            self._known = False
             if connection.in_transaction:
                 connection.execute("ROLLBACK")
             raise
         finally:
             self.changes += connection.total_changes() - before
 
-    @contextmanager
-    def _convert_errors(self) -> Iterator[None]:
-        try:
-            yield
-        except (apsw.BusyError, apsw.LockedError):
-            raise
-        except READ_ERRORS as error:
-            raise build_damage_error(str(error)) from error
-
-    def fetch_rows(self, text: str, bindings: Sequence[Any] = ()) -> list[tuple[Any, ...]]:
-        """The rows of a statement."""
-        return self.connection.execute(text, tuple(bindings)).fetchall()
-
-    def fetch_many(self, text: str, bindings: Iterable[Sequence[Any]]) -> list[tuple[Any, ...]]:
-        """The rows of a statement for one set of values after the other."""
-        return self.connection.executemany(text, bindings).fetchall()
-
     # --- graphs ----------------------------------------------------------------------------------------
 
     def find_graph(self, key: str) -> int | None:
-        """The number of the graph with this key, if there is one."""
-        if not self.has_tables():
+        """The number of the graph with this key, if there is one. Raises errors of apsw."""
+        if not self.fetch_rows("SELECT 1 FROM main.sqlite_schema WHERE name = 'ss2sql_graphs'"):
             return None
-        found = self.fetch_rows("SELECT id FROM ss2sql_graphs WHERE key = ?", (key,))
+        found = self.fetch_rows("SELECT id FROM ss2sql_graphs WHERE key = ?", key)
         return found[0][0] if found else None
-
-    def make_graph(self, key: str, described: Sequence[str]) -> int:
-        """The number of a new graph; `described` are its query, functions, parameters, variables and columns."""
-        now = get_current_minute()
-        self.fetch_rows(
-            "INSERT INTO ss2sql_graphs(key, query, functions, parameters, variables, columns, levels, created, used)"
-            " VALUES (?, ?, ?, ?, ?, ?, 0, ?, ?)",
-            (key, *described, now, now),
-        )
-        return self.connection.last_insert_rowid()
-
-    def note_use(self, graph: int, levels: int) -> None:
-        """Notes that a graph was used, and how many levels are complete."""
-        self.fetch_rows(
-            "UPDATE ss2sql_graphs SET used = ?1, levels = ?2 WHERE id = ?3 AND (used < ?1 OR levels < ?2)",
-            (get_current_minute(), levels, graph),
-        )
 
     def is_use_unnoted(self, graph: int | None) -> bool:
         """Whether it is not noted yet that the graph is used now."""
-        return bool(
-            self.fetch_rows("SELECT 1 FROM ss2sql_graphs WHERE id = ? AND used < ?", (graph, get_current_minute()))
-        )
-
-    def number_clause(self, graph: int, key: str, kind: str, text: str) -> int:
-        """The number of a clause, which is made if need be."""
-        new = "INSERT OR IGNORE INTO ss2sql_clauses(graph, key, kind, text) VALUES (?, ?, ?, ?)"
-        self.fetch_rows(new, (graph, key, kind, text))
-        found = self.fetch_rows("SELECT id FROM ss2sql_clauses WHERE graph = ? AND key = ?", (graph, key))
-        if len(found) != 1:
-            raise build_damage_error("a clause that was written cannot be found")
-        return int(found[0][0])
-
-    def list_clauses(self, graph: int) -> dict[str, int]:
-        """The numbers of the clauses of a graph, by their keys."""
-        rows = self.fetch_rows("SELECT key, id FROM ss2sql_clauses WHERE graph = ?", (graph,))
-        return {key: number for key, number in rows}  # noqa: C416 - the types
+        now = time.strftime(_MOMENT, time.gmtime())
+        return bool(self.fetch_rows("SELECT 1 FROM ss2sql_graphs WHERE id = ? AND used < ?", graph, now))
 
     def describe_graphs(self) -> list[tuple[Any, ...]]:
-        """All graphs: number, query, functions, parameters, nodes, edges, levels, created, used."""
-        return self.fetch_rows(
-            "SELECT id, query, functions, parameters,"
-            " (SELECT count(*) FROM ss2sql_nodes WHERE graph = g.id),"
-            " (SELECT count(*) FROM ss2sql_nodes AS n JOIN ss2sql_edges AS e ON e.source = n.id WHERE n.graph = g.id),"
-            " levels, created, used FROM ss2sql_graphs AS g ORDER BY id"
+        """All graphs: number, query, functions, parameters, states, steps, levels, created, used."""
+        if not self.fetch_rows("SELECT 1 FROM main.sqlite_schema WHERE name = 'ss2sql_graphs'"):
+            return []
+        graphs = self.fetch_rows(
+            "SELECT id, query, functions, parameters, levels, created, used FROM ss2sql_graphs ORDER BY id"
         )
+        lengths: dict[int, list[int]] = {}
+        for graph, length in self.fetch_rows("SELECT graph, length FROM ss2sql_states"):
+            lengths.setdefault(graph, []).append(length)
+        return [(*row[:4], len(lengths.get(row[0], ())), sum(lengths.get(row[0], ())), *row[4:]) for row in graphs]
 
     @without_keyboard_interrupt
     def drop_graph(self, graph: int | None) -> None:
         """Removes a graph. Raises ExecutionError X009 where the file cannot be written."""
         try:
-            with self.while_writing():
-                for text in _ONES_OF_A_GRAPH:
-                    self.fetch_rows(text, (graph,))
+            with self._while_writing():
+                self.fetch_rows("DELETE FROM ss2sql_states WHERE graph = ?", graph)
+                self.fetch_rows("DELETE FROM ss2sql_graphs WHERE id = ?", graph)
         except READ_ERRORS as error:
             raise ExecutionError("X009", f"the remembered graph cannot be dropped: {error}") from error
 
-    # --- nodes and edges -------------------------------------------------------------------------------
+    # --- states ----------------------------------------------------------------------------------------
 
-    def find_states(self, graph: int, texts: Iterable[str]) -> list[tuple[int, int]]:
-        """The numbers of known states, each after the place of its text."""
-        found = self.fetch_many(
-            "SELECT ?1, id FROM ss2sql_nodes WHERE graph = ?2 AND state = ?3",
-            ((place, graph, text) for place, text in enumerate(texts)),
-        )
-        return [(place, number) for place, number in found]
+    def read_states(self, graph: int, texts: Sequence[str]) -> dict[str, str]:
+        """The steps of the states that are known, by the texts of states. Raises errors of apsw."""
+        found = self.fetch_rows(
+            "SELECT s.state, s.steps FROM json_each(?) AS e CROSS JOIN ss2sql_states AS s"
+            " ON s.graph = ? AND s.state = e.value",
+            json.dumps(texts), graph,
+        )  # fmt: skip
+        return dict(found)
 
-    def make_nodes(self, graph: int, texts: Sequence[str]) -> list[int]:
-        """The numbers of states, which are made if need be."""
-        self.fetch_many("INSERT OR IGNORE INTO ss2sql_nodes(graph, state) VALUES (?, ?)", ((graph, t) for t in texts))
-        return [number for _, number in self.find_states(graph, texts)]
-
-    def list_steps(self, graph: int, nodes: Iterable[int]) -> dict[int, int]:
-        """The numbers of steps from those nodes that were expanded."""
-        text = f"SELECT n.id, n.steps FROM {_EACH} JOIN ss2sql_nodes AS n ON n.id = e.value WHERE n.graph = ?2"
-        found = self.fetch_rows(f"{text} AND n.steps IS NOT NULL", (_join_nodes(nodes), graph))
-        return {node: steps for node, steps in found}  # noqa: C416
-
-    def list_edges(self, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
-        """Source, position, row, target and elements of the edges out of nodes, in order."""
-        text = f"SELECT s.* FROM {_EACH} JOIN ss2sql_edges AS s ON s.source = e.value"
-        found = self.fetch_rows(text, (_join_nodes(nodes),))
-        found.sort()  # they are: that takes SQLite longer to find out
-        return found
-
-    def list_states(self, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
-        """Number and state of nodes."""
-        text = f"SELECT n.id, n.state FROM {_EACH} JOIN ss2sql_nodes AS n ON n.id = e.value"
-        return self.fetch_rows(text, (_join_nodes(nodes),))
-
-    def list_verdicts(self, clause: int, nodes: Iterable[int]) -> list[tuple[Any, ...]]:
-        """Source, position and value of what is known of a clause."""
-        text = f"SELECT v.source, v.position, v.value FROM {_EACH} JOIN ss2sql_verdicts AS v ON v.source = e.value"
-        return self.fetch_rows(f"{text} WHERE v.clause = ?2", (_join_nodes(nodes), clause))
-
-    def write_edges(self, edges: Iterable[tuple[Any, ...]]) -> None:
-        """Writes edges: source, position, row, target and elements."""
-        self.fetch_many(
-            "INSERT INTO ss2sql_edges(source, position, row, target, elements) VALUES (?, ?, ?, ?, ?)"
-            " ON CONFLICT (source, position) DO UPDATE SET target = excluded.target"
-            " WHERE target IS NULL AND excluded.target IS NOT NULL",
-            edges,
-        )
-
-    def write_steps(self, steps: Iterable[tuple[int, int]]) -> None:
-        """Notes of nodes, given second, how many steps there are, and that all of these are kept."""
-        self.fetch_many("UPDATE ss2sql_nodes SET steps = ? WHERE id = ?", steps)
-
-    def write_clause_values(self, verdicts: Iterable[tuple[Any, ...]]) -> None:
-        """Writes values of clauses: clause, source, position, value."""
-        text = "INSERT OR IGNORE INTO ss2sql_verdicts(clause, source, position, value) VALUES (?, ?, ?, ?)"
-        self.fetch_many(text, verdicts)
-
-
-def get_current_minute() -> str:
-    """The present minute in UTC, as SQLite writes it."""
-    return time.strftime("%Y-%m-%d %H:%M", time.gmtime())
+    def write_states(
+        self, key: str, described: GraphDescription, states: Sequence[tuple[str, int, str]], levels: int
+    ) -> tuple[int, bool]:
+        """Writes states with their steps; gives the number of the graph, and whether it was made for this."""
+        now = time.strftime(_MOMENT, time.gmtime())
+        with self._while_writing():
+            graph = self.find_graph(key)
+            made = graph is None
+            if graph is None:
+                one = described
+                self.fetch_rows(
+                    "INSERT INTO ss2sql_graphs(key, query, functions, parameters, variables, columns, levels, created,"
+                    " used) VALUES (?, ?, ?, ?, ?, ?, 0, ?, ?)",
+                    key, one.query, one.functions, one.parameters, one.variables, one.columns, now, now,
+                )  # fmt: skip
+                graph = self.connection.last_insert_rowid()
+            self.connection.executemany(
+                "INSERT OR REPLACE INTO ss2sql_states(graph, state, length, steps) VALUES (?, ?, ?, ?)",
+                ((graph, *state) for state in states),
+            )
+            self.fetch_rows(
+                "UPDATE ss2sql_graphs SET used = ?1, levels = ?2 WHERE id = ?3 AND (used < ?1 OR levels < ?2)",
+                now, levels, graph,
+            )  # fmt: skip
+        return graph, made
 
 
 def build_damage_error(reason: str) -> ExecutionError:
     """The error for tables that cannot be read."""
     return ExecutionError("X009", f"the remembered graphs cannot be read: {reason}", hints=(CURE,))
+
+
+# --- what users see ----------------------------------------------------------------------------------------
+
+_MAX_TEXT_LENGTH = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Graph:
+    """A graph that is remembered in the session's file.
+
+    `id` is its number in the table `ss2sql_graphs`. `query` is the text of the query that came first, `functions` are
+    the names of the Python functions that its steps call, `parameters` the variables that they read. `nodes` counts
+    the states whose steps are known, `edges` steps; `levels` is the greatest number of levels that a search has
+    completed. `created` and `used` are times in UTC.
+    """
+
+    id: int
+    query: str
+    functions: tuple[str, ...]
+    parameters: dict[str, Any]
+    nodes: int
+    edges: int
+    levels: int
+    created: str
+    used: str
+    _store: GraphStore = field(repr=False, compare=False)
+
+    def drop(self) -> None:
+        """Removes the graph from the file. Raises ExecutionError X009 where that cannot be written."""
+        self._store.drop_graph(self.id)
+
+
+class Graphs(Sequence[Graph]):
+    """The remembered graphs of a file, the oldest first, as they are when `ss.graphs()` is called."""
+
+    def __init__(self, graphs: Sequence[Graph]) -> None:
+        self._graphs = tuple(graphs)
+
+    @overload
+    def __getitem__(self, index: int) -> Graph: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Graph]: ...
+    def __getitem__(self, index: int | slice) -> Graph | Sequence[Graph]:
+        return self._graphs[index] if isinstance(index, int) else Graphs(self._graphs[index])
+
+    def __len__(self) -> int:
+        return len(self._graphs)
+
+    def __iter__(self) -> Iterator[Graph]:
+        return iter(self._graphs)
+
+    def drop(self) -> None:
+        """Removes all of these graphs from the file."""
+        for graph in self._graphs:
+            graph.drop()
+
+    def __repr__(self) -> str:
+        if not self._graphs:
+            return "no remembered graphs"
+        names = ("id", "nodes", "edges", "levels", "used", "functions", "query")
+        rows = [[_format_cell(getattr(graph, name)) for name in names] for graph in self._graphs]
+        widths = [max(map(len, column)) for column in zip(names, *rows, strict=True)]
+        padded = ([cell.ljust(width) for cell, width in zip(row, widths, strict=True)] for row in (names, *rows))
+        return "\n".join("  ".join(cells).rstrip() for cells in padded)
+
+
+def list_graphs(store: GraphStore) -> Graphs:
+    """The graphs in a store. Raises ExecutionError X009 where it cannot be read."""
+    try:
+        return Graphs([_build_graph(store, row) for row in store.describe_graphs()])
+    except (apsw.BusyError, apsw.LockedError) as error:
+        raise ExecutionError("X009", f"the remembered graphs cannot be read now: {error}") from error
+    except (apsw.Error, ValueError, TypeError, RecursionError) as error:
+        raise build_damage_error(str(error)) from error
+
+
+def _build_graph(store: GraphStore, row: tuple[Any, ...]) -> Graph:
+    number, query, functions, parameters, nodes, edges, levels, created, used = row
+    names = tuple(json.loads(functions))
+    return Graph(number, query, names, json.loads(parameters), nodes, edges, levels, created, used, store)
+
+
+def _format_cell(value: Any) -> str:
+    text = ", ".join(value) if isinstance(value, tuple) else " ".join(str(value).split())
+    return text if len(text) <= _MAX_TEXT_LENGTH else f"{text[: _MAX_TEXT_LENGTH - 3]}..."

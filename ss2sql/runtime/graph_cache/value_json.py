@@ -3,19 +3,37 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable
+import re
+from collections.abc import Sequence
 from itertools import chain
-from json import encoder
 from marshal import dumps
 from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import convert_value
-from ss2sql.language.frozen_values import Frozen, thaw_value
+from ss2sql.language.frozen_values import Frozen, State, thaw_value
 from ss2sql.language.kinds import Opaque, is_encodable
+from ss2sql.language.rows import Row
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
 
 _OTHER_KEYS = "JSON has no form for a dict with keys that are no text"
+
+
+class CachedStep:
+    """A step: its row, the state it leads to, its elements, and what clauses said of it, by their keys.
+
+    The state is None where CONNECT BY is not evaluated, the elements where FROM is read again.
+    """
+
+    __slots__ = ("after", "elements", "row", "verdicts")
+
+    def __init__(
+        self, row: Row, after: State | None, elements: tuple[Any, ...] | None, verdicts: dict[str, Any]
+    ) -> None:
+        self.row = row
+        self.after = after
+        self.elements = elements
+        self.verdicts = verdicts
 
 
 def _thaw_or_refuse(value: Any) -> Any:
@@ -25,72 +43,64 @@ def _thaw_or_refuse(value: Any) -> Any:
     raise NotCacheable(f"JSON has no form for an object of the type {type(value).__name__}")
 
 
-def _make_encoder() -> Callable[[Any], str]:
-    """A function that writes one value. Python makes an encoder for every call; one that is kept takes half the time.
-
-    That is 1.5 us and not 3.4 for ([0, 1], [[3, 2, 1], [], []]).
-    """
-    make = getattr(encoder, "c_make_encoder", None)
-    if make is None:  # another Python than CPython
-        return json.JSONEncoder(
-            ensure_ascii=False, allow_nan=False, check_circular=False, separators=(",", ":"), default=_thaw_or_refuse
-        ).encode
-    encode = make(None, _thaw_or_refuse, encoder.encode_basestring, None, ":", ",", False, False, False)
-    return lambda value: "".join(encode(value, 0))
-
-
-_encode = _make_encoder()
-_NUMBERS = frozenset({int})
+_encode = json.JSONEncoder(
+    ensure_ascii=False, allow_nan=False, check_circular=False, separators=(",", ":"), default=_thaw_or_refuse
+).encode
+# What only another program writes, or a long number or a text: large integers, NaN, infinities, halves of characters.
+_SUSPECT = re.compile(r"\d{16}|\d[eE]|[IN]|\\u[dD]")
 _decode = json.JSONDecoder().decode
 
 
-def encode_values_as_json(value: tuple[Any, ...]) -> str:
+def encode_values_as_json(value: Any) -> str:
     """A tuple of values, which may be frozen, as JSON. Raises NotCacheable where JSON would give back others."""
-    if _NUMBERS.issuperset(map(type, value)):
-        return f"[{','.join(map(str, value))}]"  # in half of the time
     try:
         text = _encode(value)
     except TypeError:
         raise NotCacheable(_OTHER_KEYS) from None
     except (ValueError, RecursionError) as error:
         raise NotCacheable(f"JSON has no form for a value: {error}") from None
-    # Of keys that are numbers JSON makes text.
-    if "{" in text and not _is_same_value(value, _decode(text)):
+    # Of keys that are numbers JSON makes text; a tuple comes back as a list.
+    if "{" in text and dumps(thaw_value(value), 2) != dumps(_decode(text), 2):
         raise NotCacheable(_OTHER_KEYS)
     if not is_encodable(text):
         raise NotCacheable("a text holds half of a character (a lone surrogate)")
     return text
 
 
-def _is_same_value(value: Any, decoded: Any) -> bool:
-    """Whether JSON has given back the very value; a tuple comes back as a list."""
-    return dumps(thaw_value(value), 2) == dumps(decoded, 2)
+def encode_steps(steps: Sequence[CachedStep]) -> str:
+    """The steps of a state as JSON. Raises NotCacheable."""
+    parts = [(step.row, step.after, step.elements, [*sum(step.verdicts.items(), ())]) for step in steps]
+    return encode_values_as_json(tuple(parts))
 
 
-def decode_values_from_json(texts: Iterable[str]) -> list[Any]:
-    """The lists of values in many texts, read in one go: that takes 1.4 us for each, one by one 2.9.
+def decode_steps(texts: Sequence[str], widths: tuple[int, int, int]) -> list[list[CachedStep]]:
+    """The steps of states, whose rows, next states and elements have so many values.
 
-    Raises ValueError for a text that is none of a list of values, such as another program may have written.
+    Raises ValueError for a text that is none of steps, such as another program may have written.
     """
-    texts = list(texts)
+    text = f"[{','.join(texts)}]"
     try:
-        values: list[Any] = _decode(f"[{','.join(texts)}]")
-    except RecursionError:
-        raise ValueError("a value is nested too deeply") from None
-    if len(values) != len(texts) or not all(type(value) is list for value in values):
-        raise ValueError("there is a text that is none of one list")
-    if not dumps(values, 2)[::5].strip(b"[i"):
-        return values  # nothing but lists and small integers, of which marshal writes five bytes each
-    try:
-        convert_value(list(chain.from_iterable(values)), "a value")
-    except ExecutionError:
-        for value in chain.from_iterable(values):
-            _check_encodable(value)
-    return values
-
-
-def _check_encodable(value: Any) -> None:
-    try:
-        convert_value(value, "a value")
+        states = _decode(text)
+        steps = [[_build_step(widths, *parts) for parts in state] for state in states]
+        if _SUSPECT.search(text):
+            for row, after, elements, said in chain.from_iterable(states):
+                for value in chain(row, after or (), elements or (), said):
+                    convert_value(value, "a value")
+    except (TypeError, LookupError, RecursionError) as error:
+        raise ValueError(f"they hold no steps: {error}") from None
     except ExecutionError as error:
         raise ValueError(error.message) from None
+    if len(states) != len(texts):
+        raise ValueError("there is a text that is none of one list")
+    return steps
+
+
+def _build_step(widths: tuple[int, int, int], row: Any, after: Any, elements: Any, said: list[Any]) -> CachedStep:
+    for values, width in zip((row, after, elements), widths, strict=True):
+        if (values is not None or values is row) and (type(values) is not list or len(values) != width):
+            raise ValueError(f"there are not {width} values in {str(values)[:40]}")
+    verdicts = dict(zip(said[::2], said[1::2], strict=True)) if said else {}
+    for key, value in verdicts.items():
+        if not value >= 0 or (value > 1 and not key.startswith("cost")):
+            raise ValueError(f"a {key.partition(' ')[0]} is {value!r}")
+    return CachedStep(tuple(row), after and tuple(after), elements and tuple(elements), verdicts)
