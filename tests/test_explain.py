@@ -244,6 +244,9 @@ def test_the_plan_of_worlds(ss: ss2sql.Session) -> None:
     assert found == [f"{asks}; the adapter uses these conditions"]
     near = plan(ss, "SELECT id FROM space.near([0, 0, 0], 1);")
     assert near == ["asks for the elements of space.near for a given point and radius"]
+    ss.function("after", lambda n: [n + 1], volatility="stable")
+    called = plan(ss, "SELECT mass, a.this FROM space, a = after(space.id);")
+    assert called[1] == "for each of them, walks the elements of after(space.id) (as a)"
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Container, Iterable, Mapping
+from contextlib import suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -165,10 +166,9 @@ class Query:
         """Compiles for an engine; after a refusal once more, with the present sources and the values of parameters."""
         if self._program.parameters:
             self._open.add(engine)
-        try:
+        with suppress(UnsupportedError):
             return self._compile_statements(self._program, self._generation, engine, run)
-        except UnsupportedError:
-            return self._resolve_now(engine, run)
+        return self._resolve_now(engine, run)
 
     def _resolve_now(self, engine: Engine, run: Run | None) -> list[CompiledStatement]:
         """The statements resolved against the present values, and those given to the run."""

@@ -181,7 +181,9 @@ def _collect_names(lowered: SqlQuery, queue: str) -> PlanNames:
     walked: dict[str, str] = {}
     tables: dict[str, str] = {}
     for name, argument, alias in _find_sources(lowered.text):
-        if name in lowered.modules:
+        table = lowered.modules.get(name)
+        if table is not None:
+            argument = argument if table.function is None else f"{table.function}({argument})"
             walked[alias] = _name_source(_write_source(argument, texts), alias if alias != name else "")
         else:
             tables[alias] = name if name in (alias, f"{alias}_once") else _name_source(name, alias)
