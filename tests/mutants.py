@@ -56,8 +56,10 @@ MUTANTS = 300
 SECONDS = 8.0
 """Of a processor: what the tests of one mutant take together without it, cheap ones of every file in turn."""
 
-PATIENCE = 4
-"""How many times as long those are tried that live, by the cheapest of all tests that reach them."""
+PATIENCE = 15
+"""How many times as long those are tried that live, by all tests that reach them: scripts of tests/cases first."""
+
+SCRIPTS = ("tests/test_sheets.py", "tests/test_cases.py")
 
 PROGRAMS = 1000
 """How many programs tests draw, as in `make test-slow`."""
@@ -161,7 +163,7 @@ class Mutating:
     def chosen(self, reached: Reached, mutant: Mutant, strength: Counter[str]) -> tuple[list[str], list[str]]:
         """Tests that reach a mutant: those that have killed others, and cheap ones of every file in turn; then all.
 
-        All come in the order of how many they have killed, then the cheapest first.
+        All come with SCRIPTS first, then in the order of how many they have killed, then the cheapest first.
         """
         lines = reached[mutant.file]
         # Constants are folded into their statement, which may begin some lines above.
@@ -171,7 +173,7 @@ class Mutating:
         for test in sorted(tests, key=lambda one: -strength[one]):
             by_file[test.partition("::")[0]].append(test)
         turns = [test for turn in zip_longest(*by_file.values()) for test in turn if test]
-        return turns, sorted(tests, key=lambda one: -strength[one])
+        return turns, sorted(tests, key=lambda one: (not one.startswith(SCRIPTS), -strength[one]))
 
     def within(self, tests: Sequence[str], seconds: float) -> Iterator[str]:
         """The first of some tests, as many as take so long together."""

@@ -51,6 +51,8 @@ def test_the_text_calls_the_function_nowhere_else() -> None:
         text = ss.compile(SEARCH.format("UNIQUE")).sql
         assert "elements_with_next(:moves, search.n) AS moves" in text
         assert "next(moves.this" not in text
+        of_the_element = SEARCH.format("UNIQUE").replace("next(this, n)", "next(this, 1)")
+        assert "elements_with" not in str(ss.compile(of_the_element).sql)
     with session(Calls(), [1, 2], disable=["calls"]) as ss:
         text = ss.compile(SEARCH.format("UNIQUE")).sql
         assert "elements_with_next" not in text

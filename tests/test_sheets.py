@@ -8,8 +8,10 @@ A sheet, `tests/cases/**/*.sheet`, begins like a golden case: a title, what it n
     1 / 0;
     => error X002
 
-Where a row gives an error, an engine may have a value: nothing in the answer may need what fails. Where SQL fails in
-what the answer does not need, the value ends with `(SQL gives up)`; with the engine `auto` it is there all the same.
+Where a row gives an error, it is that of the native run without rewrites; the others may have a value, as nothing in
+the answer may need what fails. Where SQL fails in what the answer does not need, the value ends with `(SQL gives up)`;
+with the engine `auto` it is there all the same. What the engine `database` refuses ends with `(SQL refuses)`. Below
+`duckdb: every row` DuckDB refuses none.
 
 A script may have several lines; so may a value, whose further lines are indented by two blanks. Every row runs on
 SQLite, natively and in DuckDB, with rewrites and without, and on the reference evaluator. The rows of a sheet share a
@@ -36,13 +38,16 @@ from reference import Failure, Reference
 import ss2sql
 from ss2sql.lowering.rewrites import REWRITES
 
+WRITTEN_ORDER = ("native", tuple(REWRITES))
 # How each row runs: the engine, and the rewrites that are switched off.
 RUNS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("database", ()), ("database", ("fold",)), ("database", tuple(REWRITES)), ("native", ()),
-    ("native", tuple(REWRITES)), ("duckdb", ()),
+    WRITTEN_ORDER, ("duckdb", ()),
 )  # fmt: skip
 GIVES_UP = " (SQL gives up)"
+REFUSES = " (SQL refuses)"
 NOT_FOR_REFERENCE = "reference: no"
+ALL_FOR_DUCKDB = "duckdb: every row"
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,7 @@ class Row:
     script: str
     expected: str
     gives_up: bool
+    refused: bool
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,7 @@ class Sheet:
     needs: tuple[str, ...]
     rows: tuple[Row, ...]
     in_reference: bool
+    in_duckdb: bool
 
 
 def load(path: Path) -> Sheet:
@@ -70,7 +77,8 @@ def load(path: Path) -> Sheet:
     _, *more = head.splitlines()
     named = [name for line in more if line.startswith(NEEDS) for name in line.removeprefix(NEEDS).split(", ")]
     first = head.count("\n") + 3
-    return Sheet(path, tuple(named), tuple(rows(rest.splitlines(), first)), NOT_FOR_REFERENCE not in more)
+    found = tuple(rows(rest.splitlines(), first))
+    return Sheet(path, tuple(named), found, NOT_FOR_REFERENCE not in more, ALL_FOR_DUCKDB in more)
 
 
 def rows(lines: list[str], first: int) -> Iterator[Row]:
@@ -79,9 +87,9 @@ def rows(lines: list[str], first: int) -> Iterator[Row]:
     for line, text in [*enumerate(lines, first), (first + len(lines), "# end")]:
         if expected and not text.startswith("  "):
             given = " ".join(expected)
-            yield Row(
-                line - len(expected) - len(script), "\n".join(script), given.removesuffix(GIVES_UP), GIVES_UP in given
-            )
+            value = given.removesuffix(GIVES_UP).removesuffix(REFUSES)
+            first = line - len(expected) - len(script)
+            yield Row(first, "\n".join(script), value, given.endswith(GIVES_UP), given.endswith(REFUSES))
             script, expected = [], []
         if text.startswith("=> ") or expected:
             expected.append(text.removeprefix("=> ").strip())
@@ -128,17 +136,21 @@ def by_reference(judge: Reference, row: Row) -> str:
 def test_sheet(sheet: Sheet) -> None:
     assert sheet.rows
     wrong = []
+    spares = {"native": False, "duckdb": not sheet.in_duckdb}  # what may refuse rows
     for engine, disable in RUNS:
         with TemporaryDirectory() as folder, opened(sheet, Path(folder), disable, engine) as session:
             for row in sheet.rows:
                 if engine == "duckdb" and "CONNECT BY" in row.script.upper():
                     continue  # searches by levels have tests of their own
                 found = given(session, row, engine)
+                refused = found is None
+                if not disable and refused != (row.refused if engine == "database" else refused and spares[engine]):
+                    wrong.append(f"{sheet.path.name}:{row.line}: {engine} {'refuses' if refused else 'takes'} it")
                 if found is None and engine == "duckdb":  # which refuses what it cannot do; a later row may read it
                     found = given(session, row, "auto")
                 if row.gives_up and engine == "database" and found is not None and found.startswith("error "):
                     found = given(session, row, "auto")
-                spared = row.expected.startswith("error ") and found is not None
+                spared = row.expected.startswith("error ") and (engine, disable) != WRITTEN_ORDER
                 if found not in (None, wanted(row)) and not spared:
                     wrong.append(f"{sheet.path.name}:{row.line}: {engine} without {disable}: {found}")
     if sheet.in_reference:

@@ -27,7 +27,8 @@ def ss() -> Iterator[ss2sql.Session]:
         session.host.connection.execute(
             "CREATE TABLE people(id INTEGER PRIMARY KEY, name TEXT NOT NULL, age INT NOT NULL) STRICT;"
             "INSERT INTO people VALUES (1, 'Ann', 31);"
-            "CREATE TABLE sales(kind TEXT NOT NULL, price INT NOT NULL) STRICT; CREATE TABLE loose(a INTEGER)"
+            "CREATE TABLE sales(kind TEXT NOT NULL, price INT NOT NULL) STRICT; CREATE TABLE loose(a INTEGER);"
+            "CREATE TABLE pairs(a TEXT, b TEXT COLLATE NOCASE, PRIMARY KEY(a, b)) STRICT, WITHOUT ROWID"
         )
         session.set("many", list(range(2000)))
         session.set("rows", [{"kind": kind} for kind in "babac"])
@@ -105,6 +106,7 @@ def test_groups_of_a_table_without_an_order(ss: ss2sql.Session) -> None:
         in_line(ss, "SELECT kind, max(price) FROM sales GROUP BY kind AS rows")
     assert caught.value.hints == ("give the table a primary key, or sort the rows",)
     assert "ORDER BY" in in_line(ss, "SELECT kind, max(price) FROM sales GROUP BY kind ORDER BY kind AS rows")
+    assert "ORDER BY" not in in_line(ss, "SELECT count(*) FROM a = [1], b = [2] AS list")
     assert in_line(ss, "SELECT m.max FROM m = (SELECT max(price) FROM sales GROUP BY 1) WHERE m.max > 1 AS list") == (
         "SELECT m.max AS max FROM ( SELECT MAX(sales.price) AS max FROM sales"
         " GROUP BY CAST(1 AS BIGINT) ) AS m WHERE m.max > 1;"
@@ -123,11 +125,13 @@ EXPRESSIONS_REFUSED = [
     ("t.this[-1:2]", "slice of such values"), ("x.this ^ 2", "pow of such values"),
     ("n.this ^ n.this", "pow of such values"), ("abs(b.this)", "abs of such values"),
     ("-b.this", "neg of such values"), ("b.this / 2", "div of such values"), ("len(n.this)", "this may fail"),
+    ("IF(b.this; 1 / (n.this - 1), 2; 3)", "what stands before the last value of a branch may fail"),
     ("l.this[-1]", "item of such values"), ("round(x.this)", "round is not known to other databases"),
 ]  # fmt: skip
 REFUSED = [
     *((f"SELECT {written} {FROM} AS rows", reason, None) for written, reason in EXPRESSIONS_REFUSED),
     ("SELECT a FROM loose", "the rows of loose have no order but that of SQLite", None),
+    ("SELECT a FROM pairs", "the rows of pairs have no order but that of SQLite", None),
     ("SELECT p FROM p = loose ORDER BY p.a", "have no type for it", None),
     ("SELECT * FROM loose ORDER BY a", "have no type for it", None),
     ("SELECT this FROM range(2000)", "this list is not known", None),

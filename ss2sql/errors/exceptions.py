@@ -138,8 +138,8 @@ class WorkersWarning(UserWarning):
 
 
 def combine_errors(errors: Sequence[Error]) -> Error:
-    """One exception for all `errors` (at least one), in the order of their places."""
-    ordered = sorted(errors, key=lambda e: e.span.start if e.span else -1)
+    """One exception for all `errors` (at least one), in the order of their places. What is said twice is said once."""
+    ordered = sorted({(e.span, e.message): e for e in errors}.values(), key=lambda e: e.span.start if e.span else -1)
     first = ordered[0]
     first.errors = tuple(ordered)
     return first

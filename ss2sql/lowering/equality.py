@@ -195,6 +195,7 @@ def _subtract_number(node: Node, number: int) -> Node:
 
 # --- equality, membership and elements: operators that sqlite_forms.py has no texts for
 MAX_WRITTEN_MEMBERS = 30  # of a list that is written into the text
+GLOB_PATTERN = str.maketrans({"%": "*", "_": "?", "*": "[*]", "?": "[?]", "[": "[[]"})
 
 LowerFunction: TypeAlias = "Callable[[ExpressionLowering, plan.Call, SqlScope], Node | None]"
 
@@ -317,8 +318,9 @@ def _lower_like(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) 
     if plain and part and text == f"%{part}%":
         found = sql_builder.call("instr", node, sql_builder.string(part))
         return sql_builder.binary(exp.EQ if negated else exp.GT, found, sql_builder.number(0))
-    glob = "".join({"%": "*", "_": "?"}.get(char) or (f"[{char}]" if char in "*?[" else char) for char in text)
-    test: Node = exp.Glob(this=sql_builder.wrap_operand(node), expression=sql_builder.string(glob))
+    test: Node = exp.Glob(
+        this=sql_builder.wrap_operand(node), expression=sql_builder.string(text.translate(GLOB_PATTERN))
+    )
     test = exp.Not(this=sql_builder.wrap_operand(test)) if negated else test
     if plain and text == f"{part}%":
         return test

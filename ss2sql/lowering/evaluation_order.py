@@ -165,7 +165,9 @@ class EvaluationOrder:
         reached = 1
         for part in parts:
             level, fails = self.count_sources(part), can_fail(part)
-            key = self._find_key(part, level, [condition.expr for condition in placed])
+            before = [condition.expr for condition in placed]
+            source = self.query.sources[level - 1]
+            key = find_expression_key(self.query, source, part, before) if self.may_look_up else None
             if key is not None:
                 fails = False
             if fails:
@@ -173,11 +175,6 @@ class EvaluationOrder:
             reached = max(reached, level)
             placed.append(Condition(part, level, not fails, key))
         return placed
-
-    def _find_key(self, part: plan.Expr, level: int, before: Sequence[plan.Expr]) -> ExpressionKey | None:
-        if not self.may_look_up or level == 0:
-            return None
-        return find_expression_key(self.query, self.query.sources[level - 1], part, before)
 
     def find_hoisted_values(self, conditions: Sequence[Condition], outputs: Sequence[plan.Expr]) -> list[HoistedValue]:
         """The values to compute early: those of costly expressions in WHERE, then in `outputs`, innermost first.

@@ -196,11 +196,11 @@ class RecursiveQuery(ABC):
         """Whether the state of a start counts as visited."""
         return self.keyed and self.search.by == "state"
 
-    def write_visit(self, scope: SqlScope) -> list[Node]:
+    def write_visit(self, scope: SqlScope) -> Node | None:
         """What lets the state of a start count as visited, where it does."""
         if not self.visits:
-            return []
-        return [sql_builder.call("visit", *(self.expressions.lower_value(part, scope) for part in self.compared))]
+            return None
+        return sql_builder.call("visit", *(self.expressions.lower_value(part, scope) for part in self.compared))
 
     def _lower_starts(self, opened: list[FromItem], states: dict[tuple[int, str], Node]) -> dict[tuple[int, str], Node]:
         """The START WITH variables as columns of a table, where they are another value in each start."""
@@ -212,10 +212,8 @@ class RecursiveQuery(ABC):
             sql_builder.alias(sql_builder.number(1), "start")
         ]
         items = [item for part in opened for item in part.items]
-        self._add_copy(
-            name,
-            sql_builder.select(shown, items, sql_builder.conjunction(self.write_visit(SqlScope().with_states(states)))),
-        )
+        visit = self.write_visit(SqlScope().with_states(states))
+        self._add_copy(name, sql_builder.select(shown, items, visit))
         self.starts = sql_builder.table(name, name)
         return states | {state: sql_builder.column(column, name) for state, column in columns.items()}
 

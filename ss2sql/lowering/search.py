@@ -220,7 +220,7 @@ class EagerSearch(RecursiveQuery):
         for name, short_name in self.states.items():
             known[short_name] = scope.states[(self.query.id, name)]
         outputs = [known.get(name, sql_builder.null()).copy() for name in self.all_column_names]
-        return sql_builder.select(outputs, [], sql_builder.conjunction(self.write_visit(scope)))
+        return sql_builder.select(outputs, [], self.write_visit(scope))
 
     @property
     def all_column_names(self) -> list[str]:

@@ -372,9 +372,7 @@ def _resolve_representation(
     if name not in known:
         every = f"the forms are {', '.join(sorted(known))}; session.representation registers others"
         hints = (
-            suggest_names(name, known)
-            if suggest_similar(name, known) and name not in ("table", "tuple", "tuples")
-            else (every,)
+            suggest_names(name, known) if suggest_similar(name, known) and name not in ("table", "tuple") else (every,)
         )
         if not suggest_similar(name, known) and not (tree.arguments or tree.named):
             hints += (f"to name a source write FROM {tree.name} = ...",)

@@ -114,8 +114,8 @@ class RemoteSources:
         """The columns that sort the rows of a table: its primary key."""
         keys = (columns for columns, index in source.indexes if not index)
         order = next(keys, ()) if source.order == ("rowid",) else source.order
-        nullable = {name for name, kind in source.columns if is_nullable(kind)}
-        if not order or nullable.intersection(order):
+        unlike = {name for name, kind in source.columns if is_nullable(kind)} | set(source.collated)
+        if not order or unlike.intersection(order):
             if self.query.order or self._is_one_group:
                 return ()
             reason = f"the rows of {source.table} have no order but that of SQLite"

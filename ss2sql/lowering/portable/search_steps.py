@@ -158,7 +158,6 @@ class _StepWriter:
             order=(),
             limit=None,
             aggregated=False,
-            rows=(),
             representation=plan.Representation("rows"),
         )
 

@@ -281,11 +281,7 @@ class SubqueryUnnester:
             case "eq" | "ne":
                 least, rest = divmod(number, width)
                 assert number, "whether there are rows is tested in another way"
-                return (
-                    make_constant(name == "ne", span)
-                    if rest or least < 0
-                    else self.compare_total(name, rows, least, span)
-                )
+                return None if rest else self.compare_total(name, rows, least, span)
             case "lt" | "ge":
                 least = -(-number // width)
             case _:

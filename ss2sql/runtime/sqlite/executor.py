@@ -303,7 +303,7 @@ class Database:
         if self.stack:
             self.current.modules.update(lowered.modules)
         return {
-            parameter.name: _encode_parameter(interning, parameter, evaluate, parameter.name in lowered.only_iterated)
+            parameter.name: _encode_parameter(interning, evaluate(parameter), parameter.flag)
             for parameter in lowered.parameters
         }
 
@@ -399,7 +399,9 @@ class Database:
         with self._push_execution(execution):
             self.search.begin_search(execution.interning.frozen, False)
             execution.modules.update(sql.modules)
-            values = {name: _encode_bound_value(execution.interning, value) for name, value in sql.parameters.items()}
+            values = {
+                name: _encode_parameter(execution.interning, value, False) for name, value in sql.parameters.items()
+            }
             return [tuple(map(execution.interning.decode, row)) for row in self._open_cursor(sql, sql.modules, values)]
 
     def _read_results(
@@ -440,16 +442,9 @@ def _has_other_form(interning: Interning, values: Mapping[str, Any]) -> bool:
     return any(interning.are_equal(value, watched) for value in others for watched in interning.watched)
 
 
-def _encode_parameter(
-    interning: Interning, parameter: Parameter, evaluate: Callable[[Parameter], Any], only_walked: bool
-) -> Any:
-    value = evaluate(parameter)
-    if only_walked and type(value) is list:
-        return interning.encode_frame(value)  # to make one value of a list of 10,000 dicts takes 10 ms
-    return int(value) if parameter.flag else _encode_bound_value(interning, value)
-
-
-def _encode_bound_value(interning: Interning, value: Any) -> Any:
+def _encode_parameter(interning: Interning, value: Any, flag: bool) -> Any:
+    if flag:
+        return int(value)
     if value is True or value is False:
         return TRUE if value else FALSE
     if isinstance(value, Frame):
