@@ -23,7 +23,7 @@ import pytest
 from purity_samples import Load, load
 from sessions import samples
 
-from ss2sql.frontend.volatility import Purity, infer_purity, known_functions
+from ss2sql.frontend.volatility import Purity, infer_purity, name_bindings
 
 __all__ = ["load"]  # the fixture
 IMMUTABLE = samples("immutable")
@@ -210,8 +210,8 @@ def logged_length(value: list[object]) -> int:
 def test_what_was_replaced_before_it_was_looked_at_is_not_known() -> None:
     module = ModuleType("other")
     vars(module)["length"] = logged_length
-    known_functions._declare(module, "length")
-    assert known_functions.find_known(logged_length) is None
+    name_bindings._declare(module, "length")
+    assert name_bindings.find_known(logged_length) is None
 
 
 def test_what_is_replaced_is_noticed(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:

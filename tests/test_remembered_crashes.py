@@ -27,7 +27,7 @@ KNOWN = '''{KNOWN}'''
     + """
 import os, random, signal, sqlite3, time
 # Else each child would begin with importing them.
-import ss2sql.runtime.graph_cache.cache_policy, ss2sql.session.session
+import ss2sql.runtime.graph_cache.cached_steps, ss2sql.session.session
 
 dice, longest, before = random.Random(1), 0.4, 0
 for number in range(10):

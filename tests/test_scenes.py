@@ -24,7 +24,7 @@ from ss2sql import scenes
 from ss2sql.scenes import Scene, View
 from ss2sql.scenes.chaos_scene import BOUNCE, INSIDE
 from ss2sql.vtables.pybullet import client as bullet
-from ss2sql.vtables.pybullet.solids import Sphere
+from ss2sql.vtables.pybullet.scene import Sphere
 
 DIRECTIONS = [(x, y) for x, y in product((-1, 0, 1), repeat=2) if (x, y) != (0, 0)]
 SMALL = (160, 120)

@@ -12,7 +12,7 @@ import pytest
 
 import ss2sql
 from ss2sql.errors import Error, ExecutionError, ResolveError
-from ss2sql.errors.renderer import escape_controls
+from ss2sql.errors.exceptions import escape_controls
 
 REFUSED = (
     "ATTACH 'x' AS y", "PRAGMA user_version = 3", "CREATE TABLE u(a)", "CREATE TEMP VIEW u AS SELECT 1",

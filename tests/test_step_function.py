@@ -9,7 +9,7 @@ import pytest
 from listings import move
 
 import ss2sql
-from ss2sql.language.frozen_values import FrozenShapes, freeze_any, freeze_flat, freeze_nested, thaw_value
+from ss2sql.language.values import FrozenShapes, freeze_any, freeze_flat, freeze_nested, thaw_value
 from ss2sql.runtime.python import search_compiler
 from ss2sql.runtime.python.ast_builder import copy_tree
 

@@ -16,8 +16,7 @@ from little_scenes import fixture_scene as fixture_scene
 import ss2sql
 from ss2sql import scenes
 from ss2sql.vtables.pybullet.occupancy_grid import GAP, THIN
-from ss2sql.vtables.pybullet.scene import Scene, Sensor
-from ss2sql.vtables.pybullet.solids import Box, Capsule, Cylinder, Sphere
+from ss2sql.vtables.pybullet.scene import Box, Capsule, Cylinder, Scene, Sensor, Sphere
 
 # --- occupancygrid -------------------------------------------------------------------------------------
 

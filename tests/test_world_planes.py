@@ -19,8 +19,7 @@ import ss2sql
 from ss2sql import scenes
 from ss2sql.language.area_grid import Grid
 from ss2sql.runtime.representations.as_plane import blur_grid_cells
-from ss2sql.vtables.pybullet.scene import Scene
-from ss2sql.vtables.pybullet.solids import Box, Sphere
+from ss2sql.vtables.pybullet.scene import Box, Scene, Sphere
 
 # --- plane ---------------------------------------------------------------------------------------------
 

@@ -16,8 +16,8 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.resolver import resolve
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
+from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.plan_traversal import walk
-from ss2sql.language.recursion_limit import retry_with_stack
 from ss2sql.results.result import Result
 from ss2sql.session.compiled_script import Query
 from ss2sql.session.engines import Engine

@@ -16,8 +16,8 @@ from ss2sql.frontend.resolve.resolver import resolve
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.language import plan
+from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.plan_traversal import walk
-from ss2sql.language.recursion_limit import retry_with_stack
 from ss2sql.results import get_paths
 from ss2sql.session.session import Session
 

@@ -26,7 +26,7 @@ COMMANDS = {
         "Tells how a script is run: engines, rewrites, calls, SQLite's plan in words, the SQL.",
     ),
     "repl": (
-        "ss2sql.shell.repl_command",
+        "ss2sql.shell.shell",
         "Runs statements as they are typed. Without a terminal it reads them from standard input.",
     ),
     "plot": ("ss2sql.cli.plot_command", "Runs a script and draws its result as a picture."),

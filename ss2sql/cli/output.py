@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
 import click
 
 from ss2sql.errors import Cancelled, Error, SessionError, Stopped, Timeout, render_all, respell_hints
-from ss2sql.errors.renderer import escape_controls
+from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 
 SCRIPT, USAGE, TIMEOUT, CTRL_C = 1, 2, 124, 130

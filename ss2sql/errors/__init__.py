@@ -1,7 +1,7 @@
 """Errors as data: a code, a sentence, a span of the script and hints; one renderer makes text of them.
 
 Every error that ss2sql raises itself is an `Error`. An exception of a user's function keeps its own type and gets a
-note that names the line of the script. In order: codes, exceptions, renderer.
+note that names the line of the script. In order: codes, exceptions.
 """
 
 from ss2sql.errors.codes import CODES as CODES
@@ -15,6 +15,8 @@ from ss2sql.errors.exceptions import ParseError as ParseError
 from ss2sql.errors.exceptions import RepresentationError as RepresentationError
 from ss2sql.errors.exceptions import ResolveError as ResolveError
 from ss2sql.errors.exceptions import SessionError as SessionError
+from ss2sql.errors.exceptions import Source as Source
+from ss2sql.errors.exceptions import Span as Span
 from ss2sql.errors.exceptions import Stopped as Stopped
 from ss2sql.errors.exceptions import Timeout as Timeout
 from ss2sql.errors.exceptions import UnsupportedError as UnsupportedError
@@ -22,10 +24,8 @@ from ss2sql.errors.exceptions import WorkersWarning as WorkersWarning
 from ss2sql.errors.exceptions import combine_errors as combine_errors
 from ss2sql.errors.exceptions import note_once as note_once
 from ss2sql.errors.exceptions import note_place as note_place
+from ss2sql.errors.exceptions import render_all as render_all
+from ss2sql.errors.exceptions import render_error as render_error
 from ss2sql.errors.exceptions import respell_hints as respell_hints
 from ss2sql.errors.exceptions import suggest_names as suggest_names
 from ss2sql.errors.exceptions import suggest_similar as suggest_similar
-from ss2sql.errors.renderer import Source as Source
-from ss2sql.errors.renderer import Span as Span
-from ss2sql.errors.renderer import render_all as render_all
-from ss2sql.errors.renderer import render_error as render_error

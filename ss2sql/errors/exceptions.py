@@ -1,16 +1,305 @@
-"""The classes of errors, their hints, and the note on a user's exception."""
+"""The classes of errors, the places in scripts that they name, and the text that shows them.
+
+    error[P002]: the script ends before '(' is closed
+     --> <script>:1:18
+      |
+    1 | max(SELECT a FROM
+      |    -             ^
+      |    |
+      |    opened here
+      = help: write the missing ')'
+
+The place of an error is marked with `^`, related places with `-`. The caller decides about colour.
+"""
 
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
 from collections.abc import Iterable, Sequence
+from dataclasses import field
+from functools import cached_property
 from typing import Any, ClassVar, Literal, TypeAlias
-from unicodedata import normalize
+from unicodedata import bidirectional, category, east_asian_width, normalize
 
 from ss2sql.errors.codes import CODES
-from ss2sql.errors.renderer import Span, render_all
+from ss2sql.fast_dataclasses import dataclass
 
 
+@dataclass(frozen=True)
+class Source:
+    """A script's text with the name that errors show for it (a file name, or `<script>`)."""
+
+    text: str
+    name: str = "<script>"
+
+    @cached_property
+    def _line_starts(self) -> list[int]:
+        starts = [0]
+        starts.extend(i + 1 for i, char in enumerate(self.text) if char == "\n")
+        return starts
+
+    def find_line_column(self, offset: int) -> tuple[int, int]:
+        """The line and column, both counted from 1, of a character offset."""
+        line = bisect_right(self._line_starts, offset)
+        return line, offset - self._line_starts[line - 1] + 1
+
+    def get_line(self, number: int) -> str:
+        """The text of a line, counted from 1, without its end."""
+        start = self._line_starts[number - 1]
+        end = self._line_starts[number] - 1 if number < len(self._line_starts) else len(self.text)
+        return self.text[start:end].rstrip("\r")
+
+    def find_offset(self, line: int, column: int) -> int:
+        """The character offset of a line and column, both counted from 1."""
+        return self._line_starts[line - 1] + column - 1
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of a script: character offsets `start` (included) to `end` (not included)."""
+
+    source: Source
+    start: int
+    end: int
+
+    @property
+    def line(self) -> int:
+        return self.source.find_line_column(self.start)[0]
+
+    @property
+    def column(self) -> int:
+        return self.source.find_line_column(self.start)[1]
+
+    @property
+    def text(self) -> str:
+        return self.source.text[self.start : self.end]
+
+    @property
+    def place(self) -> str:
+        """`name:line:column`, as errors print it."""
+        return f"{self.source.name}:{self.line}:{self.column}"
+
+    def extend_to(self, other: Span) -> Span:
+        """The stretch from the start of this span to the end of the other."""
+        return Span(self.source, self.start, max(self.end, other.end))
+
+
+# --- the text of an error, in the manner of rustc: code and sentence, place, source lines with marks, hints
+CONTROL_CHARACTERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def escape_controls(text: str) -> str:
+    """The text with `\\x1b` for an escape character, and so on. Ends of lines and tabs stay what they are."""
+    return text if text.isascii() and text.isprintable() else CONTROL_CHARACTERS.sub(_escape_match, text)
+
+
+def _escape_match(found: re.Match[str]) -> str:
+    return repr(found.group())[1:-1]
+
+
+WIDTH = 120  # cells of a line that are shown; a longer one is cut around its place
+BEFORE = 60  # cells of it that stand before the place
+MOST_LINES = 5  # a longer stretch is shown by its beginning and its end
+TAB = "    "
+DIRECTION_MARKS = frozenset({"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"})
+
+RED, BLUE, CYAN, BOLD = "\x1b[1;31m", "\x1b[1;34m", "\x1b[1;36m", "\x1b[1m"
+
+
+def render_all(error: Error, color: bool = False) -> str:
+    """The text of all errors that were found together, with an empty line between them."""
+    return "\n\n".join(render_error(one, color) for one in error.errors)
+
+
+def render_error(error: Error, color: bool = False) -> str:
+    """The text of one error; with ANSI colours where a terminal shows it."""
+    marks = [_Mark(span, "-", BLUE, label) for span, label in error.related]
+    spans = [mark.span for mark in marks]
+    if error.span is not None:
+        spans.append(error.span)
+    page = _Page(max((len(str(span.source.find_line_column(span.end)[0])) for span in spans), default=1), color)
+    code = page.color_text(RED, f"error[{error.code}]")
+    message = page.color_text(BOLD, f": {escape_controls(error.message)}")
+    page.lines.append(code + message)
+    if error.span is not None:
+        own = _Mark(error.span, "^", RED)
+        page.add_place(own)
+        beside = [mark for mark in marks if _stands_beside(mark, own)]
+        page.show_mark(own, beside)
+        marks = [mark for mark in marks if mark not in beside]
+    for mark in marks:
+        if error.span is None or mark.span.source is not error.span.source:
+            page.add_place(mark)
+            page.show_mark(_Mark(mark.span, mark.sign, mark.style))
+        else:
+            page.show_mark(mark)
+    page.lines.extend(page.color_text(BLUE, f"{page.gutter} = ") + page.format_hint(hint) for hint in error.hints)
+    return "\n".join(page.lines)
+
+
+@dataclass(frozen=True, slots=True)
+class _Mark:
+    """A place to be marked: with which sign, in which colour, and what is said there."""
+
+    span: Span
+    sign: str
+    style: str
+    label: str = ""
+
+
+def _stands_beside(one: _Mark, other: _Mark) -> bool:
+    """Whether both can be marked below the same line: they are on it, apart, and close to each other."""
+    first, second = sorted((one.span, other.span), key=lambda span: span.start)
+    return (
+        first.source is second.source
+        and first.line == _find_last_line(first) == second.line == _find_last_line(second)
+        and max(first.end, first.start + 1) <= second.start
+        and first.column > second.column - BEFORE
+        and second.column < first.column + BEFORE
+    )
+
+
+def _find_last_line(span: Span) -> int:
+    return span.source.find_line_column(max(span.start, span.end - 1))[0]
+
+
+@dataclass(slots=True)
+class _Page:
+    """Lines of a rendered error under construction: the gutter is as wide as the largest line number."""
+
+    width: int
+    color: bool
+    lines: list[str] = field(default_factory=list)
+
+    @property
+    def gutter(self) -> str:
+        return " " * self.width
+
+    def color_text(self, style: str, text: str) -> str:
+        return f"{style}{text}\x1b[0m" if self.color and text else text
+
+    def format_hint(self, hint: str) -> str:
+        return f"{self.color_text(CYAN, 'help')}: {escape_controls(hint)}"
+
+    def add_place(self, mark: _Mark) -> None:
+        label = f": {mark.label}" if mark.label else ""
+        self.lines.append(self.color_text(BLUE, f"{self.gutter}-->") + f" {mark.span.place}{label}")
+
+    def add_line(self, text: str, number: int | None = None) -> None:
+        """A line with its number, or one below it."""
+        head = self.gutter if number is None else f"{number:>{self.width}}"
+        self.lines.append(self.color_text(BLUE, f"{head} |") + (f" {text}" if text else ""))
+
+    def show_mark(self, mark: _Mark, beside: list[_Mark] | None = None) -> None:
+        """The line or lines of a mark, with the mark and those beside it."""
+        self.add_line("")
+        if _find_last_line(mark.span) > mark.span.line:
+            self._show_stretch(mark)
+        else:
+            self._show_line(mark, beside or [])
+
+    def _show_line(self, mark: _Mark, beside: list[_Mark]) -> None:
+        marks = sorted((mark, *beside), key=lambda one: one.span.start)
+        cut = _ShownLine(mark.span.source.get_line(mark.span.line), marks[0].span.column - 1)
+        self.add_line(cut.shown, mark.span.line)
+        places = [cut.find_cell(one.span.column - 1) for one in marks]
+        text, at = "", 0
+        for one, place in zip(marks, places, strict=True):
+            length = max(1, cut.find_cell(one.span.column - 1 + one.span.end - one.span.start) - place)
+            text += " " * (place - at) + self.color_text(one.style, one.sign * length)
+            at = place + length
+        if marks[-1].label:
+            text += " " + self.color_text(marks[-1].style, marks[-1].label)
+        self.add_line(text)
+        hanging = [(place, one) for place, one in zip(places[:-1], marks[:-1], strict=True) if one.label]
+        if hanging:
+            self.add_line(self._draw_bars(hanging))
+        while hanging:
+            place, one = hanging.pop()
+            bars, used = self._draw_bars(hanging), hanging[-1][0] + 1 if hanging else 0
+            self.add_line(bars + " " * (place - used) + self.color_text(one.style, one.label))
+
+    def _draw_bars(self, hanging: list[tuple[int, _Mark]]) -> str:
+        """The lines from marks down to their labels."""
+        text, at = "", 0
+        for place, one in hanging:
+            text += " " * (place - at) + self.color_text(one.style, "|")
+            at = place + 1
+        return text
+
+    def _show_stretch(self, mark: _Mark) -> None:
+        """Several lines, with a bar on their left from the first character to the last."""
+        span, source = mark.span, mark.span.source
+        first, last = span.line, _find_last_line(span)
+        bar = self.color_text(mark.style, "|")
+        cut = _ShownLine(source.get_line(first), span.column - 1)
+        if source.get_line(first)[: span.column - 1].strip():
+            self.add_line(f"  {cut.shown}", first)
+            self.add_line(" " + self.color_text(mark.style, "_" * (cut.find_cell(span.column - 1) + 1) + mark.sign))
+        else:
+            self.add_line(f"{self.color_text(mark.style, '/')} {cut.shown}", first)
+        most = last if last - first <= MOST_LINES else first + MOST_LINES - 2
+        for number in range(first + 1, min(most + 1, last)):
+            self.add_line(f"{bar} {_ShownLine(source.get_line(number), 0).shown}".rstrip(), number)
+        if most < last:
+            self.lines.append(f"{'...':<{self.width + 3}}{bar}")
+        column = source.find_line_column(max(span.start, span.end - 1))[1]
+        cut = _ShownLine(source.get_line(last), column - 1)
+        self.add_line(f"{bar} {cut.shown}", last)
+        label = f" {mark.label}" if mark.label else ""
+        self.add_line(bar + self.color_text(mark.style, "_" * (cut.find_cell(column - 1) + 1) + mark.sign + label))
+
+
+class _ShownLine:
+    """The shown part of a line, with the terminal's cell of each character."""
+
+    def __init__(self, text: str, at: int) -> None:
+        fits = len(text) <= WIDTH and sum(_show_character(char)[1] for char in text) <= WIDTH
+        start, room = min(at, len(text)), BEFORE
+        if fits:
+            start = 0
+        while start > 0 and room > 0:
+            start -= 1
+            room -= _show_character(text[start])[1]
+        self._start = start
+        self._places = [len("...") if start else 0]
+        shown = ["..." if start else ""]
+        for char in text[start : start + WIDTH]:
+            seen, cells = _show_character(char)
+            if self._places[-1] + cells > WIDTH + len("..."):
+                break
+            shown.append(seen)
+            self._places.append(self._places[-1] + cells)
+        more = start + len(self._places) - 1 < len(text)
+        self.shown = "".join(shown) + ("..." if more else "")
+
+    def find_cell(self, column: int) -> int:
+        """The cell of the character at a column, counted from 0; the last cell for one that is cut off."""
+        return self._places[max(0, min(column - self._start, len(self._places) - 1))]
+
+
+def _show_character(char: str) -> tuple[str, int]:
+    """How a character is shown, and how many cells it takes.
+
+    East Asian characters take two, combining ones none. Control characters, which would act on the terminal, and those
+    that change the direction of writing, which would show another script than the one that runs, are shown as symbols.
+    """
+    if " " <= char <= "~":
+        return char, 1
+    if char == "\t":
+        return TAB, len(TAB)
+    if char < " " or char == "\x7f":
+        return chr(0x2421 if char == "\x7f" else 0x2400 + ord(char)), 1
+    kind = category(char)
+    if kind in ("Cc", "Cs") or bidirectional(char) in DIRECTION_MARKS:
+        return "\N{REPLACEMENT CHARACTER}", 1
+    if kind in ("Mn", "Me", "Cf"):
+        return char, 0
+    return char, 2 if east_asian_width(char) in "WF" else 1
+
+
+# --- the classes of errors, their hints, and the note on a user's exception
 class Error(Exception):
     """The base of all errors of ss2sql.
 

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.cancellation import make_checked_order
-from ss2sql.language.value_messages import format_value
+from ss2sql.language.conversion import format_value
 
 NUMBERS = frozenset({int, float, bool})
 

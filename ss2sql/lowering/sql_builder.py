@@ -13,7 +13,7 @@ from sqlglot import exp
 from sqlglot.errors import TokenError
 from sqlglot.generator import Generator
 
-from ss2sql.errors.renderer import CONTROL_CHARACTERS
+from ss2sql.errors.exceptions import CONTROL_CHARACTERS
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS, strip_unwritable
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import apsw
 
-from ss2sql.errors.renderer import CONTROL_CHARACTERS
+from ss2sql.errors.exceptions import CONTROL_CHARACTERS
 
 ROW_NUMBER = "place in the walk"  # a hidden column of worlds; the blanks distinguish it from users' names
 _UNWRITTEN = re.compile("[\0\ud800-\udfff]")

@@ -9,7 +9,7 @@ from typing import Any
 from sqlglot import exp
 
 from ss2sql.errors import Span
-from ss2sql.errors.renderer import escape_controls
+from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.lowering import sql_builder

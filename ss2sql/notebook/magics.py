@@ -20,12 +20,12 @@ from IPython.core.magic import Magics, line_cell_magic, magics_class, no_var_exp
 
 from ss2sql.errors import Error, ResolveError, Source, Stopped, suggest_names
 from ss2sql.errors import render_all as rendered
-from ss2sql.errors.renderer import escape_controls
+from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.resolver import resolve
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
-from ss2sql.language.recursion_limit import retry_with_stack
+from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.values import SCALARS
 from ss2sql.results.result import Result
 from ss2sql.results.show import MOST_ROWS, format_html, format_result_text

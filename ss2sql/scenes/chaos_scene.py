@@ -15,8 +15,19 @@ from typing import Any, ClassVar
 from ss2sql.errors import SessionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.vtables.pybullet.client import import_pybullet
-from ss2sql.vtables.pybullet.scene import Scene, View
-from ss2sql.vtables.pybullet.solids import Box, Capsule, Colour, Cylinder, Plane, Solid, Sphere, Vector, measure_reach
+from ss2sql.vtables.pybullet.scene import (
+    Box,
+    Capsule,
+    Colour,
+    Cylinder,
+    Plane,
+    Scene,
+    Solid,
+    Sphere,
+    Vector,
+    View,
+    measure_reach,
+)
 
 HALF = 5.0  # half the edge of the box, whose middle is the origin
 SPEED = 3.0  # of particles at their birth, at most, in m/s

@@ -11,8 +11,7 @@ from typing import Any, ClassVar
 
 from ss2sql.package_data import find_file
 from ss2sql.vtables.pybullet.client import import_pybullet, require_sim_package
-from ss2sql.vtables.pybullet.scene import Scene, Sensor, View
-from ss2sql.vtables.pybullet.solids import Box, Colour, Cylinder, Vector
+from ss2sql.vtables.pybullet.scene import Box, Colour, Cylinder, Scene, Sensor, Vector, View
 
 Spot = tuple[float, float]
 

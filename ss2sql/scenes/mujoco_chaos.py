@@ -13,8 +13,7 @@ from xml.sax.saxutils import quoteattr
 from ss2sql.extras import install_line
 from ss2sql.scenes.chaos_scene import HALF, PUSH_EVERY, WALLS, Particle, ParticleSource, import_sim, make_quaternion
 from ss2sql.vtables.mujoco import MuJoCoWorld
-from ss2sql.vtables.pybullet.scene import TIME_STEP
-from ss2sql.vtables.pybullet.solids import Box, Capsule, Cylinder, Solid, Sphere, Vector
+from ss2sql.vtables.pybullet.scene import TIME_STEP, Box, Capsule, Cylinder, Solid, Sphere, Vector
 
 # A contact is a spring with a damper, which gives back the part exp(-pi z / sqrt(1 - z²)) of the speed: 0.3 here.
 _BOUNCE = "0.02 0.358"

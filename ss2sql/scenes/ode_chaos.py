@@ -24,8 +24,7 @@ from ss2sql.scenes.chaos_scene import (  # fmt: skip
     make_quaternion,
 )
 from ss2sql.vtables.ode import OdeWorld
-from ss2sql.vtables.pybullet.scene import TIME_STEP
-from ss2sql.vtables.pybullet.solids import Box, Capsule, Cylinder, Solid, Sphere, Vector
+from ss2sql.vtables.pybullet.scene import TIME_STEP, Box, Capsule, Cylinder, Solid, Sphere, Vector
 
 HARD = 5.0  # m/s, the speed of a contact at which a particle can explode
 

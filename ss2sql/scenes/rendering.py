@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from ss2sql.errors import SessionError, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.vtables.pybullet.client import import_pybullet
-from ss2sql.vtables.pybullet.scene import Scene, View
-from ss2sql.vtables.pybullet.solids import Colour, Vector
+from ss2sql.vtables.pybullet.scene import Colour, Scene, Vector, View
 
 Floats = NDArray[np.float32]
 LIGHT: Vector = (0.35, -0.5, 1.1)  # the direction from which it comes

@@ -12,9 +12,9 @@ import apsw
 
 from ss2sql.errors import Error, ExecutionError, Stopped, UnsupportedError
 from ss2sql.language import plan
+from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import walk
-from ss2sql.language.recursion_limit import retry_with_stack
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.lowering.sql_query import Parameter, Sql, SqlQuery

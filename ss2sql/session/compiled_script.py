@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, suggest_similar
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
+from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.kinds import ANY, NOTHING, Type, is_covering, type_of
 from ss2sql.language.plan_traversal import list_call_places, walk
-from ss2sql.language.recursion_limit import retry_with_stack
 from ss2sql.lowering.sql_query import Sql
 from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement
 from ss2sql.results.result import Result

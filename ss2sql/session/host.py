@@ -20,19 +20,18 @@ from ss2sql.frontend.syntax.ast import collect_column_names
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
+from ss2sql.language.cancellation import retry_with_stack
+from ss2sql.language.conversion import is_unreadable
 from ss2sql.language.kinds import Type, type_of
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.recursion_limit import retry_with_stack
 from ss2sql.language.rows import Row, Rows
-from ss2sql.language.value_messages import is_unreadable
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.runtime import representations
 from ss2sql.runtime.representations.shape import Representations, expand_stars
 from ss2sql.runtime.run.call_memo import bind_function
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT
-from ss2sql.runtime.run.garbage_collector import pause_collector
 from ss2sql.runtime.run.option_checks import Limits
-from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.run.run_state import Run, pause_collector
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.sqlite.column_types import STORED
 from ss2sql.runtime.sqlite.database_tables import Tables
@@ -45,11 +44,11 @@ from ss2sql.session.triggers import Triggers
 from ss2sql.session.variables import OtherTables, TemporalFile, TemporalStore, Variables, convert_moment
 from ss2sql.vtables import contract
 from ss2sql.vtables.attached_worlds import AttachedWorld, WorldFunctions
-from ss2sql.vtables.query_cache import QueryCaches
+from ss2sql.vtables.contract import QueryCaches
 from ss2sql.vtables.schema import world_error
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.graph_cache.cache_policy import CachePolicy
+    from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
     from ss2sql.runtime.graph_cache.graph_store import GraphStore
     from ss2sql.runtime.parallel.process_pool import ProcessPool
 
@@ -129,7 +128,7 @@ class SessionHost:
         """What keeps the graphs of searches, if the session has a file and keeps graphs."""
         if self.graph_store is None or "remember" in self.disabled:
             return None
-        from ss2sql.runtime.graph_cache.cache_policy import CachePolicy
+        from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
 
         return CachePolicy(self.graph_store, self._find_function, self._list_worlds)
 

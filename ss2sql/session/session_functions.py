@@ -7,7 +7,7 @@ from inspect import signature
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError, SessionError, suggest_names
-from ss2sql.errors.renderer import escape_controls
+from ss2sql.errors.exceptions import escape_controls
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language.operations import OPERATIONS, WRITTEN
 from ss2sql.language.plan_traversal import format_type

@@ -13,7 +13,7 @@ from ss2sql.cli.script_options import parse_parameter, parse_world, register_fil
 from ss2sql.editor.keywords import keywords
 from ss2sql.errors import Source, suggest_names
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.value_messages import format_value as written
+from ss2sql.language.conversion import format_value as written
 from ss2sql.session.session import read_script_source
 from ss2sql.shell.symbols import Function, SymbolTable
 

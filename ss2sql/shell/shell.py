@@ -11,15 +11,28 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import click
 
-from ss2sql.cli.output import UserError, describe_found, make_output, print_note, wants_color, writes_json
-from ss2sql.cli.run_command import make_data, run_script
+from ss2sql.cli.output import (
+    CTRL_C,
+    SCRIPT,
+    SHOWN,
+    Count,
+    UserError,
+    describe_found,
+    exit_with_code_on_error,
+    make_output,
+    print_note,
+    wants_color,
+    writes_json,
+)
+from ss2sql.cli.run_command import add_run_options, make_data, run_script
+from ss2sql.cli.script_options import ScriptInputs, add_session_options
 from ss2sql.errors import Cancelled, Error, SessionError, Source, Stopped, render_all, respell_hints
-from ss2sql.errors.renderer import escape_controls
+from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.frontend.syntax.tokenizer import MAX_BYTES, make_size_error
-from ss2sql.language.value_messages import format_value as written
+from ss2sql.language.conversion import format_value as written
 from ss2sql.shell.dot_commands import CommandError, FileFailed, Settings
 from ss2sql.shell.statement_splitter import TypedPiece, split_statements
 
@@ -233,3 +246,47 @@ def _read_lines(stream: BinaryIO) -> Iterator[str]:
         raise SessionError("S002", f"line {number} of the standard input cannot be read: {error}") from error
     except OSError as error:
         raise SessionError("S002", f"the standard input cannot be read: {error}") from error
+
+
+# --- `ss2sql repl`: the shell
+@click.command("repl")
+@add_session_options
+@add_run_options
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["table", "json", "csv"]),
+    default="table",
+    show_default=True,
+    help="How results are printed.",
+)
+@click.option(
+    "--show",
+    type=Count(),
+    default=SHOWN,
+    show_default=True,
+    metavar="N|all",
+    help="So many rows or paths of a table are shown.",
+)
+@click.option("--history/--no-history", default=True, help="Whether what is typed is remembered for the next time.")
+@exit_with_code_on_error
+def command(inputs: ScriptInputs, progress: bool | None, form: str, history: bool, **options: Any) -> None:
+    """Runs statements as they are typed. Without a terminal it reads them from standard input."""
+    typed = sys.stdin.isatty()
+    if typed:
+        from ss2sql.results import require_package
+
+        require_package("prompt_toolkit", "repl", "the shell")
+    from ss2sql.shell.dot_commands import Settings
+
+    with inputs.open_session(progress) as session:
+        shell = Shell(session, Settings(format=form, **options))
+        if typed:
+            from ss2sql.shell.terminal import Terminal
+
+            Terminal(shell, history).run_until_exit()
+            return
+
+        run_piped(shell, sys.stdin.buffer)
+    if shell.failed:
+        sys.exit(CTRL_C if shell.cancelled else SCRIPT)

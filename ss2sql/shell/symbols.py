@@ -12,10 +12,10 @@ import apsw
 
 from ss2sql.errors import Error
 from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.conversion import format_value as written
 from ss2sql.language.kinds import Type, type_of
 from ss2sql.language.operations import OPERATOR_FUNCTIONS, WRITTEN, Operation
 from ss2sql.language.plan_traversal import format_type
-from ss2sql.language.value_messages import format_value as written
 from ss2sql.language.values import convert_value
 from ss2sql.runtime import representations
 from ss2sql.session.session_functions import list_columns, write_name

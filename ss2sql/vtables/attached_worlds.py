@@ -10,8 +10,16 @@ from ss2sql.errors import Error, ExecutionError, SessionError
 from ss2sql.frontend.user_functions import UserFunction, check_function_name
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.vtables.contract import Element, Table, TableFunction, Volatility, World, WorldFunction
-from ss2sql.vtables.query_cache import CacheOfQuery, QueryCaches
+from ss2sql.vtables.contract import (
+    CacheOfQuery,
+    Element,
+    QueryCaches,
+    Table,
+    TableFunction,
+    Volatility,
+    World,
+    WorldFunction,
+)
 from ss2sql.vtables.reading import unwrap_element_key
 from ss2sql.vtables.schema import Schema, get_schema, get_world_tables, make_adapter_error
 
@@ -203,7 +211,7 @@ class WorldFunctions:
         if element is not None:
             hints = (f"{element.table.name} have {', '.join(get_schema(element.table).kinds)}",)
             raise ExecutionError("X008", f"{element!r} has no '{name}'", hints=hints)
-        from ss2sql.language.value_messages import format_value
+        from ss2sql.language.conversion import format_value
 
         shown = ", ".join(map(format_value, arguments))
         hints = ("elements are what a query over the world has in `this`",)

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ss2sql.errors import ExecutionError, suggest_names
-from ss2sql.language.value_messages import format_value
+from ss2sql.language.conversion import format_value
 from ss2sql.vtables.contract import Column, Element, Gone, Table, TableFunction, Where, World, function
 from ss2sql.vtables.schema import get_schema, get_world_tables
 

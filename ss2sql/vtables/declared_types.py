@@ -19,7 +19,7 @@ from typing import Any, TypeAlias, Union, get_args, get_origin
 
 from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.conversion import convert_value
+from ss2sql.language.conversion import convert_value, format_value
 from ss2sql.language.kinds import (
     ANY,
     BOOL,
@@ -35,7 +35,6 @@ from ss2sql.language.kinds import (
     make_list_type,
     unite,
 )
-from ss2sql.language.value_messages import format_value
 from ss2sql.vtables.contract import LARGEST
 
 Cleaner = Callable[[Any], Any]

@@ -12,12 +12,11 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.errors import Error, Span
+from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import INT_MAX, INT_MIN
-from ss2sql.language.value_messages import format_value
 from ss2sql.language.values import make_hashable
-from ss2sql.vtables.contract import Element, Filter, Table, TableFunction, Where
+from ss2sql.vtables.contract import CacheOfQuery, Element, Filter, QueryCache, Table, TableFunction, Where
 from ss2sql.vtables.declared_types import Cleaner, Place
-from ss2sql.vtables.query_cache import CacheOfQuery, QueryCache
 from ss2sql.vtables.schema import AdapterGuard, Schema, get_schema, make_adapter_error, world_error
 
 if TYPE_CHECKING:

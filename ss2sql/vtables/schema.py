@@ -13,8 +13,8 @@ from math import hypot
 from typing import Any
 
 from ss2sql.errors import Error, ExecutionError, SessionError, Span, suggest_names
+from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import Kind, Type, is_encodable
-from ss2sql.language.value_messages import format_value
 from ss2sql.vtables.contract import LARGEST, OPERATORS, Column, Gone, Table, TableFunction, World, WorldFunction
 from ss2sql.vtables.declared_types import Cleaner, Layout, find_declared_type, make_cleaner, make_quick_test
 

@@ -16,8 +16,8 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import walk
+from ss2sql.vtables.contract import QueryCache
 from ss2sql.vtables.declared_types import Place
-from ss2sql.vtables.query_cache import QueryCache
 from ss2sql.vtables.reading import Readings
 
 if TYPE_CHECKING:

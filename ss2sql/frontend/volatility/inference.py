@@ -25,19 +25,21 @@ from typing import Any, Literal, TypeAlias
 from ss2sql.errors import SessionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.volatility.function_source import locate_function, read_module
-from ss2sql.frontend.volatility.known_functions import EFFECTS, IMPURE_MODULES, find_known
 from ss2sql.frontend.volatility.name_bindings import (
     CACHE_TYPE,
+    EFFECTS,
+    IMPURE_MODULES,
     SET,
     VALUE,
     Findings,
     FunctionNames,
     Unproven,
+    find_known,
     is_constant,
     is_exception_class,
     unwrap_callable,
 )
-from ss2sql.frontend.volatility.statement_proof import FunctionProof
+from ss2sql.frontend.volatility.proof import FunctionProof
 
 Volatility: TypeAlias = Literal["immutable", "stable", "volatile"]
 

@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language.cancellation import iterate_checked
+from ss2sql.language.conversion import CURES, check_arithmetic, format_value
 from ss2sql.language.kinds import FLOAT, NONE, NOTHING, Kind, Type, unite
 from ss2sql.language.operations.intervals import INTEGER, bound_integers, fits, is_nonnegative, make_numbers
 from ss2sql.language.operations.lists import LENGTH, are_not_lists, infer_length
@@ -30,7 +31,6 @@ from ss2sql.language.operations.operation import (
     exactly,
     misuse,
 )
-from ss2sql.language.value_messages import CURES, check_arithmetic, format_value
 from ss2sql.language.values import make_hashable
 
 if TYPE_CHECKING:

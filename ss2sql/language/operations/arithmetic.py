@@ -10,6 +10,7 @@ from datetime import date, timedelta
 from typing import Any
 
 from ss2sql.errors import ExecutionError
+from ss2sql.language.conversion import build_complex_error, build_overflow_error, check_arithmetic, format_value
 from ss2sql.language.kinds import INT_MAX, INT_MIN, NOTHING, Kind, Type, unite
 from ss2sql.language.operations import intervals
 from ss2sql.language.operations.intervals import (
@@ -37,7 +38,6 @@ from ss2sql.language.operations.operation import (
     exactly,
 )
 from ss2sql.language.ordering import NUMBERS
-from ss2sql.language.value_messages import build_complex_error, build_overflow_error, check_arithmetic, format_value
 
 TIMES = (date, timedelta)
 EXACT = 2**53  # integers up to here are exact as floats

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ss2sql.errors import ExecutionError
+from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import BOOL, Kind
 from ss2sql.language.operations.arithmetic import are_integers_or_reals, can_be_numbers
 from ss2sql.language.operations.intervals import are_comparable
@@ -22,7 +23,6 @@ from ss2sql.language.operations.operation import (
     have_one_sql_class,
 )
 from ss2sql.language.ordering import find_deciding_pair
-from ss2sql.language.value_messages import format_value
 from ss2sql.language.values import has_dict_key, make_dict_key
 
 

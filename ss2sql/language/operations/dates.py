@@ -6,9 +6,9 @@ import datetime
 from collections.abc import Callable
 from typing import Any
 
+from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations.operation import Operation, check_integer, check_number, declare, misuse
-from ss2sql.language.value_messages import format_value
 
 OBJECT = Type(Kind.OBJECT)
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import UNENCODABLE, Kind, Type
 from ss2sql.language.operations.operation import declare, misuse
-from ss2sql.language.value_messages import format_value
 
 
 class PathCell:

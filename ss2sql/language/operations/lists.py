@@ -8,6 +8,7 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError, suggest_names
 from ss2sql.language.cancellation import ITEMS_PER_CHECK, iterate_checked
+from ss2sql.language.conversion import format_value
 from ss2sql.language.element_columns import read_column
 from ss2sql.language.kinds import ANY, NONE, NOTHING, Kind, Type, make_list_type, unite
 from ss2sql.language.operations import intervals
@@ -31,7 +32,6 @@ from ss2sql.language.operations.operation import (
     misuse,
 )
 from ss2sql.language.ordering import NUMBERS, compare_values, sort_values
-from ss2sql.language.value_messages import format_value
 from ss2sql.language.values import SCALARS, get_truth, has_dict_key, make_dict_key, make_hashable
 
 LENGTH = 2**53  # no list and no string is longer: no machine's memory would hold it

@@ -8,6 +8,7 @@ from itertools import chain
 from typing import Any
 
 from ss2sql.errors import ExecutionError
+from ss2sql.language.conversion import CURES, build_overflow_error, check_arithmetic, format_value
 from ss2sql.language.kinds import NOTHING, Kind, Type, unite
 from ss2sql.language.operations.arithmetic import FINITE, are_integers_or_reals, are_reals, can_sign_fail, split_type
 from ss2sql.language.operations.intervals import (
@@ -39,7 +40,6 @@ from ss2sql.language.operations.operation import (
     misuse,
 )
 from ss2sql.language.ordering import NUMBERS, compare_values
-from ss2sql.language.value_messages import CURES, build_overflow_error, check_arithmetic, format_value
 
 HALF = 8e307  # the difference of two such numbers is finite
 SMALL = 1e306  # of 16 such numbers even the sum is finite

@@ -24,10 +24,10 @@ from typing import Any, TypeAlias
 
 from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import ANY, FLOAT, NOTHING, Kind, Type, type_of, unite
 from ss2sql.language.ordering import NUMBERS
 from ss2sql.language.plan import Function, Volatility
-from ss2sql.language.value_messages import format_value
 
 INTEGERS = frozenset({int, bool})
 _MISFITS = {

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from ss2sql.errors import ExecutionError
+from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import BOOL, NOTHING, STR, UNENCODABLE, Kind, Type, unite
 from ss2sql.language.operations.intervals import make_text_type
 from ss2sql.language.operations.lists import LENGTH
@@ -23,7 +24,6 @@ from ss2sql.language.operations.operation import (
     exactly,
     misuse,
 )
-from ss2sql.language.value_messages import format_value
 
 MOST_WIDTH = 1000  # characters of a value that `format` writes
 _PLAIN = each(Kind.NONE | Kind.NUMBER | Kind.STR)

@@ -18,8 +18,8 @@ import apsw
 from ss2sql.frontend.inlining.substitution import FunctionBody, InlinedCall
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
+from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.plan_traversal import find_direct_assignments, list_functions, split_and, walk
-from ss2sql.language.recursion_limit import retry_with_stack
 from ss2sql.language.values import format_value
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.lowering.rewrites.inline_functions import list_call_sites
@@ -44,13 +44,13 @@ from ss2sql.results.explain.findings import (
 )
 from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement
 from ss2sql.results.result_notes import find_notes
-from ss2sql.runtime.graph_cache.cache_policy import do_steps_call_user
+from ss2sql.runtime.graph_cache.cached_steps import do_steps_call_user
 from ss2sql.runtime.python import NativeQuery
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
 from ss2sql.runtime.python.search_execution import LevelCount, LevelCounter
 from ss2sql.runtime.run.run_state import Stats
 from ss2sql.runtime.run.search_paths import SearchPaths, measure_lengths
-from ss2sql.runtime.search.regression import find_regression
+from ss2sql.runtime.search.bidirectional import find_regression
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors.renderer import escape_controls
+from ss2sql.errors.exceptions import escape_controls
 from ss2sql.results.explain.collector import collect_facts
 from ss2sql.results.explain.findings import (
     STAGES,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_query import DuckQuery
     from ss2sql.runtime.external.level_query import LevelQuery
     from ss2sql.runtime.external.predicate_pushdown import PushedTable
-    from ss2sql.runtime.graph_cache.cache_policy import CachePolicy
+    from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
     from ss2sql.runtime.sqlite.executor import Database
 
 

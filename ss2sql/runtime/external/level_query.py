@@ -30,8 +30,8 @@ from ss2sql.runtime.external.table_statements import (
 from ss2sql.runtime.python.codegen_context import CodegenContext
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
 from ss2sql.runtime.python.native_query import NativeQuery
-from ss2sql.runtime.python.noted_steps import can_be_noted
 from ss2sql.runtime.python.query_compiler import QueryCompiler
+from ss2sql.runtime.python.search_compiler import can_be_noted
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
@@ -173,7 +173,7 @@ class SparkLevelStatements(LevelStatements):
     `kept` are the steps that are kept, `steps` has the rows of all levels before. Steps are numbered within their
     level, from 1, so a level can be planned before it is known how many the one before has kept.
 
-    A row of `tries` with a `place` below 0 is the account of a task, see spark_executor.py. It passes through to
+    A row of `tries` with a `place` below 0 is the account of a task, see task_pickle.py. It passes through to
     `kept`, so that what is counted there belongs to the rows, however often Spark begins a task anew.
     """
 

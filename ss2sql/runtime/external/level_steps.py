@@ -12,17 +12,15 @@ from typing import Any, TypeAlias
 
 from ss2sql.errors import UnsupportedError
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.frozen_values import FrozenRow, FrozenShapes, State
 from ss2sql.language.rows import Row
-from ss2sql.language.values import make_hashable
+from ss2sql.language.values import FrozenRow, FrozenShapes, State, make_hashable
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn, build_element_limit_error
 from ss2sql.runtime.external.level_query import TRIED, LevelStatements
 from ss2sql.runtime.external.table_statements import Value
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
-from ss2sql.runtime.search.step_contract import Expand
-from ss2sql.runtime.search.step_notes import Last, list_elements
+from ss2sql.runtime.search.step_contract import Expand, Last, list_elements
 
 DIGEST = 32  # bytes
 

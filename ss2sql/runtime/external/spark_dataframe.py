@@ -27,8 +27,8 @@ from ss2sql.language.column_shapes import (
 from ss2sql.language.values import format_value
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.runtime.external.level_steps import FirstLevels, FirstStep, SqlSteps
-from ss2sql.runtime.external.spark_executor import make_task
 from ss2sql.runtime.external.spark_search import MAX_IN_ONE_PARTITION, ComputedLevel, SparkSearch
+from ss2sql.runtime.external.task_pickle import make_task
 
 if TYPE_CHECKING:
     import pyarrow as pa  # type: ignore[import-untyped]

@@ -19,10 +19,15 @@ from ss2sql.language.rows import Row
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.runtime.external.level_query import SparkLevelStatements
 from ss2sql.runtime.external.level_steps import FirstLevels, SqlSteps, make_level_steps
-from ss2sql.runtime.external.spark_executor import expand_batches, make_task, read_account
 from ss2sql.runtime.external.spark_session import SparkStore, write_spark_schema
 from ss2sql.runtime.external.table_statements import join_names, list_names
-from ss2sql.runtime.external.task_pickle import add_executor_counts, pickle_search
+from ss2sql.runtime.external.task_pickle import (
+    add_executor_counts,
+    expand_batches,
+    make_task,
+    pickle_search,
+    read_account,
+)
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
 

@@ -1,6 +1,6 @@
 """The calls that a block of states needs, made by other processes before the states are expanded.
 
-The step function is run ahead over the states of a block, with notes (runtime/search/step_notes.py): a call of the
+The step function is run ahead over the states of a block, with notes (runtime/search/step_contract.py): a call of the
 user's whose result is not known is not made, but sent to the processes. Then the steps that needed it are taken
 again. In the end the states are expanded as ever, with the notes at hand; so the paths, their order and the errors are
 those of one process, whatever the processes do. A call that raises elsewhere is made once more, here.
@@ -21,11 +21,13 @@ from typing import Any
 from ss2sql.errors import ExecutionError, Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.user_functions import UserFunction
-from ss2sql.language.frozen_values import State
 from ss2sql.language.plan_traversal import list_functions
-from ss2sql.runtime.parallel.process_pool import Answer, ProcessPool, Task
-from ss2sql.runtime.parallel.transferable_functions import (
+from ss2sql.language.values import State
+from ss2sql.runtime.parallel.process_pool import (
+    Answer,
     LocalFunction,
+    ProcessPool,
+    Task,
     TransferableFunction,
     describe_transfer,
     warn_once,
@@ -34,7 +36,7 @@ from ss2sql.runtime.parallel.worker_process import NO_VALUE
 from ss2sql.runtime.run.call_memo import Result, make_checked_call, report_memo_counts
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search.search_run import SearchRun
-from ss2sql.runtime.search.step_notes import Notes, Pair
+from ss2sql.runtime.search.step_contract import Notes, Pair
 
 BLOCK = 256  # states
 SAMPLES = 3  # calls that are made here, to see what they cost

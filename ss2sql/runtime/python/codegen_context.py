@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import Error, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.frozen_values import UNSET
 from ss2sql.language.kinds import Type
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import list_parts
+from ss2sql.language.values import UNSET
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis, ExpressionFacts
 from ss2sql.runtime.python.loop_helpers import make_step_meter, make_turn_check

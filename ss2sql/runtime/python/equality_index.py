@@ -19,8 +19,7 @@ from ss2sql.language import plan
 from ss2sql.language.element_columns import read_column
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
-from ss2sql.runtime.run.garbage_collector import pause_collector
-from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.run.run_state import Run, pause_collector
 
 
 @dataclass(frozen=True, slots=True)

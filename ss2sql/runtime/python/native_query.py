@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error
 from ss2sql.language import plan
-from ss2sql.language.recursion_limit import deepen_stack
+from ss2sql.language.cancellation import deepen_stack
 from ss2sql.language.rows import Rows
 from ss2sql.runtime.python.codegen_context import CodegenContext
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
@@ -19,7 +19,7 @@ from ss2sql.runtime.run.error_locations import locate_in_script
 from ss2sql.runtime.run.run_state import Run
 
 if TYPE_CHECKING:
-    from ss2sql.language.frozen_values import FrozenShapes
+    from ss2sql.language.values import FrozenShapes
     from ss2sql.runtime.search.search_run import FindPaths
     from ss2sql.runtime.search.step_contract import Expand
 

@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, Any, TypeGuard, assert_never
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
+from ss2sql.language.conversion import CURES, check_arithmetic
 from ss2sql.language.element_columns import read_column
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATIONS, PREDICATES, Check, Form
 from ss2sql.language.operations.arithmetic import SMALL
 from ss2sql.language.plan_traversal import list_choices
-from ss2sql.language.value_messages import CURES, check_arithmetic
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_code import is_memoized_call, write_memoized_call

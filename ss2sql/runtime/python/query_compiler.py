@@ -14,12 +14,11 @@ from typing import Any
 from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.frozen_values import UNSET
+from ss2sql.language.cancellation import deepen_stack
 from ss2sql.language.kinds import ANY, SCALAR, Kind, Type
 from ss2sql.language.plan_traversal import has_constant_source, split_and, walk
-from ss2sql.language.recursion_limit import deepen_stack
 from ss2sql.language.rows import make_label
-from ss2sql.language.values import format_value
+from ss2sql.language.values import UNSET, format_value
 from ss2sql.runtime.python import flat_query
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope

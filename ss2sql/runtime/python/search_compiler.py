@@ -1,35 +1,259 @@
 """Searches: the function that evaluates START WITH and what is read once, and gives the step function of the query.
 
+A note is a list of what the clauses of one step have come to. `SELECT f(this, n) ... STOP WITH far(n)` becomes
+
+    for note, this in turns:
+        value, stop_value, _ = note
+        try:
+            value_1 = value if value is not UNSET else (value := f(this, n))
+            ...
+        finally:
+            note[:] = [value, stop_value, True]
+
 The generated function `rows(...)` gives the frozen states of START WITH; the step function, or where that pays the loop
 of the search with it put in; the functions `keys(last)` for GROUP BY and ORDER BY and `key_of(state)` for BY; and for
-MEMORIZE what noted_steps.py writes. The loops are plain Python, see runtime/search.
+MEMORIZE what search_compiler.py writes. The loops are plain Python, see runtime/search.
 """
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Iterator, Sequence
 from copy import copy
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language import frozen_values, plan
-from ss2sql.language.frozen_values import FrozenShapes, Shape, State
+from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR
-from ss2sql.language.plan_traversal import walk
+from ss2sql.language.plan_traversal import find_direct_assignments, walk
+from ss2sql.language.values import FREEZERS, THAWERS, UNSET, FrozenShapes, Shape, State, freeze_any
 from ss2sql.runtime.python.codegen_context import PythonScope
+from ss2sql.runtime.python.expression_facts import OWN_GROUP, ExpressionFacts
 from ss2sql.runtime.python.flat_query import list_key_expressions
-from ss2sql.runtime.python.noted_steps import list_step_facts, write_noted_steps
 from ss2sql.runtime.python.python_expressions import write_expression
 from ss2sql.runtime.python.step_clauses import StepForm, choose_state_shapes, name_frozen_variables
 from ss2sql.runtime.python.step_function import StepFunction, StepLoops
 from ss2sql.runtime.run.elements import list_elements
 from ss2sql.runtime.search import choose_search
+from ss2sql.runtime.search.bidirectional import Regression, find_regression
 from ss2sql.runtime.search.memorize import add_graph_level
-from ss2sql.runtime.search.step_contract import Expand, Step
+from ss2sql.runtime.search.memorize_by_key import has_path_rows
+from ss2sql.runtime.search.step_contract import Expand, Places, Step
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.query_compiler import QueryCompiler
 
+
+def can_be_noted(builder: QueryCompiler, query: plan.Query) -> bool:
+    """Whether nobody can notice when, and how often, a clause of the search is evaluated, but by what it costs."""
+    search = query.search
+    if search is None or not search.plain:
+        return False
+    return all(fact.steady and OWN_GROUP not in fact.groups for fact in list_step_facts(builder, query, search))
+
+
+def list_step_facts(builder: QueryCompiler, query: plan.Query, search: plan.Search) -> list[ExpressionFacts]:
+    """The facts of the clauses of a step, and of the sources."""
+    clauses = [*(output.expr for output in query.columns), *query.rows, *(expr for _, expr in search.connect)]
+    clauses += [c for c in (search.stop, query.where, search.weight, search.heuristic) if c is not None]
+    return [*map(builder.codegen.analysis.facts, clauses), *map(builder.get_source_facts, query.sources)]
+
+
+def write_noted_steps(
+    builder: QueryCompiler,
+    query: plan.Query,
+    owner: PythonScope,
+    loops: StepLoops,
+    form: StepForm,
+    columns: list[Shape],
+) -> ast.expr:
+    """What `NotedSearch` is made of, in the order of its fields; None where steps are taken in one go."""
+    codegen, build = builder.codegen, builder.codegen.build_at(query.span)
+    search = query.search
+    assert search is not None
+    loops = copy(loops)
+    loops.lookups, loops.world_conditions = {}, {}
+    if not search.plain and has_path_rows(search):  # of a step its row and the state after it are wanted
+        search = replace(search, made=None, key=(), by="row", siblings=())
+        query = replace(query, where=None, search=replace(search, stop=None, weight=None, heuristic=None))
+    elif not can_be_noted(builder, query):
+        return build.constant(None)
+    step = NotedStep(builder, query, loops, replace(form, noted=True), columns)
+    function = step.write_function()
+    reverse = find_regression(query) if query.search is not None and search.plain else "it has options"
+    backwards = [build.constant(None)] * 2
+    if isinstance(reverse, Regression):
+        writer = BackwardSteps(builder, query, owner)
+        backwards = [build.name(writer.write_goal_states(reverse)), build.name(writer.write_state_before(reverse))]
+    plain = not any(source.id in codegen.tuples or source.id in codegen.worlds for source in query.sources)
+    made = (step.describe_places(), search.order == "probability", len(query.sources), plain)
+    return build.pack(build.name(function), *backwards, *(build.name(codegen.embed(part)) for part in made))
+
+
+class NotedStep(StepFunction):
+    """Writes the step function with notes."""
+
+    def __init__(
+        self, builder: QueryCompiler, query: plan.Query, loops: StepLoops, form: StepForm, columns: list[Shape]
+    ) -> None:
+        super().__init__(builder, query, loops, form, None)
+        self.columns = columns
+        self.body.early_keys = False  # often all calls are known
+        self.loops = copy(loops)
+        self.loops.frozen = {}  # the elements come by themselves
+        self.note = self.codegen.new_name("note")
+        target = self.loop.target
+        pair = [ast.Name(self.note, ast.Store(), **self.build.at), target]
+        self.loop.target = ast.Tuple(pair, ast.Store(), **self.build.at)
+        self.at_once = find_direct_assignments(query)
+        self.codegen.namespace["UNSET"] = UNSET
+        self.slots: dict[object, str] = {}  # by the key of an expression, else by identity
+        clauses = [*self.outputs, *(expr for _, expr in self.search.connect), *self.clauses]
+        for expr in clauses:
+            self.slots.setdefault(self._choose_slot_key(expr), self.codegen.new_name("noted"))
+        self.plain = {self._choose_slot_key(expr): expr for expr in self.outputs if _is_known_before(expr)}
+        for expr, shape in zip(self.outputs, columns, strict=True):
+            if shape != "scalar" and self._choose_slot_key(expr) not in self.plain:
+                self.slots.setdefault(("frozen", self._choose_slot_key(expr), shape), self.codegen.new_name("noted"))
+        for expr in clauses:  # calls find their slots themselves
+            key = self.codegen.analysis.facts(expr).key
+            if key is not None and self._choose_slot_key(expr) == key:
+                self.body.slots[key] = self.slots[key]
+
+    def _choose_slot_key(self, expr: plan.Expr) -> object:
+        """Equal expressions share a slot, unless CONNECT BY has changed what one of them reads."""
+        sequential = any(expr is other and self.at_once.get(name) is not expr for name, other in self.search.connect)
+        key = self.codegen.analysis.facts(expr).key
+        return id(expr) if key is None or sequential else key
+
+    def describe_places(self) -> Places:
+        """Where in a note everything is."""
+        at = {key: place for place, key in enumerate(self.slots)}
+        rows = tuple(at[self._choose_slot_key(expr)] for expr in self.outputs)
+        after = (self.connect.get(name) for name in self.shapes)
+        states = tuple(None if expr is None else at[self._choose_slot_key(expr)] for expr in after)
+        named = {"stop": self.search.stop, "goal": self.query.where, "weight": self.search.weight}
+        clauses = {name: at[self._choose_slot_key(clause)] for name, clause in named.items() if clause is not None}
+        pairs = zip(self.outputs, self.columns, strict=True)
+        frozen = tuple(at.get(("frozen", self._choose_slot_key(expr), shape)) for expr, shape in pairs)
+        return Places(rows, frozen, tuple(self.columns), states, clauses, len(at))
+
+    def _write_value(self, expr: plan.Expr) -> ast.expr:
+        inner, build, slot = self.inner, self.codegen.build_at(expr.span), self.slots[self._choose_slot_key(expr)]
+        if self._choose_slot_key(expr) in self.plain:
+            return super()._write_value(expr)
+        with inner.write_skippable():
+            value = super()._write_value(expr)
+        facts = self.codegen.analysis.facts(expr)
+        if isinstance(value, ast.Name) and value.id == slot:
+            return value
+        inner.forget_names(value)
+        if facts.key is not None and not inner.has_state_changed(facts):
+            inner.known[-1][facts.key] = slot
+        return build.name(inner.assign_name(self._write_unless_known(slot, build.bind(slot, value)), build, "value"))
+
+    def _write_frozen(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
+        made = super()._write_frozen(expr, shape, value)
+        slot = self.slots.get(("frozen", self._choose_slot_key(expr), shape))
+        return made if slot is None else self._write_unless_known(slot, made)
+
+    def _write_unless_known(self, slot: str, made: ast.expr) -> ast.expr:
+        build = self.build
+        return build.if_else(build.compare(build.name(slot), ast.IsNot(), build.name("UNSET")), build.name(slot), made)
+
+    def write_clauses(self) -> None:
+        super().write_clauses()
+        self.inner.moved = {}
+        build, names = self.build, list(self.slots.values())
+        values = [
+            super(NotedStep, self)._write_value(self.plain[key]) if key in self.plain else build.name(name)
+            for key, name in self.slots.items()
+        ]
+        note = ast.Subscript(build.name(self.note), ast.Slice(None, None, None, **build.at), ast.Store(), **build.at)
+        kept = ast.Assign([note], build.array(*values, build.constant(True)), **build.at)
+        body = self.loop.body
+        taken = build.unpack([*names, "_"], build.name(self.note))
+        self.loop.body = [taken, ast.Try(body, [], [], [kept], **build.at)]
+
+    def _choose_items(self, items: ast.expr) -> ast.expr:
+        """The elements with their notes, which are known or begun."""
+        build, known = self.build, self.codegen.new_name("known")
+        choose = build.name("choose")
+        is_new = build.compare(
+            build.bind(known, build.call(build.part(choose, "get_known_pairs"))), ast.Is(), build.constant(None)
+        )
+        begun = build.call(build.part(choose, "begin_state"), build.call("list", items))
+        return build.if_else(is_new, begun, build.name(known))
+
+
+def _is_known_before(expr: plan.Expr) -> bool:
+    return isinstance(expr, (plan.Element, plan.State, plan.Constant))
+
+
+class BackwardSteps:
+    """Writes the functions that give the states at the goal, and the state before a step."""
+
+    def __init__(self, builder: QueryCompiler, query: plan.Query, outer: PythonScope) -> None:
+        assert query.search is not None
+        self.builder, self.codegen, self.query, self.outer = builder, builder.codegen, query, outer
+        self.build = self.codegen.build_at(query.span)
+        self.states = [self.codegen.states[query.id, name] for name, _ in query.search.start]
+
+    def write_goal_states(self, reverse: Regression) -> str:
+        """The states at the goal; what no step changes has its value from the start."""
+        self.codegen.analysis.add_roots(tuple(value for goal in reverse.goals for value in goal if value is not None))
+        body, build = PythonScope(self.codegen, self.codegen.new_name("goals"), ["state"], self.outer), self.build
+        start = [build.item(build.name("state"), position) for position in range(len(self.states))]
+        states = []
+        for goal in reverse.goals:
+            pairs = zip(start, goal, strict=True)
+            values = (old if value is None else write_expression(self.builder, value, body) for old, value in pairs)
+            states.append(build.pack(*values))
+        body.emit(build.return_(build.array(*states)))
+        body.define_function()
+        return body.name
+
+    def write_state_before(self, reverse: Regression) -> str:
+        """The state before a step, from its elements and the state after it; None where there is none."""
+        exprs = [expr for expr in reverse.before if expr is not None]
+        self.codegen.analysis.add_roots(tuple(exprs))
+        body, build = self._open_function(exprs), self.build
+        values = []
+        for expr, after in zip(reverse.before, self.states, strict=True):
+            if isinstance(expr, plan.Call) and expr.function.inverse_of:
+                values.append(self._write_inverse(expr, body))
+            else:
+                values.append(build.name(after) if expr is None else write_expression(self.builder, expr, body))
+        body.emit(build.return_(build.pack(*values)))
+        body.define_function()
+        return body.name
+
+    def _open_function(self, clauses: Sequence[plan.Expr]) -> PythonScope:
+        body = PythonScope(self.codegen, self.codegen.new_name("before"), ["last"], self.outer)
+        body.levels.update((source.id, 0) for source in self.query.sources)
+        assert self.query.search is not None
+        body.states.update((self.query.id, name) for name, _ in self.query.search.start)
+        body.count_uses(clauses)
+        names = [*(self.codegen.names[source.id] for source in self.query.sources), *self.states]
+        body.emit(self.build.unpack(names, self.build.name("last")))
+        body.locals.extend(names)
+        return body
+
+    def _write_inverse(self, expr: plan.Call, body: PythonScope) -> ast.expr:
+        """The value of an inverse; ends the function where it is None."""
+        codegen, build = self.codegen, self.codegen.build_at(expr.place)
+        arguments = build.pack(*(write_expression(self.builder, argument, body) for argument in expr.arguments))
+        codegen.page.note_call(expr.place, expr.function.name)
+        value = codegen.new_name("before")
+        result = build.call(codegen.name_function(expr.function, build), arguments)
+        body.emit(build.assign(value, build.item(result, 0)))
+        nothing = build.compare(build.name(value), ast.Is(), build.constant(None))
+        body.emit(build.when(nothing, build.return_(build.constant(None))))
+        return build.name(value)
+
+
+# --- searches: the function that evaluates START WITH and what is read once, and gives the step function of the query
 INLINE_STEPS = True  # for tests of the step function by itself
 
 
@@ -130,7 +354,7 @@ def _write_starts(
     values = []
     for name, shape in shapes.items():
         value = build.name(codegen.states[query.id, name])
-        values.append(value if shape == "scalar" else build.call(codegen.use(frozen_values.FREEZERS[shape]), value))
+        values.append(value if shape == "scalar" else build.call(codegen.use(FREEZERS[shape]), value))
     if search.first is not None:  # it is a start
         values.append(build.constant(True))
     body.emit(build.assign(start, build.pack(*values)))
@@ -154,7 +378,7 @@ def _write_key_function(builder: QueryCompiler, query: plan.Query, owner: Python
     computed = [key for key in search.key if not (isinstance(key, plan.State) and key.query == query.id)]
     for name, shape in shapes.items():
         if computed and shape != "scalar":
-            value = build.call(codegen.use(frozen_values.THAWERS[shape]), build.name(names[name]))
+            value = build.call(codegen.use(THAWERS[shape]), build.name(names[name]))
             body.emit(build.assign(codegen.states[query.id, name], value))
     keys = []
     for expr in search.key:
@@ -162,9 +386,7 @@ def _write_key_function(builder: QueryCompiler, query: plan.Query, owner: Python
             keys.append(build.name(names[expr.name]))
         else:
             value = write_expression(builder, expr, body)
-            keys.append(
-                value if expr.type.is_only(SCALAR) else build.call(codegen.use(frozen_values.freeze_any), value)
-            )
+            keys.append(value if expr.type.is_only(SCALAR) else build.call(codegen.use(freeze_any), value))
     body.emit(build.return_(keys[0] if len(keys) == 1 else build.pack(*keys)))
     body.define_function()
     return body.name

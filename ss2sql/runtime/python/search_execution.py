@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.frozen_values import State, Thaw
 from ss2sql.language.ordering import is_overestimate
 from ss2sql.language.rows import Row
+from ss2sql.language.values import State, Thaw
 from ss2sql.runtime.python.loop_helpers import make_count_report, make_known_steps_check
 from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.run.search_paths import Path, measure_depth
@@ -26,8 +26,7 @@ from ss2sql.runtime.search.memoized_steps import MemoizedSteps, ignore_key
 from ss2sql.runtime.search.memorize import run_memorize
 from ss2sql.runtime.search.memorize_by_key import KeyedMemorize
 from ss2sql.runtime.search.search_run import Found, SearchRun
-from ss2sql.runtime.search.step_contract import Expand, Problem
-from ss2sql.runtime.search.step_notes import NotedSearch, make_noted_search
+from ss2sql.runtime.search.step_contract import Expand, NotedSearch, Problem, make_noted_search
 from ss2sql.runtime.search.trace import TracedSearch
 
 if TYPE_CHECKING:

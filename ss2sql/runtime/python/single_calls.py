@@ -16,11 +16,10 @@ from dataclasses import field
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language import frozen_values, plan
-from ss2sql.language.frozen_values import Shape
+from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR
 from ss2sql.language.plan_traversal import find_direct_assignments, list_call_places, walk
-from ss2sql.language.values import copy_for_python
+from ss2sql.language.values import Shape, copy_for_python, is_flat_list, thaw_value
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_code import is_memoized_call
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
@@ -100,7 +99,7 @@ class SingleCall:
         value = _write_argument(step, argument, step.inner, self.state_statements)
         if _is_copied(argument, step) or argument.type.is_only(SCALAR):
             return value
-        build, flat = step.codegen.build_at(argument.span), frozen_values.is_flat_list(argument.type)
+        build, flat = step.codegen.build_at(argument.span), is_flat_list(argument.type)
         return build.call(step.codegen.embed(list.copy, "copy") if flat else step.codegen.use(copy_for_python), value)
 
     def _write_early_stop(self, step: StepClauses) -> None:
@@ -199,7 +198,7 @@ def _write_argument(
         return write_expression(step.builder, argument, body)
     codegen, build, shape = step.codegen, step.build, step.shapes[argument.name]
     value = build.name(step.frozen_states[argument.name])
-    other = build.call(codegen.use(copy_for_python), build.call(codegen.use(frozen_values.thaw_value), value))
+    other = build.call(codegen.use(copy_for_python), build.call(codegen.use(thaw_value), value))
     plain = codegen.new_name("plain")
     is_tuple = build.compare(build.call("type", value), ast.Is(), build.name("tuple"))
     state_statements.append(build.assign(plain, is_tuple))

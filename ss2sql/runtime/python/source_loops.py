@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql.errors import Stopped
 from ss2sql.language import plan
-from ss2sql.language.frozen_values import freeze_any
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import can_end_early, walk
+from ss2sql.language.values import freeze_any
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.codegen_context import MAX_LOOPS, PythonScope
 from ss2sql.runtime.python.equality_index import (

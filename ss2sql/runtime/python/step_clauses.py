@@ -14,9 +14,9 @@ from marshal import dumps
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language import frozen_values, plan
-from ss2sql.language.frozen_values import Shape
+from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR, Kind, Type
+from ss2sql.language.values import FREEZERS, Shape, choose_shape, convert_and_freeze, is_flat_list
 from ss2sql.runtime.python.ast_builder import AstBuilder, write_template
 from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
 from ss2sql.runtime.python.python_expressions import write_expression
@@ -75,7 +75,7 @@ class StepForm:
     `start` is the name of the frozen state that START WITH gives, the last of several. `keyed`: somebody needs the
     last part of a step. `complete`: what leaves no trace is told, see memoized_steps.py; `watched`: the trace of the
     run hears of it. `key_of` is the name of the function that gives the key of a state, where BY names it. `noted`:
-    what clauses evaluate is taken from notes, and kept there, see runtime/search/step_notes.py.
+    what clauses evaluate is taken from notes, and kept there, see runtime/search/step_contract.py.
     """
 
     shapes: dict[str, Shape]
@@ -274,7 +274,7 @@ class StepClauses:
             return self.shapes[expr.name]
         if self.single is not None and self.single.key == self.codegen.analysis.facts(expr).key:
             return self.single.shape
-        if frozen_values.is_flat_list(expr.type):
+        if is_flat_list(expr.type):
             return "flat"
         if isinstance(expr, plan.Element) and expr.source not in self.loops.items:  # it is not frozen beforehand
             return next((self.shapes[name] for name, other in self.connect.items() if other == expr), "any")
@@ -297,8 +297,8 @@ class StepClauses:
         return build.name(inner.assign_name(made, build, "frozen"))
 
     def _write_frozen(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
-        build, freezer = self.codegen.build_at(expr.span), self.codegen.use(frozen_values.FREEZERS[shape])
-        return build.call("tuple" if frozen_values.is_flat_list(expr.type) else freezer, value)
+        build, freezer = self.codegen.build_at(expr.span), self.codegen.use(FREEZERS[shape])
+        return build.call("tuple" if is_flat_list(expr.type) else freezer, value)
 
     def _pack_row(self) -> None:
         self.inner.emit(self.build.assign("row", self.build.pack(*self.row)))
@@ -368,8 +368,8 @@ class StepClauses:
             IS_CLOSED=self._write_closed_test(),
             LEAVE=self._write_edge() if self.edges else self._write_prune(),
             GIVER=build.constant(single.node.function.name),
-            FREEZER=build.name(codegen.use(frozen_values.FREEZERS[single.shape])),
-            settled=build.name(codegen.use(frozen_values.convert_and_freeze)),
+            FREEZER=build.name(codegen.use(FREEZERS[single.shape])),
+            settled=build.name(codegen.use(convert_and_freeze)),
             dumps=build.name(codegen.use(dumps)),
         )
 
@@ -499,7 +499,7 @@ class StepClauses:
             elif shape == "scalar":
                 values.append(build.name(moved))
             else:
-                made = build.call(self.codegen.use(frozen_values.FREEZERS[shape]), build.name(moved))
+                made = build.call(self.codegen.use(FREEZERS[shape]), build.name(moved))
                 values.append(made if column is None else column)
         if self.search.first is not None:  # it is no start
             values.append(build.constant(False))
@@ -524,7 +524,7 @@ def name_frozen_variables(codegen: CodegenContext, query: plan.Query, shapes: Ma
 
 def _choose_state_shape(known: Type, start: plan.Expr) -> Shape:
     """The shape of a START WITH variable: scalar where all its values are known to be, else that of the first one."""
-    if frozen_values.choose_shape(known) == "scalar":
+    if choose_shape(known) == "scalar":
         return "scalar"
-    shape = frozen_values.choose_shape(start.type)
+    shape = choose_shape(start.type)
     return "any" if shape == "scalar" else shape

@@ -42,10 +42,11 @@ from dataclasses import replace
 from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.language import frozen_values, plan
+from ss2sql.language import plan
 from ss2sql.language.ordering import sort_rows
 from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row
+from ss2sql.language.values import THAWERS
 from ss2sql.runtime.python.ast_builder import list_names_read, write_template
 from ss2sql.runtime.python.call_code import find_keyed_sources, is_memoized_call
 from ss2sql.runtime.python.codegen_context import PythonScope
@@ -272,7 +273,7 @@ class StepFunction(StepClauses):
         for name, shape in self.shapes.items():
             value = codegen.states[self.query.id, name]
             if shape != "scalar" and value in used:
-                made = build.call(codegen.use(frozen_values.THAWERS[shape]), build.name(self.frozen_states[name]))
+                made = build.call(codegen.use(THAWERS[shape]), build.name(self.frozen_states[name]))
                 thawed.append(build.assign(value, made))
         end: list[ast.stmt] = [ast.Pass(**build.at)] if single is None else single.end
         around: dict[str, ast.expr | list[ast.stmt]] = {

@@ -11,11 +11,11 @@ from typing import Any
 from ss2sql.errors import Error, RepresentationError, note_place
 from ss2sql.language import plan
 from ss2sql.language.cancellation import ITEMS_PER_CHECK, Check, iterate_with_check
+from ss2sql.language.conversion import format_value
 from ss2sql.language.rows import HIDDEN_COLUMNS_ATTRIBUTE, Row, Rows, Table, iterate_checked_paths
-from ss2sql.language.value_messages import format_value
 from ss2sql.language.values import Opaque, convert_value, copy_for_python, copy_rows_for_python
 from ss2sql.runtime import representations
-from ss2sql.runtime.run.garbage_collector import pause_collector
+from ss2sql.runtime.run.run_state import pause_collector
 from ss2sql.runtime.run.search_paths import SearchPaths, measure_lengths
 from ss2sql.runtime.run.value_sizes import CELL_SIZE, MAX_SIZE, ValueSizes
 

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, TypeVar
 from ss2sql.errors import Error, ExecutionError, Stopped
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
+from ss2sql.language.conversion import format_value
 from ss2sql.language.plan_traversal import list_parts, walk
-from ss2sql.language.value_messages import format_value
 from ss2sql.language.values import convert_value, copy_for_python
 from ss2sql.runtime.run.call_memory import FailedCall, forget_older_half
 from ss2sql.runtime.run.run_state import Run

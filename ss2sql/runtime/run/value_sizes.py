@@ -17,12 +17,12 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.cancellation import ITEMS_PER_CHECK
+from ss2sql.language.conversion import DEPTH_LIMIT, build_depth_error
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.operations.arithmetic import add_values
 from ss2sql.language.operations.lists import RANGE_LIMIT, make_range, zip_lists
 from ss2sql.language.operations.strings import join_list, replace_text
 from ss2sql.language.rows import build_row_limit_error
-from ss2sql.language.value_messages import DEPTH_LIMIT, build_depth_error
 
 MAX_SIZE = 10**9  # what SQLite allows a text at most
 MIN_REMEMBERED_LIMIT = 2**18  # the length of a script, so of the texts in it

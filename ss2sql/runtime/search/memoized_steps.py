@@ -12,7 +12,7 @@ from marshal import dumps
 from typing import Any
 
 from ss2sql.errors import Stopped
-from ss2sql.language.frozen_values import State
+from ss2sql.language.values import State
 from ss2sql.runtime.search.step_contract import Expand, Step
 
 

@@ -20,8 +20,7 @@ from ss2sql.runtime.search.bidirectional import BackwardSearch, balance_backward
 from ss2sql.runtime.search.paths_by_length import enumerate_by_length
 from ss2sql.runtime.search.paths_by_weight import enumerate_by_weight
 from ss2sql.runtime.search.search_run import ChooseElements, Found, Node, Nodes, RowGraph, SearchRun
-from ss2sql.runtime.search.step_contract import Problem
-from ss2sql.runtime.search.step_notes import Notes
+from ss2sql.runtime.search.step_contract import Notes, Problem
 
 
 def run_memorize(search_run: SearchRun) -> Iterator[Found]:

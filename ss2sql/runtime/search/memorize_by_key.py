@@ -13,12 +13,11 @@ from typing import Any, NamedTuple
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.frozen_values import FrozenShapes, State, Thaw
 from ss2sql.language.rows import Row
+from ss2sql.language.values import FrozenShapes, State, Thaw
 from ss2sql.runtime.search.memorize import build_graph_limit_error
 from ss2sql.runtime.search.search_run import Found
-from ss2sql.runtime.search.step_contract import Problem
-from ss2sql.runtime.search.step_notes import NotedSearch, Notes
+from ss2sql.runtime.search.step_contract import NotedSearch, Notes, Problem
 
 ByNode = dict[Hashable, list["KeyedEdge"]]
 

@@ -9,11 +9,10 @@ from typing import Any, TypeAlias
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.frozen_values import FrozenShapes, State
 from ss2sql.language.rows import Row
+from ss2sql.language.values import FrozenShapes, State
 from ss2sql.runtime.run.run_state import Run, Stats
-from ss2sql.runtime.search.step_contract import Problem
-from ss2sql.runtime.search.step_notes import NotedSearch, Notes
+from ss2sql.runtime.search.step_contract import NotedSearch, Notes, Problem
 
 # `grow(graph, level, seen, most, choose)` adds the steps from the nodes of a level to the graph, each evaluated in
 # source order, and gives the nodes that go on: each a number, then the values of its frozen state. `seen` has the

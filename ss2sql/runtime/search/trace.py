@@ -11,9 +11,8 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from ss2sql.language import plan
-from ss2sql.language.frozen_values import FrozenRow, State, thaw_value
 from ss2sql.language.step_identity import write_in_script
-from ss2sql.language.values import copy_deep
+from ss2sql.language.values import FrozenRow, State, copy_deep, thaw_value
 from ss2sql.runtime.search.step_contract import Found, Problem, Step
 
 

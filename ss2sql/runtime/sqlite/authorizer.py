@@ -15,7 +15,7 @@ from typing import Any
 import apsw
 
 from ss2sql.errors import Error, ExecutionError
-from ss2sql.language.value_messages import build_utf8_error
+from ss2sql.language.conversion import build_utf8_error
 from ss2sql.runtime.run.run_state import Run, build_memory_error
 
 # What reading a file may raise: a text in it may be no UTF-8.

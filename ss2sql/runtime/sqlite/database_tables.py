@@ -15,8 +15,8 @@ import apsw
 
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.language import plan
+from ss2sql.language.conversion import decode_text
 from ss2sql.language.kinds import Type
-from ss2sql.language.value_messages import decode_text
 from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, build_sqlite_error
 from ss2sql.runtime.sqlite.column_types import STORED, TableColumn, infer_table_types, infer_view_types, quote_sql_name
 from ss2sql.runtime.sqlite.file_locks import attach_file, close_file, detach_file, open_file

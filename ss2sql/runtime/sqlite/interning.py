@@ -13,9 +13,8 @@ from marshal import dumps, loads
 from os import urandom
 from typing import Any
 
-from ss2sql.language.conversion import SCALARS, convert_value, is_marshalled_value, is_shallow
+from ss2sql.language.conversion import SCALARS, build_depth_error, convert_value, is_marshalled_value, is_shallow
 from ss2sql.language.kinds import INT_MAX, INT_MIN, is_encodable
-from ss2sql.language.value_messages import build_depth_error
 from ss2sql.language.values import Opaque, copy_for_python, find_several_forms, get_truth, make_hashable
 from ss2sql.lowering.sql_query import OutputColumn
 from ss2sql.runtime.run.value_sizes import ValueSizes

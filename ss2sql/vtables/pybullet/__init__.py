@@ -1,8 +1,7 @@
 """PyBullet as a world: `ss.attach("space", client)`.
 
-client calls the simulator. Tables: bodies, links, joints, contact_tables. Functions: collision with robot_parts and
-poses. Representations: representations, occupancy_grid, environment. solids and scene are what simulations with names
-are made of.
+client calls the simulator. Tables: bodies, links, joints, contact_tables. Functions: collision with poses.
+Representations: occupancy_grid, environment. scene is what simulations with names are made of.
 """
 
 from __future__ import annotations
@@ -15,12 +14,11 @@ from ss2sql.vtables.content_digest import digest_world
 from ss2sql.vtables.contract import Element, Gone
 from ss2sql.vtables.pybullet.bodies import BulletBodies
 from ss2sql.vtables.pybullet.client import Calls, NumberedClient, get_client_number
-from ss2sql.vtables.pybullet.collision import CollisionFunctions
+from ss2sql.vtables.pybullet.collision import CollisionFunctions, CollisionShapes
 from ss2sql.vtables.pybullet.contact_tables import BulletClosest, BulletContacts, BulletNear, BulletOverlaps, Rays
 from ss2sql.vtables.pybullet.joints import BulletJoints, BulletShapes, Cameras
 from ss2sql.vtables.pybullet.links import BulletLinks
-from ss2sql.vtables.pybullet.representations import Representations
-from ss2sql.vtables.pybullet.robot_parts import CollisionShapes
+from ss2sql.vtables.pybullet.occupancy_grid import Representations
 from ss2sql.vtables.schema import world_error
 
 __all__ = ["PyBulletWorld"]

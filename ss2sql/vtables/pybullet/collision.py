@@ -1,22 +1,402 @@
-"""The functions of bodies that PyBullet implements, and collision tests of a robot at any pose without moving it."""
+"""Collision tests of a robot at any pose without moving it: its parts as shapes, and what PyBullet implements itself.
+
+PyBullet's own boxes fit, but those of links are one step old, unlike the shapes that it collides with.
+
+`getCollisionShapeData` takes a capsule that an MJCF file defines by its two ends (`fromto`) for another kind of shape,
+reads foreign memory, and mostly crashes the process. No other function has this fault. So the capsules of these files
+are taken from the visual shapes: MJCF uses the same shape for both, and attaches each link to a joint with a special
+name. The collision shapes of a body of unknown origin are measured first.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import repeat
-from math import cos, dist, hypot, radians
-from typing import Any
+from math import cos, dist, hypot, radians, sqrt
+from random import random
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from ss2sql.errors import ExecutionError
 from ss2sql.vtables.body_functions import BodyWorld, Quaternion, Vector, make_parameter_error, read_numbers
 from ss2sql.vtables.contract import Element, function
-from ss2sql.vtables.pybullet.bodies import measure_box
-from ss2sql.vtables.pybullet.links import read_link_pose
-from ss2sql.vtables.pybullet.poses import Box
-from ss2sql.vtables.pybullet.robot_parts import SLACK, Robot, ShapeCache, Surroundings, build_robot
+from ss2sql.vtables.pybullet.bodies import KINDS, measure_box
+from ss2sql.vtables.pybullet.links import SOFT, read_link_pose
+from ss2sql.vtables.pybullet.poses import (
+    UPRIGHT,
+    Box,
+    Point,
+    Pose,
+    Rotation,
+    compose,
+    get_link_poses,
+    to_local,
+    to_world,
+    unite_boxes,
+)
+from ss2sql.vtables.schema import world_error
+
+SLACK = 1e-3  # metres: shapes made of corners reach this far beyond them
 
 
+class ShapeExtent(NamedTuple):
+    """How far a shape reaches from its middle: a box, to which a ball is added, and a disc that looks along z."""
+
+    box: Point = (0.0, 0.0, 0.0)
+    ball: float = 0.0
+    disc: float = 0.0
+
+    def measure_reach(self, turn: Rotation) -> Point:
+        """Its reach along x, y and z when it is turned."""
+        (a, b, c), ball, disc = self
+        x, y, z, w = turn
+        right, up, away = 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)  # where the z axis looks
+        return (
+            ball
+            + abs(1 - 2 * (y * y + z * z)) * a
+            + abs(2 * (x * y - w * z)) * b
+            + abs(right) * c
+            + disc * sqrt(max(0.0, 1 - right * right)),
+            ball
+            + abs(2 * (x * y + w * z)) * a
+            + abs(1 - 2 * (x * x + z * z)) * b
+            + abs(up) * c
+            + disc * sqrt(max(0.0, 1 - up * up)),
+            ball
+            + abs(2 * (x * z - w * y)) * a
+            + abs(2 * (y * z + w * x)) * b
+            + abs(away) * c
+            + disc * sqrt(max(0.0, 1 - away * away)),
+        )
+
+
+def measure_extent(kind: str, size: Any) -> ShapeExtent:
+    """The extent of a sphere, box, cylinder or capsule with PyBullet's measures."""
+    a, b, c = size
+    match kind:
+        case "sphere":
+            return ShapeExtent(ball=a)
+        case "box":
+            return ShapeExtent((a / 2, b / 2, c / 2))
+        case "cylinder":
+            return ShapeExtent((0.0, 0.0, a / 2), disc=b)
+        case _:  # a capsule
+            return ShapeExtent((0.0, 0.0, a / 2), ball=b)
+
+
+def measure_corners_extent(corners: Iterable[Point]) -> ShapeExtent:
+    """The extent of a mesh."""
+    x, y, z = (max(map(abs, values)) for values in zip(*corners, strict=True))
+    return ShapeExtent((x, y, z), ball=SLACK)
+
+
+def measure_link_reach(world: Any, body: int, link: int, box: Box) -> float:
+    """The radius of a sphere around all shapes of a link, whose middle is the link's centre of mass, by its box."""
+    (x, y, z), _ = read_link_pose(world, (body, link))
+    (ax, ay, az), (bx, by, bz) = box
+    return hypot(max(x - ax, bx - x), max(y - ay, by - y), max(z - az, bz - z))
+
+
+def measure_solid_box(world: Any, body: int) -> Box:
+    """A box around all that PyBullet collides with: links by their joints, and links as it shows them."""
+    calls = world.calls
+    base: Box = calls.getAABB(body, -1)
+    if not calls.getNumJoints(body):
+        return base
+    boxes = [base]
+    for link, ((x, y, z), _) in get_link_poses(world, body).items():
+        if link >= 0:
+            box = calls.getAABB(body, link)
+            boxes.append(box)
+            reach = measure_link_reach(world, body, link, box)
+            boxes.append(((x - reach, y - reach, z - reach), (x + reach, y + reach, z + reach)))
+    return unite_boxes(boxes)
+
+
+class Surroundings:
+    """The boxes around all bodies at one moment. Finding those near a robot takes 3 us among 55 of them."""
+
+    def __init__(self, world: Any) -> None:
+        self.boxes = {body: measure_solid_box(world, body) for body in world.list_ids()}
+        self._flat = [(body, *low, *high) for body, (low, high) in self.boxes.items()]
+
+    def find_near(self, box: Box, margin: float) -> list[tuple[int, float, float, float, float, float, float]]:
+        """The bodies whose boxes are closer to this one than a margin, each with its box."""
+        far = max(margin, 0.0) + SLACK
+        (ax, ay, az), (bx, by, bz) = box
+        ax, ay, az, bx, by, bz = ax - far, ay - far, az - far, bx + far, by + far, bz + far
+        return [
+            one
+            for one in self._flat
+            if one[1] <= bx and ax <= one[4] and one[2] <= by and ay <= one[5] and one[3] <= bz and az <= one[6]
+        ]
+
+
+# --- the collision shapes of links, read from PyBullet only where that is safe
+CAPSULE = 7  # PyBullet's GEOM_CAPSULE
+MJCF_JOINT = re.compile(rb"jointfix_\d+_\d+")  # PyBullet's joint for every link with shapes of an MJCF file
+MARGIN = 0.04  # m, by which Bullet makes the box around a capsule of two ends larger, if it is a part of a shape
+NEAR = 1e-4  # the tolerance of comparisons of boxes, as a part of the shape
+BLIND = 1e-3  # a part of what directions add to a box; smaller parts are ignored
+ORIGIN: Point = (0.0, 0.0, 0.0)
+
+# A shape as from getCollisionShapeData, with two Nones for an unknown pose.
+Shape = tuple[Any, ...]
+
+
+class CollisionShapes:
+    """The shapes of a world's bodies."""
+
+    def __init__(self, world: Any) -> None:
+        self._world, self._client = world, world.calls.number
+        self._dynamics = world.calls.get_numbered_call("getDynamicsInfo")
+        self._touched = world.calls.get_numbered_call("getCollisionShapeData")
+        self._seen = world.calls.get_numbered_call("getVisualShapeData")
+
+    def is_soft(self, body: int) -> bool:
+        """Whether a body is soft, so that PyBullet knows little but its position."""
+        return self._dynamics(body, -1, self._client)[10] == SOFT  # type: ignore[no-any-return]
+
+    def read_shapes(self, body: int) -> list[tuple[int, int, Shape]]:
+        """The collision shapes of a body: link, number within the link, and PyBullet's data; none for soft bodies.
+
+        The data's own body and link are wrong from the second shape of a link on.
+        """
+        self._world.check_body(body)  # PyBullet writes warnings about bodies that are gone
+        if self.is_soft(body):
+            return []
+        links = range(-1, self._world.calls.getNumJoints(body))
+        seen = self._seen(body, 0, self._client)
+        for shape in seen:
+            if shape[2] == CAPSULE:
+                return [(link, n, s) for link in links for n, s in enumerate(self._read_shapes(body, link, seen))]
+        ask, client = self._touched, self._client
+        return [(link, n, shape) for link in links for n, shape in enumerate(ask(body, link, client))]
+
+    def read_link_shapes(self, body: int, link: int) -> Sequence[Shape]:
+        """The collision shapes of one link."""
+        self._world.check_body(body)
+        return () if self.is_soft(body) else self._read_shapes(body, link, self._seen(body, 0, self._client))
+
+    def _read_shapes(self, body: int, link: int, seen: Sequence[Shape]) -> Sequence[Shape]:
+        visible = [shape for shape in seen if shape[1] == link]
+        if _is_safe_to_read(self._world, body, link, visible):
+            return self._touched(body, link, self._client)  # type: ignore[no-any-return]
+        return [(*shape[:5], None, None) for shape in visible]
+
+
+def _is_safe_to_read(world: Any, body: int, link: int, visible: Sequence[Shape]) -> bool:
+    """Whether it is safe to read the collision shapes of a link with these visual shapes."""
+    if not any(shape[2] == CAPSULE for shape in visible):
+        return True
+    if link >= 0 and not MJCF_JOINT.fullmatch(world.calls.getJointInfo(body, link)[1]):
+        return True
+    if len(visible) > 1:
+        return False
+    measured = _Measured(world, body, link, visible[0])
+    return measured.is_plain() or (link < 0 and not measured.can_have_ends())
+
+
+class _Measured:
+    """A link with one visual capsule, and the box around its collision shapes."""
+
+    def __init__(self, world: Any, body: int, link: int, capsule: Shape) -> None:
+        calls = world.calls
+        self.length, self.radius, _ = capsule[3]
+        info = calls.getDynamicsInfo(body, link)
+        self.margin = info[11]
+        low, high = calls.getAABB(body, link)
+        self.half = tuple((b - a) / 2 for a, b in zip(low, high, strict=True))
+        at, self.turn = to_local((info[3], info[4]), (capsule[5], capsule[6]))  # as seen from the centre of mass
+        self.own = read_link_pose(world, (body, link))[1]
+        self.alone = dist(at, ORIGIN) < NEAR and abs(self.turn[3]) > 1 - NEAR**2  # else it is part of a compound shape
+        self.near = NEAR * (self.length + self.radius + MARGIN)
+
+    def is_plain(self) -> bool:
+        """Whether its collision shape is this capsule alone, along its own z axis, without Bullet's margin."""
+        margin = self.margin
+        if self.alone:
+            if abs(margin - self.radius) > self.near:
+                return False
+            margin = 0.0
+        box = self._measure_half_edges((self.radius, self.radius, self.radius + self.length / 2))
+        return all(abs(a + margin - b) < self.near for a, b in zip(box, self.half, strict=True))
+
+    def can_have_ends(self) -> bool:
+        """Whether its collision shape could be a capsule between two ends, of this length in any direction."""
+        import numpy as np
+
+        adds = np.transpose([self._measure_half_edges(axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))])
+        sizes, (*_, blind) = np.linalg.svd(adds)[1:]
+        single, near = sizes[2] > BLIND * sizes[0], self.near  # else the box is the same for many directions
+        for inner, outer in ((self.margin, 0.0), (MARGIN, self.margin)):  # by itself, or put into another shape
+            box = np.array(self.half) - outer - adds.sum(axis=1) * (self.radius + inner)  # around half its axis
+            along = np.linalg.pinv(adds, rcond=BLIND) @ box
+            if not single:
+                near = 20 * self.near
+                rest = sqrt(max(0.0, (self.length / 2) ** 2 - along @ along)) * blind
+            for half in (along,) if single else (along + rest, along - rest):
+                fits = np.abs(adds @ half - box).max() < near and half.min() > -near
+                if fits and abs(np.linalg.norm(half) - self.length / 2) < 5 * near:
+                    return True
+        return False
+
+    def _measure_half_edges(self, half: Point) -> Point:
+        """Half the edges of the box around a box that is turned as the capsule is."""
+        return ShapeExtent(ShapeExtent(half).measure_reach(self.turn)).measure_reach(self.own)
+
+
+# --- the parts of a robot as shapes that can be tested at any pose without moving the robot
+MOST_TURNS = 1000  # cached orientations of one robot, each about 6 kB
+
+
+class Part(NamedTuple):
+    """A shape of a robot, where it is as seen from the robot's base, but turned as in the world, and its reach."""
+
+    shape: int
+    place: Point
+    turn: Rotation
+    reach: Point
+
+
+class Robot:
+    """The parts of a body for one orientation of its base, and the box around them relative to the base."""
+
+    def __init__(self, turn: Rotation, parts: Iterable[tuple[int, ShapeExtent, Pose]]) -> None:
+        self.turn = turn
+        self._shapes = tuple(parts)
+        self.parts = tuple(Part(shape, place, o, extent.measure_reach(o)) for shape, extent, (place, o) in self._shapes)
+        self.box = unite_boxes([_make_reach_box(part.place, part.reach) for part in self.parts] or [(ORIGIN, ORIGIN)])
+        self._turned: dict[Rotation, Robot] = {turn: self}
+
+    def turn_base(self, turn: Rotation) -> Robot:
+        """The same robot with another orientation of its base."""
+        known = self._turned.get(turn)
+        if known is None:
+            if len(self._turned) >= MOST_TURNS:
+                self._turned.clear()
+            _, offset = to_local((ORIGIN, self.turn), (ORIGIN, UPRIGHT))
+            more = ORIGIN, compose(turn, offset)  # from the one orientation to the other
+            parts = [(shape, extent, to_world(more, pose)) for shape, extent, pose in self._shapes]
+            known = self._turned[turn] = Robot(turn, parts)
+        return known
+
+
+def _make_reach_box(place: Point, reach: Point) -> Box:
+    (x, y, z), (a, b, c) = place, reach
+    return (x - a, y - b, z - c), (x + a, y + b, z + c)
+
+
+class ShapeCache:
+    """A cache of shapes in a simulator. Bullet keeps shapes until it is reset, so equal ones are made once.
+
+    After a reset their numbers mean other shapes, or none. To detect that, the first one is a sphere of a random
+    radius: as long as two of them have the right distance, all others are valid.
+    """
+
+    def __init__(self, calls: Any) -> None:
+        self._calls = calls
+        self._made: dict[Any, int] = {}
+        self.extents: dict[int, ShapeExtent | None] = {}  # of each shape; None for files
+        self._radius = 0.0
+        self._sphere = -1
+
+    def clear_after_reset(self) -> None:
+        """Clears the cache if the simulation was reset."""
+        if self._sphere >= 0 and self._is_valid():
+            return
+        self._made.clear()
+        self.extents.clear()
+        self._radius = 0.1 + random() / 10
+        self._sphere = self._calls.createCollisionShape(self._calls.GEOM_SPHERE, radius=self._radius)
+
+    def _is_valid(self) -> bool:
+        try:
+            found = self._calls.getClosestPoints(
+                bodyA=-1, bodyB=-1, distance=1.0, collisionShapeA=self._sphere, collisionShapeB=self._sphere,
+                collisionShapePositionA=(0.0, 0.0, 0.0), collisionShapePositionB=(1.0, 0.0, 0.0),
+            )  # fmt: skip
+        except self._calls.error:
+            return False
+        return bool(found) and abs(found[0][8] - (1 - 2 * self._radius)) < 1e-12
+
+    def get_shape(self, body: int, link: int, number: int, data: Any) -> int:
+        """The shape for a part of a body."""
+        calls, (a, b, c), file = self._calls, data[3], data[4]
+        kind = KINDS.get(data[2])
+        key = (kind, a, b, c, file)
+        known = self._made.get(key)
+        if known is not None:
+            return known
+        make = calls.createCollisionShape
+        match kind:
+            case "sphere":
+                made = make(calls.GEOM_SPHERE, radius=a)
+            case "box":
+                made = make(calls.GEOM_BOX, halfExtents=(a / 2, b / 2, c / 2))
+            case "cylinder":
+                made = make(calls.GEOM_CYLINDER, radius=b, height=a)
+            case "capsule":
+                made = make(calls.GEOM_CAPSULE, radius=b, height=a)
+            case "mesh":
+                return self._make_mesh(body, link, number, key)
+            case _:
+                raise _make_unmovable_error(body, f"it is a {kind or 'shape that PyBullet does not describe'}")
+        return self._keep_shape(key, made, measure_extent(kind, data[3]))
+
+    def _make_mesh(self, body: int, link: int, number: int, key: Any) -> int:
+        calls, (_, *scale, file) = self._calls, key
+        if file != b"unknown_file":
+            made = calls.createCollisionShape(calls.GEOM_MESH, fileName=file.decode(), meshScale=scale)
+            return self._keep_shape(key, made, None)
+        _, corners = calls.getMeshData(body, link, collisionShapeIndex=number)  # as seen from the link
+        if corners in self._made:
+            return self._made[corners]
+        made = calls.createCollisionShape(calls.GEOM_MESH, vertices=corners)
+        return self._keep_shape(corners, made, measure_corners_extent(corners))
+
+    def _keep_shape(self, key: Any, made: int, extent: ShapeExtent | None) -> int:
+        if made < 0:
+            raise world_error("PyBullet cannot make a shape", "see what it has written to the standard output")
+        self._made[key] = made
+        self.extents[made] = extent
+        return made
+
+
+def _make_unmovable_error(body: int, reason: str) -> ExecutionError:
+    return world_error(f"bodies[{body}] cannot be tried at other places: {reason}")
+
+
+def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
+    """The parts of a body, as it is now."""
+    poses = get_link_poses(world, body)
+    base = poses[-1]
+    parts = []
+    if world.shapes.is_soft(body):
+        raise _make_unmovable_error(body, "it is soft")
+    for link, number, data in world.shapes.read_shapes(body):
+        pose = poses[link]
+        if data[5] is None:
+            raise _make_unmovable_error(body, f"PyBullet does not tell how the capsules of its link {link} lie")
+        if data[4] != b"unknown_file":  # others consist of corners, which are relative to the link
+            pose = to_world(pose, (data[5], data[6]))
+        shape = stock.get_shape(body, link, number, data)
+        extent = stock.extents[shape]
+        if extent is None:
+            reach = measure_link_reach(world, body, link, world.calls.getAABB(body, link))
+            extent = ShapeExtent(ball=reach + dist(pose[0], poses[link][0]))
+        place, turn = pose
+        parts.append((shape, extent, (_subtract_points(place, base[0]), turn)))
+    return Robot(base[1], parts)
+
+
+def _subtract_points(point: Point, other: Point) -> Point:
+    return point[0] - other[0], point[1] - other[1], point[2] - other[2]
+
+
+# --- the functions of bodies that PyBullet implements, and collision tests of a robot at any pose without moving it
 class BodyFunctions(BodyWorld):
     """The functions of a PyBullet world. A body is given by its element, its id or its name."""
 

@@ -16,8 +16,7 @@ from ss2sql.language.area_arguments import refuse_argument
 from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, measure_box
 from ss2sql.vtables.pybullet.occupancy_grid import measure_bounds
 from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, to_local, to_world
-from ss2sql.vtables.pybullet.scene import Scene, View
-from ss2sql.vtables.pybullet.solids import Box, Capsule, Cylinder, Plane, Solid, Sphere, make_visual_shape
+from ss2sql.vtables.pybullet.scene import Box, Capsule, Cylinder, Plane, Scene, Solid, Sphere, View, make_visual_shape
 
 UNNAMED = (b"", b"unknown_file")  # the files of meshes that were built from points
 MOST_PARTS = 16  # of one shape: PyBullet leaves out those beyond

@@ -12,21 +12,25 @@ the floor, is seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from math import ceil, cos, dist, hypot, radians
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ss2sql.language.area_arguments import check_cells, check_number, check_numbers, refuse_argument
 from ss2sql.language.area_grid import Grid
-from ss2sql.language.rows import Table
+from ss2sql.language.rows import Table, request_hidden_columns
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
 from ss2sql.vtables.pybullet.bodies import KINDS, measure_box
+from ss2sql.vtables.pybullet.collision import ShapeCache
 from ss2sql.vtables.pybullet.contact_tables import MOST_RAYS
 from ss2sql.vtables.pybullet.poses import Box, unite_boxes
-from ss2sql.vtables.pybullet.robot_parts import ShapeCache
+
+if TYPE_CHECKING:
+    from ss2sql.vtables.pybullet.environment import Environment
+
 
 FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not extend an area
 
@@ -299,3 +303,36 @@ def _cast_rays(world: Any, starts: Any, ends: Any) -> tuple[Any, Any]:
         for ray, hit in enumerate(world.calls.rayTestBatch(starts[part].tolist(), ends[part].tolist()), first):
             hits[ray], fractions[ray] = hit[0], hit[2]
     return hits, fractions
+
+
+# --- the representations of a simulation: `AS occupancygrid`, `AS sensorgrid` and `AS environment`
+class Representations:
+    """The representations of selected bodies; bodies of another simulation are read there."""
+
+    representations: ClassVar[Mapping[str, str]] = {
+        "occupancygrid": "occupancygrid", "sensorgrid": "sensorgrid", "sensormap": "sensorgrid",
+        "environment": "environment",
+    }  # fmt: skip
+
+    @request_hidden_columns("elements")
+    def occupancygrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
+        """Where the selected bodies stand at the height `z`: a grid of bools, with cells of this edge.
+
+        `area` is [[x, y], [x, y]]; without it the grid covers the scene. Lengths are in metres.
+        """
+
+        return make_occupancy_grid(find_selected_world(self, table), table, z, cell, area)
+
+    @request_hidden_columns("elements")
+    def sensorgrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
+        """How many of the selected sensors see each cell at the height `z`; with the arguments of occupancygrid."""
+
+        return make_sensor_grid(find_selected_world(self, table), table, z, cell, area)
+
+    @request_hidden_columns("elements")
+    def environment(self, table: Table) -> Environment:
+        """A new simulation with only the selected bodies, a scene that can be attached in its turn."""
+        from ss2sql.vtables.pybullet.environment import Environment
+
+        world = find_selected_world(self, table)
+        return Environment(world, list_selected_bodies(world, "environment", table))
