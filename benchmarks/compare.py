@@ -28,7 +28,7 @@ PICTURE = ROOT / "docs" / "benchmarks.png"
 BEGIN, END = "<!-- figures: written by benchmarks/compare.py -->", "<!-- end of figures -->"
 
 Record = dict[str, Any]
-HEADS = {ON_DUCKDB: "on DuckDB", "sql": "SQL", "duckdb": "DuckDB", "duckdb-key": "USING KEY"}
+HEADS = {ON_DUCKDB: "on DuckDB", "numpy": "NumPy", "sql": "SQL", "duckdb": "DuckDB", "duckdb-key": "USING KEY"}
 OTHERS = tuple(name for name in CONTENDERS if name != BASE)
 
 

@@ -69,6 +69,8 @@ def prepare_script(problem: Problem, size: int, engine: str) -> Measured:
     for entry in script.functions:
         function, volatility = entry if isinstance(entry, tuple) else (entry, None)
         ss.function(function.__name__, function, volatility=volatility)  # type: ignore[arg-type]
+    for function in script.array_functions:
+        ss.function(function.__name__, function, volatility="immutable", vectorized=True)
     for name, value in script.variables.items():
         ss.set(name, value)
     for name, source in script.attached.items():

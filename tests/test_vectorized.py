@@ -90,6 +90,33 @@ def test_memories_hold_a_block_and_blocks_are_small_with_a_limit() -> None:
     assert f.sizes == [FIRST]
 
 
+@pytest.mark.parametrize(
+    "script",
+    [
+        "SELECT f(this) FROM numbers WHERE g(this) % 2 == 0 LIMIT 3 AS list;",
+        "SELECT f(g(this)) FROM numbers WHERE f(g(this)) % 3 == 0 AND f(f(this)) % 2 == 0 LIMIT 5 OFFSET 2 AS list;",
+        "SELECT this FROM numbers WHERE g(this) > 40 OR f(this) % 7 == 0 LIMIT 4 AS list;",
+        "SELECT f(b.this) FROM a = numbers, b = [1, g(a.this), 3] WHERE f(g(a.this)) % 3 != 0 LIMIT 8 AS list;",
+        "SELECT f(this), 1 / (50 - this) FROM numbers WHERE 1 / (60 - this) > 0 AND f(this) > 3 LIMIT 30 AS rows;",
+    ],
+)
+def test_no_other_function_is_called_for_rows_that_a_limit_cuts_off(script: str) -> None:
+    results, seen = [], []
+    for f in (Blocks(double), double):
+        calls: list[Any] = []
+        result = run(script, {"numbers": list(range(100))}, "native", f=f, g=lambda n, c=calls: c.append(n) or 3 * n)
+        results.append(result.value)
+        seen.append(calls)
+    assert results[0] == results[1]
+    assert seen[0] == list(dict.fromkeys(seen[1]))
+
+
+def test_other_functions_after_the_blocks_leave_them_large() -> None:
+    f = Blocks(double)
+    run("SELECT g(this) FROM numbers WHERE f(this) == 400 LIMIT 1;", {"numbers": list(range(201))}, f=f, g=double)
+    assert f.sizes == [FIRST, 4 * FIRST, 201 - 5 * FIRST]
+
+
 def double(n: Any) -> Any:
     return n * 2
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from problems import (
+    arrays,
     chain,
     compiling,
     grid,
@@ -24,7 +25,7 @@ from problems.base import Problem
 
 SUBJECTS = (
     plans, hanoi, nested, map, puzzle, jugs, grid, memorize, reach, hierarchy, joins, particles, worlds, navigation,
-    chain, compiling,
+    chain, arrays, compiling,
 )  # fmt: skip
 PROBLEMS: dict[str, Problem] = {problem.name: problem for subject in SUBJECTS for problem in subject.PROBLEMS}
 

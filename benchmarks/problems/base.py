@@ -10,8 +10,8 @@ from typing import Any
 BASE = "python"  # the contender that all others are divided by
 ENGINES = ("database", "native")
 ON_DUCKDB = "on-duckdb"  # the script with engine="duckdb", where that runs it
-LIBRARIES = ("networkx", "rustworkx", "igraph", "duckdb", "pybullet")
-CONTENDERS = (*ENGINES, ON_DUCKDB, BASE, "sql", "networkx", "rustworkx", "igraph", "duckdb", "duckdb-key")
+LIBRARIES = ("numpy", "networkx", "rustworkx", "igraph", "duckdb", "pybullet")
+CONTENDERS = (*ENGINES, ON_DUCKDB, BASE, "numpy", "sql", "networkx", "rustworkx", "igraph", "duckdb", "duckdb-key")
 COMPILING = "compiling"  # the only contender of problems that are not run
 
 
@@ -19,9 +19,9 @@ COMPILING = "compiling"  # the only contender of problems that are not run
 class Script:
     """What ss2sql runs: text, and what the session holds.
 
-    `functions` are registered, a pair with the volatility that it names. `file` is a SQLite file whose tables the
-    script reads, `attached` are worlds by name. Where it is not `shaped`, the rows of the paths are found, but nobody
-    asks for the value that AS makes of them, a copy of every row of every path.
+    `functions` are registered, a pair with the volatility that it names, and `array_functions`, which take arrays.
+    `file` is a SQLite file whose tables the script reads, `attached` are worlds by name. Where it is not `shaped`, the
+    rows of the paths are found, but nobody asks for the value that AS makes of them, a copy of every row of every path.
     """
 
     text: str
@@ -30,6 +30,7 @@ class Script:
     file: Path | None = None
     attached: Mapping[str, Any] = field(default_factory=dict)
     shaped: bool = True
+    array_functions: tuple[Callable[..., Any], ...] = ()
 
 
 @dataclass(frozen=True)

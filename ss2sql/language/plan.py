@@ -23,6 +23,7 @@ class TableSource:
     """A table or view of the database. `order` names what sorts it: `rowid`, primary key columns, or nothing (a view).
 
     `collated`: columns that SQLite would not compare byte by byte. `indexes`: (columns, index), "" for the primary key.
+    `texts_for_numbers`: columns of texts whose declared type makes SQLite read texts beside them as numbers.
     """
 
     id: int
@@ -32,6 +33,7 @@ class TableSource:
     columns: tuple[tuple[str, Type], ...]
     order: tuple[str, ...]
     collated: tuple[str, ...] = ()
+    texts_for_numbers: tuple[str, ...] = ()
     indexes: tuple[tuple[tuple[str, ...], str], ...] = ()
     indexed: bool = False  # SQLite may find its rows in another order
     span: Span = field(compare=False, repr=False, kw_only=True)

@@ -17,6 +17,7 @@ from ss2sql.lowering.search import EagerSearch
 from ss2sql.lowering.sql_builder import SQLITE, Dialect
 from ss2sql.lowering.sql_query import Bookkeeping, OutputColumn, SqlQuery
 from ss2sql.lowering.sqlite_expressions import SqlScope
+from ss2sql.lowering.sqlite_forms import strip_numeric_affinity
 from ss2sql.lowering.statement_needs import StatementNeeds
 from ss2sql.lowering.union_branches import replace_items_by_columns
 from ss2sql.lowering.unsupported import check_supported
@@ -98,6 +99,7 @@ def lower(
         tables := [*needs.materialized_ctes.values(), *selects.copies.add_materialized_tables(select)]
     ):
         select.set("with_", exp.With(expressions=tables))
+    strip_numeric_affinity(select, selects.tables.values())
     truths = frozenset[str]() if by_value else _strip_truth_calls(select, needs)
     columns = [output.expr for output in query.columns]
     compared = (query.search.key if query.search else ()) or query.rows or columns

@@ -15,7 +15,7 @@ once is written more than once, so it has to be short; see `may_repeat`.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,7 @@ from ss2sql.language.operations import GROUPS, OPERATIONS, Check, Form
 from ss2sql.language.operations.operation import find_sql_class
 from ss2sql.language.plan_traversal import is_volatile, list_choices
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sql_builder import Node, WithoutAffinity
 from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS
 
 if TYPE_CHECKING:
@@ -289,3 +289,43 @@ def list_form_functions() -> frozenset[str]:
     """The functions of SQLite that forms call, so that statements may call them."""
     forms = [form for row in OPERATIONS.values() for form in (*row.sqlite, *(row.group.sqlite if row.group else ()))]
     return frozenset().union(*map(_find_functions, forms))
+
+
+# --- texts in columns for numbers -----------------------------------------------------------------------
+
+
+def strip_numeric_affinity(tree: Node, tables: Iterable[plan.TableSource]) -> None:
+    """Has texts in columns that are declared for numbers compared as texts.
+
+    Of a column `day DATE` SQLite would take '2020' for a number in `day < '2020'`, and any text for more than it. What
+    is no number stays a text, so that SQLite may look `day < '2020-02-01'` up.
+    """
+    names = {name for table in tables for name in table.texts_for_numbers}
+    shown = [(node.alias, _get_column(node.this)) for node in tree.find_all(exp.Alias)] if names else []
+    while more := {alias for alias, column in shown if column is not None and column.name in names} - names:
+        names |= more
+    for comparison in list(tree.find_all(exp.LT, exp.LTE, exp.GT, exp.GTE, exp.Between)) if names else ():
+        sides = list(comparison.iter_expressions())
+        for side in sides:
+            column = _get_column(side)
+            if column is None or column.name not in names:
+                continue
+            if not all(other is side or _is_text_beside_numbers(other) for other in sides):
+                column.replace(WithoutAffinity(this=column.copy()))
+
+
+def _get_column(node: Node) -> exp.Column | None:
+    bare = node.unnest()
+    bare = bare.this if isinstance(bare, exp.Collate) else bare
+    return bare if isinstance(bare, exp.Column) else None
+
+
+def _is_text_beside_numbers(node: Node) -> bool:
+    """Whether a node is a text that SQLite cannot read as a number."""
+    if not isinstance(node, exp.Literal) or not node.is_string:
+        return False
+    try:
+        float(node.this)
+    except ValueError:
+        return True
+    return False

@@ -91,13 +91,14 @@ def _describe_duckdb_source(source: plan.Source, loaded: set[int], depth: int) -
 def _describe_loops(query: plan.Query, depth: int, inner: bool = False) -> Iterator[PlanLine]:
     """The loops, each one inside of those before it."""
     for number, source in enumerate(query.sources):
-        yield PlanLine(depth, f"{'for each of them, ' if number or inner else ''}{_describe_loop(source)}")
+        yield PlanLine(depth, f"{'for each of them, ' if number or inner else ''}{_describe_loop(source, query)}")
 
 
-def _describe_loop(source: plan.Source) -> str:
+def _describe_loop(source: plan.Source, query: plan.Query) -> str:
     match source:
         case plan.TableSource():
-            words = f"reads every row of {source.table}"
+            left_out = "" if query.where is None or query.search else "that SQLite does not leave out for WHERE, "
+            words = f"reads every row {left_out}of {source.table}"
         case plan.WorldSource():
             words = f"reads every element of {source.table.title}"
         case plan.QuerySource():

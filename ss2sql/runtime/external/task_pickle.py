@@ -62,7 +62,7 @@ class SearchTask:
     functions: dict[str, UserFunction]
     variables: dict[str, Any]
     frames: dict[str, FrameParts]
-    tables: dict[int, list[tuple[Any, ...]]]
+    tables: dict[int, tuple[tuple[tuple[str, Type], ...], list[tuple[Any, ...]]]]  # their columns and rows
     shapes: dict[str, Callable[..., Any]]
     max_size: int
     memo_limit: int
@@ -92,7 +92,8 @@ def pickle_search(search_run: SearchRun) -> bytes:
         for name in sorted({known.inverse_of or known.name for known in list_functions(query) if not known.builtin}):
             sent[name] = _strip_function(host.planned[name], search_run.query.span)
         variables, frames = _collect_values(query, search_run.run)
-        tables = {node.id: host.read_table_rows(node) for node in walk(query) if isinstance(node, plan.TableSource)}
+        sources = [node for node in walk(query) if isinstance(node, plan.TableSource)]
+        tables = {node.id: (node.columns, host.read_table_rows(node)) for node in sources}
         forms = {node.representation.name for node in walk(query) if isinstance(node, plan.Query) and node is not query}
         shapes = {name: host.shapes.functions[name] for name in forms & host.shapes.functions.keys()}
         rest = host.limits.max_size, host.memo_limit, search_run.keyed
@@ -246,8 +247,10 @@ class _ExecutorHost:
             return run.sizes.wrap_function(function.name, python)
         return bind_function(function, run, self.parcel.functions.__getitem__, self.memo_limit)
 
-    def read_table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]:
-        return self.parcel.tables[source.id]
+    def read_table_rows(self, source: plan.TableSource, *_: Any) -> list[tuple[Any, ...]]:
+        columns, rows = self.parcel.tables[source.id]
+        places = [columns.index(column) for column in source.columns]
+        return [tuple([row[place] for place in places]) for row in rows]
 
     def read_integer_columns(self, source: plan.TableSource, *places: int) -> None:
         return None

@@ -87,6 +87,10 @@ class AstBuilder:
         """`container[key] = value`."""
         return ast.Assign([ast.Subscript(container, key, ast.Store(), **self.at)], value, **self.at)
 
+    def defer(self, value: ast.expr) -> ast.expr:
+        """A function without parameters that gives the value."""
+        return ast.Lambda(ast.arguments([], [], None, [], [], None, []), value, **self.at)
+
     def unpack(self, names: list[str], value: ast.expr) -> ast.stmt:
         targets: list[ast.expr] = [ast.Name(name, ast.Store(), **self.at) for name in names]
         return ast.Assign([ast.Tuple(targets, ast.Store(), **self.at)], value, **self.at)

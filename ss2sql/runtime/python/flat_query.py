@@ -30,7 +30,7 @@ from ss2sql.runtime.python.equality_index import find_lookups
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, write_expression
 from ss2sql.runtime.python.source_loops import SourceLoops, are_elements_rows, list_source_expressions
-from ss2sql.runtime.run.array_calls import count_array_calls, join_stages
+from ss2sql.runtime.run.array_calls import StagedRows, count_array_calls
 from ss2sql.runtime.run.post_processing import is_row_count
 
 if TYPE_CHECKING:
@@ -186,9 +186,12 @@ def compile_flat_query(
     if not loops.stages:
         return body.name
     codegen, build = builder.codegen, builder.codegen.build
-    name, early = codegen.new_name("find"), build.constant(query.limit is not None)
-    stages = [build.pack(build.name(stage.name), how) for stage, how in loops.stages]
-    joined = build.call(codegen.use(join_stages), build.name("run"), early, build.name(body.name), *stages)
+    name = codegen.new_name("find")
+    stages = [
+        build.pack(build.name(stage.name), how, build.constant(reach))
+        for (stage, how, _), reach in zip(loops.stages, loops.list_reaches(), strict=True)
+    ]
+    joined = build.call(codegen.use(StagedRows), build.name("run"), build.name(body.name), *stages)
     codegen.definitions.append(build.assign(name, joined))
     return name
 

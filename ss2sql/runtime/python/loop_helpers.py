@@ -10,13 +10,16 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from operator import length_hint
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ss2sql.language import plan
 from ss2sql.language.element_columns import read_column
 from ss2sql.runtime.run.elements import list_elements
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.vtables.frames.frame import Frame
+
+if TYPE_CHECKING:
+    from ss2sql.lowering.table_filter import TableFilter
 
 QUICK, SLOW = 0.002, 0.01  # seconds between two looks: below the one there may be more turns, above the other fewer
 MAX_TURNS = 128
@@ -143,8 +146,15 @@ def read_frame_rows(source: Any, *names: str) -> list[tuple[Any, ...]]:
     return [tuple(read_column(element, name, None) for name in names) for element in list_elements(source)]
 
 
-def read_table_rows(run: Run, table: plan.TableSource) -> list[tuple[Any, ...]]:
-    return run.host.read_table_rows(table, run)
+def read_table_rows(
+    run: Run, table: plan.TableSource, wanted: TableFilter | None = None, give: Callable[[], Sequence[Any]] = tuple
+) -> list[tuple[Any, ...]]:
+    """The rows of a table, without what a filter leaves out for the values that a function gives."""
+    try:
+        wanted = None if wanted is None else wanted.bind_values(give())
+    except NameError:  # a variable has no value, which only a row may miss
+        wanted = None
+    return run.host.read_table_rows(table, run, wanted)
 
 
 def iterate_with_checks(run: Run, items: list[Any]) -> Iterator[Any]:

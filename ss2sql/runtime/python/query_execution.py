@@ -10,7 +10,7 @@ from typing import Any
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row, Rows, build_row_limit_error, make_unique_names
 from ss2sql.language.values import make_hashable
-from ss2sql.runtime.run.array_calls import BLOCK, iterate_blocks
+from ss2sql.runtime.run.array_calls import BLOCK, Blocks, StagedRows, iterate_blocks
 from ss2sql.runtime.run.option_checks import find_least
 from ss2sql.runtime.run.post_processing import PostProcessing, QueryForm
 from ss2sql.runtime.run.run_state import Run
@@ -67,7 +67,7 @@ class QueryExecution:
         form, query = self.form, self.form.query
         settings = QuerySettings(*self.settings(*outer)) if self.settings else NO_SETTINGS
         nothing = settings.limit == 0 and not self._needs_keys  # is evaluated then
-        every = _yield_nothing() if nothing else self._find_results(settings.bound, outer)
+        every = _yield_nothing() if nothing else self._find_results(settings, outer)
         answer = Rows(form.columns) if sink is None else sink
         maximum = find_least(settings.maximum, self.run.maximum if outermost and query.search else None)
         found: Iterator[Any] = every if maximum is None else _take_first(every, maximum, answer)
@@ -84,7 +84,8 @@ class QueryExecution:
             if self._needs_keys:
                 group = None if self.group is None else partial(_bind_outer_values, self.group, outer)
                 if group is not None and form.array_calls:
-                    found = iterate_blocks(self.run, found, lambda seen: group(*seen), form.array_calls, BLOCK)
+                    blocks = Blocks(found, BLOCK)
+                    found = iterate_blocks(self.run, blocks, lambda seen: group(*seen), form.array_calls)
                 PostProcessing(form, group, settings.limit, settings.offset or 0, most).finish(found, results, answer)
             else:
                 self._fill_results(found, results, settings.limit, settings.offset or 0, most)
@@ -98,13 +99,15 @@ class QueryExecution:
         """Whether the results come with keys, because something has to be done with them when all are found."""
         return bool(self.form.query.grouped or self.form.query.order)
 
-    def _find_results(self, bound: int | None, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
-        """The results as they are found; `bound` is MEMORIZE's."""
+    def _find_results(self, settings: QuerySettings, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
+        """The results as they are found."""
+        if isinstance(self.find, StagedRows) and settings.limit is not None and not self._needs_keys:
+            return self.find.find_rows(outer, settings.limit + (settings.offset or 0))  # type: ignore[no-any-return]
         if self.form.query.search is None or self.form.search is None:
             return self.find(*outer)  # type: ignore[no-any-return]
         from ss2sql.runtime.python.search_execution import find_search_results
 
-        return find_search_results(self, self.form.query.search, self.form.search, bound, outer)
+        return find_search_results(self, self.form.query.search, self.form.search, settings.bound, outer)
 
     def report_counts(self) -> None:
         """Hands on to the run what was counted."""

@@ -10,13 +10,14 @@ from __future__ import annotations
 import ast
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from itertools import chain
+from dataclasses import replace
+from itertools import chain, takewhile
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql.errors import Stopped
 from ss2sql.language import plan
-from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import can_end_early, walk
+from ss2sql.language.kinds import INT, Kind
+from ss2sql.language.plan_traversal import can_end_early, split_and, walk
 from ss2sql.language.values import freeze_any
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.codegen_context import MAX_LOOPS, PythonScope
@@ -42,11 +43,21 @@ from ss2sql.runtime.python.loop_helpers import (
 )
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, write_expression
 from ss2sql.runtime.python.world_loops import WorldCondition, find_world_condition, write_world_items
-from ss2sql.runtime.run.array_calls import BLOCK, count_array_calls, is_array_call, iterate_blocks, list_certain_calls
+from ss2sql.runtime.run.array_calls import (
+    BLOCK,
+    Blocks,
+    Reach,
+    calls_row_function,
+    count_array_calls,
+    is_array_call,
+    iterate_blocks,
+    list_certain_calls,
+)
 from ss2sql.runtime.run.call_memo import make_exact_key
 from ss2sql.runtime.run.elements import list_elements, list_elements_or_none
 
 if TYPE_CHECKING:
+    from ss2sql.lowering.table_filter import TableFilter
     from ss2sql.runtime.python.query_compiler import QueryCompiler
 
 
@@ -62,8 +73,8 @@ class SourceLoops:
         self.builder = builder
         self.query = query
         self.owner = owner
-        self.sources = query.sources
-        self.facts = [builder.get_source_facts(source) for source in query.sources]
+        self.sources = tuple(map(self._narrow_table, query.sources))
+        self.facts = [builder.get_source_facts(source) for source in self.sources]
         own = {source.id for source in query.sources}
         self._spent = set[str]()  # names that nothing further in reads
         self.lateral = [
@@ -95,7 +106,9 @@ class SourceLoops:
         self.wanted: dict[int, str] = {}  # by source: the only column that is read of what its loop looks up
         self.frozen: dict[int, str] = {}  # sources whose elements come with their frozen form
         self.staged = False  # whether calls of functions that take arrays are made for a block of rows
-        self.stages: list[tuple[PythonScope, ast.expr]] = []  # the functions that go on there, and what comes before
+        # The functions that go on there, what comes before, and whether all loops are open then.
+        self.stages: list[tuple[PythonScope, ast.expr, bool]] = []
+        self.calls_rows = [False]  # by function, the first one too: whether it calls a function that takes no arrays
         self.called: dict[int, str] = {}  # such calls: the names of their values
 
     @property
@@ -243,7 +256,7 @@ class SourceLoops:
         if source.id in self.items:
             items = build.name(self.items[source.id])
         elif isinstance(source, plan.TableSource) and self.inside and source.id in self.lookups:
-            items = self._read_table(source)  # of which nothing but the index needs to stay
+            items = self._read_table(source, body)  # of which nothing but the index needs to stay
         else:
             items = self.ready.get(source.id) or self._list_items(source, body)
         if source.id in self.lookups:
@@ -300,6 +313,7 @@ class SourceLoops:
         for call in chain.from_iterable(map(list_certain_calls, parts)):
             facts, build = codegen.analysis.facts(call), codegen.build_at(call.place)
             if facts.key is not None and body.name_of(facts) is None:
+                self.calls_rows[-1] |= calls_row_function(*call.arguments)
                 arguments = build.pack(*(write_expression(self.builder, argument, body) for argument in call.arguments))
                 codegen.page.note_call(call.place, call.function.name)
                 body = self._begin_stage(
@@ -314,7 +328,9 @@ class SourceLoops:
             certain.add(id(call))
         calls = (node for part in parts for node in walk(part) if is_array_call(node))
         number = sum(id(node) not in certain for node in calls)
-        return self._begin_stage(body, codegen.build, codegen.build.constant(number)) if number else body
+        body = self._begin_stage(body, codegen.build, codegen.build.constant(number)) if number else body
+        self.calls_rows[-1] |= calls_row_function(*parts)
+        return body
 
     def _begin_stage(
         self, body: PythonScope, build: AstBuilder, how: ast.expr, arguments: ast.expr | None = None
@@ -332,8 +348,17 @@ class SourceLoops:
         stage.known[-1].update(self.called)
         stage.before = body
         self._spent.add(rows)
-        self.stages.append((stage, how))
+        self.stages.append((stage, how, all(source.id in stage.levels for source in self.sources)))
+        self.calls_rows.append(False)
         return stage
+
+    def list_reaches(self) -> list[Reach]:
+        """For each stage the rows that may be evaluated for a block, where LIMIT may cut some of them off."""
+        found, noticed = list[Reach](), False
+        for number, (_, how, innermost) in enumerate(self.stages):
+            noticed |= self.calls_rows[number] or (isinstance(how, ast.Constant) and self.calls_rows[number + 1])
+            found.append("ahead" if not noticed else "wanted" if innermost else "one")
+        return found
 
     def _start_inner_function(self, body: PythonScope) -> PythonScope:
         """A new function for the loops further in: Python does not nest any number of them."""
@@ -353,7 +378,7 @@ class SourceLoops:
         match source:
             case plan.TableSource(columns=columns):
                 codegen.tuples[source.id] = tuple(name for name, _ in columns)
-                return body.compute_once(ExpressionFacts(), self._read_table(source), build, source.name)
+                return body.compute_once(ExpressionFacts(), self._read_table(source, body), build, source.name)
             case plan.ValueSource(value=plan.Variable(frame=True) as value, columns=columns) if columns:
                 words = codegen.tuples[source.id] = self._list_columns_read(source.id, tuple(w for w, _ in columns))
                 read = write_expression(builder, value, body)
@@ -392,10 +417,46 @@ class SourceLoops:
             case _:
                 assert_never(source)
 
-    def _read_table(self, source: plan.TableSource) -> ast.expr:
-        codegen = self.builder.codegen
+    def _narrow_table(self, source: plan.Source) -> plan.Source:
+        """A table with the columns that are read, one at least."""
+        if not isinstance(source, plan.TableSource):
+            return source
+        names = self._list_columns_read(source.id, tuple(name for name, _ in source.columns))
+        columns = tuple(column for column in source.columns if column[0] in names) or source.columns[:1]
+        collated = tuple(name for name in source.collated if name in dict(columns))
+        return replace(source, columns=columns, collated=collated)
+
+    def _read_table(self, source: plan.TableSource, body: PythonScope) -> ast.expr:
+        codegen, wanted = self.builder.codegen, self._find_table_filter(source)
         build = codegen.build_at(source.span)
-        return build.call(codegen.use(read_table_rows), build.name("run"), build.name(codegen.embed(source, "table")))
+        arguments = [build.name("run"), build.name(codegen.embed(source, "table"))]
+        if wanted is not None:
+            values = [write_expression(self.builder, one.expr, body) for one in wanted.parameters]
+            arguments += [build.name(codegen.embed(wanted, "wanted")), build.defer(build.pack(*values))]
+        return build.call(codegen.use(read_table_rows), *arguments)
+
+    def _find_table_filter(self, source: plan.TableSource) -> TableFilter | None:
+        """What SQLite leaves out of the rows of a table, where nobody can notice whether the rest is evaluated."""
+        query, find_facts = self.query, self.builder.codegen.analysis.facts
+        if query.search is not None or not all(one.steady for one in self.facts):
+            return None
+        parts = split_and(query.where)
+        known = takewhile(lambda part: find_facts(part).steady, parts)
+        own = [part for part in known if find_facts(part).total and self._reads_only(source, find_facts(part))]
+        enough = None
+        if len(self.sources) == 1 and len(own) == len(parts) and not (query.grouped or query.order):
+            counts = (query.limit, query.offset or plan.Constant(0, INT, span=source.span))
+            values = [count.value for count in counts if isinstance(count, plan.Constant) and type(count.value) is int]
+            enough = sum(values) if len(values) == 2 and min(values) >= 0 else None
+        if not own and enough is None:
+            return None
+        from ss2sql.lowering.table_filter import lower_table_filter  # which takes 60 ms to load
+
+        return lower_table_filter(source, own, enough)
+
+    @staticmethod
+    def _reads_only(source: plan.Source, facts: ExpressionFacts) -> bool:
+        return facts.sources == {source.id} and not (facts.states or facts.groups)
 
     def _list_columns_read(self, source: int, columns: tuple[str, ...]) -> tuple[str, ...]:
         read: set[str] = set()
@@ -465,7 +526,8 @@ class SourceLoops:
             codegen.names[source.id] = before
         number = count_array_calls(*keys)
         if number:
-            given = [build.name("run"), items, build.name(key_of.name), build.constant(number), build.constant(BLOCK)]
+            blocks = build.call(codegen.use(Blocks), items, build.constant(BLOCK))
+            given = [build.name("run"), blocks, build.name(key_of.name), build.constant(number)]
             items = build.call("list", build.call(codegen.use(iterate_blocks), *given))
         return build.call(codegen.use(index_computed_keys), items, build.name(key_of.name))
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from marshal import dumps
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeGuard, TypeVar
 
 from ss2sql.errors import Error, ExecutionError, Stopped
 from ss2sql.frontend.user_functions import UserFunction
@@ -36,6 +36,7 @@ NUMBERS = (float, int, bool)
 
 Arguments: TypeAlias = tuple[Any, ...]
 Kinds: TypeAlias = tuple[type, ...]
+Reach: TypeAlias = Literal["ahead", "wanted", "one"]
 T = TypeVar("T")
 
 
@@ -59,6 +60,12 @@ def count_array_calls(*nodes: Any) -> int:
     return sum(is_array_call(part) for node in nodes for part in walk(node))
 
 
+def calls_row_function(*nodes: Any) -> bool:
+    """Whether a function of the user or of a world is called that does not take arrays, which LIMIT bounds."""
+    calls = (part for node in nodes for part in walk(node) if isinstance(part, plan.Call))
+    return any(not (call.function.builtin or call.function.vectorized) for call in calls)
+
+
 def list_certain_calls(node: Any) -> Iterator[plan.Call]:
     """Those that are made whenever a part of a plan is evaluated, arguments first."""
     match node:
@@ -73,15 +80,64 @@ def list_certain_calls(node: Any) -> Iterator[plan.Call]:
                 yield node
 
 
-def iterate_blocks(
-    run: Run, items: Iterable[T], try_item: Callable[[T], object], rounds: int, size: int
-) -> Iterator[T]:
-    """The items, each after the calls were made that `try_item` makes of it; `size` is that of the first block."""
-    items, rest = iter(items), list[T]()
-    while block := [*rest, *islice(items, size - len(rest))]:
+class Demand:
+    """How many rows a query with LIMIT wants, or the part of it that collects a block of them at the moment."""
+
+    def __init__(self, rows: int) -> None:
+        self.rows = rows
+
+    def count_results(self, results: Iterator[T]) -> Iterator[T]:
+        """The results of the last part."""
+        for result in results:
+            yield result
+            self.rows -= 1
+
+    def take_rows(self, rows: Iterator[T], number: int) -> Iterator[T]:
+        """Some rows of the part before, which sees how many of them are still wanted."""
+        wanted, self.rows = self.rows, number
+        try:
+            for row in islice(rows, number):
+                yield row
+                self.rows -= 1
+        finally:
+            self.rows = wanted
+
+
+class Blocks(Generic[T]):
+    """Blocks of rows, which grow from `size`.
+
+    With a demand they have only the rows that are "wanted", or "one", by their `reach`: no row is evaluated that LIMIT
+    may cut off.
+    """
+
+    def __init__(self, rows: Iterable[T], size: int, demand: Demand | None = None, reach: Reach = "ahead") -> None:
+        self.rows, self.size, self.demand, self.reach = iter(rows), size, demand, reach
+        self.error: Exception | None = None
+
+    def collect_block(self, block: list[T]) -> list[T]:
+        """The block with more rows; without any at the end. What a row raises is raised after those before it."""
+        size, self.size = self.size, min(4 * self.size, BLOCK)
+        if self.demand is not None and self.reach != "ahead":
+            size = self.demand.rows if self.reach == "wanted" else 1
+        number = max(size - len(block), 0)
+        try:
+            block.extend(self.demand.take_rows(self.rows, number) if self.demand else islice(self.rows, number))
+        except Stopped:
+            raise
+        except Exception as error:
+            self.error = error
+        if self.error is not None and not block:
+            raise self.error
+        return block
+
+
+def iterate_blocks(run: Run, blocks: Blocks[T], try_item: Callable[[T], object], rounds: int) -> Iterator[T]:
+    """The items of blocks, each after the calls were made that `try_item` makes of it."""
+    rest = list[T]()
+    while block := blocks.collect_block(rest):
         number = call_ahead(run, block, try_item, rounds)
         yield from block[:number]
-        rest, size = block[number:], min(4 * size, BLOCK)
+        rest = block[number:]
 
 
 def call_ahead(run: Run, items: Sequence[T], try_item: Callable[[T], object], rounds: int) -> int:
@@ -136,52 +192,46 @@ def _make_calls(waiting: dict[Any, Arguments]) -> bool:
     return bool(known) and all(known)
 
 
-def join_stages(run: Run, early: bool, first: Callable[..., Any], *stages: Any) -> Callable[..., Any]:
+class StagedRows:
     """The generator of a query from those of its parts: each takes the rows of the one before, in blocks.
 
     With each stands a function, whose arguments the part before it gives with each row, or how many calls it makes
-    itself: it has made them for a row when it gives the first of its own.
+    itself: it has made them for a row when it gives the first of its own; and the reach of its blocks.
     """
 
-    def find(*outer: Any) -> Any:
-        found = first(*outer)
-        size = FIRST if early or run.max_rows is not None else BLOCK
-        for stage, how in stages:
-            if isinstance(how, ArrayFunction):
-                found = _iterate_calls(how, found, size)
-            elif how:
-                found = iterate_blocks(run, found, _make_trial(stage, outer), how, size)
-            found = stage(*outer, found)
-        return found
+    def __init__(self, run: Run, first: Callable[..., Any], *stages: Any) -> None:
+        self.run, self.first, self.stages = run, first, stages
 
-    return find
+    def __call__(self, *outer: Any) -> Any:
+        return self.find_rows(outer, None)
+
+    def find_rows(self, outer: tuple[Any, ...], most: int | None) -> Any:
+        """The rows, of which no more than `most` will be taken."""
+        found, demand = self.first(*outer), None if most is None else Demand(most)
+        size = BLOCK if demand is None and self.run.max_rows is None else FIRST
+        for stage, how, reach in self.stages:
+            if isinstance(how, ArrayFunction):
+                found = _iterate_calls(how, Blocks(found, size, demand, reach))
+            elif how:
+                blocks = Blocks[Any](found, size, demand, reach)
+                found = iterate_blocks(self.run, blocks, _make_trial(stage, outer), how)
+            found = stage(*outer, found)
+        return found if demand is None else demand.count_results(found)
 
 
 def _make_trial(stage: Callable[..., Any], outer: tuple[Any, ...]) -> Callable[[Any], object]:
     return lambda row: next(stage(*outer, (row,)), None)
 
 
-def _iterate_calls(function: ArrayFunction, rows: Iterator[tuple[Any, Arguments]], size: int) -> Iterator[Any]:
+def _iterate_calls(function: ArrayFunction, blocks: Blocks[tuple[Any, Arguments]]) -> Iterator[Any]:
     """Each row with what the function gives for the arguments that come with it."""
-    while True:
-        block, ending = list[tuple[Any, Arguments]](), None
-        try:
-            block.extend(islice(rows, size))
-        except Stopped:
-            raise
-        except Exception as error:  # at a row after these
-            ending = error
+    while block := blocks.collect_block([]):
         answers = function.call_rows([arguments for _, arguments in block])
         if answers is not None:
             yield from zip([row for row, _ in block], answers, strict=True)
         else:
             for row, arguments in block:
                 yield row, function(*arguments)
-        if ending is not None:
-            raise ending
-        if len(block) < size:
-            return
-        size = min(4 * size, BLOCK)
 
 
 # --- arrays --------------------------------------------------------------------------------------------

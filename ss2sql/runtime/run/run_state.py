@@ -23,6 +23,7 @@ from ss2sql.vtables.frames.frame import Frame
 
 if TYPE_CHECKING:
     from ss2sql.lowering.sql_query import SqlQuery
+    from ss2sql.lowering.table_filter import TableFilter
     from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
 
 
@@ -135,7 +136,9 @@ class Host(Protocol):
     def find_row_shape(
         self, form: plan.Representation, columns: tuple[str, ...], run: Run
     ) -> Callable[[list[Row]], Any] | None: ...
-    def read_table_rows(self, source: plan.TableSource, run: Run | None = None) -> list[tuple[Any, ...]]: ...
+    def read_table_rows(
+        self, source: plan.TableSource, run: Run | None = None, wanted: TableFilter | None = None
+    ) -> list[tuple[Any, ...]]: ...
     def read_integer_columns(self, source: plan.TableSource, *places: int) -> list[Any] | None: ...
 
 

@@ -58,6 +58,12 @@ class TableColumn:
         declared = self.declared.upper()
         return "INT" not in declared and any(word in declared for word in ("CHAR", "CLOB", "TEXT"))
 
+    @property
+    def numeric(self) -> bool:
+        """Whether SQLite makes numbers of texts that it is compared with."""
+        declared = self.declared.upper()
+        return "INT" in declared or not (self.text or "BLOB" in declared or not declared)
+
 
 def quote_sql_name(name: str) -> str:
     """A name as SQL reads it whatever characters it has."""

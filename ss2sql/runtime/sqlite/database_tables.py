@@ -16,7 +16,7 @@ import apsw
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.language import plan
 from ss2sql.language.conversion import decode_text
-from ss2sql.language.kinds import Type
+from ss2sql.language.kinds import Kind, Type
 from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, build_sqlite_error
 from ss2sql.runtime.sqlite.column_types import STORED, TableColumn, infer_table_types, infer_view_types, quote_sql_name
 from ss2sql.runtime.sqlite.file_locks import attach_file, close_file, detach_file, open_file
@@ -24,6 +24,7 @@ from ss2sql.runtime.sqlite.file_locks import attach_file, close_file, detach_fil
 if TYPE_CHECKING:
     import sqlite3
 
+    from ss2sql.lowering.table_filter import TableFilter
     from ss2sql.runtime.graph_cache.graph_store import GraphStore
     from ss2sql.runtime.sqlite.copied_databases import CopiedDatabase
 
@@ -104,13 +105,21 @@ class KnownTable:
         typed = (
             (one.name, self.types[one.name][1] if one.name in names_read else Type(STORED)) for one in self.columns
         )
-        return replace(self.source, columns=tuple(typed))
+        columns = tuple(typed)
+        texts = tuple(
+            one.name
+            for one, (_, kind) in zip(self.columns, columns, strict=True)
+            if one.numeric and kind.may_be(Kind.STR)
+        )
+        return replace(self.source, columns=columns, texts_for_numbers=texts)
 
 
-def _write_full_select(source: plan.TableSource, values: Sequence[str]) -> str:
-    """The statement that gives these for all rows of a table, in its order."""
+def _write_select(source: plan.TableSource, values: Sequence[str], wanted: TableFilter | None = None) -> str:
+    """The statement that gives these for the rows of a table, in its order."""
+    home = f"{quote_sql_name(source.schema)}.{quote_sql_name(source.table)}{wanted.text if wanted else ''}"
     order = f" ORDER BY {', '.join(quote_sql_name(key) for key in source.order)}" if source.order else ""
-    return f"SELECT {', '.join(values)} FROM {quote_sql_name(source.schema)}.{quote_sql_name(source.table)}{order}"
+    limit = "" if wanted is None or wanted.limit is None else f" LIMIT {wanted.limit}"
+    return f"SELECT {', '.join(values)} FROM {home}{order}{limit}"
 
 
 class Tables:
@@ -249,9 +258,10 @@ class Tables:
             "SELECT name, type, pk, hidden FROM pragma_table_xinfo(?, ?) ORDER BY cid", (name, schema)
         ).fetchall()
 
-    def read_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
-        """All rows of a table in its order."""
-        return self._fetch_rows(_write_full_select(source, [quote_sql_name(name) for name, _ in source.columns]))
+    def read_rows(self, source: plan.TableSource, wanted: TableFilter | None = None) -> list[tuple[Any, ...]]:
+        """The rows of a table in its order, without what a filter leaves out."""
+        names = [quote_sql_name(name) for name, _ in source.columns]
+        return self._fetch_rows(_write_select(source, names, wanted), wanted.values if wanted else ())
 
     def read_integer_columns(self, source: plan.TableSource, *places: int) -> list[Any] | None:
         """Columns of whole numbers as arrays, in the order of the table; None where rows are as good.
@@ -266,7 +276,7 @@ class Tables:
 
         names = [quote_sql_name(source.columns[place][0]) for place in places]
         shown = ", ".join(f"group_concat({name})" for name in names)
-        (texts,) = self._fetch_rows(f"SELECT {shown} FROM ({_write_full_select(source, names)})")
+        (texts,) = self._fetch_rows(f"SELECT {shown} FROM ({_write_select(source, names)})")
         return [np.fromstring(text, np.int64, sep=",") for text in texts]
 
     def read_unreadable_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
@@ -281,9 +291,9 @@ class Tables:
             cells = zip(row[: len(names)], row[len(names) :], strict=True)
             return tuple(decode_text(value, encoding) if is_text else value for value, is_text in cells)
 
-        return list(map(decode_row, self._fetch_rows(_write_full_select(source, [*values, *texts]))))
+        return list(map(decode_row, self._fetch_rows(_write_select(source, [*values, *texts]))))
 
-    def _fetch_rows(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    def _fetch_rows(self, text: str, bindings: tuple[Any, ...] | Mapping[str, Any] = ()) -> list[tuple[Any, ...]]:
         """The rows of a statement. Raises ExecutionError X009 where SQLite refuses it: the file may be locked."""
         try:
             return self.connection.execute(text, bindings).fetchall()
@@ -325,16 +335,14 @@ class Tables:
         indexed = any(origin != "pk" or not without_rowid for _, origin, _ in listed)
         whole = [(index, origin) for index, origin, partial in listed if not partial]
         indexes = () if kind == "view" else self._find_indexes(schema, name, order, keys, whole)
-        collated = (
-            () if kind == "view" else tuple(c for c in columns if self._find_collation(schema, name, c) != "BINARY")
-        )
-        source = plan.TableSource(0, name, schema, name, (), order, collated, indexes, indexed, span=None)  # type: ignore[arg-type]
+        collated = self._find_collated_columns(schema, name, kind, columns)
+        source = plan.TableSource(0, name, schema, name, (), order, collated, (), indexes, indexed, span=None)  # type: ignore[arg-type]
         led = {entry[0][0] for entry in indexes} - set(collated)
         rowid = {key for (key, *_), index in indexes if not index and not without_rowid}
         declared = tuple(TableColumn(c, words, c in led, c in rowid) for c, words, *_ in rows)
         if kind == "view":
             self._check_view(schema, name)
-            declared = tuple(map(TableColumn, columns))
+            declared = tuple(TableColumn(c, words) for c, words, *_ in rows)
         known = KnownTable(version, source, declared, frozenset(keys))
         known.find_types(infer_view_types if kind == "view" else infer_table_types, self.connection, before, read)
         return known
@@ -371,6 +379,13 @@ class Tables:
         return self._fetch_rows(
             "SELECT name, desc, coll FROM pragma_index_xinfo(?, ?) WHERE key ORDER BY seqno", (index, schema)
         )
+
+    def _find_collated_columns(self, schema: str, name: str, kind: str, columns: Sequence[str]) -> tuple[str, ...]:
+        """The columns that SQLite would not compare byte by byte; any of a view where its database has such."""
+        if kind == "view":
+            words = self._fetch_rows(f"SELECT sql LIKE '%collate%' FROM {quote_sql_name(schema)}.sqlite_schema")
+            return tuple(columns) if schema == "temp" or (1,) in words else ()
+        return tuple(column for column in columns if self._find_collation(schema, name, column) != "BINARY")
 
     def _find_collation(self, schema: str, name: str, column: str) -> str:
         return self.connection.column_metadata(schema, name, column)[1]
