@@ -224,7 +224,7 @@ def statements(node: ast.stmt) -> Iterator[Make]:
     match node:
         case ast.If(test=test) | ast.While(test=test) if not isinstance(test, ast.UnaryOp):
             yield negated
-        case ast.Return(value=ast.expr() as value) if not (isinstance(value, ast.Constant) and value.value is None):
+        case ast.Return(value=ast.expr() as value) if ast.unparse(value) not in ("None", "False"):
             yield lambda new: ast.Return(ast.Constant(None))
         case ast.Expr() | ast.Assign() | ast.AugAssign() | ast.Raise() | ast.Delete():
             yield lambda _: ast.Pass()

@@ -11,6 +11,7 @@ import pytest
 from sessions import write
 
 import ss2sql
+from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.results.explain.collector import ADVICE
 from ss2sql.results.explain.findings import STAGES
 
@@ -51,6 +52,13 @@ def test_a_query_of_the_database(ss: ss2sql.Session) -> None:
         "FROM elements(:items) AS items", "WHERE", "items.this <> 2", "values that are bound in it:",
         ":items, once it runs",
     ]  # fmt: skip
+
+
+def test_rewrites_are_named_where_they_change_something(ss: ss2sql.Session) -> None:
+    ss.attach("edges", [[1, 2], [3, 4]])
+    script = "SELECT a.this[0] FROM a = edges, b = [1, 2] WHERE a.this[1] == 2 AS list;"
+    words = [line.partition(":")[0] for line in lines(ss.compile(script, engine="database").explain())]
+    assert [word for word in words if word in REWRITES] == ["positions"]
 
 
 def test_why_a_query_runs_natively(ss: ss2sql.Session) -> None:

@@ -45,6 +45,8 @@ ALIKE = "SELECT this FROM {} WHERE this[0] == this[1] AS list"
         ("", "a.this IN (SELECT this + 1 FROM [b.this] AS list)", "a.this = b.this + 1"),
         ("", "[] == (SELECT this FROM [2, 3] WHERE this == a.this AS list)", "NOT (a.this IN (2, 3))"),
         ("", "(SELECT this FROM [a.this, b.this] WHERE this > 1 AS list)", "(a.this > 1 OR b.this > 1)"),
+        ("", "max(SELECT this FROM [a.this, b.this] AS list) == 3",
+         "(a.this = 3 OR b.this = 3) AND a.this <= 3 AND b.this <= 3"),
         ("", "min(SELECT this FROM [a.this, b.this] AS list) >= 3", "a.this >= 3 AND b.this >= 3"),
         ("", "eval('a' + '.this;') == 1", "a.this = 1"),
         # `fold` and `split` alone.

@@ -281,7 +281,7 @@ class JoinBuilder:
             )
         # What can fail calls a function, so that SQLite never evaluates it before the first source is read. Only the
         # other side of `column = ...` it evaluates before a derived table, to look that up in an index that it makes.
-        indexed = isinstance(self.opened[level - 1].items[-1], exp.Subquery) and isinstance(node, exp.EQ)
+        indexed = isinstance(self.opened[level - 1].items[-1], exp.Subquery)
         return self._delay_condition(level, 0 if indexed else max(1, *map(self.levels.count_sources, group)), node)
 
     def _delay_condition(self, level: int, known: int, node: Node) -> Node:

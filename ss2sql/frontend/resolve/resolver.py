@@ -366,7 +366,7 @@ class Resolver:
         function = self.catalog.functions.get(name)
         known: tuple[plan.Expr, ...] | None = None  # resolved once: nested calls would double the work with every level
         if name in self.catalog.world_functions and (function is None or function.builtin):
-            known = (self.resolve_all if function is None else self.resolve_operands)(tree.arguments, scope)
+            known = self.resolve_operands(tree.arguments, scope)
             if function is None or any(
                 a.type.may_be(Kind.OBJECT) or a.type.is_only(Kind.STR) for a in known
             ):  # or its name

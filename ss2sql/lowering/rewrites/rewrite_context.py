@@ -33,11 +33,11 @@ def rewrite_bottom_up(node: Node, change: Callable[[Any], Any]) -> Node:
     go by their type, and a bool travels in another form through SQL.
     """
     new: Any = rebuild_node(node, lambda part: rewrite_bottom_up(part, change))
-    if new is not node and isinstance(new, plan.QuerySource) and isinstance(node, plan.QuerySource):
+    if new is not node and isinstance(node, plan.QuerySource):
         pairs = zip(node.query.columns, new.query.columns, strict=True)
         columns = tuple(after if _has_same_form(before.expr, after.expr) else before for before, after in pairs)
         new = replace(new, query=replace(new.query, columns=columns))
-    if new is not node and isinstance(new, plan.Query) and isinstance(node, plan.Query) and new.group:
+    if new is not node and isinstance(node, plan.Query) and new.group:
         groups = zip(node.group, new.group, strict=True)
         new = replace(new, group=tuple(after if _has_same_form(before, after) else before for before, after in groups))
     changed: Node = change(new)
