@@ -150,7 +150,7 @@ def iterate_tokens(text: str, start: int = 0) -> Iterator[Token]:
 _OPERANDS = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
 _BEGINS = _OPERANDS | {"SELECT", "NOT", "IF"}
 _FOLLOWED = {
-    "CASE": frozenset(("WHEN",)), "DISTINCT": _BEGINS | {"(", "[", "*"}, "PRIOR": _OPERANDS,
+    "CASE": frozenset(("WHEN",)), "DISTINCT": _BEGINS | {"(", "[", "-", "*"}, "PRIOR": _OPERANDS,
     "LAST": _BEGINS | {"[", "-", "*"},
 }  # fmt: skip
 _FIRST = frozenset(("START", "CONNECT", "STOP", "GROUP", "ORDER"))
