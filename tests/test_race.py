@@ -19,7 +19,7 @@ from programs.drawn import amount, drawn
 import ss2sql
 from ss2sql.bench import BenchRules, StatementRuns, make_runs, parse_strategy
 from ss2sql.bench import compare as deciding
-from ss2sql.bench.compare import Answer, Verdict, compare_answers, compare_group_rows, find_variation
+from ss2sql.bench.compare import Answer, Verdict, compare_answers, compare_group_rows, find_reason_runs_may_differ
 from ss2sql.bench.strategies import list_strategies
 from ss2sql.errors import Source
 from ss2sql.frontend.syntax import ast
@@ -119,9 +119,9 @@ def test_what_clauses_read_and_select_does_not_name(script: str, missing: set[st
 
 
 def test_whims() -> None:
-    assert find_variation(query("SELECT this FROM [1] WHERE roll() < 1")) == "roll is volatile"
-    assert find_variation(query("SELECT this FROM [1] WHERE (n = this) > 0")) == "it assigns n"
-    assert find_variation(query("SELECT this FROM [1]")) is None
+    assert find_reason_runs_may_differ(query("SELECT this FROM [1] WHERE roll() < 1")) == "roll is volatile"
+    assert find_reason_runs_may_differ(query("SELECT this FROM [1] WHERE (n = this) > 0")) == "it assigns n"
+    assert find_reason_runs_may_differ(query("SELECT this FROM [1]")) is None
 
 
 def answer(options: str, *paths: str, cut: bool = False, bound: int | None = None) -> Answer:

@@ -58,12 +58,12 @@ class Answer:
         return Counter(path[-1] for path in self.paths)
 
 
-def is_identical(one: Any, other: Any) -> bool:
+def are_answers_identical(one: Any, other: Any) -> bool:
     """Whether two values are identical, unlike 1 and 1.0."""
     if isinstance(one, (list, tuple)):
-        return type(one) is type(other) and len(one) == len(other) and all(map(is_identical, one, other))
+        return type(one) is type(other) and len(one) == len(other) and all(map(are_answers_identical, one, other))
     if isinstance(one, dict):
-        return isinstance(other, dict) and is_identical(list(one.items()), list(other.items()))
+        return isinstance(other, dict) and are_answers_identical(list(one.items()), list(other.items()))
     return one is other or (type(one) is type(other) and make_hashable(one) == make_hashable(other))
 
 
@@ -140,31 +140,31 @@ def _find_difference(own: Answer, other: Answer, settled: bool) -> str | None:
     if "MEMORIZE" in (own.strategy.repeats, other.strategy.repeats) and not settled:
         return None
     one, two = _select_allowed(other, own.paths), _select_allowed(own, other.paths)
-    if not _drops_steps(other) and (missing := one - two):
+    if not _does_answer_drop_steps(other) and (missing := one - two):
         return f"{_format_count(missing)} missing"
-    if not _drops_steps(own) and (new := two - one):
+    if not _does_answer_drop_steps(own) and (new := two - one):
         return f"{_format_count(new)} too many"
     return None
 
 
 def _contradicts_unique(unique: Answer, wider: Answer, settled: bool) -> str | None:
     """A contradiction to the law that UNIQUE finds some of the paths, one to every row."""
-    if wider.strategy.repeats in ("", "NO CYCLE") and not _drops_steps(wider):
+    if wider.strategy.repeats in ("", "NO CYCLE") and not _does_answer_drop_steps(wider):
         foreign = set(unique.paths) - set(wider.paths)
         if foreign:
             return f"{_format_count(foreign)} of UNIQUE that {wider.strategy.name} does not have"
-    if settled and not _drops_steps(unique):
+    if settled and not _does_answer_drop_steps(unique):
         missing = wider.ends.keys() - unique.ends.keys()
         if missing:
             return f"UNIQUE does not reach {_format_count(missing, 'row')}"
-    if settled and wider.strategy.repeats != "MEMORIZE" and not _drops_steps(wider):
+    if settled and wider.strategy.repeats != "MEMORIZE" and not _does_answer_drop_steps(wider):
         new = unique.ends.keys() - wider.ends.keys()
         if new:
             return f"UNIQUE reaches {_format_count(new, 'row')} more"
     return None
 
 
-def _drops_steps(answer: Answer) -> bool:
+def _does_answer_drop_steps(answer: Answer) -> bool:
     """Whether the strategy leaves out steps that others take: those of probability 0."""
     return answer.strategy.order == "PROBABILITY"
 
@@ -201,7 +201,7 @@ def _format_count(found: Counter[Path] | set[Any], word: str = "path") -> str:
 
 
 # --- comparison of answers: equal for two engines, related by the language's laws for two strategies
-def find_variation(query: plan.Query) -> str | None:
+def find_reason_runs_may_differ(query: plan.Query) -> str | None:
     """The reason why two runs of a query may differ, or None."""
     for node in walk(query):
         match node:
@@ -236,11 +236,11 @@ class FinishedRun:
         search = self.query.search
         bound = search.bound.value if isinstance(search.bound, plan.Constant) else None
         unbounded = search.bound is None or bound is not None
-        cut = self.result.status == "maximum" or not _is_complete(self.query.limit, len(paths)) or not unbounded
+        cut = self.result.status == "maximum" or not _is_answer_uncut(self.query.limit, len(paths)) or not unbounded
         return Answer(self.strategy, paths, bound, cut, bool(self.query.order))
 
 
-def _is_complete(limit: plan.Expr | None, number: int) -> bool:
+def _is_answer_uncut(limit: plan.Expr | None, number: int) -> bool:
     """Whether a limit has certainly cut nothing from so many results."""
     return limit is None or (isinstance(limit, plan.Constant) and type(limit.value) is int and limit.value > number)
 
@@ -259,7 +259,11 @@ class Comparer:
     @classmethod
     def for_query(cls, query: plan.Query | None, own: str) -> Comparer:
         searched = query is not None and query.search is not None
-        return cls(own, find_variation(query) if query else None, describe_unnamed(query) if query and searched else ())
+        return cls(
+            own,
+            find_reason_runs_may_differ(query) if query else None,
+            describe_unnamed(query) if query and searched else (),
+        )
 
     def record_verdict(self, finished: FinishedRun) -> None:
         """Records the comparison of its answer in the result."""
@@ -280,7 +284,7 @@ class Comparer:
             return Verdict(f"it fails in {one.cell.engine} and not so in {other.cell.engine}", True)
         assert finished.result is not None
         assert twin.result is not None
-        if not _are_same(finished.result, twin.result):
+        if not _are_answers_equal(finished.result, twin.result):
             return Verdict(f"not what {twin.cell.engine} gives", True)
         return Verdict("same" if twin is self.reference else twin.cell.answer, same=twin.cell.same)
 
@@ -298,14 +302,14 @@ class Comparer:
         return compare_answers(self._answer, answer, self.unnamed)
 
 
-def _are_same(one: Result, other: Result) -> bool:
+def _are_answers_equal(one: Result, other: Result) -> bool:
     """Whether two results are equal: rows or paths in the same order, or values."""
     if one.columns != other.columns or one.status != other.status:
         return False
     if one.answer is None or other.answer is None:
-        return is_identical(one.value, other.value)
+        return are_answers_identical(one.value, other.value)
     first, second = one.answer.rows, other.answer.rows
-    if first.groups is not None and not is_identical(first.groups, second.groups):
+    if first.groups is not None and not are_answers_identical(first.groups, second.groups):
         return False
     if (first.paths is None) != (second.paths is None):
         return False
@@ -316,5 +320,5 @@ def _are_same(one: Result, other: Result) -> bool:
 
 def _are_same_rows(ours: Sequence[Row], theirs: Sequence[Row]) -> bool:
     return len(ours) == len(theirs) and all(
-        is_identical(list(one), list(other)) for one, other in zip(ours, theirs, strict=True)
+        are_answers_identical(list(one), list(other)) for one, other in zip(ours, theirs, strict=True)
     )

@@ -13,7 +13,7 @@ from ss2sql.bench.compare import SAME
 from ss2sql.bench.results import BenchResult, BenchRules
 from ss2sql.bench.runs import StatementRuns
 from ss2sql.results import require_package
-from ss2sql.results.plot_style import BLUE, ORANGE, RED, hide_spines, shorten
+from ss2sql.results.plot_style import BLUE, ORANGE, RED, hide_spines, shorten_plot_label
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -171,7 +171,7 @@ def _draw_statement_bars(runs: StatementRuns, field: Any) -> None:
         field.xaxis.set_major_formatter("{x:g}")
     for result, place in zip(runs.cells, places, strict=True):
         if result.best is None:
-            field.annotate(shorten(_explain_missing(result), MOST_LABEL), (left, place), (4, 0),
+            field.annotate(shorten_plot_label(_explain_missing(result), MOST_LABEL), (left, place), (4, 0),
                 textcoords="offset points",
                            va="center", fontsize=8, color=RED if result.forbidden else "#777777",
                            style="italic")  # fmt: skip
@@ -185,7 +185,7 @@ def _draw_statement_bars(runs: StatementRuns, field: Any) -> None:
     field.set_ylim(max(places) + 0.8, min(places) - 0.8)
     field.set_xlim(left=left or None, right=max(times, default=1) * 1000 * (30 if wide else 1.6))
     field.set_xlabel("milliseconds of the best run" + (", logarithmic" if wide else ""))
-    field.set_title(shorten(format_title(runs), 90), fontsize=10, loc="left")
+    field.set_title(shorten_plot_label(format_title(runs), 90), fontsize=10, loc="left")
     hide_spines(field)
     field.tick_params(axis="y", length=0)
 
@@ -199,14 +199,14 @@ def _place_bars(results: Sequence[BenchResult]) -> tuple[list[float], list[tuple
         ours += 1.0 if result.strategy in of else 1.5
         places.append(ours)
         of.setdefault(result.strategy, []).append(ours)
-    return places, [(sum(found) / len(found), shorten(name, 34)) for name, found in of.items()]
+    return places, [(sum(found) / len(found), shorten_plot_label(name, 34)) for name, found in of.items()]
 
 
 def _format_bar_label(result: BenchResult) -> str:
     """The time, and the answer where it differs."""
     assert result.best is not None
     told = "" if result.same else f", {result.answer}"
-    return f"{format_milliseconds(result.best)} ms{shorten(told, MOST_LABEL)}"
+    return f"{format_milliseconds(result.best)} ms{shorten_plot_label(told, MOST_LABEL)}"
 
 
 def _explain_missing(result: BenchResult) -> str:

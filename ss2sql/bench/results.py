@@ -74,7 +74,7 @@ class BenchResult:
 
 
 # --- times one compiled statement
-def compile_run(session: Session, statement: ast.Expr, engine: Engine) -> Query:
+def compile_timed_statement(session: Session, statement: ast.Expr, engine: Engine) -> Query:
     """One statement, compiled for an engine. Raises the errors of compilation, such as UnsupportedError."""
     tree = ast.Script((statement,), span=statement.span)
     program = retry_with_stack(lambda: resolve(tree, session.host.make_catalog()))

@@ -8,7 +8,7 @@ from dataclasses import field, replace
 from typing import Any
 
 from ss2sql.bench.compare import Comparer, FinishedRun
-from ss2sql.bench.results import BenchResult, BenchRules, compile_run, time_statement
+from ss2sql.bench.results import BenchResult, BenchRules, compile_timed_statement, time_statement
 from ss2sql.bench.strategies import Strategy, list_strategies, parse_strategy
 from ss2sql.errors import Cancelled, Error, OutOfSteps, SessionError, Source, Stopped, Timeout, UnsupportedError
 from ss2sql.fast_dataclasses import dataclass
@@ -55,7 +55,8 @@ class StatementRuns:
         own = Strategy(search.options if search else ())
         name = own.name if search else NO_SEARCH
         comparer = Comparer.for_query(
-            _find_statement_query(compile_run(self.session, self.tree, "auto").plan.statements[0].expr), name
+            _find_statement_query(compile_timed_statement(self.session, self.tree, "auto").plan.statements[0].expr),
+            name,
         )
         yield from self._run_strategy(own, name, comparer)
         if search is None:
@@ -103,7 +104,7 @@ class StatementRuns:
         engine: Any = cell.engine
         try:
             started = time.perf_counter()
-            query = compile_run(self.session, self._build_variant(strategy), engine)
+            query = compile_timed_statement(self.session, self._build_variant(strategy), engine)
             cell.compile_seconds = time.perf_counter() - started
             result = time_statement(self.session, query, self.rules, cell)
         except UnsupportedError as error:
@@ -164,7 +165,7 @@ def make_runs(session: Session, source: Source, rules: BenchRules) -> Iterator[S
                 runs.notes.append("the search stands inside of another expression, so only the engines are raced.")
             yield runs
         if number < raced[-1]:
-            compile_run(session, statement, "auto").run()
+            compile_timed_statement(session, statement, "auto").run()
 
 
 def _select_searches(statements: Sequence[plan.Expr]) -> list[int]:

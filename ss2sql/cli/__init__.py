@@ -104,7 +104,7 @@ class Commands(click.Group):
 
             if isinstance(error, click.ClickException):
                 output.end_with_usage_error(error, arguments)
-            output.end_after_interrupt()
+            output.exit_after_interrupt()
         sys.exit(code if isinstance(code, int) else 0)
 
 

@@ -14,11 +14,11 @@ import click
 from ss2sql.cli.output import (
     SCRIPT,
     UserError,
-    check_folder,
+    check_output_folder,
     end_with_message,
     exit_with_code_on_error,
     make_console,
-    make_write_error,
+    make_output_error,
     print_line,
     print_note,
 )
@@ -87,7 +87,7 @@ def command(
     source = inputs.script
     for path in (json_file, plot_file):
         if path is not None:
-            check_folder(path)
+            check_output_folder(path)
     settings = BenchRules(ENGINES[engine], strategies, repeat, timeout, memory)  # type: ignore[arg-type]
     run: list[StatementRuns] = []
     with inputs.open_session(progress=False) as session:
@@ -99,11 +99,11 @@ def command(
                 break
             if run:
                 print_line("")
-            with _print_heat(runs, settings), _mark_user_errors():
+            with _print_bench_table(runs, settings), _mark_user_errors():
                 _run_heat(runs)
             run.append(runs)
     _write_files(run, settings, json_file, plot_file)
-    _end_with_contradictions(run)
+    _exit_on_contradictions(run)
 
 
 @contextmanager
@@ -118,7 +118,7 @@ def _mark_user_errors() -> Iterator[None]:
 
 
 @contextmanager
-def _print_heat(runs: StatementRuns, settings: BenchRules) -> Iterator[None]:
+def _print_bench_table(runs: StatementRuns, settings: BenchRules) -> Iterator[None]:
     """Prints the table of a statement at the end, also after an interruption."""
     from ss2sql.bench import print_runs
 
@@ -159,11 +159,11 @@ def _write_files(
             else:
                 draw_chart(run, path)
         except OSError as error:
-            raise make_write_error(path, error) from error
+            raise make_output_error(path, error) from error
         print_note(f"written to {path}")
 
 
-def _end_with_contradictions(run: Sequence[StatementRuns]) -> None:
+def _exit_on_contradictions(run: Sequence[StatementRuns]) -> None:
     """Ends with exit code 1 where answers differ although the language forbids it."""
     wrong = [(runs.tree.span, result) for runs in run for result in runs.forbidden]
     if wrong:

@@ -55,7 +55,7 @@ def exit_with_code_on_error(command: F) -> F:
         try:
             command(*arguments, **options)
         except KeyboardInterrupt:
-            end_after_interrupt()
+            exit_after_interrupt()
         except Error as error:
             _end_with_error(error)
         except UserError as error:
@@ -150,7 +150,7 @@ def describe_found(error: Error) -> str:
     return counted and f"\nbroken off{counted}"
 
 
-def end_after_interrupt() -> NoReturn:
+def exit_after_interrupt() -> NoReturn:
     """Ends after Ctrl-C outside of a run."""
     end_with_message("cancelled", _make_error_json("cancelled", "cancelled"), CTRL_C)
 
@@ -283,18 +283,18 @@ class Output:
         try:
             _write_file(result, self.form, self.path, self.shown)
         except OSError as error:
-            raise make_write_error(self.path, error) from error
-        print_note(f"written to {self.path}: {describe_size(result)}")
+            raise make_output_error(self.path, error) from error
+        print_note(f"written to {self.path}: {describe_output_size(result)}")
 
 
 def make_output(form: str | None, path: Path | None, shown: int = SHOWN) -> Output:
     """The output that the options request, checked before anything runs."""
     if path is not None:
-        check_folder(path)
+        check_output_folder(path)
     if form is None:
         if path is not None and path.suffix.lower() not in FILE_ENDINGS:
             suffixes = ", ".join(FILE_ENDINGS)
-            _refuse_usage(
+            _raise_usage_error(
                 f"{path} does not say which format it is to have: name it with --format, or end it in {suffixes}"
             )
         form = "table" if path is None else FILE_ENDINGS[path.suffix.lower()]
@@ -305,28 +305,28 @@ def make_output(form: str | None, path: Path | None, shown: int = SHOWN) -> Outp
         from ss2sql.results import require_package
 
         if path is None and sys.stdout.isatty():
-            _refuse_usage(
+            _raise_usage_error(
                 f"{form} is not for terminals: write it to a file, --output FILE.{form}, or on into another program"
             )
         require_package("pyarrow", "df", f"--format {form}")  # raises before the script runs
     return Output(form, path, shown)
 
 
-def _refuse_usage(message: str) -> NoReturn:
+def _raise_usage_error(message: str) -> NoReturn:
     raise click.UsageError(message, click.get_current_context(silent=True))
 
 
-def check_folder(path: Path) -> None:
+def check_output_folder(path: Path) -> None:
     """Raises SessionError S002 for a file that cannot be written."""
     if not path.parent.is_dir():
         raise SessionError("S002", f"{path} cannot be written: there is no folder {path.parent}")
 
 
-def make_write_error(path: Path, error: OSError) -> SessionError:
+def make_output_error(path: Path, error: OSError) -> SessionError:
     return SessionError("S002", f"{path} cannot be written: {error.strerror or error}")
 
 
-def describe_size(result: Result) -> str:
+def describe_output_size(result: Result) -> str:
     """The numbers of rows and paths of a result."""
     rows = f"{len(result):,} row{'' if len(result) == 1 else 's'}"
     if result.answer is None or result.answer.rows.paths is None:

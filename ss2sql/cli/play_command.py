@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from ss2sql.cli.output import check_folder, exit_with_code_on_error, print_note
+from ss2sql.cli.output import check_output_folder, exit_with_code_on_error, print_note
 from ss2sql.cli.run_command import add_run_options, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_script_options
 from ss2sql.errors import Stopped
@@ -37,7 +37,7 @@ def command(
     if beside is not None:
         sources.append(beside if inputs.text is not None else Path(beside))
     path = output or (Path(inputs.file).with_suffix(".html") if inputs.file not in (None, "-") else Path("search.html"))
-    check_folder(path)
+    check_output_folder(path)
     stopped: Stopped | None = None
     results = []
     with inputs.open_session(progress) as session:

@@ -7,7 +7,13 @@ from typing import Any
 
 import click
 
-from ss2sql.cli.output import check_folder, describe_size, exit_with_code_on_error, make_write_error, print_note
+from ss2sql.cli.output import (
+    check_output_folder,
+    describe_output_size,
+    exit_with_code_on_error,
+    make_output_error,
+    print_note,
+)
 from ss2sql.cli.run_command import add_run_options, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_script_options
 from ss2sql.errors import Stopped
@@ -61,7 +67,7 @@ def command(
 ) -> None:
     """Runs a script and draws its result as a picture."""
     source = inputs.script
-    check_folder(output)
+    check_output_folder(output)
     from ss2sql.results import require_package
 
     require_package("matplotlib", "plot", "plot").use("agg")  # no window, and no screen needed
@@ -81,7 +87,7 @@ def command(
         try:
             figure.savefig(output)
         except OSError as error:
-            raise make_write_error(output, error) from error
-    print_note(f"written to {output}: {describe_size(result)}")
+            raise make_output_error(output, error) from error
+    print_note(f"written to {output}: {describe_output_size(result)}")
     if stopped is not None:
         raise stopped

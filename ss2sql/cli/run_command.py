@@ -63,7 +63,9 @@ def command(
             result = run_script(session, source, **options)
         except Stopped as stopped:
             if stopped.partial is not None:
-                wanted.write_result(stopped.partial if wanted.form == "table" else make_data(session, stopped.partial))
+                wanted.write_result(
+                    stopped.partial if wanted.form == "table" else build_partial_output(session, stopped.partial)
+                )
             raise
         wanted.write_result(result)
 
@@ -86,7 +88,7 @@ def run_script(session: Session, source: str | Path | Source, **options: Any) ->
     return result
 
 
-def make_data(session: Session, found: Result) -> Result:
+def build_partial_output(session: Session, found: Result) -> Result:
     """A partial result with the value that AS makes of it, limited in size.
 
     A representation that may fail, or that needs more than the rows, is replaced by the language's default.

@@ -104,15 +104,15 @@ def list_words() -> frozenset[str]:
 def keywords() -> dict[str, Keyword]:
     """The keywords by their first word, in capitals, in alphabetical order."""
     seconds = set(PAIRS.values()) - ALONE
-    return {word: _make_keyword(word) for word in sorted(list_words() - seconds)}
+    return {word: _describe_keyword(word) for word in sorted(list_words() - seconds)}
 
 
-def _make_keyword(word: str) -> Keyword:
+def _describe_keyword(word: str) -> Keyword:
     text = f"{word} {PAIRS[word]}" if word in PAIRS else _SPELLED.get(word, word)
-    return Keyword(text, _find_sort(word), TEXTS.get(text, ""), word in RESERVED)
+    return Keyword(text, _classify_keyword(word), TEXTS.get(text, ""), word in RESERVED)
 
 
-def _find_sort(word: str) -> Sort:
+def _classify_keyword(word: str) -> Sort:
     if word in CLAUSES:
         return "clause"
     if word in OPTIONS:

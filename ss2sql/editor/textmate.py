@@ -83,13 +83,13 @@ def _match_keywords() -> list[dict[str, Any]]:
                 found.append(
                     {
                         "name": _name_textmate_scope(scope),
-                        "match": rf"(?i){ahead}(?:{_join_words(selected)})(?!\w){following}",
+                        "match": rf"(?i){ahead}(?:{_join_keywords(selected)})(?!\w){following}",
                     }
                 )
     return found
 
 
-def _join_words(selected: Iterable[Keyword]) -> str:
+def _join_keywords(selected: Iterable[Keyword]) -> str:
     """One of the keywords. ORDER comes before SIBLINGS BY, too."""
     texts = [word.text.replace(" ", r"\s+") for word in selected]
     return "|".join(r"ORDER(?=\s+SIBLINGS)|" + text if text.startswith("ORDER") else text for text in texts)

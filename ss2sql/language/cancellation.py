@@ -29,7 +29,7 @@ _current_check: ContextVar[Check | None] = ContextVar("check", default=None)
 
 
 @contextmanager
-def install_check(check: Check) -> Iterator[None]:
+def install_cancellation_check(check: Check) -> Iterator[None]:
     """While the block runs, built-in functions that this thread calls ask the check."""
     token = _current_check.set(check)
     try:

@@ -49,7 +49,7 @@ SCALARS: dict[type, Scalar] = {
 PLAN = ((Kind.BOOL, BOOL), (Kind.INT, INT), (Kind.NUMBER & ~Kind.BOOL, FLOAT), (Kind.STR, STR))
 
 
-def get_shape(values: Sequence[Any], promised: Type | None = None) -> Shape:
+def find_column_shape(values: Sequence[Any], promised: Type | None = None) -> Shape:
     """The common shape of the values of a column; `promised` is the plan's type."""
     found = _find_values_shape(values)
     return found if promised is None else fill_from_plan(found, promised)
@@ -152,7 +152,7 @@ def is_untyped(shape: Shape) -> bool:
             return shape == ANY
 
 
-def to_floats(value: Any, shape: Shape) -> Any:
+def convert_shape_floats(value: Any, shape: Shape) -> Any:
     """The value with whole numbers as floats where its shape is float, for libraries that do not convert."""
     match shape:
         case _ if value is None:
@@ -160,9 +160,9 @@ def to_floats(value: Any, shape: Shape) -> Any:
         case Scalar("float"):
             return float(value)
         case ListOf(item):
-            return [to_floats(part, item) for part in value]
+            return [convert_shape_floats(part, item) for part in value]
         case Struct(fields):
-            return {name: to_floats(value.get(name), field) for name, field in fields}
+            return {name: convert_shape_floats(value.get(name), field) for name, field in fields}
         case _:
             return value
 

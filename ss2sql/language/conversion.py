@@ -210,7 +210,7 @@ def convert_value(value: Any, giver: str, named: bool = False) -> Any:
         return value
     if kind is float and isfinite(value):
         return value
-    if kind is list and len(value) < 16 and is_shallow(value):
+    if kind is list and len(value) < 16 and is_shallow_scalar_list(value):
         marshalled = dumps(value, 2)
         if is_marshalled_value(marshalled) or not _find_suspect_bytes(marshalled):
             return value
@@ -243,7 +243,7 @@ def is_finite(value: list[Any], marshalled: bytes) -> bool:
         return not _find_suspect_bytes(marshalled)
 
 
-def is_shallow(value: list[Any] | tuple[Any, ...]) -> bool:
+def is_shallow_scalar_list(value: list[Any] | tuple[Any, ...]) -> bool:
     """Whether a list or tuple consists of scalars, and of lists and tuples of scalars.
 
     Marshal must see no more than that before a value has been normalised: of a NumPy scalar it would write

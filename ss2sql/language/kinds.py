@@ -237,14 +237,16 @@ def drop_bounds(t: Type) -> Type:
     return Type(t.kinds, None, None, item, columns, positions)
 
 
-def cut_depth(t: Type, detail: int = _DETAIL) -> Type:
+def limit_type_depth(t: Type, detail: int = _DETAIL) -> Type:
     """The type down to a depth of `detail`. Columns occur twice in it, so each level doubles the work of a walk."""
     if t.item is None and t.columns is None and t.positions is None:
         return t
     if not detail:
         return Type(t.kinds, t.low, t.high)
-    item = None if t.item is None else cut_depth(t.item, detail - 1)
-    columns = None if t.columns is None else tuple((name, cut_depth(column, detail - 1)) for name, column in t.columns)
+    item = None if t.item is None else limit_type_depth(t.item, detail - 1)
+    columns = (
+        None if t.columns is None else tuple((name, limit_type_depth(column, detail - 1)) for name, column in t.columns)
+    )
     return replace(t, item=item, columns=columns)
 
 

@@ -57,7 +57,7 @@ def lower_item(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -
     sizes = [container.type.size, container.type.item.size if container.type.item else None]
     cells = lowering.needs.bind_packed(container, packing)
     found = _build_byte_lookup(
-        lowering, cells, _build_offset(nodes, sizes[1 : len(nodes)]), _get_leaf_type(container.type, len(indexes))
+        lowering, cells, _lower_blob_offset(nodes, sizes[1 : len(nodes)]), _get_leaf_type(container.type, len(indexes))
     )
     if all(_is_index_in_bounds(index, size, scope.facts) for index, size in zip(indexes, sizes, strict=False)):
         return found
@@ -133,7 +133,7 @@ def _build_byte_lookup(lowering: ExpressionLowering, cells: Node, place: Node, k
     )
 
 
-def _build_offset(nodes: Sequence[Node], sizes: Sequence[int | None]) -> Node:
+def _lower_blob_offset(nodes: Sequence[Node], sizes: Sequence[int | None]) -> Node:
     """The place of an element, counted from 0; `sizes` are those of all positions but the first."""
     place = nodes[0].copy()
     for node, size in zip(nodes[1:], sizes, strict=True):
@@ -166,7 +166,7 @@ def lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlSc
     if not all(map(can_repeat, nodes)):
         return None
     places = [_subtract_number(node, low) for node, (low, _) in zip(nodes, packing.box, strict=True)]
-    place = _build_offset(places, [high - low + 1 for low, high in packing.box[1:]])
+    place = _lower_blob_offset(places, [high - low + 1 for low, high in packing.box[1:]])
     cells = lowering.needs.bind_packed(container, packing)
     inside = sql_builder.conjunction(
         [_build_between(node, low, high) for node, (low, high) in zip(nodes, packing.box, strict=True)]
@@ -218,7 +218,7 @@ def _is_bound_beforehand(expr: plan.Expr) -> bool:
     return isinstance(expr, (plan.Constant, plan.Variable)) or (is_run_constant(expr) and not can_fail(expr))
 
 
-def _compare_handles(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
+def _lower_handle_comparison(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
     """Structured values that are compared by their handles, which saves a Python call of 0.4 us.
 
     Of one that is known beforehand, it is taken for granted that no value that equals it has another form; the
@@ -268,7 +268,7 @@ def _lower_equality(lowering: ExpressionLowering, call: plan.Call, scope: SqlSco
             none = sql_builder.null()
             return exp.Is(this=other, expression=none if equal else exp.Not(this=none))
     if not have_same_storage_class(left, right, none=True):
-        return _compare_with_equal_value(lowering, call, scope) or _compare_handles(lowering, call, scope)
+        return _compare_with_equal_value(lowering, call, scope) or _lower_handle_comparison(lowering, call, scope)
     a, b = _lower_operands(lowering, call, scope)
     if left.may_be(Kind.NONE) or right.may_be(Kind.NONE):
         return sql_builder.binary(exp.NullSafeEQ if equal else exp.NullSafeNEQ, a, b)

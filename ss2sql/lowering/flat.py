@@ -137,7 +137,11 @@ class FlatLowering:
         natural = flat.natural_order or []
         if len(natural) == 1:
             return sql_builder.select(
-                [*outputs, sql_builder.alias(natural[0], "position")], flat.items, where, (), sql_builder.unlimited()
+                [*outputs, sql_builder.alias(natural[0], "position")],
+                flat.items,
+                where,
+                (),
+                sql_builder.build_unlimited(),
             )
         number = sql_builder.row_number([(key, False) for key in natural])
         return sql_builder.select([*outputs, sql_builder.alias(number, "position")], flat.items, where)
@@ -183,7 +187,7 @@ class FlatLowering:
         names = choose_column_names(tuple(output.name for output in query.columns))
         select = self.lower_rows(query, scope, list(names.values()))
         if select.args.get("limit") is None:
-            sql_builder.sort_query(select, (), sql_builder.unlimited())
+            sql_builder.sort_query(select, (), sql_builder.build_unlimited())
         return select
 
     def lower_subquery(self, query: plan.Query, scope: SqlScope) -> Node:

@@ -260,7 +260,7 @@ def _open_numbered(selects: FlatLowering, part: FromItem, source: plan.Source) -
         kinds = source.columns or ()
         columns = [part.reader(plan.Column(source.id, name, kind, span=source.span)) for name, kind in kinds]
         item = sql_builder.derived(
-            sql_builder.select(columns, [item], None, (), sql_builder.unlimited()), item.alias_or_name
+            sql_builder.select(columns, [item], None, (), sql_builder.build_unlimited()), item.alias_or_name
         )
     label = item.alias_or_name
     item.set("this", add_row_numbers(item.this, label))

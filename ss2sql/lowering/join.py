@@ -184,7 +184,7 @@ class JoinBuilder:
         """A table of what is joined so far, which is all that is joined then."""
         where = sql_builder.conjunction(self._write_where())
         labels = frozenset(item.alias_or_name for item in self.items)
-        select = sql_builder.select([], self.items, where, order, sql_builder.unlimited())
+        select = sql_builder.select([], self.items, where, order, sql_builder.build_unlimited())
         table = DerivedTable(select, self.selects.needs.choose_label(name), labels)
         self.items, self.terms = [sql_builder.derived(select, table.label)], []
         return table

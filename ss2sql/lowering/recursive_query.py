@@ -138,7 +138,7 @@ class RecursiveQuery(ABC):
 
     def build_recursive_query(self, names: list[str], terms: list[exp.Select], results: exp.Select) -> exp.Select:
         """`WITH RECURSIVE table(names) AS (first UNION ALL others ORDER BY ...) results`."""
-        union = sql_builder.union(terms)
+        union = sql_builder.build_union(terms)
         keys = [
             exp.Ordered(this=sql_builder.number(names.index(column) + 1), desc=descending, nulls_first=not descending)
             for column, descending in self.list_queue_keys()

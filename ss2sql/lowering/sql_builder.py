@@ -223,7 +223,7 @@ def derived(select: exp.Query, label: str) -> exp.Subquery:
     return exp.Subquery(this=select, alias=exp.TableAlias(this=identifier(label)))
 
 
-def union(selects: Sequence[exp.Select]) -> exp.Query:
+def build_union(selects: Sequence[exp.Select]) -> exp.Query:
     """The SELECTs with UNION ALL between them."""
     joined: exp.Query = selects[0]
     for one in selects[1:]:
@@ -292,7 +292,7 @@ def keep_condition(condition: Node) -> Node:
     return binary(exp.NEQ, condition, number(0)) if isinstance(condition, exp.Literal) else condition
 
 
-def unlimited() -> Node:
+def build_unlimited() -> Node:
     """`LIMIT -1`: no limit, but SQLite then keeps a subquery apart and its order as written."""
     return number(-1)
 

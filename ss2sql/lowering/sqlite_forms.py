@@ -95,7 +95,7 @@ def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None
     """A text with the operands in their places, and with the parentheses that these need."""
     if len(operands) == 1 and ("{*}" in text or "{reversed}" in text):  # SQLite takes a max of one for the aggregate
         return operands[0].copy()
-    finish = _finish_duckdb if dialect == "duckdb" else _finish_sqlite
+    finish = _finish_duckdb if dialect == "duckdb" else _finish_sqlite_form
 
     def fill_node(node: Node) -> Node:
         match node:
@@ -126,7 +126,7 @@ def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None
     return fill_node(_parse_sql(text, dialect, len(operands)))
 
 
-def _finish_sqlite(node: Node) -> Node:
+def _finish_sqlite_form(node: Node) -> Node:
     """Names of functions as they are written, and a float of an integer that is written out."""
     match node:
         case exp.Anonymous():

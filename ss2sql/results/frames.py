@@ -17,11 +17,11 @@ from ss2sql.language.column_shapes import (
     Scalar,
     Shape,
     Struct,
-    get_shape,
+    convert_shape_floats,
+    find_column_shape,
     is_untyped,
     make_arrow_type,
     merge_shapes,
-    to_floats,
 )
 from ss2sql.language.values import format_value
 from ss2sql.results import get_all_rows, get_rows, require_package
@@ -36,7 +36,7 @@ def read_columns(result: Result) -> list[tuple[str, list[Any], Shape]]:
     parts = zip(*rows, strict=True) if rows else [()] * len(result.columns)
     types = {} if result.answer is None else result.answer.types
     return [
-        (name, list(values), get_shape(values, types.get(name)))
+        (name, list(values), find_column_shape(values, types.get(name)))
         for name, values in zip(result.columns, parts, strict=True)
     ]
 
@@ -83,7 +83,7 @@ def to_polars(result: Result) -> Any:
     columns = []
     for name, values, shape in read_columns(result):
         kind = _choose_polars_type(polars, shape)
-        made = [to_floats(value, shape) for value in values] if kind != polars.Object else values
+        made = [convert_shape_floats(value, shape) for value in values] if kind != polars.Object else values
         columns.append(polars.Series(name, made, dtype=kind, strict=True))
     return polars.DataFrame(columns)
 
@@ -124,7 +124,7 @@ def to_arrow(result: Result) -> Any:
         if is_untyped(shape):
             make_type_error(name, values)
         kind = make_arrow_type(arrow, shape)
-        arrays.append(arrow.array([to_floats(value, shape) for value in values], type=kind))
+        arrays.append(arrow.array([convert_shape_floats(value, shape) for value in values], type=kind))
         fields.append(arrow.field(name, kind))
     return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
 
@@ -135,7 +135,7 @@ def make_type_error(name: str, values: Sequence[Any]) -> NoReturn:
     so_far: Shape = NONE
     first = next(value for value in values if value is not None)
     for value in values:
-        own = get_shape([value])
+        own = find_column_shape([value])
         if is_untyped(own):
             message = f"Arrow has no type for {format_value(value)} in the column '{name}'"
             raise RepresentationError("V001", message, hints=(hint,))

@@ -12,7 +12,7 @@ from ss2sql.errors import RepresentationError
 from ss2sql.language.rows import Row
 from ss2sql.language.values import Opaque, copy_for_python
 from ss2sql.results import get_paths, require_package
-from ss2sql.results.plot_style import BLUE, FRAME, ORANGE, PALE, count_drawn_paths, describe_status, shorten
+from ss2sql.results.plot_style import BLUE, FRAME, ORANGE, PALE, count_drawn_paths, describe_status, shorten_plot_label
 from ss2sql.results.show import format_cell
 
 if TYPE_CHECKING:
@@ -254,4 +254,4 @@ def _spread_nodes(nodes: list[Any]) -> dict[Any, float]:
 
 
 def _label_row(row: tuple[Any, ...]) -> str:
-    return "\n".join(shorten(format_cell(value), MOST_TEXT) for value in row[:MOST_LINES])
+    return "\n".join(shorten_plot_label(format_cell(value), MOST_TEXT) for value in row[:MOST_LINES])

@@ -20,10 +20,10 @@ from ss2sql.results.plot_style import (
     count_drawn_paths,
     describe_status,
     draw_legend,
-    escape,
+    escape_plot_text,
     hide_spines,
     make_plot_error,
-    mark_ends,
+    mark_path_ends,
     set_integer_ticks,
     write_path_title,
 )
@@ -59,8 +59,12 @@ def find_coordinates(columns: Sequence[str], rows: Sequence[Row]) -> Coordinates
     structured = [i for i in indexes if any(isinstance(row[i], (list, dict)) for row in rows)]
     if structured:
         (index, *others) = structured
-        return None if others or not all(is_point(row[index]) for row in rows) else Coordinates(lambda row: row[index])
-    numbers = [i for i in indexes if all(is_number(row[i]) for row in rows)]
+        return (
+            None
+            if others or not all(is_plottable_point(row[index]) for row in rows)
+            else Coordinates(lambda row: row[index])
+        )
+    numbers = [i for i in indexes if all(is_plottable_number(row[i]) for row in rows)]
     if len(numbers) not in (2, 3):
         return None
     names = tuple(columns[i] for i in numbers)
@@ -68,11 +72,11 @@ def find_coordinates(columns: Sequence[str], rows: Sequence[Row]) -> Coordinates
     return Coordinates(lambda row: tuple(row[i] for i in numbers), names, alike)
 
 
-def is_point(value: Any) -> bool:
-    return isinstance(value, list) and len(value) in (2, 3) and all(map(is_number, value))
+def is_plottable_point(value: Any) -> bool:
+    return isinstance(value, list) and len(value) in (2, 3) and all(map(is_plottable_number, value))
 
 
-def is_number(value: Any) -> bool:
+def is_plottable_number(value: Any) -> bool:
     return type(value) in (int, float)
 
 
@@ -84,10 +88,10 @@ def draw_paths(result: Result, paths: Found, where: Coordinates, ax: Any, most: 
     over = bool(ax.images)  # a map is there already: its labels and its area stay
     _draw_path_lines(ax, [line.T[:width] for line in drawn], wider=1.5)
     starts, goals = (np.unique([line[end] for line in drawn], axis=0) for end in (0, -1))
-    mark_ends(ax, starts, goals, width)
+    mark_path_ends(ax, starts, goals, width)
     if not over:
         for axis, name in zip("xyz"[:width], where.names or "xyz", strict=False):
-            getattr(ax, f"set_{axis}label")(escape(name))
+            getattr(ax, f"set_{axis}label")(escape_plot_text(name))
         if where.alike:
             ax.set_aspect("equal", adjustable="datalim")
         ax.grid(alpha=0.25)
@@ -126,7 +130,7 @@ def find_weights(result: Result, paths: Found) -> StepWeights | str:
     if query is not None and expr is not None:
         found = [index for index, output in enumerate(query.columns) if output.expr == expr] + found
     for index in found:
-        if all(is_number(row[index]) for path in paths for row in path):
+        if all(is_plottable_number(row[index]) for path in paths for row in path):
             return StepWeights(index, "probability" if likely else "cost", likely)
     if expr is not None and expr.span.text:
         return f"select what a step costs: SELECT ..., to({expr.span.text}, {'probability' if likely else 'cost'})"
@@ -143,7 +147,7 @@ def draw_costs(result: Result, paths: Found, weights: StepWeights, ax: Any, most
     rows = [[row[weights.index] for row in path] for path in islice(paths, most or MOST_PATHS)]
     totals = [list(accumulate(s, mul, initial=1.0) if weights.likely else accumulate(s, initial=0)) for s in rows]
     _draw_path_lines(ax, [(range(len(line)), line) for line in totals])
-    mark_ends(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
+    mark_path_ends(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
     set_integer_ticks(ax.xaxis)
     ax.set_xlabel("step")
     ax.set_ylabel(f"{weights.name} so far")

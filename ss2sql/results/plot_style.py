@@ -23,19 +23,19 @@ def make_plot_error(message: str, *hints: str) -> NoReturn:
     raise RepresentationError("V001", message, hints=hints)
 
 
-def escape(text: str) -> str:
+def escape_plot_text(text: str) -> str:
     """A name or a value with escaped dollars, which would enclose a formula."""
     return text.replace("$", r"\$")
 
 
-def cut_label(text: str, most: int) -> str:
+def cut_plot_label(text: str, most: int) -> str:
     """At most so many characters of a text."""
     return text if len(text) <= most else text[: most - 1] + "…"
 
 
-def shorten(text: str, most: int) -> str:
+def shorten_plot_label(text: str, most: int) -> str:
     """At most so many characters of a name or a value, with escaped dollars."""
-    return escape(cut_label(text, most))
+    return escape_plot_text(cut_plot_label(text, most))
 
 
 def choose_style(number: int, total: int, wider: float) -> dict[str, Any]:
@@ -51,7 +51,7 @@ def choose_style(number: int, total: int, wider: float) -> dict[str, Any]:
     return {"color": BLUE, "alpha": max(0.04, min(0.6, 12 / total)), "lw": 1.5}
 
 
-def mark_ends(ax: Any, starts: Any, goals: Any, width: int = 2) -> None:
+def mark_path_ends(ax: Any, starts: Any, goals: Any, width: int = 2) -> None:
     """Marks first and last steps."""
     if starts is not None:
         ax.scatter(*starts.T[:width], s=55, color=GREEN, edgecolor="white", zorder=40, label="first step")

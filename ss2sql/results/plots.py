@@ -12,8 +12,23 @@ from ss2sql.language import plan
 from ss2sql.language.rows import Row
 from ss2sql.results import get_paths, require_package
 from ss2sql.results.graph_plot import draw_graph, draw_tree
-from ss2sql.results.path_plot import draw_costs, draw_lengths, draw_paths, find_coordinates, is_point, require_weights
-from ss2sql.results.plot_style import BLUE, PALETTE, escape, hide_spines, make_plot_error, set_integer_ticks, shorten
+from ss2sql.results.path_plot import (
+    draw_costs,
+    draw_lengths,
+    draw_paths,
+    find_coordinates,
+    is_plottable_point,
+    require_weights,
+)
+from ss2sql.results.plot_style import (
+    BLUE,
+    PALETTE,
+    escape_plot_text,
+    hide_spines,
+    make_plot_error,
+    set_integer_ticks,
+    shorten_plot_label,
+)
 from ss2sql.results.show import format_cell
 from ss2sql.results.watching.animation import draw_search
 
@@ -88,7 +103,7 @@ def _draw_heat_map(result: Result, ax: Any) -> str:
     image = ax.imshow(
         np.asarray(value), origin="lower" if extent else "upper", extent=extent, cmap="Greys" if marks else "viridis"
     )
-    name = escape(result.columns[-1])
+    name = escape_plot_text(result.columns[-1])
     if not marks:
         ax.figure.colorbar(image, ax=ax, label=name, shrink=0.9)
     across, up = _name_axes(result) if extent else ("column", "row")
@@ -109,11 +124,13 @@ def _name_axes(result: Result) -> tuple[str, str]:
 
 def _choose_flat_drawing(result: Result, kind: str) -> Draw:
     """The function that draws bars, lines or points, by the columns."""
-    columns, rows = list(map(escape, result.columns)), list(result)
+    columns, rows = list(map(escape_plot_text, result.columns)), list(result)
     kinds = [{type(row[index]) for row in rows} - {type(None)} for index in range(len(columns))]
     numbers = [index for index, found in enumerate(kinds) if found and found <= {int, float}]
     labels = [index for index, found in enumerate(kinds) if index not in numbers]
-    pointed = [index for index in labels if any(r[index] for r in rows) and all(is_point(row[index]) for row in rows)]
+    pointed = [
+        index for index in labels if any(r[index] for r in rows) and all(is_plottable_point(row[index]) for row in rows)
+    ]
     if kind == "heat":
         make_plot_error("plot() has no array of two dimensions to draw", "AS plane gives one")
     label = labels[0] if len(labels) == 1 else None
@@ -155,7 +172,7 @@ def _draw_bars(columns: Sequence[str], rows: Sequence[Row], label: int | None, n
     values = [row[number] or 0 for row in shown]
     bars = ax.barh(range(len(shown)), values, color=BLUE)
     ax.bar_label(bars, [format_cell(row[number]) for row in shown], padding=3)
-    ax.set_yticks(range(len(shown)), [shorten(name, MOST_TEXT) for name in names])
+    ax.set_yticks(range(len(shown)), [shorten_plot_label(name, MOST_TEXT) for name in names])
     ax.invert_yaxis()
     ax.margins(x=0.12)
     ax.set_xlabel(columns[number])
@@ -192,7 +209,7 @@ def _draw_scatter_plot(names: Sequence[str], spots: Sequence[Sequence[Any]], tex
         for index in there:
             named.setdefault(tuple(spots[index][:2]), []).append(texts[index])
         for place, names_there in named.items():
-            shown = shorten(", ".join(dict.fromkeys(names_there)), MOST_TEXT)
+            shown = shorten_plot_label(", ".join(dict.fromkeys(names_there)), MOST_TEXT)
             ax.annotate(shown, place, xytext=(4, 4), textcoords="offset points", fontsize=8)
     ax.set_xlabel(names[0])
     ax.set_ylabel(names[1])

@@ -46,7 +46,7 @@ def print_result(result: Result, most: int, console: Console, noted: bool = True
 
     wide = min(console.width, MOST_WIDE)
     arrow = " -> " if console.options.ascii_only else " → "
-    made = make_sheet(result, most, wide, arrow)
+    made = make_result_sheet(result, most, wide, arrow)
     widths = _fit_widths(_measure_columns(made), wide - 1 - FRAME * len(made.headings))
     table = Table()
     for heading, width, right in zip(made.headings, widths, made.right, strict=True):
@@ -73,7 +73,7 @@ def format_result_text(result: Result, most: int = MOST_ROWS) -> str:
 
 def format_html(result: Result, most: int = MOST_ROWS) -> str:
     """The table as notebooks show it."""
-    made = make_sheet(result, most, HTML_WIDE, " → ", HTML_COLUMNS)
+    made = make_result_sheet(result, most, HTML_WIDE, " → ", HTML_COLUMNS)
     aligned = [f' style="text-align: {"right" if right else "left"}"' for right in made.right]
     # Notebooks would show what is between two dollars as a formula.
     lines = ['<table class="ss2sql tex2jax_ignore mathjax_ignore">', "<thead><tr>"]
@@ -87,7 +87,7 @@ def format_html(result: Result, most: int = MOST_ROWS) -> str:
     return "\n".join(lines)
 
 
-def make_sheet(result: Result, most: int, wide: int, arrow: str, most_columns: int | None = None) -> Sheet:
+def make_result_sheet(result: Result, most: int, wide: int, arrow: str, most_columns: int | None = None) -> Sheet:
     """The table of a result, with no more columns than have room.
 
     A path of a search is one line. Where a line would have to omit steps although all paths together have at most

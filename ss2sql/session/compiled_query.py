@@ -23,7 +23,7 @@ from ss2sql.results.result_notes import explain_empty_result, explain_overestima
 from ss2sql.runtime.python import NativeQuery, compile_statement
 from ss2sql.runtime.representations.shape import PATH_FORMS, expand_stars
 from ss2sql.runtime.run.array_calls import count_array_calls
-from ss2sql.runtime.run.option_checks import check_count_value, find_least
+from ss2sql.runtime.run.option_checks import check_count_value, find_lowest_limit
 from ss2sql.runtime.run.post_processing import finish_sql_rows
 from ss2sql.runtime.run.run_state import ResultSink, Run
 from ss2sql.session.engines import Engine
@@ -223,7 +223,9 @@ class CompiledQuery:
     def count_wanted_results(self, run: Run) -> int | None:
         """How many results of a search are wanted that has no ORDER BY."""
         limit = self._evaluate_limit(run)
-        return find_least(None if limit is None else limit + self._evaluate_offset(run), self._evaluate_maximum(run)[1])
+        return find_lowest_limit(
+            None if limit is None else limit + self._evaluate_offset(run), self._evaluate_maximum(run)[1]
+        )
 
     def _read_native_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.native is not None
@@ -242,7 +244,7 @@ class CompiledQuery:
         if cut_early and limit == 0:
             return sink  # nothing of the query is evaluated; SQLite would bind values and take first steps
         end = None if limit is None else limit + offset
-        most = find_least(maximum, end if cut_early else None)
+        most = find_lowest_limit(maximum, end if cut_early else None)
         bound = run.bound[self] = {}
 
         def evaluate_parameter(parameter: Parameter) -> Any:
@@ -328,7 +330,7 @@ class CompiledQuery:
         if self.query.search is None:
             return None, None
         own = self._evaluate_count(self.maximum, run, 1, "MAXIMUM", self.query.search.maximum)
-        return own, find_least(own, run.maximum)
+        return own, find_lowest_limit(own, run.maximum)
 
     def _evaluate_count(
         self, compute: Callable[[Run], Any] | None, run: Run, least: int, word: str, expr: plan.Expr | None

@@ -17,7 +17,7 @@ Engine: TypeAlias = Literal["auto", "database", "native", "duckdb", "spark"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 
-def get_abilities(name: str) -> EngineAbilities | None:
+def get_engine_abilities(name: str) -> EngineAbilities | None:
     """The abilities of a database that searches by levels; None for other engines. Loads only this engine."""
     from ss2sql.lowering.sql_builder import DUCKDB, SPARK
     from ss2sql.runtime.external.level_query import DuckLevelStatements, EngineAbilities, SparkLevelStatements
@@ -57,7 +57,7 @@ def _open_duckdb(session: Any, begun: Sequence[Run]) -> TableEngine:
         raise SessionError("S002", message, hints=("give duckdb.connect(), or nothing",))
     duck = DuckEngine(session)
     sources = DuckSources(lambda: duck.session.cursor(), (duckdb.Error,), begun)
-    able = get_abilities("duckdb")
+    able = get_engine_abilities("duckdb")
     assert able is not None
     return TableEngine(
         able,
@@ -80,7 +80,7 @@ def _open_spark(session: Any, begun: Sequence[Run]) -> TableEngine:
     from ss2sql.runtime.external.spark_session import SparkEngine
 
     spark = SparkEngine(session)
-    able = get_abilities("spark")
+    able = get_engine_abilities("spark")
     assert able is not None
     return TableEngine(
         able,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from ss2sql.errors import Cancelled, Stopped, Timeout
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.cancellation import install_check
+from ss2sql.language.cancellation import install_cancellation_check
 from ss2sql.language.values import copy_for_python
 from ss2sql.results.result import QueryAnswer, Result, Status
 from ss2sql.results.result_notes import suggest_timeout_cure
@@ -53,7 +53,7 @@ class RunOptions:
         check_bound("trace", self.trace, 1)
 
 
-def run_attended(host: SessionHost, work: Callable[[Run], T]) -> T:
+def run_in_session(host: SessionHost, work: Callable[[Run], T]) -> T:
     """Calls `work` with a new run that Ctrl-C and `interrupt` can end. Raises Stopped with what was found."""
     run: Run | None = None
     try:
@@ -112,7 +112,7 @@ def execute_script(
     run.max_rows = run.sizes.rows = options.max_rows
     run.steps_left = _count_steps_left(host)
     run.arguments = dict(variables)
-    with install_check(run.check):
+    with install_cancellation_check(run.check):
         return _execute_statements(host, query, options, run)
 
 
@@ -182,7 +182,7 @@ def _make_rerun(
             finally:
                 host.runs.remove(run)
 
-        return run_attended(host, run_again)
+        return run_in_session(host, run_again)
 
     return rerun_counted
 

@@ -30,7 +30,7 @@ from ss2sql.runtime.sqlite.database_tables import CACHE_SIZE, find_parquet_path,
 from ss2sql.runtime.sqlite.file_locks import close_file, open_file
 from ss2sql.session.compiled_script import Query
 from ss2sql.session.engines import Engine, check_engine
-from ss2sql.session.execution import RunOptions, execute_script, run_attended, set_deadline
+from ss2sql.session.execution import RunOptions, execute_script, run_in_session, set_deadline
 from ss2sql.session.host import SessionHost
 from ss2sql.session.progress import check_progress
 from ss2sql.session.session_lock import with_session_lock
@@ -316,7 +316,7 @@ class Session:
 
             return describe_name(name, self.host.tables, self.host.names.worlds, self.host.names.others)
 
-        return run_attended(self.host, describe_in_run)
+        return run_in_session(self.host, describe_in_run)
 
     @with_session_lock
     def set(self, name: str, value: Any) -> None:
@@ -358,7 +358,7 @@ class Session:
             set_deadline(run, self.host, self.timeout)
             return self._compile_script(script, engine, {}, open_names=True)
 
-        return run_attended(self.host, compile_in_run)
+        return run_in_session(self.host, compile_in_run)
 
     def _compile_script(
         self,
@@ -434,7 +434,7 @@ class Session:
             query = self._get_compiled(script, engine, values, run.stats)
             return execute_script(self.host, query, options, values, run)
 
-        return run_attended(self.host, run_script)
+        return run_in_session(self.host, run_script)
 
     def eval(self, script: str | Path, **variables: Any) -> Any:
         """The value of a script: `run(script, **variables).value`."""
@@ -461,7 +461,7 @@ class Session:
             set_deadline(run, self.host, options.timeout)
             return execute_script(self.host, query, options, _convert_variables(variables), run)
 
-        return run_attended(self.host, run_query)
+        return run_in_session(self.host, run_query)
 
     def _make_options(
         self, engine: Engine | None, timeout: float | None, maximum: int | None, workers: int, max_rows: int | None

@@ -167,7 +167,7 @@ class DotCommand:
         return self.form.split()[0]
 
 
-def run_command(shell: Shell, line: str) -> None:
+def run_dot_command(shell: Shell, line: str) -> None:
     """Runs a line. Raises CommandError, what the command's script raises, and Leave."""
     name, _, rest = line.strip().partition(" ")
     command = COMMANDS.get(name) or COMMANDS.get(name.lower())

@@ -24,7 +24,7 @@ from ss2sql.cli.output import (
     wants_color,
     writes_json,
 )
-from ss2sql.cli.run_command import add_run_options, make_data, run_script
+from ss2sql.cli.run_command import add_run_options, build_partial_output, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_session_options
 from ss2sql.errors import Cancelled, Error, SessionError, Source, Stopped, render_all, respell_hints
 from ss2sql.errors.exceptions import escape_controls
@@ -80,9 +80,9 @@ class Shell:
         """Runs one of them, and prints its result or its error."""
         try:
             if piece.is_command:
-                from ss2sql.shell.dot_commands import run_command  # which imports this module
+                from ss2sql.shell.dot_commands import run_dot_command  # which imports this module
 
-                run_command(self, piece.text)
+                run_dot_command(self, piece.text)
             else:
                 self._run_statement(piece.make_source(text, name, lines_before))
         except FileFailed:  # which has been printed
@@ -100,7 +100,7 @@ class Shell:
             self.print_error(stopped)  # first, because printing the partial result may take a while
             if stopped.partial is not None and len(stopped.partial):
                 table = self.settings.format == "table"
-                self.print_result(stopped.partial if table else make_data(self.session, stopped.partial))
+                self.print_result(stopped.partial if table else build_partial_output(self.session, stopped.partial))
             raise FileFailed from None
         self.last = StatementRun(source, result)
         self.print_result(result, _find_assigned_name(source) if result.answer is None else None)

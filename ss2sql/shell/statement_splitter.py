@@ -82,7 +82,7 @@ def _find_last(text: str) -> TypedPiece | None:
     return next(iter(deque(split_statements(text), maxlen=1)), None)
 
 
-def is_ready(text: str) -> bool:
+def is_input_ready(text: str) -> bool:
     """Whether the input can run: it is complete, or more lines would not help.
 
     An empty line after a `;` ends the input, even in an open bracket.

@@ -29,7 +29,7 @@ from ss2sql.editor.lexer import SelectScriptLexer
 from ss2sql.shell.completion import find_signature, suggest_completions
 from ss2sql.shell.dot_commands import EXAMPLE, SETTINGS, Settings, format_setting
 from ss2sql.shell.shell import ExitRequest, Shell
-from ss2sql.shell.statement_splitter import find_open_bracket, is_ready, split_statements
+from ss2sql.shell.statement_splitter import find_open_bracket, is_input_ready, split_statements
 from ss2sql.shell.symbols import SymbolTable
 
 STYLE = {
@@ -131,7 +131,7 @@ def open_history_file() -> Path:
     return path
 
 
-def should_remember(text: str) -> bool:
+def should_keep_in_history(text: str) -> bool:
     """Whether a text belongs into the history: texts that begin with a blank do not."""
     return bool(text.strip()) and not text[0].isspace()
 
@@ -227,7 +227,7 @@ class Terminal:
         return keys
 
     def _is_ready(self, text: str) -> bool:
-        return is_ready(text) or interpret_input(text, self.shell) != text
+        return is_input_ready(text) or interpret_input(text, self.shell) != text
 
     def describe_toolbar(self, document: Document) -> StyleAndTextTuples:
         """The call around the cursor, or a hint."""
@@ -240,9 +240,9 @@ class Terminal:
     def _choose_hint(self, text: str) -> str:
         bracket = find_open_bracket(text)
         if "\n" in text and bracket:
-            how = "Enter runs it all the same, and " if is_ready(text) else ""
+            how = "Enter runs it all the same, and " if is_input_ready(text) else ""
             return f" {bracket} is open; {how}Ctrl-C clears"
-        if "\n" in text and not is_ready(text):
+        if "\n" in text and not is_input_ready(text):
             return " a statement ends with ;  Ctrl-C clears"
         changed = [
             f"{name} {format_setting(getattr(self.shell.settings, name))}"
@@ -282,7 +282,7 @@ class _SelectiveHistory(FileHistory):
     """A history that stores only some entries in its file, and works without the file."""
 
     def append_string(self, string: str) -> None:
-        if should_remember(string):
+        if should_keep_in_history(string):
             super().append_string(string)
 
     def load_history_strings(self) -> Iterable[str]:

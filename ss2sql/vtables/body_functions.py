@@ -101,7 +101,7 @@ def _make_optional(declared: Any) -> Any:
     return tuple(map(_make_optional, declared)) if isinstance(declared, tuple) else declared | None
 
 
-def shape_row(shape: str | None) -> tuple[Any, ...]:
+def list_shape_columns(shape: str | None) -> tuple[Any, ...]:
     """The columns of SHAPE."""
     return shape, *(shape == known for known in ("sphere", "box", "capsule", "cylinder", "plane", "mesh"))
 
@@ -158,7 +158,7 @@ class Posed(Table, ABC):
         """How fast it turns."""
 
     def read_shape(self, key: Any) -> tuple[Any, ...]:
-        return shape_row(self.read_kind(key))
+        return list_shape_columns(self.read_kind(key))
 
     def compute_angles(self, key: Any) -> Vector:
         return compute_euler_angles(*self.read_turn(key))

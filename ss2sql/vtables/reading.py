@@ -175,7 +175,7 @@ Read = Callable[[Any], Any]
 MOST_KEPT = 10_000  # lists of keys, and of rows of table functions
 
 
-def never_end() -> None:
+def make_endless_reading() -> None:
     """The check for readings that nothing can end."""
 
 
@@ -191,7 +191,7 @@ class Readings:
         remembered: QueryCache | None = None,
         once: bool = False,
         places: Iterable[tuple[AttachedTable, Span | None]] = (),
-        check: Callable[[], None] = never_end,
+        check: Callable[[], None] = make_endless_reading,
     ) -> None:
         self.once = once
         self.check = check
@@ -223,7 +223,7 @@ class Reading:
         memory: dict[str, Any] | None = None,
         span: Span | None = None,
         once: bool = False,
-        check: Callable[[], None] = never_end,
+        check: Callable[[], None] = make_endless_reading,
     ) -> None:
         self.schema = schema
         self.check = check

@@ -91,7 +91,7 @@ def _translate_function(function: Any, around: tuple[FunctionType, ...]) -> Func
     names = tuple(parameter.arg for parameter in (*arguments.posonlyargs, *arguments.args))
     defaults_by_name = dict(zip(reversed(names), reversed(function.__defaults__ or ()), strict=False))
     defaults_by_name.update(function.__kwdefaults__ or {})
-    expression = _find_expression(node)
+    expression = _find_inlinable_expression(node)
     reader = _Translator(FunctionNames(function, located, None, Findings()), (*around, function))
     expr = reader.translate(expression, result=True)
     defaults = {name: _is_shared_constant(value) for name, value in defaults_by_name.items()}
@@ -109,7 +109,7 @@ def _collect_builtins(expr: plan.Expr) -> Iterator[str]:
             yield from function.body.uses
 
 
-def _find_expression(node: FunctionNode) -> ast.expr:
+def _find_inlinable_expression(node: FunctionNode) -> ast.expr:
     """The function's body as one expression."""
     if isinstance(node, ast.Lambda):
         return node.body
@@ -193,7 +193,7 @@ class _Translator:
             case ast.Call():
                 return self._translate_call(node, result)
             case _:
-                raise NotTranslatable(f"uses {_name_python_node(node)}, which the language does not have")
+                raise NotTranslatable(f"uses {_name_uninlinable_node(node)}, which the language does not have")
 
     def _make_call(self, name: str, *arguments: ast.expr) -> plan.Call:
         return _make_builtin_call(name, *map(self.translate, arguments))
@@ -301,7 +301,7 @@ def _make_builtin_call(name: str, *arguments: plan.Expr) -> plan.Call:
     return plan.Call(find_builtin(name), arguments, span=NO_SPAN, place=NO_SPAN)
 
 
-def _name_python_node(node: ast.expr) -> str:
+def _name_uninlinable_node(node: ast.expr) -> str:
     """The name of a kind of expression in messages."""
     match node:
         case ast.BinOp(op=op) | ast.UnaryOp(op=op):

@@ -10,14 +10,14 @@ from ss2sql.frontend.resolve.from_clause import resolve_sources, resolve_value_s
 from ss2sql.frontend.resolve.grouping import is_count_of_rows, resolve_groups
 from ss2sql.frontend.resolve.hidden_columns import add_hidden_columns
 from ss2sql.frontend.resolve.path_functions import add_path_variables
-from ss2sql.frontend.resolve.scope import Scope, is_settled, make_column, make_element
+from ss2sql.frontend.resolve.scope import Scope, is_name_resolution_final, make_column, make_element
 from ss2sql.frontend.resolve.search_options import drop_path_columns, resolve_outside, resolve_search_options
 from ss2sql.frontend.resolve.state_types import infer_state_types
 from ss2sql.frontend.resolve.world_references import is_function_of_this
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.tokenizer import shorten_text
 from ss2sql.language import plan
-from ss2sql.language.kinds import ANY, NONE, Kind, Type, cut_depth, make_list_type, unite
+from ss2sql.language.kinds import ANY, NONE, Kind, Type, limit_type_depth, make_list_type, unite
 from ss2sql.language.plan_traversal import is_volatile, join_conditions, split_and, walk
 from ss2sql.language.rows import make_unique_name
 
@@ -270,7 +270,7 @@ def _name_columns(
 
 def _expand_star(resolver: Resolver, scope: Scope, span: Span) -> list[plan.Output]:
     outputs: list[plan.Output] = []
-    if not is_settled(Scope(None, scope.query, scope.sources), None):
+    if not is_name_resolution_final(Scope(None, scope.query, scope.sources), None):
         resolver.tentative = True
     for source in scope.sources:
         if source.columns:
@@ -384,7 +384,7 @@ def _resolve_representation(
 
 def _infer_value_type(query: plan.Query) -> Type:
     """The type of the query's value, for representations of the language."""
-    kinds = [cut_depth(output.expr.type) for output in query.columns]
+    kinds = [limit_type_depth(output.expr.type) for output in query.columns]
     if query.representation.labels or any(output.label for output in query.columns):
         return ANY
     match query.representation.name:

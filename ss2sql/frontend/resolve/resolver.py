@@ -19,22 +19,22 @@ from ss2sql.frontend.resolve.path_functions import FUNCTIONS as PATH_FUNCTIONS
 from ss2sql.frontend.resolve.path_functions import is_path_function, resolve_path_function
 from ss2sql.frontend.resolve.scope import (
     Scope,
-    find_bound_name,
-    find_dotted_value,
     find_first_source,
-    find_open_source,
     find_source,
-    is_settled,
+    is_name_resolution_final,
     list_visible_names,
     make_column,
     make_element,
+    resolve_bound_name,
+    resolve_dotted_name,
+    resolve_open_source,
 )
 from ss2sql.frontend.resolve.suggestions import (
     Place,
     explain_method,
     explain_unknown_function,
     explain_unknown_name,
-    write_over_rows,
+    suggest_row_query,
 )
 from ss2sql.frontend.resolve.world_references import replace_by_keys, resolve_world_call
 from ss2sql.frontend.syntax import ast
@@ -134,7 +134,7 @@ class Resolver:
             case ast.This():
                 return self.resolve_this(tree, scope)
             case ast.Attribute(source=source, name=name):
-                if source is not None and (row := find_dotted_value(scope, source, span)) is not None:
+                if source is not None and (row := resolve_dotted_name(scope, source, span)) is not None:
                     return self.make_call("item", (row, plan.Constant(name, type_of(name), span=span)), span, span)
                 owner = find_first_source(scope, span) if source is None else self.find_source(tree, source, scope)
                 return self.resolve_element_call(name, owner, scope, span) or make_column(owner, name, span)
@@ -224,7 +224,7 @@ class Resolver:
         meaning = self.find_bound(name, scope, span) or self.find_variable(name, span)
         if meaning is not None:
             return meaning
-        dynamic = find_open_source(scope, name, span)
+        dynamic = resolve_open_source(scope, name, span)
         if dynamic is not None:
             return make_column(dynamic, name, span)
         if self.catalog.open_names:
@@ -247,8 +247,8 @@ class Resolver:
 
     def find_bound(self, name: str, scope: Scope | None, span: Span) -> plan.Expr | None:
         """The START WITH variable or column that a bare name means, as far as columns are known."""
-        found = find_bound_name(scope, name, span)
-        if not is_settled(scope, found):
+        found = resolve_bound_name(scope, name, span)
+        if not is_name_resolution_final(scope, found):
             self.tentative = True
         return found
 
@@ -387,7 +387,7 @@ class Resolver:
             return self.resolve_eval(arguments[0], scope, span)
         of_a_list = len(arguments) == 1 or (function.collects and arguments)
         if is_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may_be(Kind.LIST):
-            hint = AGGREGATE_HINT.format(query=write_over_rows(tree, scope))
+            hint = AGGREGATE_HINT.format(query=suggest_row_query(tree, scope))
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
         for level in scope.list_outwards() if scope else ():
             self.inliner.sources.update((source.id, source) for source in level.sources)

@@ -104,7 +104,7 @@ def make_column(source: plan.Source, name: str, span: Span) -> plan.Column:
     raise ResolveError("R001", f"the source '{source.name}' has no column '{name}'", span, hints)
 
 
-def find_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
+def resolve_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
     """The START WITH variable, column or column of SELECT that a bare name means, from the innermost query outwards."""
     for level in scope.list_outwards() if scope else ():
         if name in level.columns:
@@ -124,12 +124,12 @@ def find_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | N
     return None
 
 
-def find_dotted_value(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
+def resolve_dotted_name(scope: Scope | None, name: str, span: Span) -> plan.Expr | None:
     """The column or search variable before a dot, where it is no source: `address` in `address.city`."""
     levels = scope.list_outwards() if scope else ()
     if any(source.name == name for level in levels for source in level.sources):
         return None
-    return find_bound_name(scope, name, span)
+    return resolve_bound_name(scope, name, span)
 
 
 def is_open(source: plan.Source) -> bool:
@@ -137,7 +137,7 @@ def is_open(source: plan.Source) -> bool:
     return source.columns is None
 
 
-def find_open_source(scope: Scope | None, name: str, span: Span) -> plan.Source | None:
+def resolve_open_source(scope: Scope | None, name: str, span: Span) -> plan.Source | None:
     """The source that a name must be a column of if it is nothing else: the innermost one whose columns are unknown.
 
     Raises ResolveError R004 where there are several that no variable can distinguish.
@@ -153,7 +153,7 @@ def find_open_source(scope: Scope | None, name: str, span: Span) -> plan.Source 
     return None
 
 
-def is_settled(scope: Scope | None, found: plan.Expr | None) -> bool:
+def is_name_resolution_final(scope: Scope | None, found: plan.Expr | None) -> bool:
     """Whether the meaning of a bare name is final.
 
     A source whose columns depend on a variable may have one of this name at run time, and then that one comes first.

@@ -177,7 +177,7 @@ def read_leading_name(span: Span, name: str) -> Span:
     return Span(span.source, span.start, span.start + len(name)) if span.text.startswith(name) else span
 
 
-def write_over_rows(tree: ast.Call, scope: Scope | None) -> str:
+def suggest_row_query(tree: ast.Call, scope: Scope | None) -> str:
     """The query that calls a function of one argument for all rows, if short."""
     value, sources = tree.arguments[0].span.text, scope.sources if scope else []
     if len(sources) != 1 or sources[0].name != sources[0].span.text or len(value) > 40:

@@ -132,7 +132,7 @@ def iterate_tokens(text: str, start: int = 0) -> Iterator[Token]:
             continue
         found, begin, end = match[0], match.start(), match.end()
         if kind == "WORD":
-            for last in _split_word(found, begin):
+            for last in _tokenize_word(found, begin):
                 yield last
             continue
         if kind == "SIGN":
@@ -193,7 +193,7 @@ def _begins_clause(token: Token, after: Token) -> bool:
     return alone or (token.keyword in _FIRST and after.keyword in ("WITH", "BY", "SIBLINGS"))
 
 
-def _split_word(text: str, start: int) -> Iterator[Token]:
+def _tokenize_word(text: str, start: int) -> Iterator[Token]:
     """A word as a token; as two where it has characters that are not allowed in names."""
     if text.isascii():
         upper = text.upper()

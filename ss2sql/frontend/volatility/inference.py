@@ -157,10 +157,10 @@ def _prove_callable(function: Any) -> tuple[str, bool]:
         names = ", ".join(f"'{name}'" for name in proof.findings.constants)
         reason = f"has a source that uses only its arguments and the constants {names}"
         return reason, proof.findings.changes
-    raise Unproven(_find_obstacle(function))
+    raise Unproven(_find_volatility_obstacle(function))
 
 
-def _find_obstacle(function: Any) -> str:
+def _find_volatility_obstacle(function: Any) -> str:
     if type(function) is MethodType:
         return "is a method of an object, which may have state"
     if type(function) in (BuiltinFunctionType, MethodDescriptorType):

@@ -76,7 +76,7 @@ def contains_item(item: Any, container: Any) -> bool:
     raise ExecutionError("X001", f"cannot look for {format_value(item)} in {format_value(container)}", hints=(hint,))
 
 
-def _lacks(item: Any, container: Any) -> bool:
+def _compute_not_in(item: Any, container: Any) -> bool:
     return not contains_item(item, container)
 
 
@@ -103,5 +103,7 @@ OPERATIONS = (
         "in", "IN", contains_item, "not_in", "{0} in {1}",
         about="a IN b: b is a list, a dict or a string", example="[2 IN [1, 2], 'b' IN 'abc']",
     ),
-    _make_membership("not_in", "NOT IN", _lacks, "in", "{0} not in {1}", about="a NOT IN b", example="3 NOT IN [1, 2]"),
+    _make_membership(
+        "not_in", "NOT IN", _compute_not_in, "in", "{0} not in {1}", about="a NOT IN b", example="3 NOT IN [1, 2]"
+    ),
 )  # fmt: skip

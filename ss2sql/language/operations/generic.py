@@ -11,7 +11,7 @@ from ss2sql.language.operations.operation import Form, Types, check_list, declar
 from ss2sql.language.values import get_truth
 
 
-def _find_first_known(*values: Any) -> Any:
+def _compute_coalesce(*values: Any) -> Any:
     return next((value for value in values if value is not None), None)
 
 
@@ -38,14 +38,14 @@ def _all_true(values: Any) -> bool:
     return all(map(get_truth, iterate_checked(check_list("all", values))))
 
 
-def _name_type(value: Any) -> str:
+def _compute_type_name(value: Any) -> str:
     value = value.object if isinstance(value, Opaque) else value
     return "None" if value is None else type(value).__name__
 
 
 OPERATIONS = (
     declare(
-        "coalesce", (1, None), _find_first_known, _infer_coalesce, False, call="coalesce(a, b, ...)",
+        "coalesce", (1, None), _compute_coalesce, _infer_coalesce, False, call="coalesce(a, b, ...)",
         about="the first argument that is not None", example="coalesce(None, 0, 1)",
         sqlite=(Form("coalesce({0}, {1})", lambda types: len(types) == 2 and _in_sql(types)),),
         python=(
@@ -62,7 +62,7 @@ OPERATIONS = (
         example="[all([0, 2]), all([])]",
     ),
     declare(
-        "type", 1, _name_type, STR, False, call="type(x)", about="the name of a value's type",
+        "type", 1, _compute_type_name, STR, False, call="type(x)", about="the name of a value's type",
         example="[type(1.5), type('a'), type(None)]",
     ),
 )  # fmt: skip

@@ -280,7 +280,7 @@ def _infer_extreme(types: Types, smallest: bool) -> Type:
 # --- other lists ---------------------------------------------------------------------------------------
 
 
-def _remove_repeats(values: Any) -> list[Any]:
+def _compute_uniq(values: Any) -> list[Any]:
     """The first of equal elements, in their order."""
     found: dict[Any, Any] = {}
     for value in iterate_checked(check_list("uniq", values)):
@@ -340,7 +340,7 @@ def _can_range_fail(types: Types) -> bool:
     return others[0][1] - low > RANGE_LIMIT or high - others[0][0] > RANGE_LIMIT or step[0] <= 0 <= step[1]
 
 
-def _reverse_value(value: Any) -> Any:
+def _compute_reverse(value: Any) -> Any:
     return check_string_or_list("reverse", value)[::-1]
 
 
@@ -372,7 +372,7 @@ def _infer_flattened(types: Types) -> Type:
     return Type(Kind.LIST, item=ANY if ANY in (item, inner) else unite((inner, others if others.kinds else NOTHING)))
 
 
-def _find_index(values: Any, wanted: Any) -> int | None:
+def _compute_index(values: Any, wanted: Any) -> int | None:
     """The place of the first element that equals the value."""
     try:
         return check_list("index", values).index(wanted)
@@ -385,7 +385,7 @@ def _subtract_lists(left: Any, right: Any) -> list[Any]:
     return [value for value in iterate_checked(check_list("difference", left)) if make_hashable(value) not in excluded]
 
 
-def _take_single(values: Any) -> Any:
+def _compute_single(values: Any) -> Any:
     """The only element of a list, None of an empty one: the value of a query as an operand."""
     found = check_list("single", values)
     if len(found) > 1:
@@ -396,7 +396,7 @@ def _take_single(values: Any) -> Any:
 
 OPERATIONS = (
     declare(
-        "single", 1, _take_single, lambda types: unite((element_type(types[0]), NONE)), True, call="single(list)",
+        "single", 1, _compute_single, lambda types: unite((element_type(types[0]), NONE)), True, call="single(list)",
         about="the only element of a list, None of an empty one; so is (SELECT x FROM t) in a comparison",
         example="[single([4]), single([])]",
     ),
@@ -439,7 +439,7 @@ OPERATIONS = (
     _make_extreme("max", max, 1, ">=", "{*}", about="the greatest of a list or the arguments",
                   example="max(['a', 'b'])"),
     declare(
-        "uniq", 1, _remove_repeats, keep_element_type, are_not_lists,
+        "uniq", 1, _compute_uniq, keep_element_type, are_not_lists,
         call="uniq(list)", about="the different elements of a list", example="uniq([2, 1, 2, 1.0])",
     ),
     declare(
@@ -458,7 +458,7 @@ OPERATIONS = (
         example="[range(3), range(1, 3), range(6, 0, -2)]",
     ),
     declare(
-        "reverse", 1, _reverse_value, lambda types: unite((keep_element_type(types), make_text_type(types))),
+        "reverse", 1, _compute_reverse, lambda types: unite((keep_element_type(types), make_text_type(types))),
         lambda types: not types[0].is_only(Kind.LIST | Kind.STR), call="reverse(x)",
         about="a list or a string backwards", example="[reverse([1, 2, 3]), reverse('abc')]",
         python=(Form("{0}[::-1]", each(Kind.LIST | Kind.STR)),), portable=(Form("reverse({0})", exactly(Kind.STR)),),
@@ -468,7 +468,7 @@ OPERATIONS = (
         about="a list with the elements of its lists in their places", example="flat([[1, 2], 3, [[4]]])",
     ),
     declare(
-        "index", 2, _find_index, Type(Kind.INT | Kind.NONE, 0, LENGTH), lambda types: are_not_lists(types[:1]),
+        "index", 2, _compute_index, Type(Kind.INT | Kind.NONE, 0, LENGTH), lambda types: are_not_lists(types[:1]),
         call="index(list, x)", about="the place of the first element that equals x, None without one",
         example="[index(['a', 'b'], 'b'), index([], 1)]",
     ),

@@ -141,12 +141,12 @@ class PlanNames:
 def describe_sqlite_plan(outlined: OutlinedQuery) -> tuple[PlanLine, ...]:
     """SQLite's plan of a query. Raises apsw.Error where it is unavailable: the session is closed, a table is gone."""
     assert outlined.lowered is not None
-    rows = _read_plan(outlined)
+    rows = _read_query_plan(outlined)
     names = _collect_names(outlined.lowered, describe_queue(outlined.query))
-    return tuple(_describe_lines(_nest_plan_rows(rows, 0), names, 0))
+    return tuple(_describe_plan_lines(_nest_plan_rows(rows, 0), names, 0))
 
 
-def _read_plan(outlined: OutlinedQuery) -> list[tuple[int, int, int, str]]:
+def _read_query_plan(outlined: OutlinedQuery) -> list[tuple[int, int, int, str]]:
     assert outlined.lowered is not None
     explaining = replace(outlined.lowered, text=f"EXPLAIN QUERY PLAN {outlined.lowered.text}")
     cursor = outlined.host.database.open_cursor(explaining, Interning(), lambda parameter: 0)
@@ -160,7 +160,7 @@ def _nest_plan_rows(rows: list[tuple[int, int, int, str]], parent: int) -> tuple
     return tuple(PlanNode(text, _nest_plan_rows(rows, own)) for own, above, _, text in rows if above == parent)
 
 
-def _describe_lines(
+def _describe_plan_lines(
     lines: tuple[PlanNode, ...], names: PlanNames, depth: int, recursive: bool = False
 ) -> list[PlanLine]:
     """The lines in words. Loops over tables are nested: a later one runs for each row of the one before."""
@@ -172,7 +172,7 @@ def _describe_lines(
             words = f"for each of them, {words}" if loops else words
             loops += 1
         made.append(PlanLine(depth, words, line.text))
-        made.extend(_describe_lines(line.inner, names, depth + 1, recursive or line.text == "RECURSIVE STEP"))
+        made.extend(_describe_plan_lines(line.inner, names, depth + 1, recursive or line.text == "RECURSIVE STEP"))
     return made
 
 
@@ -202,7 +202,7 @@ def _find_sources(text: str) -> Iterator[tuple[str, str, str]]:
         end = index + 2
         argument = ""
         if kinds[end : end + 1] == [TokenType.L_PAREN]:
-            close = _find_closing(kinds, end)
+            close = _find_closing_parenthesis(kinds, end)
             argument = text[tokens[end].end + 1 : tokens[close].start]
             end = close + 1
         if kinds[end : end + 1] == [TokenType.ALIAS]:
@@ -210,7 +210,7 @@ def _find_sources(text: str) -> Iterator[tuple[str, str, str]]:
         yield name, argument, alias
 
 
-def _find_closing(kinds: list[TokenType], opening: int) -> int:
+def _find_closing_parenthesis(kinds: list[TokenType], opening: int) -> int:
     """The index of the parenthesis that closes the one at an index."""
     depth = 0
     for place in range(opening, len(kinds)):

@@ -16,7 +16,7 @@ from ss2sql.package_data import find_file
 from ss2sql.results import require_package
 from ss2sql.results.graph_plot import WIDEST, place_trees
 from ss2sql.results.path_plot import find_coordinates
-from ss2sql.results.plot_style import BLUE, FRAME, GREEN, ORANGE, cut_label, shorten
+from ss2sql.results.plot_style import BLUE, FRAME, GREEN, ORANGE, cut_plot_label, shorten_plot_label
 from ss2sql.results.show import format_cell
 from ss2sql.results.watching.search_trace import SearchTrace, get_trace
 from ss2sql.runtime.search.trace import Event
@@ -89,7 +89,7 @@ def format_traced_row(shown: dict[str, Any] | None, named: bool = False) -> str:
     """A row or a state as a short text; the names of several values are `named`."""
     several = named and len(shown or ()) > 1
     values = (f"{key} {format_cell(value)}" if several else format_cell(value) for key, value in (shown or {}).items())
-    return cut_label(", ".join(values), MOST_TEXT)
+    return cut_plot_label(", ".join(values), MOST_TEXT)
 
 
 def _find_places(traced: SearchTrace, steps: Sequence[Event]) -> list[Place | None]:
@@ -219,7 +219,7 @@ def _draw_tree(scene: TraceScene, ax: Any, most: int) -> tuple[tuple[float, floa
         if word == "expanded":
             ax.annotate(str(scene.expanded[n]), place, ha="center", va="center", fontsize=7, color="white", zorder=4)
         step = scene.steps[n]
-        text = shorten(format_traced_row(step.row or step.state), MOST_LABEL)
+        text = shorten_plot_label(format_traced_row(step.row or step.state), MOST_LABEL)
         ax.annotate(
             text, place, xytext=(9, 0), textcoords="offset points", va="center", fontsize=7, color=FRAME, bbox=box
         )

@@ -19,7 +19,7 @@ from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.lowering.sql_builder import DUCKDB
 from ss2sql.runtime.external.level_query import DuckLevelStatements
 from ss2sql.runtime.external.level_steps import FirstLevels, PythonSteps, SqlSteps, make_level_steps
-from ss2sql.runtime.external.table_statements import Value, batch_of_rows, join_names, translate_sql
+from ss2sql.runtime.external.table_statements import Value, batch_of_rows, join_column_names, translate_sql
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
@@ -71,7 +71,9 @@ class DuckTables:
 
     def create_table(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]] = ()) -> None:
         """Makes a table in the place of one that there was."""
-        self.connection.execute(translate_sql(DUCKDB, f"CREATE OR REPLACE TABLE {table}({join_names(*columns)})"))
+        self.connection.execute(
+            translate_sql(DUCKDB, f"CREATE OR REPLACE TABLE {table}({join_column_names(*columns)})")
+        )
         self.load_rows(table, columns, rows)
 
     def load_rows(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> None:

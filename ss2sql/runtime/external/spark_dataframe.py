@@ -17,12 +17,12 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.column_shapes import (
     NONE,
     Shape,
+    convert_shape_floats,
     fill_from_plan,
-    get_shape,
+    find_column_shape,
     is_untyped,
     make_arrow_type,
     merge_shapes,
-    to_floats,
 )
 from ss2sql.language.values import format_value
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
@@ -57,7 +57,7 @@ NO_SHAPE = ColumnShape(NONE)
 
 def infer_shape(values: Sequence[Any]) -> ColumnShape:
     """What is told of some values."""
-    found = get_shape(values)
+    found = find_column_shape(values)
     first = next((value for value in values if value is not None), None)
     if first is None:
         return ColumnShape(found)
@@ -65,7 +65,7 @@ def infer_shape(values: Sequence[Any]) -> ColumnShape:
         return ColumnShape(found, format_value(first))
     return reduce(
         ColumnShape.merge_shapes,
-        (ColumnShape(get_shape([value]), format_value(value)) for value in values if value is not None),
+        (ColumnShape(find_column_shape([value]), format_value(value)) for value in values if value is not None),
     )
 
 
@@ -94,7 +94,7 @@ def unpickle_rows_in_spark(batches: Iterator[pa.RecordBatch], pickled: bytes) ->
     for block in batches:
         columns = _transpose_rows(block.column(2), len(shapes))
         arrays = [
-            pa.array([to_floats(value, shape) for value in values], make_arrow_type(pa, shape))
+            pa.array([convert_shape_floats(value, shape) for value in values], make_arrow_type(pa, shape))
             for values, shape in zip(columns, shapes, strict=True)
         ]
         yield pa.record_batch([block.column(0), block.column(1), *arrays], schema=_build_schema(shapes))

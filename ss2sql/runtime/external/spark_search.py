@@ -20,7 +20,7 @@ from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.runtime.external.level_query import SparkLevelStatements
 from ss2sql.runtime.external.level_steps import FirstLevels, SqlSteps, make_level_steps
 from ss2sql.runtime.external.spark_session import SparkStore, write_spark_schema
-from ss2sql.runtime.external.table_statements import join_names, list_names
+from ss2sql.runtime.external.table_statements import join_column_names, list_column_names
 from ss2sql.runtime.external.task_pickle import (
     add_executor_counts,
     expand_batches,
@@ -245,12 +245,12 @@ class SparkSearch:
         in_order = self.store.persist_frame(ranged)
         found = dict(map(tuple, in_order.groupBy("part").count().collect()))
         starts = accumulate((found.get(number, 0) for number in range(max(found, default=0))), initial=0)
-        offsets = join_names(*(f"{start}L" for start in starts))
+        offsets = join_column_names(*(f"{start}L" for start in starts))
         return in_order.selectExpr(f"array({offsets})[part] + nth_of_part + 1 AS {name}", *rows.columns)
 
     def _add_to_closed_list(self, rows: DataFrame) -> None:
         """Notes rows, for UNIQUE."""
-        rows = rows.select(*list_names(self.written.steps.rows))
+        rows = rows.select(*list_column_names(self.written.steps.rows))
         self.met = rows if self.met is None else self.met.unionAll(rows)
         self.tables += 1
         if self.tables == TABLES:
@@ -319,7 +319,7 @@ class SparkSearch:
             return
         level = self.levels[depth]
         if len(steps) <= STEPS_PER_QUERY:
-            some = level.where(f"step IN ({join_names(*steps)})")
+            some = level.where(f"step IN ({join_column_names(*steps)})")
         else:
             some = level.join(self.store.load_rows((TypedColumn("step", "BIGINT"),), [[s] for s in steps]), "step")
         for step, place, *values in some.select("step", "place", *self.written.shown).collect():

@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 Value: TypeAlias = int | float | str | list[Any] | None  # what stands in a statement for `:name`
 
 
-def join_names(*columns: object) -> str:
+def join_column_names(*columns: object) -> str:
     return ", ".join(map(str, columns))
 
 
-def list_names(columns: Iterable[TypedColumn]) -> list[str]:
+def list_column_names(columns: Iterable[TypedColumn]) -> list[str]:
     return [column.name for column in columns]
 
 

@@ -94,17 +94,17 @@ def call_in_worker(function: Any, calls: list[bytes]) -> tuple[list[bytes | None
 
 def pickle_result(result: Any) -> bytes:
     """What a function has returned, as it travels."""
-    return pickle.dumps(result, 5) if is_plain(result) else NO_VALUE
+    return pickle.dumps(result, 5) if is_plain_worker_value(result) else NO_VALUE
 
 
-def is_plain(value: Any) -> bool:
+def is_plain_worker_value(value: Any) -> bool:
     """Whether a value consists of numbers, strings and the like, in lists, dicts and arrays."""
     kind = type(value)
     if kind not in _PLAIN:
         return kind.__module__ == "numpy" and getattr(value, "dtype", None) != "object"
     if kind is dict:
-        return all(map(is_plain, value)) and all(map(is_plain, value.values()))
-    return kind not in (list, tuple, set, frozenset) or all(map(is_plain, value))
+        return all(map(is_plain_worker_value, value)) and all(map(is_plain_worker_value, value.values()))
+    return kind not in (list, tuple, set, frozenset) or all(map(is_plain_worker_value, value))
 
 
 @functools.cache

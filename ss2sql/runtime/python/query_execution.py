@@ -11,7 +11,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row, Rows, build_row_limit_error, make_unique_names
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.run.array_calls import BLOCK, Blocks, StagedRows, iterate_blocks
-from ss2sql.runtime.run.option_checks import find_least
+from ss2sql.runtime.run.option_checks import find_lowest_limit
 from ss2sql.runtime.run.post_processing import PostProcessing, QueryForm
 from ss2sql.runtime.run.run_state import Run
 
@@ -69,7 +69,7 @@ class QueryExecution:
         nothing = settings.limit == 0 and not self._needs_keys  # is evaluated then
         every = _yield_nothing() if nothing else self._find_results(settings, outer)
         answer = Rows(form.columns) if sink is None else sink
-        maximum = find_least(settings.maximum, self.run.maximum if outermost and query.search else None)
+        maximum = find_lowest_limit(settings.maximum, self.run.maximum if outermost and query.search else None)
         found: Iterator[Any] = every if maximum is None else _take_first(every, maximum, answer)
         found = _drop_duplicates(found, self._needs_keys) if query.distinct else found
         if settings.labels is not None:

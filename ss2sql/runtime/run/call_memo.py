@@ -51,7 +51,7 @@ _TRUE: Result = (True, True)
 _FALSE: Result = (False, False)
 
 
-def are_plain(arguments: Iterable[Any]) -> bool:
+def are_arguments_plain(arguments: Iterable[Any]) -> bool:
     """Whether all arguments are of kinds in PLAIN."""
     return PLAIN_TYPES.issuperset(map(type, arguments))
 
@@ -145,7 +145,7 @@ class MemoizedCalls:
                 return recall_result(key, found)
             if NO_KEY in keys:
                 return call_with_objects(arguments)
-            if type(arguments[-1]) is not list and are_plain(arguments):
+            if type(arguments[-1]) is not list and are_arguments_plain(arguments):
                 return keep_result(key, call_plain(*arguments))
             copies: Any = arguments
             # The bytes of a key are a fresh value but for the reading of them.
@@ -169,7 +169,7 @@ class MemoizedCalls:
             return keep_result(key, result)
 
         def call_any(*arguments: Any) -> Result:
-            if are_plain(arguments):
+            if are_arguments_plain(arguments):
                 return call_plain(*arguments)
             return call_by_keys(tuple(map(make_exact_key, arguments)), *arguments)
 
@@ -226,7 +226,7 @@ class MemoizedCalls:
         def adopt(arguments: tuple[Any, ...], answer: Any) -> None:
             self.foretold = True
             keys = tuple(map(make_exact_key, arguments))
-            if are_plain(arguments):
+            if are_arguments_plain(arguments):
                 key: Hashable = arguments
             elif NO_KEY not in keys:
                 key = b"".join(keys)

@@ -66,7 +66,7 @@ _AT_LEAST = {
 }
 
 
-def find_least(*counts: int | None) -> int | None:
+def find_lowest_limit(*counts: int | None) -> int | None:
     """The lowest of the counts that there are."""
     return min((count for count in counts if count is not None), default=None)
 

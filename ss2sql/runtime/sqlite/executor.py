@@ -416,7 +416,7 @@ class Database:
             execution.results = sink.rows.__len__
             for raw in cursor:
                 row = decode(raw)
-                _check_room(execution.run, sink.rows, row[:width])
+                _append_result(execution.run, sink.rows, row[:width])
                 yield row[width:keys], row[keys:]
             return
         paths = self._iterate_paths(
@@ -430,7 +430,7 @@ class Database:
             yield row[width:keys], row[keys:]
 
 
-def _check_room(run: Run, results: list[Any] | None, result: Any) -> None:
+def _append_result(run: Run, results: list[Any] | None, result: Any) -> None:
     assert results is not None
     results.append(result)
     check_room(len(results), run.max_rows)

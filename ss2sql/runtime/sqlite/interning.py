@@ -13,7 +13,13 @@ from marshal import dumps, loads
 from os import urandom
 from typing import Any
 
-from ss2sql.language.conversion import SCALARS, build_depth_error, convert_value, is_marshalled_value, is_shallow
+from ss2sql.language.conversion import (
+    SCALARS,
+    build_depth_error,
+    convert_value,
+    is_marshalled_value,
+    is_shallow_scalar_list,
+)
 from ss2sql.language.kinds import INT_MAX, INT_MIN, is_encodable
 from ss2sql.language.values import Opaque, copy_for_python, find_several_forms, get_truth, make_hashable
 from ss2sql.lowering.sql_query import OutputColumn
@@ -122,7 +128,7 @@ class Interning:
                 hash(tuple(value))  # 0.06 us for nine numbers; `dumps` might follow a list inside for ever
             except TypeError:
                 return self.encode(convert_value(value, giver))
-        elif not is_shallow(value):
+        elif not is_shallow_scalar_list(value):
             return self.encode(convert_value(value, giver))
         marshalled = dumps(value, 2)
         handle = self._handles.get(marshalled)
@@ -133,7 +139,7 @@ class Interning:
         if kind is list and is_marshalled_value(marshalled):
             return self._add_handle(marshalled, marshalled, value)
         handle = self.encode(convert_value(value, giver))
-        if is_shallow(value):  # else these bytes may be those of another object, such as a scalar of NumPy
+        if is_shallow_scalar_list(value):  # else these bytes may be those of another object, such as a scalar of NumPy
             self._handles[marshalled] = handle
         return handle
 

@@ -55,7 +55,7 @@ class StepPathKeys:
         self.keys.update(gained)
 
 
-def _return_key(key: Any) -> Any:
+def _return_step_key(key: Any) -> Any:
     return key
 
 
@@ -140,7 +140,7 @@ class SearchState:
         self.returned: set[Any] = set()
         self.keyed = keyed
         self.compared: list[Any] = [()] if keyed else self.rows
-        self.current_path = StepPathKeys(self.parents, self.compared, _return_key if keyed else self._make_key)
+        self.current_path = StepPathKeys(self.parents, self.compared, _return_step_key if keyed else self._make_key)
         self.last_dropped = 0
         self.steps_per_state = 1  # where all states have as many
 

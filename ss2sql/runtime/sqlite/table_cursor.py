@@ -152,7 +152,7 @@ class CurrentRow(dict[int, SqlValue]):
         self.numbers: tuple[int, ...] = ()
         self.filled: frozenset[int] = frozenset()
         self.together: frozenset[int] = frozenset()
-        self.fill, self.walk = _fill_nothing, _walk_nothing
+        self.fill, self.walk = _refuse_fill, _refuse_walk
 
     def buffer_columns(self, numbers: tuple[int, ...]) -> None:
         """Buffers the columns with these numbers from now on."""
@@ -186,11 +186,11 @@ class CurrentRow(dict[int, SqlValue]):
 _NO_MORE: Any = iter(())
 
 
-def _fill_nothing(key: Any) -> None:
+def _refuse_fill(key: Any) -> None:
     raise AssertionError("the walk has not begun")
 
 
-def _walk_nothing(keys: Any) -> Any:
+def _refuse_walk(keys: Any) -> Any:
     raise AssertionError("the walk has not begun")
 
 

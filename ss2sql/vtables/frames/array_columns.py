@@ -102,31 +102,31 @@ def convert_array(array: Array, missing: Array | None, place: str, suffix: str =
             doubles = array.astype(numpy.float64) if array.dtype != numpy.float64 else array
             return _make_number_column(Kind.FLOAT, doubles, _join_gaps(missing, numpy.isnan(doubles)), place)
         case "M":
-            return text_column(_join_gaps(missing, numpy.isnat(array)), lambda: _format_times(array, suffix))
+            return make_text_column(_join_gaps(missing, numpy.isnat(array)), lambda: _format_times(array, suffix))
         case "m":
             return _make_duration_column(array, missing, place)
-    return convert_objects(array.tolist(), place)
+    return make_object_column(array.tolist(), place)
 
 
-def convert_objects(values: list[Any], place: str) -> Column:
+def make_object_column(values: list[Any], place: str) -> Column:
     """The column for values of any kinds."""
     known = convert_value(convert_frame_cells(values), place)
     return Column(type_of(known).item or Type(), lambda: known)
 
 
-def text_column(missing: Array | None, make: Callable[[], list[Any]]) -> Column:
+def make_text_column(missing: Array | None, make: Callable[[], list[Any]]) -> Column:
     """The column for strings that UTF-8 can encode. `make` gives them, with any value where they are missing."""
     return Column(Type(Kind.STR | _find_gaps(missing)), lambda: _insert_none(make(), missing))
 
 
-def empty_column(length: int) -> Column:
+def make_empty_column(length: int) -> Column:
     """The column without any value."""
     return Column(Type(Kind.NONE), lambda: [None] * length)
 
 
-def time_column(array: Array, missing: Array | None) -> Column:
+def make_time_column(array: Array, missing: Array | None) -> Column:
     """The column for times of the day, given as times of the first day."""
-    return text_column(missing, lambda: [text.partition("T")[2] for text in _format_times(array, "")])
+    return make_text_column(missing, lambda: [text.partition("T")[2] for text in _format_times(array, "")])
 
 
 def _make_number_column(kind: Kind, array: Array, missing: Array | None, place: str) -> Column:

@@ -6,7 +6,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language.kinds import INT_MIN
-from ss2sql.vtables.frames.array_columns import convert_array, convert_objects, empty_column, text_column, time_column
+from ss2sql.vtables.frames.array_columns import (
+    convert_array,
+    make_empty_column,
+    make_object_column,
+    make_text_column,
+    make_time_column,
+)
 from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
 
 if TYPE_CHECKING:
@@ -43,9 +49,9 @@ def make_arrow_column(array: Any, place: str) -> Column:
     array = array.combine_chunks() if isinstance(array, pyarrow.ChunkedArray) else array
     missing = array.is_null().to_numpy(zero_copy_only=False) if array.null_count else None
     if types.is_null(kind):
-        return empty_column(length)
+        return make_empty_column(length)
     if types.is_string(kind) or types.is_large_string(kind):
-        return text_column(missing, array.to_pylist)
+        return make_text_column(missing, array.to_pylist)
     if types.is_boolean(kind):
         return convert_array(array.fill_null(False).to_numpy(zero_copy_only=False), missing, place)
     if types.is_integer(kind) or types.is_floating(kind):
@@ -58,8 +64,10 @@ def make_arrow_column(array: Any, place: str) -> Column:
     if types.is_duration(kind):
         return convert_array(_count_ticks(array, 64).view(f"m8[{kind.unit}]"), missing, place)
     if types.is_time(kind):
-        return time_column(_count_ticks(array, 32 if types.is_time32(kind) else 64).view(f"M8[{kind.unit}]"), missing)
-    return convert_objects(array.to_pylist(), place)
+        return make_time_column(
+            _count_ticks(array, 32 if types.is_time32(kind) else 64).view(f"M8[{kind.unit}]"), missing
+        )
+    return make_object_column(array.to_pylist(), place)
 
 
 def _count_ticks(array: Any, bits: int) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.vtables.frames.array_columns import convert_array, convert_objects
+from ss2sql.vtables.frames.array_columns import convert_array, make_object_column
 from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
 
 if TYPE_CHECKING:
@@ -45,5 +45,5 @@ def _convert_series(series: Any, place: str) -> Column:
         numbers = getattr(kind, "numpy_dtype", None)
         if numbers is not None and numbers.kind in "biuf":  # Int64, boolean and their like
             return convert_array(series.to_numpy(dtype=numbers, na_value=0), series.isna().to_numpy(), place)
-        return convert_objects(series.astype(object).tolist(), place)
+        return make_object_column(series.astype(object).tolist(), place)
     return convert_array(series.to_numpy(), None, place)

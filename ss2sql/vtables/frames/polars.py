@@ -6,7 +6,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language.kinds import INT_MIN
-from ss2sql.vtables.frames.array_columns import convert_array, convert_objects, empty_column, text_column, time_column
+from ss2sql.vtables.frames.array_columns import (
+    convert_array,
+    make_empty_column,
+    make_object_column,
+    make_text_column,
+    make_time_column,
+)
 from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
 
 if TYPE_CHECKING:
@@ -31,9 +37,9 @@ def _convert_series(series: Any, place: str) -> Column:
     missing = series.is_null().to_numpy() if series.null_count() else None
     match kind:
         case polars.Null():
-            return empty_column(len(series))
+            return make_empty_column(len(series))
         case polars.String() | polars.Categorical() | polars.Enum():
-            return text_column(missing, series.to_list)
+            return make_text_column(missing, series.to_list)
         case polars.Boolean():
             return convert_array(series.fill_null(False).to_numpy(), missing, place)
         case polars.Date():
@@ -44,10 +50,10 @@ def _convert_series(series: Any, place: str) -> Column:
         case polars.Duration():
             return convert_array(_count_ticks(series).view(f"m8[{kind.time_unit}]"), missing, place)
         case polars.Time():
-            return time_column(_count_ticks(series).view("M8[ns]"), missing)
+            return make_time_column(_count_ticks(series).view("M8[ns]"), missing)
     if kind.is_float() or (kind.is_integer() and kind not in (polars.Int128, getattr(polars, "UInt128", None))):
         return convert_array(series.fill_null(0).to_numpy(), missing, place)
-    return convert_objects(series.to_list(), place)
+    return make_object_column(series.to_list(), place)
 
 
 def _count_ticks(series: Any) -> Any:

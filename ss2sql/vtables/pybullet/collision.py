@@ -30,10 +30,10 @@ from ss2sql.vtables.pybullet.poses import (
     Point,
     Pose,
     Rotation,
-    compose,
+    compose_rotations,
+    convert_pose_to_local,
+    convert_pose_to_world,
     get_link_poses,
-    to_local,
-    to_world,
     unite_boxes,
 )
 from ss2sql.vtables.schema import world_error
@@ -209,7 +209,9 @@ class _Measured:
         self.margin = info[11]
         low, high = calls.getAABB(body, link)
         self.half = tuple((b - a) / 2 for a, b in zip(low, high, strict=True))
-        at, self.turn = to_local((info[3], info[4]), (capsule[5], capsule[6]))  # as seen from the centre of mass
+        at, self.turn = convert_pose_to_local(
+            (info[3], info[4]), (capsule[5], capsule[6])
+        )  # as seen from the centre of mass
         self.own = read_link_pose(world, (body, link))[1]
         self.alone = dist(at, ORIGIN) < NEAR and abs(self.turn[3]) > 1 - NEAR**2  # else it is part of a compound shape
         self.near = NEAR * (self.length + self.radius + MARGIN)
@@ -277,9 +279,9 @@ class Robot:
         if known is None:
             if len(self._turned) >= MOST_TURNS:
                 self._turned.clear()
-            _, offset = to_local((ORIGIN, self.turn), (ORIGIN, UPRIGHT))
-            more = ORIGIN, compose(turn, offset)  # from the one orientation to the other
-            parts = [(shape, extent, to_world(more, pose)) for shape, extent, pose in self._shapes]
+            _, offset = convert_pose_to_local((ORIGIN, self.turn), (ORIGIN, UPRIGHT))
+            more = ORIGIN, compose_rotations(turn, offset)  # from the one orientation to the other
+            parts = [(shape, extent, convert_pose_to_world(more, pose)) for shape, extent, pose in self._shapes]
             known = self._turned[turn] = Robot(turn, parts)
         return known
 
@@ -381,7 +383,7 @@ def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
         if data[5] is None:
             raise _make_unmovable_error(body, f"PyBullet does not tell how the capsules of its link {link} lie")
         if data[4] != b"unknown_file":  # others consist of corners, which are relative to the link
-            pose = to_world(pose, (data[5], data[6]))
+            pose = convert_pose_to_world(pose, (data[5], data[6]))
         shape = stock.get_shape(body, link, number, data)
         extent = stock.extents[shape]
         if extent is None:

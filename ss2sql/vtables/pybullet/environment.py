@@ -15,7 +15,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.area_arguments import refuse_argument
 from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, measure_box
 from ss2sql.vtables.pybullet.occupancy_grid import measure_bounds
-from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, to_local, to_world
+from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, convert_pose_to_local, convert_pose_to_world
 from ss2sql.vtables.pybullet.scene import Box, Capsule, Cylinder, Plane, Scene, Solid, Sphere, View, make_visual_shape
 
 UNNAMED = (b"", b"unknown_file")  # the files of meshes that were built from points
@@ -202,7 +202,9 @@ class _BodyCopy:
         except self.calls.error:
             self._refuse_body()  # PyBullet cannot make all shapes again that it has made from a file
         links += self.more
-        pose = to_world(self.calls.getBasePositionAndOrientation(self.body), to_local(base.local, NOWHERE))
+        pose = convert_pose_to_world(
+            self.calls.getBasePositionAndOrientation(self.body), convert_pose_to_local(base.local, NOWHERE)
+        )
         made: int = self.client.createMultiBody(
             baseMass=base.mass,
             baseCollisionShapeIndex=base.shapes[0],
@@ -241,7 +243,9 @@ class _BodyCopy:
         x, y, z, w = info[15]
         turn = (-x, -y, -z, w)  # PyBullet gives the parent's orientation seen from the link
         parent = info[16]
-        return Link(mass, shapes, to_world(self.local[parent], (info[14], turn)), local, parent, info[2], info[13])
+        return Link(
+            mass, shapes, convert_pose_to_world(self.local[parent], (info[14], turn)), local, parent, info[2], info[13]
+        )
 
     def _copy_pose(self, made: int) -> None:
         """Gives the copy the original's pose, velocity and joint states."""
@@ -263,7 +267,7 @@ class _BodyCopy:
 
     def _copy_collision_shapes(self, link: int) -> list[int]:
         parts = [
-            (self._copy_solid(link, number, data), to_world(self.local[link], (data[5], data[6])))
+            (self._copy_solid(link, number, data), convert_pose_to_world(self.local[link], (data[5], data[6])))
             for of, number, data in self.world.shapes.read_shapes(self.body)
             if of == link
         ]

@@ -11,7 +11,7 @@ from ss2sql.vtables.body_functions import VECTOR
 from ss2sql.vtables.contract import Column, Gone, Table, Where
 from ss2sql.vtables.pybullet.bodies import KINDS, get_volume
 from ss2sql.vtables.pybullet.links import BodyPartTable, Key, list_demanded_bodies, read_link_pose
-from ss2sql.vtables.pybullet.poses import to_world
+from ss2sql.vtables.pybullet.poses import convert_pose_to_world
 
 TYPES = {0: "revolute", 1: "prismatic", 2: "spherical", 3: "planar", 4: "fixed"}  # PyBullet's JOINT_...
 
@@ -113,7 +113,7 @@ class BulletShapes(Table):
         shape = self._get_shape(key)
         if shape[5] is None:
             return None, None
-        return to_world(read_link_pose(self.world, key[:2]), (shape[5], shape[6]))
+        return convert_pose_to_world(read_link_pose(self.world, key[:2]), (shape[5], shape[6]))
 
     def _get_shape(self, key: ShapeKey) -> Any:
         found = self.world.shapes.read_link_shapes(key[0], key[1])

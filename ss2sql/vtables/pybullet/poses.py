@@ -26,7 +26,7 @@ def rotate_point(turn: Sequence[float], point: Sequence[float]) -> Point:
     return px + w * tx + y * tz - z * ty, py + w * ty + z * tx - x * tz, pz + w * tz + x * ty - y * tx
 
 
-def compose(first: Sequence[float], second: Sequence[float]) -> Rotation:
+def compose_rotations(first: Sequence[float], second: Sequence[float]) -> Rotation:
     """One turn after another: `second` first, as with matrices."""
     ax, ay, az, aw = first
     bx, by, bz, bw = second
@@ -38,19 +38,19 @@ def compose(first: Sequence[float], second: Sequence[float]) -> Rotation:
     )
 
 
-def to_world(pose: Pose, local: Pose) -> Pose:
+def convert_pose_to_world(pose: Pose, local: Pose) -> Pose:
     """A pose relative to another one, as a pose of the world."""
     (x, y, z), turn = pose
     dx, dy, dz = rotate_point(turn, local[0])
-    return (x + dx, y + dy, z + dz), compose(turn, local[1])
+    return (x + dx, y + dy, z + dz), compose_rotations(turn, local[1])
 
 
-def to_local(pose: Pose, other: Pose) -> Pose:
+def convert_pose_to_local(pose: Pose, other: Pose) -> Pose:
     """A pose of the world, relative to another one: the inverse of `inside`."""
     (x, y, z), (a, b, c, w) = pose
     back = (-a, -b, -c, w)
     (px, py, pz), turn = other
-    return rotate_point(back, (px - x, py - y, pz - z)), compose(back, turn)
+    return rotate_point(back, (px - x, py - y, pz - z)), compose_rotations(back, turn)
 
 
 def unite_boxes(boxes: Sequence[Any]) -> Box:
@@ -98,7 +98,9 @@ def _compute_pose(calls: Any, body: int, joint: int, poses: dict[int, Pose], sta
             pass
         case _:  # as PyBullet shows it
             return state[0], state[1]
-    return to_world(to_world(poses[parent], (pivot, _invert_rotation(info[15]))), (rotate_point(turn, middle), turn))
+    return convert_pose_to_world(
+        convert_pose_to_world(poses[parent], (pivot, _invert_rotation(info[15]))), (rotate_point(turn, middle), turn)
+    )
 
 
 def _invert_rotation(turn: Any) -> Rotation:
