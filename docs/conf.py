@@ -8,7 +8,6 @@ from typing import Any
 from docutils import nodes
 
 from ss2sql.editor.lexer import BoundSqlLexer, SelectScriptLexer
-from ss2sql.shell.terminal import TranscriptLexer
 
 project = "ss2sql"
 author = "the ss2sql authors"
@@ -47,6 +46,8 @@ def mark_plots(_app: Any, tree: nodes.document) -> None:
 
 
 def setup(app: Any) -> None:
+    from transcripts import TranscriptLexer  # beside this file
+
     app.connect("doctree-read", mark_plots)
     app.add_lexer("selectscript", SelectScriptLexer)
     app.add_lexer("ss2sql", TranscriptLexer)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import stat
 import subprocess
 import sys
@@ -29,7 +28,7 @@ from prompt_toolkit.history import FileHistory
 from prompt_toolkit.input import PipeInput, create_pipe_input
 from prompt_toolkit.output import DummyOutput
 
-from ss2sql.shell.terminal import ShellLexer, Terminal, TranscriptLexer, _SelectiveHistory
+from ss2sql.shell.terminal import ShellLexer, Terminal, _SelectiveHistory
 
 ENTER, TAB, CTRL_C, CTRL_D, UP, ESCAPE = "\r", "\t", "\x03", "\x04", "\x1b[A", "\x1b"
 
@@ -169,17 +168,6 @@ def test_colors_of_commands_and_statements() -> None:
     assert [part for kind, part in found if kind == "Keyword.Pseudo"] == [".sql", ".read"]
     assert [part for kind, part in found if kind == "Keyword"] == ["SELECT", "SELECT", "FROM"]
     assert ("Text", " it's") in found
-
-
-@pytest.mark.parametrize(
-    "typed", ["ss> x = [1,\n..>   2];\nx = [1, 2]\nss> .sql SELECT a;\nout; ss> no\nss> ", "", "ss> \n"]
-)
-def test_colors_of_transcripts(typed: str) -> None:
-    found = [(at, str(kind)[6:], part) for at, kind, part in TranscriptLexer().get_tokens_unprocessed(typed) if part]
-    assert "".join(part for _, _, part in found) == typed
-    assert all(typed[at : at + len(part)] == part for at, _, part in found)
-    prompts = re.findall(r"^(?:ss|\.\.)> ", typed, re.MULTILINE)
-    assert [part for _, kind, part in found if kind == "Generic.Prompt"] == prompts
 
 
 def test_the_history_outlives_the_shell(keys: PipeInput, folder: Path, capsys) -> None:

@@ -50,10 +50,6 @@ class Source:
         end = self._line_starts[number] - 1 if number < len(self._line_starts) else len(self.text)
         return self.text[start:end].rstrip("\r")
 
-    def find_offset(self, line: int, column: int) -> int:
-        """The character offset of a line and column, both counted from 1."""
-        return self._line_starts[line - 1] + column - 1
-
 
 @dataclass(frozen=True)
 class Span:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import field
 from typing import Any, TypeAlias
 
@@ -21,7 +21,6 @@ from ss2sql.runtime.search.step_contract import NotedSearch, Notes, Problem
 Node: TypeAlias = tuple[Any, ...]
 Nodes: TypeAlias = Iterable[Node]
 ChooseElements: TypeAlias = Callable[[list[Any], State], list[Any]] | Notes
-GrowLevel: TypeAlias = Callable[["RowGraph", Nodes, dict[Hashable, int], int, ChooseElements | None], list[Node]]
 
 # A result: the rows of its path, and the last part of its last step.
 Found: TypeAlias = tuple[Sequence[Row], Any]

@@ -1,6 +1,0 @@
-"""`python -m ss2sql.cli`, the same as `ss2sql`."""
-
-from ss2sql.cli import main
-
-if __name__ == "__main__":
-    main()
