@@ -81,7 +81,7 @@ def value(*arguments: str, stdin: str | bytes | None = None) -> Any:
 
 
 def process(*arguments: str, **environment: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "ss2sql.cli", *arguments]
+    command = [sys.executable, "-m", "ss2sql", *arguments]
     pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
     return subprocess.Popen(command, text=True, encoding="utf-8", env={**os.environ, **environment}, **pipes)
 

@@ -497,7 +497,7 @@ def test_the_end_of_the_name_says_the_format() -> None:
         ("arrow", lambda file: pyarrow.ipc.open_stream(file).read_all()),
         ("parquet", parquet.read_table),
     ):
-        code = subprocess.run([sys.executable, "-m", "ss2sql.cli", "run", "-e", TABLE, "--format", form],
+        code = subprocess.run([sys.executable, "-m", "ss2sql", "run", "-e", TABLE, "--format", form],
                               capture_output=True, check=True, timeout=60)  # fmt: skip
         assert read(pyarrow.BufferReader(code.stdout)).to_pydict() == expected
 

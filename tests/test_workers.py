@@ -468,7 +468,7 @@ def test_functions_of_the_script_that_runs(tmp_path: Path, guard: str, way: str,
 def test_the_command_line(tmp_path: Path) -> None:
     source = "import time\ndef onward(n, m):\n    for k in range(20000): n += 0\n    return (n * 7 + m) % 53\n"
     (tmp_path / "functions.py").write_text(source)
-    command = [sys.executable, "-m", "ss2sql.cli", "run", "-e", graph("WHERE onward(n, this) == 7"), "--format", "json"]
+    command = [sys.executable, "-m", "ss2sql", "run", "-e", graph("WHERE onward(n, this) == 7"), "--format", "json"]
     command += ["--functions", str(tmp_path / "functions.py")]
     one, two, none = (
         subprocess.run([*command, *more], capture_output=True, text=True, timeout=60)
