@@ -20,11 +20,11 @@ from command_lines import ENDLESS, FUNCTIONS, bad, call, good, moved_into, press
 
 import ss2sql
 from ss2sql.cli import COMMANDS, main, output
-from ss2sql.cli import run_command as running
+from ss2sql.cli import script_commands as running
 from ss2sql.cli.completion_command import SHELLS
 from ss2sql.cli.list_command import TOPICS
-from ss2sql.cli.plot_command import KINDS as KINDS_OF_OPTION
-from ss2sql.cli.run_command import ENGINES as ENGINES_OF_OPTION
+from ss2sql.cli.script_commands import ENGINES as ENGINES_OF_OPTION
+from ss2sql.cli.script_commands import KINDS as KINDS_OF_OPTION
 from ss2sql.errors import CODES
 from ss2sql.language.operations import WRITTEN
 from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES

@@ -1,4 +1,4 @@
-"""The command line, one module per command, imported when the command is run.
+"""The command line: commands are imported when they are run.
 
 Results go to stdout, everything else to stderr. Exit codes: 0 for success, 1 for an error of the script, 2 for wrong
 usage, 124 for a timeout, 130 for Ctrl-C. script_options says which script is meant and makes the session for it, output
@@ -19,19 +19,22 @@ import click
 # One row per command: its name, its module, and its line in `ss2sql --help`, where importing the modules would take
 # half a second. A test compares the lines with those of the commands.
 COMMANDS = {
-    "run": ("ss2sql.cli.run_command", "Runs a script: FILE, - for standard input, or -e TEXT."),
-    "sql": ("ss2sql.cli.sql_command", "Shows what a script becomes: its syntax tree, its plan, or the SQL that runs."),
+    "run": ("ss2sql.cli.script_commands", "Runs a script: FILE, - for standard input, or -e TEXT."),
+    "sql": (
+        "ss2sql.cli.script_commands",
+        "Shows what a script becomes: its syntax tree, its plan, or the SQL that runs.",
+    ),
     "explain": (
-        "ss2sql.cli.explain_command",
+        "ss2sql.cli.script_commands",
         "Tells how a script is run: engines, rewrites, calls, SQLite's plan in words, the SQL.",
     ),
     "repl": (
         "ss2sql.shell.shell",
         "Runs statements as they are typed. Without a terminal it reads them from standard input.",
     ),
-    "plot": ("ss2sql.cli.plot_command", "Runs a script and draws its result as a picture."),
+    "plot": ("ss2sql.cli.script_commands", "Runs a script and draws its result as a picture."),
     "play": (
-        "ss2sql.cli.play_command",
+        "ss2sql.cli.script_commands",
         "Runs a script and writes a page that plays its search, to be opened in a browser.",
     ),
     "bench": (
@@ -44,7 +47,7 @@ COMMANDS = {
 
 
 class Commands(click.Group):
-    """A group whose commands are imported on demand; each module has one, `command`."""
+    """A group whose commands are imported on demand; each is `NAME_command` in its module."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(COMMANDS)
@@ -52,7 +55,7 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = import_module(COMMANDS[cmd_name][0]).command
+        command: click.Command = getattr(import_module(COMMANDS[cmd_name][0]), f"{cmd_name}_command")
         return command
 
     def resolve_command(

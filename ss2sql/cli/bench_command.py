@@ -70,7 +70,7 @@ def _check_strategies(context: click.Context, parameter: click.Parameter, value:
 @click.option("-o", "--plot", "plot_file", type=click.Path(dir_okay=False, path_type=Path),
               help="A picture of the times, PNG, SVG or PDF by its name.")  # fmt: skip
 @exit_with_code_on_error
-def command(
+def bench_command(
     inputs: ScriptInputs,
     engine: str,
     strategies: tuple[str, ...],

@@ -12,7 +12,7 @@ SHELLS = ("bash", "zsh", "fish")
 @click.command("completion", epilog='For bash, put this line into ~/.bashrc: eval "$(ss2sql completion bash)"')
 @click.argument("shell", type=click.Choice(SHELLS))
 @exit_with_code_on_error
-def command(shell: str) -> None:
+def completion_command(shell: str) -> None:
     """Prints what makes bash, zsh or fish complete commands of ss2sql."""
     from click.shell_completion import get_completion_class
 

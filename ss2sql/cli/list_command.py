@@ -140,7 +140,7 @@ def _complete_name(context: click.Context, parameter: click.Parameter, incomplet
 @click.option("--format", "form", type=click.Choice(("table", "json")), default="table", show_default=True,
               help="How the list is printed.")  # fmt: skip
 @exit_with_code_on_error
-def command(topic: str | None, words: tuple[str, ...], inputs: ScriptInputs, form: str) -> None:
+def list_command(topic: str | None, words: tuple[str, ...], inputs: ScriptInputs, form: str) -> None:
     """Lists functions, representations, strategies, worlds, errors, rewrites.
 
     TOPIC is one of these words; without it they are told. With NAME only the one of that name.

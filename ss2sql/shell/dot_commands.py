@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from ss2sql.cli.output import FORMATS, SHOWN, print_note
-from ss2sql.cli.run_command import ENGINES
+from ss2sql.cli.script_commands import ENGINES
 from ss2sql.cli.script_options import parse_parameter, parse_world, register_file
 from ss2sql.editor.keywords import keywords
 from ss2sql.errors import Source, suggest_names
@@ -334,7 +334,7 @@ def _explain_query(shell: Shell, text: str) -> None:
 
 
 def _plot_result(shell: Shell, rest: str) -> None:
-    from ss2sql.cli.plot_command import KINDS, PICTURES
+    from ss2sql.cli.script_commands import KINDS, PICTURES
 
     if shell.last is None or shell.last.result is None:
         raise CommandError("there is no result to draw", "run a query first")

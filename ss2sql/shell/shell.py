@@ -24,7 +24,7 @@ from ss2sql.cli.output import (
     wants_color,
     writes_json,
 )
-from ss2sql.cli.run_command import add_run_options, build_partial_output, run_script
+from ss2sql.cli.script_commands import add_run_options, build_partial_output, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_session_options
 from ss2sql.errors import Cancelled, Error, SessionError, Source, Stopped, render_all, respell_hints
 from ss2sql.errors.exceptions import escape_controls
@@ -270,7 +270,7 @@ def _read_lines(stream: BinaryIO) -> Iterator[str]:
 )
 @click.option("--history/--no-history", default=True, help="Whether what is typed is remembered for the next time.")
 @exit_with_code_on_error
-def command(inputs: ScriptInputs, progress: bool | None, form: str, history: bool, **options: Any) -> None:
+def repl_command(inputs: ScriptInputs, progress: bool | None, form: str, history: bool, **options: Any) -> None:
     """Runs statements as they are typed. Without a terminal it reads them from standard input."""
     typed = sys.stdin.isatty()
     if typed:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 class NativeQuery:
     """A query that stands by itself, compiled to Python once, to be run many times.
 
-    The steps of a search are counted `by_level` on demand, see level_counts.py; one that is `watched` goes step by
+    The steps of a search are counted `by_level` on demand, see search_execution.py; one that is `watched` goes step by
     step, and `run.trace` hears of it. `find` finds its results in the place of a loop. `levels` says how deeply its
     expressions are nested.
     """

@@ -1,0 +1,346 @@
+"""The commands that run or show a script: `ss2sql run`, `explain`, `plot`, `play` and `sql`."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from dataclasses import replace
+from functools import partial
+from itertools import accumulate, takewhile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from ss2sql.cli.output import (
+    UserError,
+    add_output_options,
+    check_output_folder,
+    describe_output_size,
+    exit_with_code_on_error,
+    make_output,
+    make_output_error,
+    print_line,
+    print_note,
+    writes_json,
+)
+from ss2sql.cli.script_options import ScriptInputs, add_script_options, redirect_output
+from ss2sql.errors import Error, Source, Stopped, WorkersWarning
+from ss2sql.results.watching.search_trace import MOST_EVENTS
+
+if TYPE_CHECKING:
+    from ss2sql.results.explain.explanation import Explanation
+    from ss2sql.results.result import Result
+    from ss2sql.session.session import Session
+
+
+ENGINES = ("auto", "database", "native", "duckdb", "spark")
+MOST_BROKEN_OFF = 1_000_000  # rows of a partial result: the search may have been endless
+
+RUN_OPTIONS = (
+    click.option("--engine", type=click.Choice(ENGINES), default="auto", show_default=True, help="Where queries run."),
+    click.option("--timeout", type=click.FloatRange(min=0), help="Seconds after which the run is broken off."),
+    click.option("--maximum", type=click.IntRange(min=1), help="At most so many results of the last search."),
+    click.option("--max-rows", type=click.IntRange(min=0), help="More results than that are an error."),
+    click.option("--workers", type=click.IntRange(min=1), default=1, help="Processes for calls that MEMORIZE makes."),
+    click.option("--progress/--no-progress", default=None,
+                 help="Whether a long run says how far it is; else it does on a terminal."),
+)  # fmt: skip
+
+
+def add_run_options(command: Any) -> Any:
+    """Adds the options of a run; `run_script` takes their values."""
+    for option in reversed(RUN_OPTIONS):
+        command = option(command)
+    return command
+
+
+@click.command("run")
+@add_script_options
+@add_run_options
+@add_output_options
+@exit_with_code_on_error
+def run_command(
+    inputs: ScriptInputs, progress: bool | None, form: str | None, output: Path | None, shown: int, **options: Any
+) -> None:
+    """Runs a script: FILE, - for standard input, or -e TEXT."""
+    source = inputs.script
+    wanted = make_output(form, output, shown)
+    with inputs.open_session(progress) as session:
+        try:
+            result = run_script(session, source, **options)
+        except Stopped as stopped:
+            if stopped.partial is not None:
+                wanted.write_result(
+                    stopped.partial if wanted.form == "table" else build_partial_output(session, stopped.partial)
+                )
+            raise
+        wanted.write_result(result)
+
+
+def run_script(session: Session, source: str | Path | Source, **options: Any) -> Result:
+    """Runs a script with the options of `add_run_options`; what it prints goes to stderr."""
+    try:
+        with redirect_output(), warnings.catch_warnings():  # the script's own output is no result
+            warnings.simplefilter("ignore", WorkersWarning)  # printed below, without a place in Python code
+            result = session.run(source, **options)
+    except Error:
+        raise
+    except Exception as error:
+        raise UserError(error) from None
+    for text in result.stats.notes:
+        if text.startswith("workers: "):
+            print_note(text)
+    for text in result.notes:
+        print_note(text if writes_json() else f"note: {text}")
+    return result
+
+
+def build_partial_output(session: Session, found: Result) -> Result:
+    """A partial result with the value that AS makes of it, limited in size.
+
+    A representation that may fail, or that needs more than the rows, is replaced by the language's default.
+    """
+    from ss2sql.language.plan import Representation
+    from ss2sql.runtime.representations.shape import PATH_FORMS
+    from ss2sql.runtime.run.search_paths import measure_lengths
+
+    assert found.answer is not None
+    answer, shapes = found.answer, session.host.shapes
+    rows = replace(answer.rows, hidden=0)
+    if rows.paths is not None:
+        ends = accumulate(measure_lengths(rows.paths))
+        most = sum(1 for _ in takewhile(lambda end: end <= MOST_BROKEN_OFF, ends))
+        if most < len(rows.paths):
+            print_note(f"the first {most:,} of {len(rows.paths):,} paths:")
+            rows.paths = rows.paths[:most]
+    form = answer.form
+    if form is None or form.name not in PATH_FORMS or form.arguments or form.named or not shapes.is_built_in(form):
+        form = Representation("dict")
+    return replace(found, answer=replace(answer, rows=rows, make=partial(shapes.represent_rows, form, rows, (), {})))
+
+
+# --- `ss2sql explain`: explains how a script is run, and with --analyze what a run of it did
+EXPLAIN_FORMATS = ("text", "json")
+
+
+@click.command("explain")
+@add_script_options
+@click.option("--analyze", is_flag=True, help="Run it, and tell what the run has done.")
+@click.option("--format", "form", type=click.Choice(EXPLAIN_FORMATS), default="text", show_default=True,
+              help="For people, or for programs.")  # fmt: skip
+@add_run_options
+@exit_with_code_on_error
+def explain_command(inputs: ScriptInputs, analyze: bool, form: str, progress: bool | None, **options: Any) -> None:
+    """Tells how a script is run: engines, rewrites, calls, SQLite's plan in words, the SQL."""
+    source = inputs.script
+    if not analyze:
+        _refuse_options_of_runs()
+    with inputs.open_session(progress) as session:
+        if not analyze:
+            with redirect_output():
+                found = session.compile(source, options["engine"]).explain()
+            _print_explanation(found, form)
+            return
+        try:
+            result = run_script(session, source, **options)
+        except Stopped as stopped:
+            if stopped.partial is not None:
+                _print_explanation(stopped.partial.explain(), form)
+            raise
+        result.value  # noqa: B018 - the time that AS takes is to be told, too
+        with redirect_output():  # functions may print when they are called again
+            found = result.explain(levels=True)
+        _print_explanation(found, form)
+
+
+def _refuse_options_of_runs() -> None:
+    context = click.get_current_context()
+    for name in ("timeout", "maximum", "max_rows", "workers", "progress"):
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"--{name.replace('_', '-')} is about a run: give --analyze, too", context)
+
+
+def _print_explanation(found: Explanation, form: str) -> None:
+    print_line(json.dumps(found.as_dict(), indent=2, ensure_ascii=False) if form == "json" else found)
+
+
+# --- `ss2sql plot`: runs a script and draws its result
+# Those of Result.plot.
+KINDS = ("auto", "paths", "graph", "tree", "costs", "lengths", "search", "heat", "bars", "line", "points")
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def _check_picture_path(context: click.Context, parameter: click.Parameter, value: Path) -> Path:
+    if value.suffix.lower() not in PICTURES:
+        raise click.BadParameter(f"{value} does not say what picture it is to be: end it in {', '.join(PICTURES)}")
+    return value
+
+
+def _check_picture_size(
+    context: click.Context, parameter: click.Parameter, value: str | None
+) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    try:
+        width, height = map(float, value.lower().split("x"))
+    except ValueError:
+        width = height = 0.0
+    if not (0 < width <= 100 and 0 < height <= 100):
+        raise click.BadParameter(f"{value!r} is no size in inches, such as 8x5")
+    return width, height
+
+
+@click.command("plot")
+@add_script_options
+@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False, path_type=Path),
+    callback=_check_picture_path,
+              help="The file for the picture; it ends in .png, .svg or .pdf.")  # fmt: skip
+@click.option("--kind", type=click.Choice(KINDS), default="auto", show_default=True, help="What is drawn.")
+@click.option("--title", help="The title; else what was counted.")
+@click.option("--most", type=click.IntRange(min=1), help="At most so many paths or bars.")
+@click.option("--size", callback=_check_picture_size, metavar="WIDTHxHEIGHT", help="The size in inches, such as 8x5.")
+@add_run_options
+@exit_with_code_on_error
+def plot_command(
+    inputs: ScriptInputs,
+    progress: bool | None,
+    output: Path,
+    kind: str,
+    title: str | None,
+    most: int | None,
+    size: tuple[float, float] | None,
+    **options: Any,
+) -> None:
+    """Runs a script and draws its result as a picture."""
+    source = inputs.script
+    check_output_folder(output)
+    from ss2sql.results import require_package
+
+    require_package("matplotlib", "plot", "plot").use("agg")  # no window, and no screen needed
+    if kind == "search":
+        options["trace"] = MOST_EVENTS
+    stopped: Stopped | None = None
+    with inputs.open_session(progress) as session:
+        try:
+            result = run_script(session, source, **options)
+        except Stopped as error:
+            if error.partial is None or not (len(error.partial) or error.partial.traced):
+                raise
+            result, stopped = error.partial, error
+        figure = result.plot(kind=kind, title=title, most=most).figure
+        if size is not None:
+            figure.set_size_inches(size)
+        try:
+            figure.savefig(output)
+        except OSError as error:
+            raise make_output_error(output, error) from error
+    print_note(f"written to {output}: {describe_output_size(result)}")
+    if stopped is not None:
+        raise stopped
+
+
+# --- `ss2sql play`: runs a script and writes a page that plays its search
+@click.command("play")
+@add_script_options
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path),
+              help="The file for the page; else FILE with the ending .html, or search.html.")  # fmt: skip
+@click.option("--beside", metavar="FILE", help="A second script, shown beside the first; with -e its text.")
+@click.option("--trace", type=click.IntRange(min=1), default=MOST_EVENTS, show_default=True,
+              help="The first so many events.")  # fmt: skip
+@click.option("--title", help="The title; else the names of the strategies.")
+@add_run_options
+@exit_with_code_on_error
+def play_command(
+    inputs: ScriptInputs,
+    progress: bool | None,
+    output: Path | None,
+    beside: str | None,
+    title: str | None,
+    **options: Any,
+) -> None:
+    """Runs a script and writes a page that plays its search, to be opened in a browser."""
+    sources = [inputs.script]
+    if beside is not None:
+        sources.append(beside if inputs.text is not None else Path(beside))
+    path = output or (Path(inputs.file).with_suffix(".html") if inputs.file not in (None, "-") else Path("search.html"))
+    check_output_folder(path)
+    stopped: Stopped | None = None
+    results = []
+    with inputs.open_session(progress) as session:
+        for source in sources:
+            try:
+                results.append(run_script(session, source, **options))
+            except Stopped as error:
+                if error.partial is None or error.partial.traced is None:
+                    raise
+                results.append(error.partial)
+                stopped = error
+    results[0].animate(path, results[1] if beside is not None else None, title)
+    events = " and ".join(f"{len(result.trace):,}" for result in results)
+    print_note(f"written to {path}: {events} events; open it in a browser")
+    if stopped is not None:
+        raise stopped
+
+
+# --- `ss2sql sql`: shows the stages of a script's compilation
+STAGES = ("ast", "plan", "sql")
+
+
+def _check_dialect(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+    if value is None:
+        return None
+    from ss2sql.lowering.sql_builder import DIALECTS
+
+    if value not in DIALECTS:
+        raise click.BadParameter(f"there is no dialect '{value}'; SQL can be written in: {', '.join(DIALECTS)}")
+    return value
+
+
+def _complete_dialect(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    from ss2sql.lowering.sql_builder import DIALECTS
+
+    return [name for name in DIALECTS if name.startswith(incomplete)]
+
+
+@click.command("sql")
+@add_script_options
+@click.option("--stage", type=click.Choice(STAGES), default="sql", show_default=True,
+              help="The syntax tree, the plan, or SQL.")  # fmt: skip
+@click.option(
+    "--dialect",
+    callback=_check_dialect,
+    shell_complete=_complete_dialect,
+    metavar="NAME",
+    help="The dialect of the SQL.  [default: sqlite]",
+)
+@exit_with_code_on_error
+def sql_command(inputs: ScriptInputs, stage: str, dialect: str | None) -> None:
+    """Shows what a script becomes: its syntax tree, its plan, or the SQL that runs."""
+    source = inputs.script
+    if dialect is not None and stage != "sql":
+        raise click.UsageError("--dialect goes with --stage sql", click.get_current_context())
+    if stage == "ast":
+        from ss2sql.frontend.syntax.parser import parse
+        from ss2sql.session.session import read_script_source
+
+        for statement in parse(read_script_source(source)).statements:
+            print_line(repr(statement))
+        return
+    from ss2sql.language.plan_traversal import format_plan
+    from ss2sql.lowering.sql_builder import DIALECTS
+    from ss2sql.session.translation import translate_script
+
+    with inputs.open_session() as session:
+        query = session.compile(source)
+        if stage == "plan":
+            print_line(format_plan(query.plan).rstrip())
+        else:
+            print_line(_format_sql_with_parameters(translate_script(query.statements(), DIALECTS[dialect or "sqlite"])))
+
+
+def _format_sql_with_parameters(sql: Any) -> str:
+    """The SQL with the values of its parameters as comments."""
+    lines = [f"-- :{name} = {value!r}" for name, value in sql.parameters.items()]
+    return "\n".join([str(sql), *lines])
