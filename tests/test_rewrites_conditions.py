@@ -57,6 +57,7 @@ ALIKE = "SELECT this FROM {} WHERE this[0] == this[1] AS list"
         ("", "a.this == 1 AND b.this == 2 AND a.this == 1", "a.this = 1 AND b.this = 2"),
         ("", "(a.this == 1 AND b.this == 1) OR (a.this == 1 AND b.this == 3)",
          "a.this = 1 AND (b.this = 1 OR b.this = 3)"),
+        ("", "NOT a.this == 2 OR (NOT a.this == 2 AND b.this == 1)", "a.this <> 2"),
         ("", "(a.this == 1 OR a.this == 2) OR 3 == a.this OR b.this == 1", "(a.this IN (1, 2, 3) OR b.this = 1)"),
         ("", "NOT ((a.this == 2 AND b.this == 2) OR b.this == a.this)", "b.this <> a.this"),
         ("", "NOT ((a.this == 2 AND b.this == 1) OR b.this == a.this)",
