@@ -258,7 +258,8 @@ def _open_numbered(selects: FlatLowering, part: FromItem, source: plan.Source) -
     (item,) = part.items
     if not isinstance(item, exp.Subquery):
         kinds = source.columns or ()
-        columns = [part.reader(plan.Column(source.id, name, kind, span=source.span)) for name, kind in kinds]
+        read = (part.reader(plan.Column(source.id, name, kind, span=source.span)) for name, kind in kinds)
+        columns = [column for node in read for column in node.find_all(exp.Column)]  # each without its collation
         item = sql_builder.derived(
             sql_builder.select(columns, [item], None, (), sql_builder.build_unlimited()), item.alias_or_name
         )
