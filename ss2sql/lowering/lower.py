@@ -103,6 +103,7 @@ def lower(
     truths = frozenset[str]() if by_value else _strip_truth_calls(select, needs)
     columns = [output.expr for output in query.columns]
     compared = (query.search.key if query.search else ()) or query.rows or columns
+    only_walked = frozenset[str]() if query.search is not None else _find_iterated_parameters(select, needs)
     return SqlQuery(
         query,
         dialect.print_tree(select),
@@ -121,6 +122,7 @@ def lower(
         snapshot=plan_snapshot((query,)) if needs.worlds else NO_SNAPSHOT,
         late=read_late,
         applied=tuple(needs.applied),
+        only_iterated=only_walked,
         truths=truths,
         told_apart=frozenset(name for name in needs.calls if _are_arguments_identical(query, name)),
     )
@@ -155,6 +157,17 @@ def _are_arguments_identical(query: plan.Query, name: str) -> bool:
     """Whether equal arguments of a function are always the same value; 1.0 equals 1, but is another one."""
     calls = [node for node in walk(query) if isinstance(node, plan.Call) and node.function.name == name]
     return not any(argument.type.may_be(Kind.FLOAT) for call in calls for argument in call.arguments)
+
+
+def _find_iterated_parameters(select: exp.Select, needs: StatementNeeds) -> frozenset[str]:
+    """The parameters that are only walked, so that their value as a whole is never compared."""
+    read: set[str] = set()
+    for node in select.find_all(exp.Placeholder):
+        call = node.parent
+        table = needs.modules.get(call.name) if isinstance(call, exp.Anonymous) else None
+        if table is None or table.function is not None or node.arg_key != "expressions" or node.index:
+            read.add(node.name)
+    return frozenset(needs.parameters) - read
 
 
 def _build_key_column(query: plan.Query, key: plan.Column, node: sql_builder.Node) -> sql_builder.Node:

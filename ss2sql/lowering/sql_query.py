@@ -175,6 +175,7 @@ class SqlQuery:
     snapshot: Snapshot = NO_SNAPSHOT
     late: LateColumns | None = None  # makes the rows where the statement gives only keys of worlds
     applied: tuple[str, ...] = ()  # the rewrites that lowering has applied
+    only_iterated: frozenset[str] = frozenset()  # parameters whose value nobody reads as a whole
     truths: frozenset[str] = frozenset()  # functions whose calls are conditions, see lower.py
     told_apart: frozenset[str] = frozenset()  # functions whose equal arguments are the same ones
 
