@@ -214,6 +214,7 @@ def markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 COLOURS = {
     "database": "#d62728", "native": "#ff9896", ON_DUCKDB: "#7f7f00", "python": "#000000", "sql": "#1f77b4",
     "networkx": "#2ca02c", "rustworkx": "#8c564b", "igraph": "#9467bd", "duckdb": "#e0a800", "duckdb-key": "#f5d76e",
+    "numpy": "#17becf",
 }  # fmt: skip
 LEAST_SIZES = 3  # a curve of fewer points shows nothing
 
