@@ -247,8 +247,9 @@ def draw(records: Sequence[Record], machine: dict[str, Any], clock: str, file: P
     figure, fields = pyplot.subplots(lines, columns, figsize=(4.2 * columns, 3.3 * lines), squeeze=False)
     for field in fields.flat[len(found) :]:
         field.set_visible(False)
+    shown = [one for one in CONTENDERS if any(one in by_contender for by_contender in found.values())]
     for field, (name, by_contender) in zip(fields.flat, found.items(), strict=False):
-        for contender in CONTENDERS:
+        for contender in shown:
             points = by_contender.get(contender, ())
             wide = 2.2 if contender in (BASE, "database") else 1.2
             field.plot(*zip(*points, strict=True) if points else ((), ()), "o-", color=COLOURS[contender],
@@ -260,7 +261,7 @@ def draw(records: Sequence[Record], machine: dict[str, Any], clock: str, file: P
         field.yaxis.set_minor_formatter(NullFormatter())
         field.grid(True, which="major", alpha=0.3)
     handles, labels = fields.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=len(labels), frameon=False)
+    figure.legend(handles, labels, loc="upper center", ncols=-(-len(labels) // 2), frameon=False)
     figure.text(0.5, 0.002, machine_line(machine, clock), ha="center", va="bottom", fontsize=8, color="#555555")
     figure.tight_layout(rect=(0, 0.02, 1, 0.96))
     file.parent.mkdir(parents=True, exist_ok=True)
