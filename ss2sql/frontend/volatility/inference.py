@@ -9,7 +9,8 @@ its source proves it, and volatile in every other case. The proof assumes that
   the next cell of a notebook that defines a helper again);
 - the memory and the stack suffice, and the locale stays what it is.
 
-What `functools.cache` and `functools.partial` give, `match`, and imports inside of a function are not followed.
+A function in `functools.cache` is judged as the function itself, although the cache takes 1, 1.0 and True for one
+argument: its author chose that.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from ss2sql.errors import SessionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.volatility.function_source import locate_function, read_module
 from ss2sql.frontend.volatility.name_bindings import (
+    CACHE_TYPE,
     EFFECTS,
     IMPURE_MODULES,
     SET,
@@ -35,6 +37,7 @@ from ss2sql.frontend.volatility.name_bindings import (
     find_known,
     is_constant,
     is_exception_class,
+    unwrap_callable,
 )
 from ss2sql.frontend.volatility.proof import FunctionProof
 
@@ -79,6 +82,8 @@ class Proof:
     def prove_immutable(self, function: FunctionType) -> None:
         """Returns when the function is proven immutable, else raises `Unproven`."""
         self.find_names(function)
+        if self.findings.cached is not None and self.findings.changes:
+            raise Unproven(f"calls {self.findings.cached}, whose remembered values it may change")
 
     def find_names(self, function: FunctionType) -> FunctionNames:
         """The names of a function; its body is walked at the first request."""
@@ -120,6 +125,11 @@ class Proof:
                 self.find_names(value)
             except Unproven as error:
                 raise Unproven(f"calls {text}, which {error.reason}") from None
+        elif type(value) is CACHE_TYPE:
+            self.findings.cached = text
+            self.prove_called(unwrap_callable(value), text)
+        elif type(value) is functools.partial and _check_bound_arguments(value):
+            self.prove_called(value.func, text)
         elif text in EFFECTS:
             raise Unproven(f"calls {text}, which has effects or reads more than its arguments")
         else:
@@ -149,6 +159,16 @@ def _prove_callable(function: Any) -> tuple[str, bool]:
         if entry.function is not None:
             raise Unproven("calls its arguments")
         return "is known to be pure", entry.changes
+    if type(function) is functools.partial:
+        if not _check_bound_arguments(function):
+            raise Unproven("is a partial with an argument that may change")
+        try:
+            reason, changes = _prove_callable(function.func)
+            return f"is a partial of a function that is immutable: it {reason}", changes
+        except Unproven as unproven:
+            raise Unproven(f"is a partial of a function that {unproven.reason}", unproven.line) from None
+    if type(function) is CACHE_TYPE:
+        return _prove_callable(unwrap_callable(function))
     if type(function) is FunctionType:
         proof = Proof()
         proof.prove_immutable(function)
@@ -158,6 +178,10 @@ def _prove_callable(function: Any) -> tuple[str, bool]:
         reason = f"has a source that uses only its arguments and the constants {names}"
         return reason, proof.findings.changes
     raise Unproven(_find_volatility_obstacle(function))
+
+
+def _check_bound_arguments(function: functools.partial[Any]) -> bool:
+    return all(is_constant(value) for value in (*function.args, *function.keywords.values()))
 
 
 def _find_volatility_obstacle(function: Any) -> str:
@@ -177,9 +201,10 @@ def infer_arity(function: Callable[..., object]) -> Arity:
     """
     if not callable(function):
         raise SessionError("S002", f"{function!r} cannot be called.", hints=("register a Python function",))
+    target: Any = unwrap_callable(function) if type(function) is CACHE_TYPE else function
     try:
         # Without __wrapped__: the function that is called counts, not the one that it claims to be.
-        signature = inspect.signature(function, follow_wrapped=isinstance(function, functools._lru_cache_wrapper))
+        signature = inspect.signature(target, follow_wrapped=False)
     except (TypeError, ValueError):
         return Arity(0, None, ())
     names: list[str] = []

@@ -17,7 +17,9 @@ import collections
 import copy
 import enum
 import functools
+import gc
 import heapq
+import importlib
 import itertools
 import math
 import operator
@@ -230,7 +232,8 @@ def _split_words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-# Modules whose functions are never pure, and built-in functions with effects.
+# Modules that a function may import, modules whose functions are never pure, and built-in functions with effects.
+PURE_MODULES = _split_words("bisect collections copy functools heapq itertools json math operator statistics string")
 IMPURE_MODULES = _split_words(
     "asyncio datetime io locale multiprocessing os pathlib posix random secrets shutil socket subprocess sys threading "
     "time urllib uuid"
@@ -244,9 +247,10 @@ CLASSES = (str, int, float, bool, list, tuple, dict, set, frozenset, itertools.c
 VALUE, SET, OBJECT, CODE = ResultKind.VALUE, ResultKind.SET, ResultKind.OBJECT, ResultKind.CODE
 NOTHING = ResultKind(0)
 UNKNOWN: Any = object()
+CACHE_TYPE = type(functools.cache(lambda: None))
 SET_OPERATORS = (ast.BitOr, ast.BitAnd, ast.BitXor, ast.Sub)
 _MOST_STEPS = 50_000
-_CODE_TYPES = (FunctionType, BuiltinFunctionType, MethodType, ModuleType)
+_CODE_TYPES = (FunctionType, BuiltinFunctionType, MethodType, ModuleType, functools.partial, CACHE_TYPE)
 
 
 class Unproven(Exception):  # noqa: N818 - it is a finding, not an error
@@ -264,6 +268,7 @@ class Findings:
 
     constants: dict[str, None] = field(default_factory=dict)
     changes: bool = False  # values are changed in place
+    cached: str | None = None  # a function with a cache is called
     steps: int = 0  # the work so far
 
 
@@ -398,9 +403,12 @@ class FunctionNames:
                 if found is None:
                     return self.find_outside(name)
                 (places, inner), key = found, (id(found[1]), name)
-                match places:
-                    case [Binding("value", ast.Name() | ast.Attribute() as value)] if key not in active:
-                        return self.find_object(value, inner, active | {key})
+                if len(places) == 1 and key not in active:
+                    match places[0]:
+                        case Binding("import", ast.Import() | ast.ImportFrom() as statement):
+                            return resolve_import(statement, name)
+                        case Binding("value", ast.Name() | ast.Attribute() as value):
+                            return self.find_object(value, inner, active | {key})
             case ast.Attribute(value=value, attr=name):
                 base = self.find_object(value, scope, active)
                 if type(base) is ModuleType:
@@ -427,6 +435,8 @@ class FunctionNames:
                             yield LocalFunction(definition, inner)
                         case Binding("value", ast.expr() as value):
                             yield from self.find_targets(value, inner, active | {(id(inner), name)})
+                        case Binding("import", ast.Import() | ast.ImportFrom() as statement):
+                            yield resolve_import(statement, name)
                         case Binding("parameter"):
                             raise Unproven(f"calls its argument '{name}'")
                         case _:
@@ -482,6 +492,8 @@ class FunctionNames:
                 return self.infer_kind(value, scope, active)
             case Binding("update", ast.AugAssign(op=op, value=value)) if isinstance(op, SET_OPERATORS):
                 return _join_set_kinds(self.infer_kind(value, scope, active))
+            case Binding("import", ast.Import() | ast.ImportFrom() as statement):
+                return VALUE if is_constant(resolve_import(statement, name)) else CODE
             case Binding("function"):
                 return CODE
             case Binding("error"):
@@ -511,11 +523,22 @@ class FunctionNames:
             return functools.reduce(ResultKind.__or__, kinds, NOTHING)
         if (entry := find_known(target)) is not None:
             return entry.gives
+        if type(target) is CACHE_TYPE or type(target) is functools.partial:
+            return self.infer_result_kind(unwrap_callable(target), active)
         if type(target) is FunctionType:
             assert self.frame_of is not None
             frame = self.frame_of(target)
             return frame.infer_result_kind(LocalFunction(frame.located.node, frame.root), active)
         return OBJECT if is_exception_class(target) else VALUE
+
+
+def unwrap_callable(value: Any) -> Any:
+    """The function inside a partial or a cache."""
+    if type(value) is functools.partial:
+        return value.func
+    # `__wrapped__` can be set to anything: it counts only where the cache really holds it.
+    claimed = getattr(value, "__wrapped__", None)
+    return next((held for held in gc.get_referents(value) if held is claimed), UNKNOWN)
 
 
 def find_returned_expressions(node: FunctionNode) -> Iterator[ast.expr]:
@@ -536,3 +559,16 @@ def find_returned_expressions(node: FunctionNode) -> Iterator[ast.expr]:
 def _join_set_kinds(kind: ResultKind) -> ResultKind:
     """The kind of `a | b` and its like: of sets, or of views of dicts, a set."""
     return (kind & ~OBJECT) | SET if kind & (SET | OBJECT) else kind
+
+
+def resolve_import(node: ast.Import | ast.ImportFrom, name: str) -> Any:
+    """What an import inside a function binds to a name. Only modules that are known to be pure are imported."""
+    sources = [node.module or "."] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names]
+    for source in sources:
+        if source not in PURE_MODULES or (isinstance(node, ast.ImportFrom) and node.level):
+            raise Unproven(f"imports '{source}'")
+    alias = next(alias for alias in node.names if (alias.asname or alias.name) == name)
+    if isinstance(node, ast.Import):
+        return sys.modules.get(alias.name) or importlib.import_module(alias.name)
+    module = sys.modules.get(sources[0]) or importlib.import_module(sources[0])
+    return vars(module).get(alias.name, UNKNOWN)

@@ -35,6 +35,7 @@ from ss2sql.frontend.volatility.name_bindings import (
     Target,
     Unproven,
     find_known,
+    resolve_import,
 )
 
 ANY = VALUE | SET | OBJECT | CODE
@@ -192,10 +193,25 @@ class ExpressionProof(ABC):
         if isinstance(node, ast.FunctionDef):
             if node.decorator_list:
                 raise Unproven(f"decorates the inner function '{node.name}'")
-            if node.returns or any(parameter.annotation for parameter in list_parameters(arguments)):
-                raise Unproven(f"annotates the inner function '{node.name}'")
+            for annotation in (node.returns, *(parameter.annotation for parameter in list_parameters(arguments))):
+                self.check_annotation(annotation)
         with self.within_scope(node):
             self.check_body(node)
+
+    def check_annotation(self, node: ast.expr | None) -> None:
+        match node:
+            case None | ast.Constant():
+                pass
+            case ast.Name():
+                self.check_builtin_class(node)
+            case ast.Subscript(value=left, slice=right) | ast.BinOp(left=left, op=ast.BitOr(), right=right):
+                self.check_annotation(left)
+                self.check_annotation(right)
+            case ast.Tuple(elts=parts):
+                for part in parts:
+                    self.check_annotation(part)
+            case _:
+                raise Unproven(f"computes the annotation '{ast.unparse(node)[:40]}'")
 
     def check_builtin_class(self, node: ast.expr) -> None:
         value = self.frame.find_object(node, self.scope)
@@ -350,6 +366,8 @@ class FunctionProof(ExpressionProof):
         match node:
             case ast.Pass() | ast.Break() | ast.Continue():
                 pass
+            case ast.Import(names=aliases) | ast.ImportFrom(names=aliases):
+                resolve_import(node, aliases[0].asname or aliases[0].name)
             case ast.Expr(value=value):
                 self.check_expr(value, ANY)
             case ast.Return(value=value):
@@ -383,6 +401,12 @@ class FunctionProof(ExpressionProof):
                 for handler in handlers:
                     self.check_handler(handler.type)
                     self.check_block(handler.body)
+            case ast.Match(subject=subject, cases=cases):
+                self.check_expr(subject, VALUE)
+                for case in cases:
+                    self.check_pattern(case.pattern)
+                    self.check_all([case.guard], ANY)
+                    self.check_block(case.body)
             case ast.FunctionDef():
                 self.check_nested(node)
             case ast.Delete(targets=targets):
@@ -415,3 +439,26 @@ class FunctionProof(ExpressionProof):
         for part in node.elts if isinstance(node, ast.Tuple) else [node]:
             if part is not None and not issubclass(type(self.frame.find_object(part, self.scope)), type):
                 raise Unproven(f"catches '{ast.unparse(part)[:40]}', which is not an exception class")
+
+    def check_pattern(self, node: ast.pattern) -> None:
+        match node:
+            case ast.MatchValue(value=value):
+                self.check_expr(value, VALUE)
+            case ast.MatchMapping(keys=keys, patterns=patterns):
+                self.check_all(keys, VALUE)
+                self.check_patterns(patterns)
+            case ast.MatchClass(cls=cls, patterns=patterns, kwd_attrs=[]):
+                self.check_builtin_class(cls)
+                self.check_patterns(patterns)
+            case ast.MatchSequence(patterns=patterns) | ast.MatchOr(patterns=patterns):
+                self.check_patterns(patterns)
+            case ast.MatchAs(pattern=pattern):
+                self.check_patterns([pattern] if pattern else [])
+            case ast.MatchSingleton() | ast.MatchStar():
+                pass
+            case _:
+                raise Unproven("matches attributes of an object")
+
+    def check_patterns(self, nodes: Iterable[ast.pattern]) -> None:
+        for node in nodes:
+            self.check_pattern(node)
