@@ -24,10 +24,9 @@ from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.conversion import is_unreadable
 from ss2sql.language.kinds import Type, type_of
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.rows import Row, Rows
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.runtime import representations
-from ss2sql.runtime.representations.shape import Representations, expand_stars
+from ss2sql.runtime.representations.shape import Representations
 from ss2sql.runtime.run.call_memo import bind_function
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT
 from ss2sql.runtime.run.option_checks import Limits
@@ -387,16 +386,3 @@ class SessionHost:
 
     def read_integer_columns(self, source: plan.TableSource, *places: int) -> list[Any] | None:
         return self.tables.read_integer_columns(source, *places)
-
-    def shape_rows(
-        self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run
-    ) -> Any:
-        return self.shapes.represent_subquery(
-            query, expand_stars(query, rows, run.sizes.pause), arguments, named, run.sizes
-        )
-
-    def find_row_shape(
-        self, form: plan.Representation, columns: tuple[str, ...], run: Run
-    ) -> Callable[[list[Row]], Any] | None:
-        """What makes the query's value of its rows alone; None where its representation takes more."""
-        return self.shapes.find_row_shape(form, columns, run.sizes)

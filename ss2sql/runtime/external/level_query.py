@@ -140,7 +140,7 @@ class DuckLevelStatements(LevelStatements):
             ORDER BY ways.goal, ways.distance DESC
         """
 
-    # The steps on the ways from goals back to the start, by their numbers alone: rows may be large.
+    # The steps on the paths from goals back to the start, by their numbers alone: rows may be large.
     ways = """
         CREATE OR REPLACE TABLE ways AS
         WITH RECURSIVE walk(goal, step, previous, distance) AS (

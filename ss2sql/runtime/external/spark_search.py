@@ -297,7 +297,7 @@ class SparkSearch:
     def _iterate_paths(self, depth: int, goals: list[int]) -> Iterator[Found]:
         """The paths to some goals of a level, which are put together here: they are results.
 
-        Most of a way is known from goals of levels before, and from the levels that began here.
+        Most of a path is known from goals of levels before, and from the levels that began here.
         """
         missing, above = goals, depth
         while missing and above > 1:

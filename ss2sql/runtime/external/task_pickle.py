@@ -27,14 +27,13 @@ from ss2sql.language.cancellation import MAX_LEVELS, deepen_stack
 from ss2sql.language.kinds import ANY, Type
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import list_functions, walk
-from ss2sql.language.rows import Row, Rows
 from ss2sql.lowering.portable.search_steps import TypedColumn
 from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.external.level_steps import StepEvaluation, Try, pickle_values
 from ss2sql.runtime.external.table_statements import batch_of_rows
 from ss2sql.runtime.graph_cache.function_fingerprint import is_of_user
 from ss2sql.runtime.python.native_query import NativeQuery
-from ss2sql.runtime.representations.shape import Representations, expand_stars
+from ss2sql.runtime.representations.shape import Representations
 from ss2sql.runtime.run.call_memo import bind_function, report_memo_counts
 from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.run.value_sizes import ValueSizes
@@ -254,18 +253,6 @@ class _ExecutorHost:
 
     def read_integer_columns(self, source: plan.TableSource, *places: int) -> None:
         return None
-
-    def shape_rows(
-        self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run
-    ) -> Any:
-        return self.shapes.represent_subquery(
-            query, expand_stars(query, rows, run.sizes.pause), arguments, named, run.sizes
-        )
-
-    def find_row_shape(
-        self, form: plan.Representation, columns: tuple[str, ...], run: Run
-    ) -> Callable[[list[Row]], Any] | None:
-        return self.shapes.find_row_shape(form, columns, run.sizes)
 
     def _refuse_call(self, *arguments: Any) -> Any:
         raise AssertionError("a search that keeps the written order does not go by levels")

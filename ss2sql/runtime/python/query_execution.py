@@ -50,7 +50,7 @@ class QueryExecution:
     def shape_rows(self, rows: Rows, outer: tuple[Any, ...] = ()) -> Any:
         """What the query's representation makes of its answer."""
         arguments, named = self.arguments(*outer) if self.arguments else ((), {})
-        return self.run.host.shape_rows(self.form.query, rows, arguments, named, self.run)
+        return self.run.host.shapes.represent_subquery(self.form.query, rows, arguments, named, self.run.sizes)
 
     def compute_tuples(self, *outer: Any) -> list[Row]:
         """The rows of a query whose results are rows."""
@@ -169,7 +169,7 @@ def get_value_function(task: QueryExecution) -> Callable[..., Any]:
     starred = any(output.star for output in query.columns)
     if query.search or query.grouped or query.order or query.distinct or starred or task.run.max_rows is not None:
         return task.compute_value
-    shape = task.run.host.find_row_shape(query.representation, task.form.columns, task.run)
+    shape = task.run.host.shapes.find_row_shape(query.representation, task.form.columns, task.run.sizes)
     if shape is None or task.settings is not None:
         return task.compute_value
     return lambda *outer: shape(list(find(*outer)))

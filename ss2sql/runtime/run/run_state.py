@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeAlia
 from ss2sql.errors import Cancelled, OutOfMemory, OutOfSteps, Timeout
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.rows import Row, Rows
+from ss2sql.language.rows import Rows
 from ss2sql.language.values import copy_deep
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.vtables.contract import QueryCaches
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ss2sql.lowering.sql_query import SqlQuery
     from ss2sql.lowering.table_filter import TableFilter
     from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
+    from ss2sql.runtime.representations.shape import Representations
 
 
 @contextmanager
@@ -119,6 +120,7 @@ class Host(Protocol):
 
     memories: QueryCaches  # of worlds
     memo_limit: int  # calls of one function that are remembered
+    shapes: Representations
 
     @property
     def graphs(self) -> CachePolicy | None: ...
@@ -130,12 +132,6 @@ class Host(Protocol):
     def bind_late(self, name: str, literal: Any) -> None: ...
     def read_temporal(self, name: str, when: float | None) -> Any: ...
     def store_temporal(self, name: str, keep: Any, value: Any) -> None: ...
-    def shape_rows(
-        self, query: plan.Query, rows: Rows, arguments: tuple[Any, ...], named: dict[str, Any], run: Run
-    ) -> Any: ...
-    def find_row_shape(
-        self, form: plan.Representation, columns: tuple[str, ...], run: Run
-    ) -> Callable[[list[Row]], Any] | None: ...
     def read_table_rows(
         self, source: plan.TableSource, run: Run | None = None, wanted: TableFilter | None = None
     ) -> list[tuple[Any, ...]]: ...

@@ -32,7 +32,7 @@ Path: TypeAlias = list[Row] | Backpointer | KeyedBackpointer | Parents | None
 
 
 def follow_backpointers(backpointer: Backpointer | KeyedBackpointer | None) -> tuple[Row, ...]:
-    """The rows from the start to the end of a way.
+    """The rows from the start to the end of a path.
 
     They are a tuple, for the garbage collector soon leaves tuples of plain rows alone, but not lists. Where there are
     many paths, a third of the time of a search went into looking through them.

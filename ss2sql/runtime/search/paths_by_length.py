@@ -1,9 +1,9 @@
 """The paths of a graph without a repeated node, shortest first, those of one length in source order.
 
 Where the rest leads back over the path, or into a room whose only door the path has closed, a walk that knows
-distances alone may try every way to the obstacle, which are exponentially many. This one enters a branch only
-when a search around the nodes of the path has found a goal in reach. Along the way that it found no other search
-is needed, so a path costs one for each place where it leaves such a way, and one for each branch that stays out.
+distances alone may try every path to the obstacle, which are exponentially many. This one enters a branch only
+when a search around the nodes of the path has found a goal in reach. Along the path that it found no other search
+is needed, so a path costs one for each place where it leaves such a path, and one for each branch that stays out.
 
 Where lengths are many, walking anew for each of them costs a multiple. So the branches that were entered are kept,
 each with a bound: what is still to come from it is not shorter. A walk goes only where the bound is its length,
@@ -63,7 +63,7 @@ class SimplePathWalks:
         self.kept = 0
         self.steps = 0
         self._due = CHECK_EDGES_EVERY
-        self._known: list[int] = []  # a way to a goal from the last node of the path, backwards
+        self._known: list[int] = []  # a path to a goal from the last node of the path, backwards
         self._known_bounds: PathBranch | None = None
 
     def find_paths(self, length: int) -> Iterator[list[Any]]:
