@@ -4,8 +4,7 @@
 
 so that later stages see parts: each is evaluated as soon as its sources are bound, looked up, or compared with a
 part of another clause. Parts keep their order. A part that stands there a second time goes, for it was true
-(in a conjunction) or false when it was evaluated first; so does a part that every branch of OR begins with, of
-which only the first is kept. Comparisons of one value with several constants become IN.
+(in a conjunction) or false when it was evaluated first. Comparisons of one value with several constants become IN.
 
     (boss == None AND parent == None) OR parent == boss    becomes    parent == boss
 
@@ -19,7 +18,7 @@ from typing import Any, TypeGuard
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
-from ss2sql.language.plan_traversal import is_volatile, split_and
+from ss2sql.language.plan_traversal import is_volatile
 from ss2sql.language.values import SCALARS
 from ss2sql.lowering.rewrites.rewrite_context import (
     COMPARISONS,
@@ -27,9 +26,7 @@ from ss2sql.lowering.rewrites.rewrite_context import (
     is_plain_value,
     make_bool,
     make_call,
-    make_conjunction,
     make_constant,
-    make_disjunction,
     negate_expression,
     rewrite_bottom_up,
 )
@@ -96,10 +93,6 @@ def _flatten_connective(node: Any) -> Any:
     parts = _merge_equalities(parts, isinstance(node, plan.Or))
     if len(parts) == 1:
         return make_bool(parts[0])
-    if isinstance(node, plan.Or) and steady:
-        common = _count_common_parts(parts)
-        if common:
-            return _factor_common_parts(parts, common, node)
     same = len(parts) == len(node.parts) and all(a is b for a, b in zip(parts, node.parts, strict=True))
     return node if same else replace(node, parts=tuple(parts))
 
@@ -127,25 +120,6 @@ def _drop_implied_parts(parts: list[plan.Expr], is_or: bool) -> list[plan.Expr]:
 
 def _is_call(expr: plan.Expr, name: str) -> TypeGuard[plan.Call]:
     return isinstance(expr, plan.Call) and expr.function.builtin and expr.function.name == name
-
-
-def _count_common_parts(parts: list[plan.Expr]) -> int:
-    """How many parts all branches of a disjunction begin with."""
-    branches = [split_and(part) for part in parts]
-    shortest = min(map(len, branches))
-    number = 0
-    while number < shortest and all(branch[number] == branches[0][number] for branch in branches):
-        number += 1
-    return number
-
-
-def _factor_common_parts(parts: list[plan.Expr], common: int, node: plan.Or) -> plan.Expr:
-    """`(a AND b) OR (a AND c)` as `a AND (b OR c)`; a branch that is `a` alone makes the rest of no account."""
-    first = list(split_and(parts[0])[:common])
-    rests = [list(split_and(part)[common:]) for part in parts]
-    if all(rests):
-        first.append(make_disjunction([make_conjunction(rest, node.span) for rest in rests], node.span))
-    return make_conjunction(first, node.span)
 
 
 def _merge_equalities(parts: list[plan.Expr], is_or: bool) -> list[plan.Expr]:
