@@ -24,7 +24,7 @@ from sqlglot import exp
 from ss2sql.errors import Source, Span
 from ss2sql.language import plan
 from ss2sql.language.implied_bounds import Comparison, narrow_type
-from ss2sql.language.kinds import ANY, BOOL, Kind, Type, type_of
+from ss2sql.language.kinds import BOOL, Kind, Type, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.operations.arithmetic import EXACT
 from ss2sql.language.plan_traversal import can_fail, is_column_query, is_exists
@@ -48,28 +48,24 @@ MAX_BOX_SIZE = 2**22  # 4 MB; a list of a few points that lie far apart is left 
 def lower_item(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
     """`values[i]` and `rows[i][j]`, where the elements are integers in a narrow range, or bools."""
     container, indexes = _split_indexes(call)
-    packing = None if "cells" in lowering.needs.disabled else _choose_encoding(container.type, len(indexes))
-    if packing is None or not isinstance(container, (plan.Constant, plan.Variable)):
+    packed = None if "cells" in lowering.needs.disabled else _choose_encoding(container.type, len(indexes))
+    if packed is None or not isinstance(container, (plan.Constant, plan.Variable)):
         return None
+    packing, leaf = packed
     if not all(index.type.is_only(INTEGRAL) and is_sql_number(index.type) for index in indexes):
         return None
     nodes = [lowering.lower_expr(index, scope) for index in indexes]
     sizes = [container.type.size, container.type.item.size if container.type.item else None]
     cells = lowering.needs.bind_packed(container, packing)
-    found = _build_byte_lookup(
-        lowering, cells, _lower_blob_offset(nodes, sizes[1 : len(nodes)]), _get_leaf_type(container.type, len(indexes))
-    )
+    found = _build_byte_lookup(lowering, cells, _lower_blob_offset(nodes, sizes[1 : len(nodes)]), leaf)
     if all(_is_index_in_bounds(index, size, scope.facts) for index, size in zip(indexes, sizes, strict=False)):
         return found
     if not all(map(can_repeat, nodes)):
         return None
-    inside = [_build_between(node, 0, size - 1) for node, size in zip(nodes, sizes, strict=False) if size is not None]
-    otherwise = sql_builder.mark_as_rare(
-        lowering.call_python(call, [lowering.lower_value(argument, scope) for argument in call.arguments])
-    )
-    condition = sql_builder.conjunction(inside)
-    assert condition is not None
-    return sql_builder.case([(condition, found)], otherwise)
+    inside = [
+        sql_builder.between(node, 0, size - 1) for node, size in zip(nodes, sizes, strict=False) if size is not None
+    ]
+    return sql_builder.case([(sql_builder.join_by_and(inside), found)], lowering.call_python(call, scope, rarely=True))
 
 
 def _split_indexes(call: plan.Call) -> tuple[plan.Expr, list[plan.Expr]]:
@@ -82,25 +78,19 @@ def _split_indexes(call: plan.Call) -> tuple[plan.Expr, list[plan.Expr]]:
             return container, [index]
 
 
-def _choose_encoding(kind: Type, depth: int) -> ListEncoding | None:
-    """How lists of the type are packed; None where they cannot be, or where their size is not known."""
+def _choose_encoding(kind: Type, depth: int) -> tuple[ListEncoding, Type] | None:
+    """How lists of the type are packed, and the type of what is packed; None where they cannot be, or where their size is not known."""
     for _ in range(depth):
         if kind.kinds != Kind.LIST or kind.size is None or kind.item is None:
             return None
         kind = kind.item
     if kind.kinds == Kind.BOOL:
-        return ListEncoding(depth > 1, 0)
+        return ListEncoding(depth > 1, 0), kind
     if kind.kinds != Kind.INT or kind.low is None or kind.high is None or kind.high - kind.low > 255:
         return None
     if not kind.is_bounded(EXACT):
         return None  # the least is written into the text
-    return ListEncoding(depth > 1, int(kind.low))
-
-
-def _get_leaf_type(kind: Type, depth: int) -> Type:
-    for _ in range(depth):
-        kind = kind.item or ANY
-    return kind
+    return ListEncoding(depth > 1, int(kind.low)), kind
 
 
 def _is_index_in_bounds(index: plan.Expr, size: int | None, facts: Sequence[Comparison]) -> bool:
@@ -124,13 +114,12 @@ def _build_byte_lookup(lowering: ExpressionLowering, cells: Node, place: Node, k
         known = lowering.needs.bind_packed(
             plan.Constant(alphabet, type_of(alphabet), span=NOWHERE), ListEncoding(False, 0)
         )
-    number = sql_builder.call("instr", known, byte)
-    offset = least - 1
-    return (
-        number
-        if offset == 0
-        else sql_builder.binary(exp.Add if offset > 0 else exp.Sub, number, sql_builder.number(abs(offset)))
-    )
+    return _add_number(sql_builder.call("instr", known, byte), least - 1)
+
+
+def _add_number(node: Node, number: int) -> Node:
+    kind = exp.Add if number > 0 else exp.Sub
+    return sql_builder.binary(kind, node, sql_builder.number(abs(number))) if number else node
 
 
 def _lower_blob_offset(nodes: Sequence[Node], sizes: Sequence[int | None]) -> Node:
@@ -141,12 +130,6 @@ def _lower_blob_offset(nodes: Sequence[Node], sizes: Sequence[int | None]) -> No
             exp.Add, sql_builder.binary(exp.Mul, place, sql_builder.number(size or 0)), node.copy()
         )
     return place
-
-
-def _build_between(node: Node, low: int, high: int) -> Node:
-    return exp.Between(
-        this=sql_builder.wrap_operand(node.copy()), low=sql_builder.number(low), high=sql_builder.number(high)
-    )
 
 
 # --- membership ----------------------------------------------------------------------------------------
@@ -165,14 +148,13 @@ def lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlSc
     nodes = [lowering.lower_expr(part, scope) for part in item.items]
     if not all(map(can_repeat, nodes)):
         return None
-    places = [_subtract_number(node, low) for node, (low, _) in zip(nodes, packing.box, strict=True)]
+    places = [_add_number(node, -low) for node, (low, _) in zip(nodes, packing.box, strict=True)]
     place = _lower_blob_offset(places, [high - low + 1 for low, high in packing.box[1:]])
     cells = lowering.needs.bind_packed(container, packing)
-    inside = sql_builder.conjunction(
-        [_build_between(node, low, high) for node, (low, high) in zip(nodes, packing.box, strict=True)]
+    inside = [sql_builder.between(node, low, high) for node, (low, high) in zip(nodes, packing.box, strict=True)]
+    found = sql_builder.case(
+        [(sql_builder.join_by_and(inside), _build_byte_lookup(lowering, cells, place, BOOL))], sql_builder.number(0)
     )
-    assert inside is not None
-    found = sql_builder.case([(inside, _build_byte_lookup(lowering, cells, place, BOOL))], sql_builder.number(0))
     return found if call.function.name == "in" else exp.Not(this=found)
 
 
@@ -189,19 +171,10 @@ def _choose_point_encoding(kind: Type) -> PointSetEncoding | None:
     return packing if packing.size <= MAX_BOX_SIZE else None
 
 
-def _subtract_number(node: Node, number: int) -> Node:
-    return node if number == 0 else sql_builder.binary(exp.Sub, node, sql_builder.number(number))
-
-
-# --- equality, membership and elements: operators that sqlite_forms.py has no texts for
 MAX_WRITTEN_MEMBERS = 30  # of a list that is written into the text
 GLOB_PATTERN = str.maketrans({"%": "*", "_": "?", "*": "[*]", "?": "[?]", "[": "[[]"})
 
 LowerFunction: TypeAlias = "Callable[[ExpressionLowering, plan.Call, SqlScope], Node | None]"
-
-
-def _lower_operands(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> list[Node]:
-    return [lowering.lower_expr(argument, scope) for argument in call.arguments]
 
 
 def _has_one_form(kind: Type) -> bool:
@@ -269,7 +242,7 @@ def _lower_equality(lowering: ExpressionLowering, call: plan.Call, scope: SqlSco
             return exp.Is(this=other, expression=none if equal else exp.Not(this=none))
     if not have_same_storage_class(left, right, none=True):
         return _compare_with_equal_value(lowering, call, scope) or _lower_handle_comparison(lowering, call, scope)
-    a, b = _lower_operands(lowering, call, scope)
+    a, b = (lowering.lower_expr(argument, scope) for argument in call.arguments)
     if left.may_be(Kind.NONE) or right.may_be(Kind.NONE):
         return sql_builder.binary(exp.NullSafeEQ if equal else exp.NullSafeNEQ, a, b)
     return sql_builder.binary(exp.EQ if equal else exp.NEQ, a, b)
@@ -327,7 +300,7 @@ def _lower_like(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) 
     if not can_repeat(node):
         return None
     nul = sql_builder.call("instr", node.copy(), sql_builder.call("char", sql_builder.number(0)))
-    return sql_builder.case([(nul, lowering.call_python(call, [node.copy(), lowering.lower_constant(pattern)]))], test)
+    return sql_builder.case([(nul, lowering.call_python(call, scope))], test)
 
 
 SPECIAL_OPERATIONS: dict[str, LowerFunction] = {

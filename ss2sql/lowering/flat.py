@@ -7,7 +7,6 @@ from dataclasses import replace
 
 from sqlglot import exp
 
-from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type, is_flag
 from ss2sql.language.plan_traversal import list_sources, split_and, walk_own
@@ -102,7 +101,7 @@ class FlatLowering:
         if (not query.group or (first is not None and len(first) == 1)) and not _needs_numbers(query):
             keys = [self.expressions.lower_expr(key, flat.scope) for key in query.group]
             number = first[0] if query.group and first else sql_builder.null()
-            return self._write_groups(query, _GroupInput(flat.scope, flat.items, where, keys, number), names)
+            return self._write_groups(query, flat.scope, flat.items, where, keys, number, names)
         return self._group_numbered(query, flat, where, names)
 
     def _group_numbered(
@@ -127,10 +126,14 @@ class FlatLowering:
         label = self.needs.choose_label("product")
         columns = [sql_builder.column(f"argument_{index}", label) for index in range(1, len(arguments) + 1)]
         keys: list[Node] = [sql_builder.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
-        rows = _GroupInput(
-            scope, [sql_builder.derived(inner, label)], None, keys, sql_builder.column("position", label)
-        )
-        return _NumberedLowering(self, arguments, columns)._write_groups(query, rows, names)
+        known = [
+            (node, self.expressions.write_aggregate(node, columns[arguments.index(node.argument)].copy()))
+            for node in _find_aggregates(query)
+            if node.argument is not None
+        ]
+        rows = [sql_builder.derived(inner, label)]
+        position = sql_builder.column("position", label)
+        return self._write_groups(query, replace(scope, known=tuple(known)), rows, None, keys, position, names)
 
     def _number_product_rows(self, flat: JoinBuilder, outputs: list[Node], where: Node | None) -> exp.Select:
         """The rows of a product with these columns, and their positions in its order."""
@@ -146,9 +149,21 @@ class FlatLowering:
         number = sql_builder.row_number([(key, False) for key in natural])
         return sql_builder.select([*outputs, sql_builder.alias(number, "position")], flat.items, where)
 
-    def _write_groups(self, query: plan.Query, rows: _GroupInput, names: list[str | None]) -> exp.Select:
-        scope = rows.scope.with_groups({(query.id, index): key for index, key in enumerate(rows.keys)})
-        select = rows.select_groups(self.lower_columns(query, scope, names))
+    def _write_groups(
+        self,
+        query: plan.Query,
+        scope: SqlScope,
+        items: Sequence[Node],
+        where: Node | None,
+        keys: list[Node],
+        number: Node,
+        names: list[str | None],
+    ) -> exp.Select:
+        """The groups of rows that FROM and WHERE give, by these keys; `number` numbers the rows."""
+        scope = scope.with_groups({(query.id, index): key for index, key in enumerate(keys)})
+        select = sql_builder.select(self.lower_columns(query, scope, names), items, where)
+        if keys:
+            select.set("group", exp.Group(expressions=[sql_builder.sort_key(key.copy()) for key in keys]))
         if query.having is not None:
             having = self.expressions.lower_condition(query.having, scope)
             select.set("having", exp.Having(this=having))
@@ -156,7 +171,7 @@ class FlatLowering:
             return select
         order = [(self.expressions.lower_expr(key.expr, scope), key.descending) for key in query.order]
         if not all(isinstance(key, plan.Constant) for key in query.group):  # else there is one group
-            order.append((rows.first_row, False))
+            order.append((exp.Min(this=number.copy()), False))
         return sql_builder.sort_query(select, order)
 
     # --- whole queries ---------------------------------------------------------------------------------
@@ -238,47 +253,6 @@ class FlatLowering:
         return sql_builder.call("collect_records", *arguments)
 
 
-@dataclass(frozen=True, slots=True)
-class _GroupInput:
-    """The rows that are put into groups: how they are read, FROM and WHERE, the keys, and what numbers them."""
-
-    scope: SqlScope
-    items: list[Node]
-    where: Node | None
-    keys: list[Node]
-    number: Node
-
-    @property
-    def first_row(self) -> Node:
-        return exp.Min(this=self.number.copy())
-
-    def select_groups(self, outputs: list[Node]) -> exp.Select:
-        select = sql_builder.select(outputs, self.items, self.where)
-        if self.keys:
-            select.set("group", exp.Group(expressions=[sql_builder.sort_key(key.copy()) for key in self.keys]))
-        return select
-
-
-class _NumberedLowering(FlatLowering):
-    """Lowers what sees groups, with every aggregate's argument read from the numbered product."""
-
-    def __init__(self, parent: FlatLowering, arguments: Sequence[plan.Expr], columns: Sequence[Node]) -> None:
-        super().__init__(parent.needs)
-        self.expressions = _ArgumentLowering(self, arguments, columns)
-
-
-class _ArgumentLowering(ExpressionLowering):
-    def __init__(self, selects: FlatLowering, arguments: Sequence[plan.Expr], columns: Sequence[Node]) -> None:
-        super().__init__(selects.needs, selects.lower_subquery, selects.lower_unordered)
-        self.known = list(zip(arguments, columns, strict=True))
-
-    def lower_value(self, expr: plan.Expr, scope: SqlScope) -> Node:
-        for argument, column in self.known:
-            if argument == expr:
-                return column.copy()
-        return super().lower_value(expr, scope)
-
-
 def _find_all_sources(query: plan.Query) -> list[plan.Source]:
     found: list[plan.Source] = []
     for source in query.sources:
@@ -313,12 +287,11 @@ def select_group_inputs(
 
 def find_aggregate_inputs(query: plan.Query) -> list[plan.Expr]:
     """What the aggregates are fed with, row by row."""
-    nodes = (node for node in _find_group_nodes(query) if isinstance(node, plan.Aggregate))
-    return [node.argument for node in nodes if node.argument is not None]
+    return [node.argument for node in _find_aggregates(query) if node.argument is not None]
 
 
-def _find_group_nodes(query: plan.Query) -> list[object]:
-    """What is evaluated in groups, in the order of evaluation: of SELECT, HAVING and ORDER BY."""
+def _find_aggregates(query: plan.Query) -> list[plan.Aggregate]:
+    """The aggregates of SELECT, HAVING and ORDER BY, in the order of evaluation."""
     places = [output.expr for output in query.columns] + ([query.having] if query.having is not None else [])
     places += [key.expr for key in query.order]
-    return [node for place in places for node in walk_own(place)]
+    return [node for place in places for node in walk_own(place) if isinstance(node, plan.Aggregate)]

@@ -329,8 +329,7 @@ class JoinBuilder:
             terms = [_wrap_disjunction(term) if isinstance(term.unnest(), exp.Or) else term for term in terms]
         if len(terms) > MAX_TERMS and any(map(_can_be_none, self.query.sources)):
             # After so many conditions SQLite asks `elements` again whether NULL equals its argument.
-            rest = sql_builder.conjunction(terms[MAX_TERMS:])
-            assert rest is not None
+            rest = sql_builder.join_by_and(terms[MAX_TERMS:])
             terms[MAX_TERMS:] = [sql_builder.case([(rest, sql_builder.number(1))], sql_builder.number(0))]
         walked = {label for label, table in self.selects.needs.worlds.items() if not table.schema.parameters}
         return sql_builder.merge_into_between(terms, walked) if walked else terms

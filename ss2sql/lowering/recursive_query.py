@@ -15,7 +15,6 @@ depend on its length, and know the rows that were met.
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
@@ -36,7 +35,6 @@ from ss2sql.lowering.materialize import (
 )
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_names import ROW_NUMBER, choose_column_names, choose_free_name
-from ss2sql.lowering.sql_query import Bookkeeping
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.strategies import get_order, get_repeat_rule
 from ss2sql.lowering.union_branches import find_union_branches, lower_parts_as_list
@@ -64,7 +62,7 @@ def _get_carried_read(node: plan.Element | plan.Column) -> plan.Element | plan.C
     return plan.Element(node.source, span=node.span) if missing else node
 
 
-class RecursiveQuery(ABC):
+class RecursiveQuery:
     """What is the same in all searches: the terms' sources, the START WITH state, and the statement."""
 
     def __init__(self, selects: FlatLowering, query: plan.Query, cut: bool) -> None:
@@ -94,14 +92,6 @@ class RecursiveQuery(ABC):
         self.copied: dict[str, Node] = {}  # the lists and worlds that are read once, by the names of their copies
         self.arms = None if "arms" in selects.needs.disabled else find_union_branches(query)
 
-    @abstractmethod
-    def describe_steps(self) -> Bookkeeping:
-        """What the run has to know of the statement to keep its steps and to count them."""
-
-    @abstractmethod
-    def build_statement(self) -> exp.Select:
-        """The whole statement."""
-
     # --- the recursive table ---------------------------------------------------------------------------
 
     def carry_element(self, node: plan.Element | plan.Column) -> str:
@@ -123,10 +113,7 @@ class RecursiveQuery(ABC):
 
     def make_row_scope(self) -> SqlScope:
         """Reads elements from a row of the recursive table."""
-        scope = SqlScope()
-        for source in self.query.sources:
-            scope = scope.with_source(source.id, self._find_carried_reads)
-        return scope
+        return SqlScope({source.id: self._find_carried_reads for source in self.query.sources})
 
     def _find_carried_reads(self, expr: plan.Element | plan.Column) -> Node:
         if parts := self.list_parts(expr):
@@ -136,12 +123,14 @@ class RecursiveQuery(ABC):
             return self.expressions.read_field(carried, expr)
         return carried
 
-    def build_recursive_query(self, names: list[str], terms: list[exp.Select], results: exp.Select) -> exp.Select:
-        """`WITH RECURSIVE table(names) AS (first UNION ALL others ORDER BY ...) results`."""
+    def build_recursive_query(
+        self, names: list[str], terms: list[exp.Select], queue: Iterable[tuple[str, bool]], results: exp.Select
+    ) -> exp.Select:
+        """`WITH RECURSIVE table(names) AS (first UNION ALL others ORDER BY ...) results`; columns sort the queue."""
         union = sql_builder.build_union(terms)
         keys = [
             exp.Ordered(this=sql_builder.number(names.index(column) + 1), desc=descending, nulls_first=not descending)
-            for column, descending in self.list_queue_keys()
+            for column, descending in queue
         ]
         union.set("order", exp.Order(expressions=keys))
         columns = [sql_builder.identifier(name) for name in names]
@@ -151,10 +140,6 @@ class RecursiveQuery(ABC):
         tables = [*self.selects.needs.materialized_ctes.values(), *self.tables, cte]
         results.set("with_", exp.With(expressions=tables, recursive=True))
         return results
-
-    @abstractmethod
-    def list_queue_keys(self) -> Iterable[tuple[str, bool]]:
-        """The columns that sort the queue."""
 
     # --- the START WITH state --------------------------------------------------------------------------
 

@@ -209,7 +209,7 @@ class EagerSearch(RecursiveQuery):
         terms += self.write_steps(SqlScope().with_states(after), False)
         if self.ahead and not self.one_result:
             terms.append(self.requeue_goals())
-        return self.build_recursive_query(self.all_column_names, terms, self.select_results())
+        return self.build_recursive_query(self.all_column_names, terms, self.list_queue_keys(), self.select_results())
 
     def write_start_row(self, scope: SqlScope) -> exp.Select:
         """The state of START WITH as row 0; its children are the first steps."""
@@ -305,10 +305,9 @@ class EagerSearch(RecursiveQuery):
         SQLite evaluates a condition once the columns in it are known; `witnesses` are a column of each source.
         """
         last = witnesses[-1]
-        changing = any(call.name in _STATEFUL_FUNCTIONS for call in node.find_all(exp.Anonymous))
-        if not (changing or self.counted) or any(
-            column.table == _get_table_label(last) for column in node.find_all(exp.Column)
-        ):
+        changing = any(call.name in ("reached", "improves") for call in node.find_all(exp.Anonymous))
+        (of_last,) = {column.table for column in last.find_all(exp.Column)}
+        if not (changing or self.counted) or any(column.table == of_last for column in node.find_all(exp.Column)):
             return node
         return sql_builder.call("in_turn", last.copy(), node)
 
@@ -406,13 +405,6 @@ def _find_user_calls(clause: object) -> list[plan.Call]:
     if clause is None:
         return []
     return [node for node in walk(clause) if isinstance(node, plan.Call) and not node.function.builtin]
-
-
-def _get_table_label(witness: Node) -> str:
-    return witness.find(exp.Column).table  # type: ignore[union-attr]
-
-
-_STATEFUL_FUNCTIONS = frozenset({"reached", "improves"})
 
 
 def _remove_known_parts(place: object, known: list[plan.Expr]) -> list[object]:

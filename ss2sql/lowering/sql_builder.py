@@ -82,9 +82,11 @@ def case(branches: Iterable[tuple[Node, Node]], default: Node) -> Node:
 
 def conjunction(parts: Sequence[Node]) -> Node | None:
     """`a AND b AND ...`, None where there are no parts."""
-    if not parts:
-        return None
-    parts = _group_operands(parts, conjunction)
+    return join_by_and(parts) if parts else None
+
+
+def join_by_and(parts: Sequence[Node]) -> Node:
+    parts = _group_operands(parts, join_by_and)
     result = parenthesize(parts[0], exp.Or)
     for part in parts[1:]:
         result = exp.And(this=result, expression=parenthesize(part, exp.Or))
@@ -119,12 +121,12 @@ def _wrap_bound(node: Node) -> Node:
     return node if isinstance(node, _SUMS + _PRODUCTS) else wrap_operand(node)
 
 
-def _group_operands(parts: Sequence[Node], join: Callable[[Sequence[Node]], Node | None]) -> Sequence[Node]:
+def _group_operands(parts: Sequence[Node], join: Callable[[Sequence[Node]], Node]) -> Sequence[Node]:
     """Many parts in groups of parentheses, because SQLite takes no expression deeper than 1,000."""
     if len(parts) <= MAX_OPERANDS_IN_ROW:
         return parts
-    groups = [join(parts[start : start + MAX_OPERANDS_IN_ROW]) for start in range(0, len(parts), MAX_OPERANDS_IN_ROW)]
-    return [exp.Paren(this=group) for group in groups if group is not None]
+    starts = range(0, len(parts), MAX_OPERANDS_IN_ROW)
+    return [exp.Paren(this=join(parts[start : start + MAX_OPERANDS_IN_ROW])) for start in starts]
 
 
 def disjunction(parts: Sequence[Node]) -> Node:
@@ -182,6 +184,11 @@ def calls_python(node: Node) -> bool:
         isinstance(part, exp.Anonymous) and part.name.lower() not in SQLITE_FUNCTIONS and not part.meta.get("rare")
         for part in parts
     )
+
+
+def between(node: Node, low: float, high: float) -> Node:
+    """`node BETWEEN low AND high`, with a copy of the node."""
+    return exp.Between(this=wrap_operand(node.copy()), low=number(low), high=number(high))
 
 
 def alias(node: Node, name: str) -> Node:

@@ -47,7 +47,7 @@ def lower_function_of_rows(lowering: ExpressionLowering, call: plan.Call, scope:
         case (plan.Subquery(query=query) as inner,) if query.representation.name in ("list", "rows", "dict"):
             aggregate = _choose_aggregate(lowering, call, query)
             if aggregate is None:
-                node = lowering.call_python(call, [lowering.lower_value(inner, scope)])
+                node = lowering.call_python(call, scope)
             else:
                 node = sql_builder.scalar(lowering.lower_unordered(inner, scope, aggregate))
             return memoize_reduction(lowering, call, node, scope) if has_constant_source(query) else node
@@ -274,10 +274,14 @@ class ExpressionLowering:
         node = sqlite_forms.lower_checked(self, expr, scope)
         if node is not None:
             return node
-        return self.call_python(expr, [self.lower_value(argument, scope) for argument in expr.arguments])
+        return self.call_python(expr, scope)
 
-    def call_python(self, expr: plan.Call, arguments: Sequence[Node]) -> Node:
+    def call_python(self, expr: plan.Call, scope: SqlScope, rarely: bool = False) -> Node:
         """A call of the language's own function on values."""
+        node = self.write_python_call(expr, [self.lower_value(argument, scope) for argument in expr.arguments])
+        return sql_builder.mark_as_rare(node) if rarely else node
+
+    def write_python_call(self, expr: plan.Call, arguments: Sequence[Node]) -> Node:
         node = sql_builder.call(get_builtin_name(expr.function.name), *arguments, self.write_place(expr.place))
         return node if expr.function.name in PREDICATES else self.unbox_value(node, expr.type)
 
@@ -291,9 +295,7 @@ class ExpressionLowering:
     def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
         conditions = self.lower_in_order(parts, scope, True)
         if not any(can_fail(part) for part in parts[1:]):
-            joined = sql_builder.conjunction([sql_builder.keep_condition(condition) for condition in conditions])
-            assert joined is not None
-            return joined
+            return sql_builder.join_by_and([sql_builder.keep_condition(condition) for condition in conditions])
         stops = [(exp.Not(this=sql_builder.wrap_operand(c)), sql_builder.number(0)) for c in conditions[:-1]]
         return sql_builder.case(stops, conditions[-1])
 
@@ -322,7 +324,10 @@ class ExpressionLowering:
     def lower_aggregate(self, expr: plan.Aggregate, scope: SqlScope) -> Node:
         if expr.argument is None:
             return exp.Count(this=exp.Star())
-        argument = self.lower_value(expr.argument, scope)
+        return self.write_aggregate(expr, self.lower_value(expr.argument, scope))
+
+    def write_aggregate(self, expr: plan.Aggregate, argument: Node) -> Node:
+        """The aggregate of an argument that is lowered."""
         node = sqlite_forms.lower_aggregate(expr, argument)
         if node is not None:
             return node

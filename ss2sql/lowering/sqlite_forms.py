@@ -106,9 +106,7 @@ def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None
             case exp.Paren():
                 return fill_node(node.this)
             case exp.And():
-                joined = sql_builder.conjunction([fill_node(part) for part in node.flatten()])
-                assert joined is not None
-                return joined
+                return sql_builder.join_by_and([fill_node(part) for part in node.flatten()])
             case exp.Binary():
                 made: Node = sql_builder.binary(type(node), fill_node(node.this), fill_node(node.expression))
                 made.set("typed", True if isinstance(node, exp.Div) else None)  # sqlglot adds no cast of its own
@@ -178,9 +176,7 @@ def lower_checked(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) 
     if not all(map(can_repeat, operands)):
         return None
     value = fill_operands(str(form.text), operands)
-    otherwise = sql_builder.mark_as_rare(
-        lowering.call_python(call, [lowering.lower_value(argument, env) for argument in call.arguments])
-    )
+    otherwise = lowering.call_python(call, env, rarely=True)
     if test is Check.NOT_NULL:
         return sql_builder.call("coalesce", value, otherwise)
     assert isinstance(test, str), f"SQL has no {test}"
@@ -231,17 +227,11 @@ def lower_size_checked(lowering: ExpressionLowering, call: plan.Call, env: SqlSc
         return None
     otherwise = sql_builder.mark_as_rare(_call_python_operators(lowering, call, env))
     if not whole:
-        return sql_builder.case([(_build_between(node, MAX_SAFE_FLOAT), node)], otherwise)
+        return sql_builder.case([(sql_builder.between(node, -MAX_SAFE_FLOAT, MAX_SAFE_FLOAT), node)], otherwise)
     if not any(_choose_inner_form(argument, Kind.INT, env) for argument in call.arguments):
-        return sql_builder.case([(_build_between(node, MAX_SAFE_INTEGER), node)], otherwise)
+        return sql_builder.case([(sql_builder.between(node, -MAX_SAFE_INTEGER, MAX_SAFE_INTEGER), node)], otherwise)
     is_whole = sql_builder.binary(exp.EQ, sql_builder.call("typeof", node.copy()), sql_builder.string("integer"))
     return sql_builder.case([(is_whole, node)], otherwise)
-
-
-def _build_between(node: Node, limit: float) -> Node:
-    return exp.Between(
-        this=sql_builder.wrap_operand(node.copy()), low=sql_builder.number(-limit), high=sql_builder.number(limit)
-    )
 
 
 def _choose_inner_form(expr: plan.Expr, kinds: Kind, env: SqlScope) -> Form | None:
@@ -258,7 +248,8 @@ def _call_python_operators(lowering: ExpressionLowering, expr: plan.Expr, env: S
     """The same with a Python call for every operator."""
     if not isinstance(expr, plan.Call) or _choose_inner_form(expr, expr.type.kinds, env) is None:
         return lowering.lower_value(expr, env)
-    return lowering.call_python(expr, [_call_python_operators(lowering, argument, env) for argument in expr.arguments])
+    operands = [_call_python_operators(lowering, argument, env) for argument in expr.arguments]
+    return lowering.write_python_call(expr, operands)
 
 
 def _lower_chain(lowering: ExpressionLowering, expr: plan.Expr, env: SqlScope, kinds: Kind) -> Node | None:

@@ -192,9 +192,7 @@ class PortableExpressions:
             case plan.GroupKey(query=query, index=index) if (query, index) in scope.groups:
                 return scope.groups[(query, index)].copy()
             case plan.And(parts=parts):
-                joined = sql_builder.conjunction([self.lower_condition(part, scope) for part in parts])
-                assert joined is not None
-                return joined
+                return sql_builder.join_by_and([self.lower_condition(part, scope) for part in parts])
             case plan.Or(parts=parts):
                 return sql_builder.disjunction([self.lower_condition(part, scope) for part in parts])
             case plan.Xor(left=left, right=right):
