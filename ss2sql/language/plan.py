@@ -8,18 +8,22 @@ a `Type`, a promise about its values, and the span of its text.
 from __future__ import annotations
 
 from dataclasses import field, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 from ss2sql.errors import Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import ANY, BOOL, Type
 
-if TYPE_CHECKING:
-    pass
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A part of the plan, with its place in the script."""
+
+    span: Span = field(compare=False, repr=False, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
-class TableSource:
+class TableSource(Node):
     """A table or view of the database. `order` names what sorts it: `rowid`, primary key columns, or nothing (a view).
 
     `collated`: columns that SQLite would not compare byte by byte. `indexes`: (columns, index), "" for the primary key.
@@ -36,11 +40,10 @@ class TableSource:
     texts_for_numbers: tuple[str, ...] = ()
     indexes: tuple[tuple[tuple[str, ...], str], ...] = ()
     indexed: bool = False  # SQLite may find its rows in another order
-    span: Span = field(compare=False, repr=False, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
-class ValueSource:
+class ValueSource(Node):
     """The elements of a value, which may mention earlier sources, the search's state and outer queries.
 
     `columns` is None where they are known only at run time. `lateral`: as written it reads an earlier source or the
@@ -53,11 +56,10 @@ class ValueSource:
     element: Type
     columns: tuple[tuple[str, Type], ...] | None
     lateral: bool = False
-    span: Span = field(compare=False, repr=False, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
-class QuerySource:
+class QuerySource(Node):
     """A query in FROM: its elements are those of the query's value. `lateral` see ValueSource.
 
     Where it is `optional` and the query has none, there is one element, None, and so is every column.
@@ -70,11 +72,10 @@ class QuerySource:
     columns: tuple[tuple[str, Type], ...] | None
     lateral: bool = False
     optional: bool = False
-    span: Span = field(compare=False, repr=False, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
-class WorldSource:
+class WorldSource(Node):
     """A table of an attached world; the `arguments` of a table function may mention earlier sources and the state.
 
     `table` is the session's, see vtables/attached_worlds.py.
@@ -86,7 +87,6 @@ class WorldSource:
     arguments: tuple[Expr, ...]
     element: Type
     columns: tuple[tuple[str, Type], ...]
-    span: Span = field(compare=False, repr=False, kw_only=True)
 
 
 Source: TypeAlias = TableSource | ValueSource | QuerySource | WorldSource
@@ -95,7 +95,7 @@ SOURCES = (TableSource, ValueSource, QuerySource, WorldSource)
 
 # --- the plan: a script with every name resolved, the form between the frontend and the executors
 @dataclass(frozen=True, slots=True)
-class Statement:
+class Statement(Node):
     """One statement with what its plan relies on.
 
     `reads` are the script variables and parameters that it reads, with the types that were assumed; `tables` those of
@@ -106,7 +106,6 @@ class Statement:
     reads: tuple[tuple[str, Type], ...] = ()
     tables: tuple[TableSource | WorldSource, ...] = ()
     tentative: bool = False
-    span: Span = field(compare=False, repr=False, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,15 +155,11 @@ class FactColumn(NamedTuple):
     has_value: bool = True
 
 
-def _span() -> Any:
-    return field(compare=False, repr=False, kw_only=True)
-
-
 # --- expressions ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Constant:
+class Constant(Node):
     """A value known from the text: None, bool, int, float, str, or a list of such values.
 
     Constants compare by value and type: [1, 2.0] and [1.0, 2] differ.
@@ -172,7 +167,6 @@ class Constant:
 
     value: Any
     type: Type
-    span: Span = _span()
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Constant):
@@ -184,150 +178,135 @@ class Constant:
 
 
 @dataclass(frozen=True, slots=True)
-class Variable:
+class Variable(Node):
     """A script variable or parameter, read when the expression is evaluated; in FROM a `frame` stays a data frame."""
 
     name: str
     type: Type = ANY
     frame: bool = False
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Temporal:
+class Temporal(Node):
     """`name{}` (when is None: all kept values) or `name{when}`."""
 
     name: str
     when: Expr | None
     type: Type = ANY
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Element:
+class Element(Node):
     """`this` of a source: the current element, of a table the row as a dict."""
 
     source: int
     type: Type = ANY
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class Column(Node):
     """A column of the current element; `declared` is False where columns are known only at run time."""
 
     source: int
     name: str
     type: Type = ANY
     declared: bool = True
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class State(Node):
     """A START WITH variable of the query with this number, as it was before CONNECT BY of this step."""
 
     query: int
     name: str
     type: Type = ANY
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class Call(Node):
     """A call of a function or operator; errors point at its `place`: the call, or the operator's sign."""
 
     function: Function
     arguments: tuple[Expr, ...]
     type: Type = ANY
-    span: Span = _span()
-    place: Span = _span()
+    place: Span = field(compare=False, repr=False, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
-class And:
+class And(Node):
     """Evaluates its parts from left to right until one is false; gives a bool."""
 
     parts: tuple[Expr, ...]
     type: Type = BOOL
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Or:
+class Or(Node):
     """Evaluates its parts from left to right until one is true; gives a bool."""
 
     parts: tuple[Expr, ...]
     type: Type = BOOL
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Xor:
+class Xor(Node):
     left: Expr
     right: Expr
     type: Type = BOOL
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Not:
+class Not(Node):
     operand: Expr
     type: Type = BOOL
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class If:
+class If(Node):
     """One of two non-empty branches runs left to right; its last value is the result."""
 
     condition: Expr
     then: tuple[Expr, ...]
     otherwise: tuple[Expr, ...]
     type: Type = ANY
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class MakeList:
+class MakeList(Node):
     items: tuple[Expr, ...]
     type: Type = ANY
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Assign:
+class Assign(Node):
     """Assigns a script variable; its value is the assigned one."""
 
     name: str
     value: Expr
     type: Type = ANY
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class TemporalAssign:
+class TemporalAssign(Node):
     """Stores the value with the time, and keeps what was in force during the last `keep` seconds."""
 
     name: str
     keep: Expr
     value: Expr
     type: Type = ANY
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class AssignLate:
+class AssignLate(Node):
     """Binds a variable to a list literal, a syntax tree, that is resolved where the variable is used as a source."""
 
     name: str
     literal: Any
     type: Type = ANY
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Eval:
+class Eval(Node):
     """`eval(text)`: the string is parsed and resolved when it runs, in the scope of this place.
 
     `scope` belongs to the resolver; `sources` and `states` are all that are visible here, for the script in the string.
@@ -338,21 +317,19 @@ class Eval:
     sources: tuple[int, ...]
     states: tuple[tuple[int, str], ...]
     type: Type = ANY
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class GroupKey:
+class GroupKey(Node):
     """The value of GROUP BY expression number `index` of a query, in a clause that sees groups."""
 
     query: int
     index: int
     type: Type = ANY
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Aggregate:
+class Aggregate(Node):
     """`count count_distinct sum min max average` over the rows of a group; `count(*)` has no argument.
 
     The group `may_be_empty` where there is no GROUP BY.
@@ -362,16 +339,14 @@ class Aggregate:
     argument: Expr | None
     type: Type = ANY
     may_be_empty: bool = False
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Subquery:
+class Subquery(Node):
     """A query as an expression: its value is what its representation makes of its rows."""
 
     query: Query
     type: Type = ANY
-    span: Span = _span()
 
 
 # --- queries -------------------------------------------------------------------------------------------
@@ -447,7 +422,7 @@ class Search:
 
 
 @dataclass(frozen=True, slots=True)
-class Query:
+class Query(Node):
     """A query.
 
     Without GROUP BY: the product of `sources` (the last varies fastest), filtered by `where`, gives one row
@@ -478,7 +453,6 @@ class Query:
     rows: tuple[Expr, ...] = ()
     distinct: bool = False
     last: bool = False
-    span: Span = _span()
 
     @property
     def grouped(self) -> bool:

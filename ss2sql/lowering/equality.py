@@ -79,7 +79,7 @@ def _split_indexes(call: plan.Call) -> tuple[plan.Expr, list[plan.Expr]]:
 
 
 def _choose_encoding(kind: Type, depth: int) -> tuple[ListEncoding, Type] | None:
-    """How lists of the type are packed, and the type of what is packed; None where they cannot be, or where their size is not known."""
+    """How lists of the type are packed, and the type of their items; None where they cannot be."""
     for _ in range(depth):
         if kind.kinds != Kind.LIST or kind.size is None or kind.item is None:
             return None

@@ -16,7 +16,7 @@ from ss2sql.frontend.resolve.scope import make_element
 from ss2sql.frontend.syntax.tree_builder import OPERATORS
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import list_sources, list_states, walk
+from ss2sql.language.plan_traversal import is_volatile, list_sources, list_states
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve.resolver import Resolver
@@ -83,7 +83,9 @@ def _make_fact(output: plan.Output, sources: tuple[plan.Source, ...], hidden: li
             arguments, valued = [element], False
         case plan.Column(source=number, name=word):
             name, arguments = word, _find_elements(tuple(source for source in sources if source.id == number))
-        case plan.Call(function=function, arguments=given) if function.name not in _SIGNS and _are_repeatable(given):
+        case plan.Call(function=function, arguments=given) if function.name not in _SIGNS and not any(
+            map(is_volatile, given)
+        ):
             word = function.name.removeprefix("world_").rpartition(".")[2]
             name, arguments = word, list(given)
     if not re.fullmatch(rf"{re.escape(name)}(_\d+)?", output.name):
@@ -92,13 +94,3 @@ def _make_fact(output: plan.Output, sources: tuple[plan.Source, ...], hidden: li
         if argument not in hidden:
             hidden.append(argument)
     return plan.FactColumn(name, tuple(map(hidden.index, arguments)), valued)
-
-
-def _are_repeatable(arguments: tuple[plan.Expr, ...]) -> bool:
-    """Whether evaluating the arguments a second time has no effect."""
-    nodes = [node for argument in arguments for node in walk(argument)]
-    return not any(
-        isinstance(node, plan.Assign | plan.TemporalAssign | plan.AssignLate | plan.Eval)
-        or (isinstance(node, plan.Call) and node.function.volatility == "volatile")
-        for node in nodes
-    )

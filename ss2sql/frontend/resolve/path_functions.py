@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import ResolveError, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.scope import Scope
+from ss2sql.frontend.resolve.structural_equality import renumber_node
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, make_list_type
@@ -64,7 +65,7 @@ def is_path_function(resolver: Resolver, tree: Any) -> bool:
 def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, PathFunctions]:
     """The query with the hidden variables, and their names."""
     found = PathFunctions()
-    calls = [call for call in _find_path_calls(tree) if is_path_function(resolver, call)]
+    calls = [node for node in _iterate_tree(tree) if is_path_function(resolver, node)]
     found.reads_next = any(call.function in ("next", "leaf", "path", "cycle") for call in calls)
     # An outer call is assigned first, because it reads the inner one as it was before the step.
     calls.sort(key=lambda call: -_measure_nesting(resolver, call))
@@ -142,11 +143,9 @@ def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | Non
             if more:
                 return resolver.make_call("path text", (cell, *more), tree.span, tree.span)
             values = resolver.make_call("path values", (cell,), tree.span, tree.span)
-            return replace(values, type=make_any_list_type(argument.type))
-
-
-def make_any_list_type(item: Type) -> Type:
-    return Type(Kind.LIST, item=item, columns=item.columns if item.is_only(Kind.DICT) else None)
+            item = argument.type
+            columns = item.columns if item.is_only(Kind.DICT) else None
+            return replace(values, type=Type(Kind.LIST, item=item, columns=columns))
 
 
 def substitute_next(scope: Scope, expr: plan.Expr) -> Any:
@@ -221,20 +220,7 @@ def _renumber_copy(resolver: Resolver, node: Any, numbers: dict[int, int]) -> An
         if isinstance(part, (*plan.SOURCES, plan.Query)) and part.id not in numbers:
             numbers[part.id] = resolver.make_number()
 
-    def renumber_part(part: Any) -> Any:
-        new = rebuild_node(part, renumber_part)
-        match new:
-            case plan.Element(source=number) | plan.Column(source=number) if number in numbers:
-                return replace(new, source=numbers[number])
-            case plan.State(query=number) | plan.GroupKey(query=number) if number in numbers:
-                return replace(new, query=numbers[number])
-            case plan.Query(id=number) if number in numbers:
-                return replace(new, id=numbers[number])
-            case _ if isinstance(new, plan.SOURCES) and new.id in numbers:
-                return replace(new, id=numbers[new.id])
-        return new
-
-    return renumber_part(node)
+    return renumber_node(node, numbers)
 
 
 def _extend_path(resolver: Resolver, state: plan.Expr, argument: plan.Expr, span: Span) -> plan.Expr:
@@ -249,11 +235,6 @@ def _pick_first(then: ast.Expr, otherwise: ast.Expr) -> ast.Expr:
     span = then.span
     level = (ast.Name("level()", span=span), ast.Literal(1, span=span))
     return ast.If(ast.Operator("eq", level, span=span, place=span), (then,), (otherwise,), span=span)
-
-
-def _find_path_calls(tree: ast.Query) -> list[ast.Call]:
-    """The calls in the clauses of a search, outside of inner searches."""
-    return [node for node in _iterate_tree(tree) if isinstance(node, ast.Call)]
 
 
 def _iterate_tree(tree: Any) -> Iterator[Any]:

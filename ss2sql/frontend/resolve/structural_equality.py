@@ -15,7 +15,7 @@ def is_structurally_equal(one: plan.Expr, other: plan.Expr) -> bool:
     if type(one) is not type(other) or one == other:
         return one == other
     ones, others = _collect_inner_ids(one), _collect_inner_ids(other)
-    return 0 < len(ones) == len(others) and _renumber_node(other, dict(zip(others, ones, strict=True))) == one
+    return 0 < len(ones) == len(others) and renumber_node(other, dict(zip(others, ones, strict=True))) == one
 
 
 def _collect_inner_ids(node: plan.Expr) -> list[int]:
@@ -23,14 +23,10 @@ def _collect_inner_ids(node: plan.Expr) -> list[int]:
     return [part.id for part in walk(node) if isinstance(part, (plan.Query, *plan.SOURCES))]
 
 
-def _renumber_node(node: Any, numbers: Mapping[int, int]) -> Any:
+def renumber_node(node: Any, numbers: Mapping[int, int]) -> Any:
     """The node with the numbers of queries and sources replaced by `numbers`, as far as that names them."""
-    node = rebuild_node(node, lambda part: _renumber_node(part, numbers))
+    node = rebuild_node(node, lambda part: renumber_node(part, numbers))
     match node:
-        case plan.Query(id=number) | plan.TableSource(id=number) | plan.ValueSource(id=number):
-            return replace(node, id=numbers.get(number, number))
-        case plan.QuerySource(id=number) | plan.WorldSource(id=number):
-            return replace(node, id=numbers.get(number, number))
         case plan.Element(source=number) | plan.Column(source=number):
             return replace(node, source=numbers.get(number, number))
         case plan.State(query=number) | plan.GroupKey(query=number):
@@ -39,4 +35,5 @@ def _renumber_node(node: Any, numbers: Mapping[int, int]) -> Any:
             renamed = tuple((numbers.get(query, query), name) for query, name in states)
             return replace(node, sources=tuple(numbers.get(each, each) for each in sources), states=renamed)
         case _:
-            return node
+            own = isinstance(node, (plan.Query, *plan.SOURCES)) and node.id in numbers
+            return replace(node, id=numbers[node.id]) if own else node

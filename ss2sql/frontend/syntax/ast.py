@@ -12,7 +12,6 @@ from typing import Any, TypeAlias
 
 from ss2sql.errors import Span
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.frontend.syntax import ast
 
 
 def _span() -> Any:
@@ -20,46 +19,48 @@ def _span() -> Any:
 
 
 @dataclass(frozen=True, slots=True)
-class Literal:
+class Node:
+    """A part of the tree, with the place of its text."""
+
+    span: Span = field(compare=False, repr=False, kw_only=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Literal(Node):
     """None, True, False, an integer, a float or a string."""
 
     value: bool | int | float | str | None
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Name:
+class Name(Node):
     """A bare name: START WITH variable, column, script variable or, alone in SELECT, a function."""
 
     name: str
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class This:
+class This(Node):
     """`this`, or `source.this` with the source's name."""
 
     source: str | None
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Attribute:
+class Attribute(Node):
     """`source.column`, or `this.column` (source is None); in FROM also `world.table`."""
 
     source: str | None
     name: str
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class ListLiteral:
+class ListLiteral(Node):
     items: tuple[Expr, ...]
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Call:
+class Call(Node):
     """`name(arguments)`. An argument `name = expr` is an `Assign`; `count(*)` has `star` set, `world.f()` an owner.
 
     `count(DISTINCT x)` is `distinct`.
@@ -67,33 +68,30 @@ class Call:
 
     function: str
     arguments: tuple[Expr, ...]
-    span: Span = _span()
     star: bool = False
     owner: str | None = None
     distinct: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Index:
+class Index(Node):
     """`value[i]`; `x[i, j]` is an Index of an Index."""
 
     value: Expr
     index: Expr
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Slice:
+class Slice(Node):
     """`value[lower:upper]`, either bound may be missing."""
 
     value: Expr
     lower: Expr | None
     upper: Expr | None
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Operator:
+class Operator(Node):
     """An operator by its function name: `add sub mul div mod pow neg lt le eq ne ge gt in not_in like`.
 
     `span` covers the whole expression, `place` the operator sign alone.
@@ -101,107 +99,94 @@ class Operator:
 
     function: str
     operands: tuple[Expr, ...]
-    span: Span = _span()
     place: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Between:
+class Between(Node):
     """`value BETWEEN low AND high`; `place` see Operator."""
 
     value: Expr
     low: Expr
     high: Expr
-    span: Span = _span()
     place: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class And:
+class And(Node):
     """`a AND b AND ...`, flattened, at least two parts."""
 
     parts: tuple[Expr, ...]
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Or:
+class Or(Node):
     """`a OR b OR ...`, flattened, at least two parts."""
 
     parts: tuple[Expr, ...]
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Xor:
+class Xor(Node):
     left: Expr
     right: Expr
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Not:
+class Not(Node):
     operand: Expr
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class If:
+class If(Node):
     """`IF(condition; then, ...; otherwise, ...)`; an empty branch gives True, respectively False."""
 
     condition: Expr
     then: tuple[Expr, ...]
     otherwise: tuple[Expr, ...]
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Assign:
+class Assign(Node):
     """`name = expr`; its value is the value of the expression."""
 
     name: str
     value: Expr
-    span: Span = _span()
     name_span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class TemporalAssign:
+class TemporalAssign(Node):
     """`name{keep} = expr`: stores the value with the time and keeps `keep` seconds of history."""
 
     name: str
     keep: Expr
     value: Expr
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Temporal:
+class Temporal(Node):
     """`name{}` (when is None), `name{-2.0}` or `name{22.2}`."""
 
     name: str
     when: Expr | None
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Star:
+class Star(Node):
     """`SELECT *`."""
 
-    span: Span = _span()
-
 
 @dataclass(frozen=True, slots=True)
-class Named:
+class Named(Node):
     """`expr AS name`, a column of SELECT."""
 
     expr: Expr
     name: str
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class From:
+class From(Node):
     """One source of FROM, `name = expr`; without a written name the name is None.
 
     After JOIN it has a condition `on`, which sees the sources up to it; after LEFT JOIN it is `optional`.
@@ -209,23 +194,21 @@ class From:
 
     name: str | None
     expr: Expr
-    span: Span = _span()
     on: Expr | None = None
     optional: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Each:
+class Each(Node):
     """`EACH name IN values` in START WITH: the search starts once for each value."""
 
     name: str
     values: Expr
-    span: Span = _span()
     name_span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Option:
+class Option(Node):
     """An option of CONNECT BY.
 
     `keyword` is one of `DEPTH FIRST`, `BREADTH FIRST`, `COST`, `HEURISTIC`, `PROBABILITY`, `MEMORIZE`,
@@ -235,28 +218,25 @@ class Option:
     keyword: str
     argument: Expr | None
     by: tuple[Expr, ...] = ()
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class OrderKey:
+class OrderKey(Node):
     expr: Expr
     descending: bool
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Representation:
+class Representation(Node):
     """`AS name(arguments)`: positional arguments, then named ones."""
 
     name: str
     arguments: tuple[Expr, ...]
     named: tuple[Assign, ...]
-    span: Span = _span()
 
 
 @dataclass(frozen=True, slots=True)
-class Query:
+class Query(Node):
     """A query; clauses that are not written are None or empty tuples.
 
     `first` is the condition of START WITH, `made` that of CONNECT BY, `siblings` are the keys of ORDER SIBLINGS BY.
@@ -280,7 +260,6 @@ class Query:
     distinct: bool = False
     representation: Representation | None = None
     last: bool = False
-    span: Span = _span()
 
     @property
     def searches(self) -> bool:
@@ -304,23 +283,22 @@ def list_children(tree: Any) -> Iterator[Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class Script:
+class Script(Node):
     """The statements of a script in order, at least one."""
 
     statements: tuple[Expr, ...]
-    span: Span = _span()
 
 
-def collect_column_names(*trees: ast.Script | ast.Expr) -> frozenset[str] | None:
+def collect_column_names(*trees: Script | Expr) -> frozenset[str] | None:
     """The names in trees that may be columns; None where any column may be read: by `*`, `this` or `eval`."""
     names: set[str] = set()
     waiting: list[Any] = list(trees)
     while waiting:
         node = waiting.pop()
         match node:
-            case ast.Star() | ast.This() | ast.Call(function="eval", owner=None):
+            case Star() | This() | Call(function="eval", owner=None):
                 return None
-            case ast.Name(name=name) | ast.Attribute(name=name):
+            case Name(name=name) | Attribute(name=name):
                 names.add(name)
-        waiting.extend(ast.list_children(node))
+        waiting.extend(list_children(node))
     return frozenset(names)
