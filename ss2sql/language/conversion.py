@@ -210,10 +210,6 @@ def convert_value(value: Any, giver: str, named: bool = False) -> Any:
         return value
     if kind is float and isfinite(value):
         return value
-    if kind is list and len(value) < 16 and is_shallow_scalar_list(value):
-        marshalled = dumps(value, 2)
-        if is_marshalled_value(marshalled) or not _find_suspect_bytes(marshalled):
-            return value
     try:
         return value if _is_clean(value, 0) else _convert_value(value, 0, named)
     except _RefusedValue as refused:

@@ -208,10 +208,6 @@ class Instance:
             assert row.value is not None
             values = (argument.value for argument in arguments if isinstance(argument, plan.Constant))
             return self._build_constant(row.value(*values))
-        if name == "pow" and _is_square(arguments[1], types[0]) and _is_cheap(arguments[0]):
-            # The same for integers, and SQLite can do it.
-            name, arguments = "mul", (arguments[0], arguments[0])
-            row, types = OPERATIONS[name], (types[0], types[0])
         made = plan.Call(row.make_function(types), arguments, row.result(types), span=self.span, place=self.place)
         return self._remember_node(made)
 
@@ -220,19 +216,10 @@ class Instance:
         match container, index:
             case plan.MakeList(items=items), plan.Constant(value=int(place)) if -len(items) <= place < len(items):
                 return items[place]
-            case plan.Constant(value=list() | str() as known), plan.Constant(value=int(place)) if (
-                -len(known) <= place < len(known)
-            ):
-                return self._build_constant(known[place])
             case plan.Element(), plan.Constant(value=str(name)):
                 return self.column(container, name)
             case _:
                 return None
-
-
-def _is_square(exponent: plan.Expr, base: Type) -> bool:
-    """Whether it is the square of an integer."""
-    return isinstance(exponent, plan.Constant) and repr(exponent.value) == "2" and base.is_only(Kind.INT)
 
 
 def _is_plain(kind: Type) -> bool:

@@ -219,26 +219,21 @@ def _scan_bindings(nodes: Sequence[ast.AST], found: Names, looped: bool) -> None
         match node:
             case _ if type(node) not in _BINDING:
                 _scan_bindings(list(ast.iter_child_nodes(node)), found, looped)
-            case ast.Assign(targets=targets, value=value):
-                for target, part in (pair for whole in targets for pair in pair_targets(whole, value)):
-                    _bind_target(target, part, found, looped)
-                _scan_bindings([value], found, looped)
-            case ast.AnnAssign(target=target, value=ast.expr() as value):
-                _bind_target(target, value, found, looped)
-                _scan_bindings([value], found, looped)
-            case ast.NamedExpr(target=target, value=value):
-                _bind_target(target, value, found, looped)
+            case ast.Assign(value=value) | ast.AnnAssign(value=ast.expr() as value) | ast.NamedExpr(value=value):
+                for whole in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                    for target, part in pair_targets(whole, value):
+                        _bind_target(target, part, found, looped)
                 _scan_bindings([value], found, looped)
             case ast.AugAssign(target=ast.Name(id=name), value=value):
                 found[name].append(Binding("update", node, looped))
                 _scan_bindings([value], found, looped)
-            case ast.FunctionDef(name=name, args=arguments, decorator_list=decorators):
-                plain = Binding("function", node, looped) if not decorators else Binding("value", None, looped)
-                found[name].append(plain)
-                _scan_bindings([*decorators, arguments, *([node.returns] if node.returns else [])], found, looped)
-            case ast.AsyncFunctionDef(name=name, args=arguments, decorator_list=decorators):
-                found[name].append(Binding("value", None, looped))
-                _scan_bindings([*decorators, arguments], found, looped)
+            case (
+                ast.FunctionDef(name=name, decorator_list=decorators)
+                | ast.AsyncFunctionDef(name=name, decorator_list=decorators)
+            ):
+                plain = isinstance(node, ast.FunctionDef) and not decorators
+                found[name].append(Binding("function", node, looped) if plain else Binding("value", None, looped))
+                _scan_bindings([*decorators, node.args, *([node.returns] if node.returns else [])], found, looped)
             case ast.ClassDef(name=name, bases=bases, keywords=keywords, decorator_list=decorators):
                 found[name].append(Binding("value", None, looped))
                 _scan_bindings([*decorators, *bases, *keywords], found, looped)
@@ -261,15 +256,9 @@ def _scan_bindings(nodes: Sequence[ast.AST], found: Names, looped: bool) -> None
             case ast.ExceptHandler(type=ast.expr() as error, name=str(name), body=body):
                 found[name].append(Binding("error", None, looped))
                 _scan_bindings([error, *body], found, looped)
-            case ast.MatchAs(name=str(name), pattern=pattern):
+            case ast.MatchAs(name=str(name)) | ast.MatchStar(name=str(name)) | ast.MatchMapping(rest=str(name)):
                 found[name].append(Binding("other", None, looped))
-                _scan_bindings([pattern] if pattern else [], found, looped)
-            case ast.MatchStar(name=str(name)):
-                found[name].append(Binding("other", None, looped))
-            case ast.MatchMapping(rest=rest, patterns=patterns):
-                if rest is not None:
-                    found[rest].append(Binding("other", None, looped))
-                _scan_bindings(patterns, found, looped)
+                _scan_bindings(list(ast.iter_child_nodes(node)), found, looped)
             case _:
                 looping = looped or isinstance(node, ast.For | ast.AsyncFor | ast.While)
                 _scan_bindings(list(ast.iter_child_nodes(node)), found, looping)
