@@ -81,7 +81,7 @@ def another_copy(_: Session) -> object:
 
 FROM_PYTHON: dict[str, Callable[[Session], object]] = {
     "P004": lambda session: session.run("x = 1;" * 100_000),
-    "P005": lambda session: session.run("(" * 10_000 + "1" + ")" * 10_000),
+    "P005": lambda session: session.run("[" * 10_000 + "1" + "]" * 10_000),
     "R009": lambda session: session.compile("SELECT this * factor FROM [1]").run(),
     "U001": lambda session: session.run("n = 0; SELECT (n = n + 1) FROM [1]", engine="database"),
     "X010": lambda session: session.run("SELECT this FROM [1, 2, 3]", max_rows=2),

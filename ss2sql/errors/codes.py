@@ -59,8 +59,8 @@ CODES: dict[str, Code] = _make_code_table(
     ),
     (
         "P005", "nested too deeply",
-        "Parentheses, queries or operators nested deeper than 200 are refused, and so are chains of one operator with "
-        "more than 300 operands.",
+        "Lists, calls, queries and operators nested deeper than 300 levels are refused, and so are chains of one "
+        "operator with more than 300 operands.",
         "A script is processed by recursive functions, and the stack of a process is limited; an error is better than "
         "a crash.",
         "Assign inner parts to variables. Long sums are written `sum([...])`, long alternatives `x IN [...]`.",

@@ -4,7 +4,7 @@ with checking(run.check):
     ...
         for value in watched(values):  # checks every few thousand values whether to go on
 
-Scripts may nest 200 levels deep, and late lists put one text inside another. Each level takes several
+Scripts may nest 300 levels deep, and late lists put one text inside another. Each level takes several
 frames, in the compiler and where nested queries run, so Python's limit of 1,000 frames is raised for as long
 as it is needed. Calls of Python functions from Python code take no C stack, so this is safe.
 """

@@ -1,4 +1,4 @@
-"""The tokenizer: limits on size and nesting, names, numbers, strings, comments.
+"""The tokenizer: the limit on size, names, numbers, strings, comments.
 
 It works without recursion, so any text, however large or odd, is safe. Unreadable characters become tokens of a kind
 that the grammar lacks; the parser stops there, and `explain_unreadable` gives the error.
@@ -17,7 +17,6 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax.parse_table import END
 
 MAX_BYTES = 256 * 1024
-MAX_NESTING = 200
 RESERVED = frozenset(("SELECT", "FROM", "AS", "IF", "AND", "OR", "XOR", "NOT", "IN", "TRUE", "FALSE", "NONE", "THIS"))
 CONTEXTUAL = frozenset((
     "WHERE", "START", "WITH", "CONNECT", "BY", "STOP", "GROUP", "HAVING", "ORDER", "ASC", "DESC", "LIMIT", "DEPTH",
@@ -80,15 +79,13 @@ _SQL_SIGNS = frozenset(("||", "&&", "!"))
 def tokenize(source: Source) -> list[Token]:
     """The tokens of a script, closed by one of kind `END`.
 
-    Raises ParseError: P003 for text that is no script at all, P004 for one that is too large, P005 for one that
-    is nested too deeply.
+    Raises ParseError: P003 for text that is no script at all, P004 for one that is too large.
     """
     _check_text(source)
     found = list(iterate_tokens(source.text))
     end = found[-1].end if found else 0
     found.append(Token(END, "", end, end))
     _turn_words_into_names(found)
-    _check_nesting(source, found)
     return found
 
 
@@ -247,57 +244,6 @@ def shorten_text(text: str) -> str:
     """A text for an error message: at most thirty characters, on one line."""
     text = " ".join(text.split())
     return text if len(text) <= 30 else text[:27] + "..."
-
-
-_OPERAND_ENDS = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE", ")", "]", "}"))
-_POWER_PARTS = _OPERAND_ENDS | {"(", "[", "{", "."}
-
-
-def _check_nesting(source: Source, found: list[Token]) -> None:
-    """Refuses what would nest deeper than `MAX_NESTING`: brackets, bare queries, prefix operators, powers."""
-    opened = [0]  # per open bracket: the bare queries, beyond the first, without an end so far
-    selects: list[list[bool]] = [[]]  # per open bracket: the bare queries, and whether they have reached FROM
-    prefixes = powers = 0
-    before = ""
-    for token in found:
-        kind = token.kind
-        if kind == "NOT" or (kind == "-" and before not in _OPERAND_ENDS):
-            prefixes += 1
-        else:
-            prefixes = 0
-            if kind in OPENING:
-                opened.append(opened[-1])
-                selects.append([])
-            elif kind in CLOSING:
-                if len(opened) > 1:
-                    opened.pop()
-                    selects.pop()
-            elif kind == "SELECT":
-                selects[-1].append(False)
-                opened[-1] += len(selects[-1]) > 1
-            elif kind == "FROM" and selects[-1]:
-                selects[-1][-1] = True
-            elif kind == "AS" and selects[-1] and selects[-1][-1]:  # before FROM it names a column
-                opened[-1] -= len(selects[-1]) > 1
-                selects[-1].pop()
-            elif kind == ";":
-                opened[-1] -= max(0, len(selects[-1]) - 1)
-                selects[-1].clear()
-            if kind == "^":
-                powers += 1
-            elif kind not in _POWER_PARTS:
-                powers = 0
-        if len(opened) - 1 + opened[-1] + prefixes + powers > MAX_NESTING:
-            raise make_nesting_error(Span(source, token.start, token.end), f"{MAX_NESTING} levels")
-        before = kind
-
-
-def make_nesting_error(span: Span, limit: str) -> ParseError:
-    """The error for what is nested deeper than `limit`, at `span`."""
-    return ParseError(
-        "P005", f"the script is nested deeper than {limit}", span,
-        ["assign inner parts to variables first; long data comes from Python as a variable"],
-    )  # fmt: skip
 
 
 _ESCAPE = re.compile(

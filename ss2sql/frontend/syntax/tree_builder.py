@@ -345,7 +345,8 @@ def _make_depth_error(node: Any) -> ParseError:
             cure = "sum([a, b, ...]) adds a list" if node.function == "add" else "assign parts of it to variables first"
             message = f"more than {MAX_DEPTH} values are joined by {node.place.text}"
             return ParseError("P005", message, node.place, (cure, "long data comes from Python as a variable"))
-    return tokenizer.make_nesting_error(node.span, f"{MAX_DEPTH} expressions")
+    cures = ("assign inner parts to variables first; long data comes from Python as a variable",)
+    return ParseError("P005", f"the script is nested deeper than {MAX_DEPTH} levels", node.span, cures)
 
 
 # --- the builder's second half: queries and their clauses
