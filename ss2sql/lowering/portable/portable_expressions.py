@@ -9,19 +9,19 @@ meet: they are written so that their truth is never NULL.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import field, replace
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 from sqlglot import exp
 
 from ss2sql.errors import Error, Span, UnsupportedError
-from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import NOTHING, Kind, Type
-from ss2sql.language.operations import OPERATIONS
+from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.language.plan_traversal import can_fail, list_choices
 from ss2sql.lowering import sql_builder
+from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.sqlite_forms import fill_operands
 
 SCALARS = {Kind.INT: "BIGINT", Kind.FLOAT: "DOUBLE", Kind.STR: "VARCHAR", Kind.BOOL: "BOOLEAN"}
@@ -70,7 +70,7 @@ def build_refusal(reason: str, span: Span, cure: str = CURE) -> UnsupportedError
 
 
 # --- equality and membership, which have no forms, each under the types for which its meaning is the same
-WriteFunction: TypeAlias = "Callable[[PortableExpressions, plan.Call, PortableScope], Node | None]"
+WriteFunction: TypeAlias = "Callable[[PortableExpressions, plan.Call, SqlScope], Node | None]"
 
 
 def _are_comparable(left: Type, right: Type) -> bool:
@@ -81,7 +81,7 @@ def _are_comparable(left: Type, right: Type) -> bool:
     )
 
 
-def _write_equality(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
+def _write_equality(of: PortableExpressions, call: plan.Call, scope: SqlScope) -> Node | None:
     equal = call.function.name == "eq"
     nodes = [of.lower_value(argument, scope) for argument in call.arguments]
     for known, other in (nodes, reversed(nodes)):
@@ -96,7 +96,7 @@ def _write_equality(of: PortableExpressions, call: plan.Call, scope: PortableSco
     return sql_builder.binary(exp.EQ if equal else exp.NEQ, *nodes)
 
 
-def _write_membership(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
+def _write_membership(of: PortableExpressions, call: plan.Call, scope: SqlScope) -> Node | None:
     item, container = call.arguments
     test: Node
     if item.type.kinds == Kind.STR == container.type.kinds:
@@ -120,7 +120,7 @@ def _write_membership(of: PortableExpressions, call: plan.Call, scope: PortableS
     return test if call.function.name == "in" else exp.Not(this=sql_builder.wrap_operand(test))
 
 
-def _write_like(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
+def _write_like(of: PortableExpressions, call: plan.Call, scope: SqlScope) -> Node | None:
     """LIKE; what a backslash means in its pattern is not the same everywhere."""
     pattern = call.arguments[1]
     if not isinstance(pattern, plan.Constant) or "\\" in pattern.value:
@@ -144,19 +144,6 @@ assert SPECIAL_OPERATIONS.keys() == {name for name, row in OPERATIONS.items() if
 
 # --- expressions as SQL that means the same everywhere
 Node: TypeAlias = exp.Expr
-ColumnReader: TypeAlias = Callable[[plan.Element | plan.Column], Node]
-
-
-@dataclass(frozen=True, slots=True)
-class PortableScope:
-    """How sources and START WITH variables are read where an expression stands."""
-
-    sources: Mapping[int, ColumnReader] = field(default_factory=dict)
-    states: Mapping[tuple[int, str], Node] = field(default_factory=dict)
-    groups: Mapping[tuple[int, int], Node] = field(default_factory=dict)
-
-    def with_source(self, source: int, read: ColumnReader) -> PortableScope:
-        return replace(self, sources={**self.sources, source: read})
 
 
 class PortableExpressions:
@@ -170,8 +157,10 @@ class PortableExpressions:
         self.variable = variable
         self.parameters: dict[str, str] = {}
 
-    def lower_value(self, expr: plan.Expr, scope: PortableScope) -> Node:
+    def lower_value(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The expression. Raises UnsupportedError where it could mean something else."""
+        if isinstance(expr, plan.Aggregate):
+            return self._lower_aggregate(expr, scope)
         if isinstance(expr, plan.Call) and not expr.function.builtin:
             raise build_refusal(f"{expr.function.name} is a Python function", expr.span)
         if get_column_type(expr.type) is None and expr.type.kinds != Kind.NONE:
@@ -210,7 +199,16 @@ class PortableExpressions:
             case _:
                 raise build_refusal("this is not SQL that every database has", expr.span)
 
-    def lower_call(self, expr: plan.Call, scope: PortableScope) -> Node:
+    def _lower_aggregate(self, expr: plan.Aggregate, scope: SqlScope) -> Node:
+        if expr.argument is None:
+            return exp.Count(this=exp.Star())
+        argument = self.lower_value(expr.argument, scope)
+        for form in GROUPS[expr.function].portable:
+            if form.when([expr.argument.type]):
+                return fill_operands(str(form.text), [argument], dialect="duckdb")
+        raise build_refusal(f"{expr.function} of such values is not the same everywhere", expr.span)
+
+    def lower_call(self, expr: plan.Call, scope: SqlScope) -> Node:
         name, fails = expr.function.name, can_fail(replace(expr, arguments=()))
         written = SPECIAL_OPERATIONS.get(name, _write_form if OPERATIONS[name].portable else None)
         node = None if fails or written is None else written(self, expr, scope)
@@ -224,7 +222,7 @@ class PortableExpressions:
             raise build_refusal("this may fail, which is not the same everywhere", expr.place)
         raise build_refusal(f"{name} of such values is not the same everywhere", expr.place)
 
-    def write_python_call(self, expr: plan.Call, scope: PortableScope) -> Node | None:
+    def write_python_call(self, expr: plan.Call, scope: SqlScope) -> Node | None:
         """The call of a built-in function that has no form, where the database can call Python."""
         return None
 
@@ -254,7 +252,7 @@ class PortableExpressions:
         """What a new parameter is called in SQL."""
         return f"value_{len(self.parameters) + 1}"
 
-    def lower_condition(self, expr: plan.Expr, scope: PortableScope) -> Node:
+    def lower_condition(self, expr: plan.Expr, scope: SqlScope) -> Node:
         """The truth of an expression; never NULL."""
         node, kind = self.lower_value(expr, scope), expr.type
         if kind.kinds == Kind.BOOL:
@@ -273,7 +271,7 @@ class PortableExpressions:
         test = sql_builder.binary(exp.NEQ, node, empty)
         return exp.Coalesce(this=test, expressions=[exp.false()]) if is_nullable(kind) else test
 
-    def _write_conditional(self, expr: plan.If, scope: PortableScope) -> Node:
+    def _write_conditional(self, expr: plan.If, scope: SqlScope) -> Node:
         branches = expr.then[-1], expr.otherwise[-1]
         if any(can_fail(part) for branch in (expr.then, expr.otherwise) for part in branch[:-1]):
             raise build_refusal("what stands before the last value of a branch may fail", expr.span)
@@ -302,7 +300,7 @@ def write_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
             raise build_refusal("other databases cannot be given this value", expr.span)
 
 
-def _write_form(of: PortableExpressions, call: plan.Call, scope: PortableScope) -> Node | None:
+def _write_form(of: PortableExpressions, call: plan.Call, scope: SqlScope) -> Node | None:
     """A call that cannot fail, by the first form that fits."""
     for form in OPERATIONS[call.function.name].portable:
         inputs = list_choices(call) if form.spread else call.arguments

@@ -20,14 +20,11 @@ from sqlglot import exp
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
-from ss2sql.language.operations import GROUPS
 from ss2sql.language.plan_traversal import list_sources, walk
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.portable.portable_expressions import (
-    ColumnReader,
     Node,
     PortableExpressions,
-    PortableScope,
     build_refusal,
     cast_literal,
     get_column_type,
@@ -35,7 +32,8 @@ from ss2sql.lowering.portable.portable_expressions import (
     write_cast,
     write_constant,
 )
-from ss2sql.lowering.sqlite_forms import fill_operands
+from ss2sql.lowering.sql_names import choose_free_name
+from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
 
 PLAIN_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 # What is reserved in SQLite, and beside it in DuckDB, Spark and PostgreSQL.
@@ -62,13 +60,7 @@ class ColumnNames:
 
     def claim(self, wanted: str, otherwise: str) -> str:
         """The wanted name where it can stand without quotes and is not taken, which goes without case; else another."""
-        base = wanted.lower() if is_plain_name(wanted) else otherwise
-        name, count = base, 1
-        while name in self.taken:
-            count += 1
-            name = f"{base}_{count}"
-        self.taken.add(name)
-        return name
+        return choose_free_name(wanted.lower() if is_plain_name(wanted) else otherwise, self.taken)
 
 
 def is_plain_name(name: str) -> bool:
@@ -87,7 +79,7 @@ class PortableSource:
 
     item: Node
     places: tuple[Node, ...]
-    read: ColumnReader
+    read: Reader
 
 
 # Opens a source under a label; raises UnsupportedError.
@@ -206,27 +198,9 @@ def write_flat(query: plan.Query, variable: Callable[[str], Any] | None = None) 
         query: a query without a search.
         variable: gives the values of script variables; without it a query that reads one is refused.
     """
-    portable = GroupedExpressions(variable)
-    limit = None if query.limit is None else portable.lower_value(query.limit, PortableScope())
+    portable = PortableExpressions(variable)
+    limit = None if query.limit is None else portable.lower_value(query.limit, SqlScope())
     return FlatWriter(query, portable, RemoteSources(query, portable).open_source).write_select(limit)
-
-
-class GroupedExpressions(PortableExpressions):
-    """The expressions of a query that may have aggregates, whose arguments are seen as its rows are."""
-
-    def lower_value(self, expr: plan.Expr, scope: PortableScope) -> Node:
-        return (
-            self._lower_aggregate(expr, scope) if isinstance(expr, plan.Aggregate) else super().lower_value(expr, scope)
-        )
-
-    def _lower_aggregate(self, expr: plan.Aggregate, scope: PortableScope) -> Node:
-        if expr.argument is None:
-            return exp.Count(this=exp.Star())
-        argument = self.lower_value(expr.argument, scope)
-        for form in GROUPS[expr.function].portable:
-            if form.when([expr.argument.type]):
-                return fill_operands(str(form.text), [argument], dialect="duckdb")
-        raise build_refusal(f"{expr.function} of such values is not the same everywhere", expr.span)
 
 
 class FlatWriter:
@@ -235,7 +209,7 @@ class FlatWriter:
     def __init__(self, query: plan.Query, portable: PortableExpressions, open: OpenSource) -> None:
         assert query.search is None
         self.query, self.portable, self.open = query, portable, open
-        self.labels, self.name_scope = ColumnNames(), PortableScope()
+        self.labels, self.name_scope = ColumnNames(), SqlScope()
         self.items: list[Node] = []
         self.places: list[Node] = []  # what sorts the sources
 
@@ -296,7 +270,7 @@ class FlatWriter:
         """What writes a query in FROM."""
         return FlatWriter(query, self.portable, RemoteSources(query, self.portable).open_source)
 
-    def _write_output(self, output: plan.Output, scope: PortableScope) -> Node:
+    def _write_output(self, output: plan.Output, scope: SqlScope) -> Node:
         if output.star or output.label is not None:
             raise build_refusal("the names of these columns are not known", output.expr.span)
         return self._write_alias(self.portable.lower_value(output.expr, scope), output.name)
@@ -304,7 +278,7 @@ class FlatWriter:
     def _write_alias(self, node: Node, name: str) -> Node:
         return sql_builder.alias(node, name)
 
-    def _write_order(self, scope: PortableScope) -> list[tuple[Node, bool]]:
+    def _write_order(self, scope: SqlScope) -> list[tuple[Node, bool]]:
         return [(self.portable.lower_value(key.expr, scope), key.descending) for key in self.query.order]
 
     # --- GROUP BY ----------------------------------------------------------------------------------------

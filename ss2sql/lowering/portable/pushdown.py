@@ -24,7 +24,6 @@ from ss2sql.lowering import sql_builder
 from ss2sql.lowering.portable.portable_expressions import (
     Node,
     PortableExpressions,
-    PortableScope,
     build_refusal,
     get_column_type,
     is_exact_as_float,
@@ -35,7 +34,6 @@ from ss2sql.lowering.portable.portable_flat import (
     NUMBER_COLUMN,
     ColumnNames,
     FlatWriter,
-    GroupedExpressions,
     OpenSource,
     PortableSource,
     get_element_columns,
@@ -44,6 +42,7 @@ from ss2sql.lowering.portable.portable_flat import (
     write_inner_limit,
     write_values,
 )
+from ss2sql.lowering.sqlite_expressions import SqlScope
 
 # Begins the names of all that the database is given: nothing that a view of the user's reads is called so.
 FUNCTION_PREFIX = "ss2sql_"
@@ -119,7 +118,7 @@ def filter_table(
         variable: gives the values of script variables.
     """
     label = "kept"
-    scope = PortableScope().with_source(source.id, partial(_read_external_column, label, outside.columns, source.name))
+    scope = SqlScope().with_source(source.id, partial(_read_external_column, label, outside.columns, source.name))
     where = _write_conjunction(conditions, variable, scope)
     number = choose_number_column(outside.columns)
     numbered = exp.Alias(this=_build_column(outside.number, label), alias=quote_identifier(number))
@@ -142,7 +141,7 @@ def join_tables(
         conditions: of the rows of the product, none of which can fail.
         variable: gives the values of script variables.
     """
-    labels, scope, label_of = ColumnNames(), PortableScope(), dict[int, str]()
+    labels, scope, label_of = ColumnNames(), SqlScope(), dict[int, str]()
     items, places = list[Node](), list[Node]()
     for source, outside in tables:
         label = label_of[source.id] = labels.claim(source.name, "source")
@@ -154,9 +153,7 @@ def join_tables(
     return sql_builder.select(outputs, items, where, [(place, False) for place in places])
 
 
-def _write_conjunction(
-    conditions: Sequence[plan.Expr], variable: Callable[[str], Any], scope: PortableScope
-) -> Node | None:
+def _write_conjunction(conditions: Sequence[plan.Expr], variable: Callable[[str], Any], scope: SqlScope) -> Node | None:
     portable = PortableExpressions(variable)
     return sql_builder.conjunction([portable.lower_condition(condition, scope) for condition in conditions])
 
@@ -220,7 +217,7 @@ class _SourceWriter:
         )
 
 
-class _ExactExpressions(GroupedExpressions):
+class _ExactExpressions(PortableExpressions):
     """Aggregates of floats: rounded once, whatever the order, and the first of two that are equal.
 
     `places` sort the sources of the query that `writer` writes. Built-in functions that have no form are called in
@@ -239,7 +236,7 @@ class _ExactExpressions(GroupedExpressions):
     def name_parameter(self, name: str) -> str:
         return self.names.claim(name, "value")
 
-    def lower_value(self, expr: plan.Expr, scope: PortableScope) -> Node:
+    def lower_value(self, expr: plan.Expr, scope: SqlScope) -> Node:
         if isinstance(expr, plan.Subquery) and _has_one_row(expr.query):
             return exp.Subquery(this=self.write_rows(expr.query))
         return super().lower_value(expr, scope)
@@ -252,7 +249,7 @@ class _ExactExpressions(GroupedExpressions):
             select.set("order", None)
         return select
 
-    def write_python_call(self, expr: plan.Call, scope: PortableScope) -> Node | None:
+    def write_python_call(self, expr: plan.Call, scope: SqlScope) -> Node | None:
         """The call of the function itself, where all its values have types in the database."""
         name = expr.function.name
         row, kinds = OPERATIONS[name], [get_column_type(one.type) for one in expr.arguments]
@@ -263,7 +260,7 @@ class _ExactExpressions(GroupedExpressions):
         self.functions[function] = expr
         return exp.Anonymous(this=function, expressions=[self.lower_value(one, scope) for one in expr.arguments])
 
-    def _lower_aggregate(self, expr: plan.Aggregate, scope: PortableScope) -> Node:
+    def _lower_aggregate(self, expr: plan.Aggregate, scope: SqlScope) -> Node:
         argument = expr.argument
         if argument is None:
             return super()._lower_aggregate(expr, scope)
@@ -275,7 +272,7 @@ class _ExactExpressions(GroupedExpressions):
             return self._write_extreme(expr, argument, scope)
         return super()._lower_aggregate(expr, scope)
 
-    def _write_exact(self, function: str, argument: plan.Expr, scope: PortableScope) -> Node:
+    def _write_exact(self, function: str, argument: plan.Expr, scope: SqlScope) -> Node:
         self.functions[function] = None
         node = self.lower_value(argument, scope)
         if not argument.type.may_be(Kind.FLOAT):
@@ -286,7 +283,7 @@ class _ExactExpressions(GroupedExpressions):
             values = exp.Filter(this=values, expression=exp.Where(this=present))
         return exp.Anonymous(this=function, expressions=[values])
 
-    def _write_extreme(self, expr: plan.Aggregate, argument: plan.Expr, scope: PortableScope) -> Node:
+    def _write_extreme(self, expr: plan.Aggregate, argument: plan.Expr, scope: SqlScope) -> Node:
         """`min` or `max`."""
         node, kind = self.lower_value(argument, scope), argument.type
         found = (exp.Min if expr.function == "min" else exp.Max)(this=node)

@@ -23,13 +23,13 @@ from ss2sql.language.plan_traversal import find_direct_assignments, walk
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.portable.portable_expressions import (
     PortableExpressions,
-    PortableScope,
     build_refusal,
     cast_literal,
     get_column_type,
     is_nullable,
 )
 from ss2sql.lowering.portable.portable_flat import ColumnNames
+from ss2sql.lowering.sqlite_expressions import SqlScope
 
 MAX_ELEMENTS = 1 << 24  # of a state; a place is a step and an element, in 64 bits
 Node = exp.Expr
@@ -95,11 +95,11 @@ class _StepWriter:
             for output in query.columns
         )
         self.states = self._list_state_columns()
-        scope = PortableScope()
+        scope = SqlScope()
         for source in query.sources:
             scope = scope.with_source(source.id, partial(self._read_column, source))
         before = {(query.id, name): sql_builder.column(kept.name, "frontier") for name, kept in self.states}
-        self.name_scope = PortableScope(scope.sources, before)
+        self.name_scope = SqlScope(scope.sources, before)
 
     def _get_sql_type(self, expr: plan.Expr) -> str:
         kind = expr.type
@@ -205,9 +205,7 @@ class _StepWriter:
         """The state after a step; a later assignment sees an earlier one."""
         states = dict(self.name_scope.states)
         for name, expr in self.search.connect:
-            states[self.query.id, name] = self.portable.lower_value(
-                expr, PortableScope(self.name_scope.sources, states)
-            )
+            states[self.query.id, name] = self.portable.lower_value(expr, SqlScope(self.name_scope.sources, states))
         return {name: states[self.query.id, name].copy() for name, _ in self.search.start}
 
     def _cast_column(self, node: Node, column: TypedColumn) -> Node:
