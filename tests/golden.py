@@ -76,6 +76,28 @@ def level_searches() -> list[Case]:
     return [case for case in cases() if "value" in case.expected and any(word in case.script for word in words)]
 
 
+def script_rows(path: Path) -> list[tuple[int, str, str]]:
+    """The rows of a sheet, or of another file in its form: the line of a script, the script, and what stands behind =>.
+
+    A script may have several lines; so may what it gives, whose further lines are indented by two blanks.
+    """
+    head, _, rest = path.read_text(encoding="utf-8").partition("\n\n")
+    script: list[str] = []
+    expected: list[str] = []
+    found: list[tuple[int, str, str]] = []
+    lines = [*enumerate(rest.splitlines(), head.count("\n") + 3)]
+    for line, text in [*lines, (lines[-1][0] + 1, "# end")]:
+        if expected and not text.startswith("  "):
+            found.append((line - len(expected) - len(script), "\n".join(script), " ".join(expected)))
+            script, expected = [], []
+        if text.startswith("=> ") or expected:
+            expected.append(text.removeprefix("=> ").strip())
+        elif text.strip() and not text.startswith("# "):
+            script.append(text)
+    assert not script, f"{script} gives nothing"
+    return found
+
+
 def load(path: Path) -> Case:
     """Reads a file: title, needs, an empty line, the script, and its sections."""
     head, _, rest = path.read_text(encoding="utf-8").partition("\n\n")

@@ -9,14 +9,13 @@ A sheet, `tests/cases/**/*.sheet`, begins like a golden case: a title, what it n
     => error X002
 
 Where a row gives an error, it is that of the native run without rewrites; the others may have a value, as nothing in
-the answer may need what fails. Where SQL fails in what the answer does not need, the value ends with `(SQL gives up)`;
-with the engine `auto` it is there all the same. What the engine `database` refuses ends with `(SQL refuses)`. Below
-`duckdb: every row` DuckDB refuses none.
+the answer may need what fails, unless the code ends with `(everywhere)`. Where SQL fails in what the answer does not
+need, the value ends with `(SQL gives up)`; with the engine `auto` it is there all the same. What the engine
+`database` refuses ends with `(SQL refuses)`. Below `duckdb: every row` DuckDB refuses none.
 
-A script may have several lines; so may a value, whose further lines are indented by two blanks. Every row runs on
-SQLite, natively and in DuckDB, with rewrites and without, and on the reference evaluator. The rows of a sheet share a
-session, so a variable that one assigns is there in the next. `reference: no` below `needs:` leaves the reference
-evaluator out. Expectations follow from the language page; nothing writes them.
+Every row runs on SQLite, natively and in DuckDB, with rewrites and without, and on the reference evaluator. The rows
+of a sheet share a session, so a variable that one assigns is there in the next. `reference: no` below `needs:` leaves
+the reference evaluator out. Expectations follow from the language page; nothing writes them.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from typing import Any
 
 import pytest
 from cases import needs
-from golden import FOLDER, NEEDS, database_of
+from golden import FOLDER, NEEDS, database_of, script_rows
 from reference import Failure, Reference
 
 import ss2sql
@@ -46,6 +45,7 @@ RUNS: tuple[tuple[str, tuple[str, ...]], ...] = (
 )  # fmt: skip
 GIVES_UP = " (SQL gives up)"
 REFUSES = " (SQL refuses)"
+EVERYWHERE = " (everywhere)"
 NOT_FOR_REFERENCE = "reference: no"
 ALL_FOR_DUCKDB = "duckdb: every row"
 
@@ -59,6 +59,7 @@ class Row:
     expected: str
     gives_up: bool
     refused: bool
+    everywhere: bool
 
 
 @dataclass(frozen=True)
@@ -73,29 +74,17 @@ class Sheet:
 
 
 def load(path: Path) -> Sheet:
-    head, _, rest = path.read_text(encoding="utf-8").partition("\n\n")
+    head, _, _ = path.read_text(encoding="utf-8").partition("\n\n")
     _, *more = head.splitlines()
     named = [name for line in more if line.startswith(NEEDS) for name in line.removeprefix(NEEDS).split(", ")]
-    first = head.count("\n") + 3
-    found = tuple(rows(rest.splitlines(), first))
+    found = tuple(row(*given) for given in script_rows(path))
     return Sheet(path, tuple(named), found, NOT_FOR_REFERENCE not in more, ALL_FOR_DUCKDB in more)
 
 
-def rows(lines: list[str], first: int) -> Iterator[Row]:
-    script: list[str] = []
-    expected: list[str] = []
-    for line, text in [*enumerate(lines, first), (first + len(lines), "# end")]:
-        if expected and not text.startswith("  "):
-            given = " ".join(expected)
-            value = given.removesuffix(GIVES_UP).removesuffix(REFUSES)
-            first = line - len(expected) - len(script)
-            yield Row(first, "\n".join(script), value, given.endswith(GIVES_UP), given.endswith(REFUSES))
-            script, expected = [], []
-        if text.startswith("=> ") or expected:
-            expected.append(text.removeprefix("=> ").strip())
-        elif text.strip() and not text.startswith("# "):
-            script.append(text)
-    assert not script, f"{script} gives nothing"
+def row(line: int, script: str, given: str) -> Row:
+    ends = (given.endswith(end) for end in (GIVES_UP, REFUSES, EVERYWHERE))
+    value = given.removesuffix(GIVES_UP).removesuffix(REFUSES).removesuffix(EVERYWHERE)
+    return Row(line, script, value, *ends)
 
 
 SHEETS = [load(path) for path in sorted(FOLDER.rglob("*.sheet"))]
@@ -150,7 +139,7 @@ def test_sheet(sheet: Sheet) -> None:
                     found = given(session, row, "auto")
                 if row.gives_up and engine == "database" and found is not None and found.startswith("error "):
                     found = given(session, row, "auto")
-                spared = row.expected.startswith("error ") and (engine, disable) != WRITTEN_ORDER
+                spared = row.expected.startswith("error ") and (engine, disable) != WRITTEN_ORDER and not row.everywhere
                 if found not in (None, wanted(row)) and not spared:
                     wrong.append(f"{sheet.path.name}:{row.line}: {engine} without {disable}: {found}")
     if sheet.in_reference:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
+from golden import FOLDER, script_rows
 from hypothesis import given
 from hypothesis import strategies as st
 from programs.drawn import amount, drawn
@@ -42,84 +44,11 @@ def shown(kind: Type) -> str:
     return f"[{', '.join(map(shown, kind.positions))}]"
 
 
-FAR = STEPS  # how far a number gets that changes by 1 with every step
-
-
-@pytest.mark.parametrize(
-    ("source", "start", "connect", "stop", "expected"),
-    [
-        # A number that changes a little with every step stays far from 64 bits.
-        ("moves", "x = 5", "x = x + this[0]", "", f"x: int {5 - FAR}..{5 + 2 * FAR}"),
-        ("moves", "x = 5", "x = this[0] + x", "", f"x: int {5 - FAR}..{5 + 2 * FAR}"),
-        ("moves", "x = 5", "x = x - this[1]", "", f"x: int 5..{5 + 3 * FAR}"),
-        ("moves", "x = 5", "x = x", "", "x: int 5..5"),
-        ("moves", "x = 5", "x = 1 - x", "", "x: int -4..5"),
-        ("moves", "x = 5", "x = x + x", "", "x: int"),
-        ("moves", "x = 5", "x = x * 2", "", "x: int"),
-        ("steps", "x = 5, n = 0", "n = n + 1, x = x + dx", "", f"x: int {5 - FAR}..{5 + FAR}, n: int 0..{FAR}"),
-        ("steps", "x = 5", "x = IF(dx > 0; x + dx; IF(dy > 7; 0; x))", "", f"x: int {-FAR}..{5 + FAR}"),
-        ("steps", "x = 5", "x = IF(dx > 0; x - dy - 1; 7)", "", f"x: int {5 - 4 * FAR}..7"),
-        ("steps", "x = 5", "x = max([x - 1, 0])", "", "x: int 0..5"),
-        ("steps", "x = 5", "x = min(x + dy, 9)", "", "x: int 5..9"),
-        ("steps", "x = 1.5", "x = x + c", "", f"x: float 1.5..{1.5 + 6 * FAR}"),
-        ("steps", "x = 1", "x = x + c", "", f"x: int or float 1..{1 + 6.0 * FAR}"),
-        ("links", "x = 1", "x = x + dst", "", f"x: int 1..{1 + 4 * FAR}"),
-        ("moves", "x = 1", f"x = x + {2**25}", "", f"x: int 1..{1 + 2**61}"),
-        ("moves", "x = 1", f"x = x + {2**27}", "", "x: int"),
-        ("moves", f"x = {2**62}", "x = x + 1", "", "x: int"),
-        ("moves", "x = 1, y = 1", "x = x + y, y = x", "", "x: int, y: int"),
-        ("moves", "x = True", "x = x + 1", "", "x: bool or int"),
-        # What replaces a value gives its own type.
-        ("edges", "x = 7", "x = this[1]", "", "x: int 1..7"),
-        ("edges", "x = None", "x = this[0]", "", "x: none or int 0..2"),
-        ("edges", "x = None", "x = this", "", "x: none or list"),
-        ("names", "x = 'a'", "x = this[1]", "", "x: str"),
-        ("links", "x = 1", "x = dst", "", "x: int 1..4"),
-        ("moves", "x = 0", "x = (x + this[0]) % 10", "", "x: int 0..9"),
-        ("moves", "x = False", "x = NOT x", "", "x: bool"),
-        ("moves", "x = []", "x = x + [this[0]]", "", "x: list of int"),
-        ("moves", "x = []", "x = [x]", "", "x: list of any"),
-        # Bounds that no step leaves.
-        ("moves", "a = 0, b = 0", "a = max([0, a + b - 3]), b = min([3, a + b + 9])", "", "a: int 0..0, b: int 0..3"),
-        ("moves", "a = 0, n = 0", "a = 1 - a, n = n + 1", "", f"a: int 0..1, n: int 0..{FAR}"),
-        ("moves", "a = 1, b = 3", "a = IF(b > a; b - a; a), b = b * 2", "", "a: int, b: int"),
-        # Short lists, one by one.
-        ("moves", "p = [0, 7]", "p = [p[0] + this[0], p[1]]", "", f"p: [int {-FAR}..{2 * FAR}, int 7..7]"),
-        ("moves", "p = ['a', 7]", "p = ['b', p[1] + 1]", "", f"p: [str, int 7..{7 + FAR}]"),
-        ("edges", "p = [7, 7]", "p = this", "", "p: [int 0..7, int 1..7]"),
-        ("edges", "p = [7, 7]", "p = IF(p[0]; this; p)", "", "p: [int 0..7, int 1..7]"),
-        ("edges", "p = [7, 7]", "p = [p[1], p[0]]", "", "p: [int 7..7, int 7..7]"),
-        ("edges", "p = [7, 7]", "p = [p[0]]", "", "p: list of int"),
-        # STOP WITH speaks of every step that goes on.
-        ("moves", "x = 5", "x = x + this[0]", "x + this[0] < 0 OR x + this[0] > 299", "x: int 0..299"),
-        ("moves", "x = 5", "x = x + this[0]", "0 > x + this[0] OR width <= x + this[0]", "x: int 0..299"),
-        ("moves", "x = 5", "x = x + this[0]", "NOT (x + this[0] >= 0 AND x + this[0] < 9.5)", "x: int 0..9"),
-        ("moves", "x = 5", "x = x + this[0]", "x + this[0] < 0 AND x > 9", f"x: int {5 - FAR}..{5 + 2 * FAR}"),
-        ("moves", "x = 5", "x = x + this[0]", "x < 0 OR x > 9", "x: int -1..11"),
-        ("moves", "n = 1", "n = n + 1", "n >= 8", "n: int 1..8"),
-        ("moves", "n = 1", "n = n + 1", "n == 8", f"n: int 1..{1 + FAR}"),
-        ("moves", "x = 5", "x = x + 1", "x + 1 > 2", "x: int 5..5"),
-        ("moves", "x = 5", "x = x * 2", "x * 2 > 99 OR x * 2 < 0", "x: int 0..99"),
-        ("moves", "x = 0.5", "x = x * 2", "x > 99 OR x < 0", "x: float 0.0..198.0"),
-        ("moves", "p = [5]", "p = [p[0] + this[0]]", "p[0] + this[0] < 0 OR p[0] > 7", "p: [int 0..9]"),
-        ("moves", "x = 1", "x = x + this[0]", "width > 0 OR wall[x + this[0]] == 1", "x: int -3..2"),
-        ("moves", "x = 1", "x = x + this[0]", "[x + this[0], 0] NOT IN edges", "x: int 0..2"),
-        ("moves", "x = 1", "x = x + this[0]", "NOT (x + this[0]) IN wall", "x: int 0..2"),
-        ("moves", "x = 1", "x = x + this[0]", "x > 9 AND wall[x + this[0]] == 1", f"x: int {1 - FAR}..{1 + 2 * FAR}"),
-        ("moves", "x = 1", "x = x + this[0]", "[x + this[0], 0] IN edges", f"x: int {1 - FAR}..{1 + 2 * FAR}"),
-        ("moves", "x = 1", "x = x + this[0]", "coalesce(1, wall[x + this[0]])", f"x: int {1 - FAR}..{1 + 2 * FAR}"),
-        # A later assignment sees an earlier one, so what STOP WITH says of the name is about another value.
-        ("moves", "x = 0, y = 0", "x = x + 1, y = x + 1", "x + 1 > 5", "x: int 0..5, y: int 0..6"),
-        ("moves", "x = 0, y = 0", "x = x + 1, y = x", "x > 5", "x: int 0..6, y: int 0..6"),
-        ("edges", "x = 0, y = 9", "y = x, x = this[1]", "", "x: int 0..5, y: int 0..9"),
-        # The last assignment of several counts, and those between see the others.
-        ("moves", "x = 0, y = 0", "x = 'a', y = x, x = 1", "", "x: int or str 0..1, y: int or str 0..1"),
-    ],
-)  # fmt: skip
-def test_types_of_states(source: str, start: str, connect: str, stop: str, expected: str) -> None:
-    script = f"SELECT 1 FROM {source} START WITH {start} CONNECT BY {connect}{' STOP WITH ' + stop if stop else ''};"
-    types = states_of(session(), script)
-    assert ", ".join(f"{name}: {shown(kind)}" for name, kind in types.items()) == expected
+@pytest.mark.parametrize("row", script_rows(FOLDER / "search" / "types-of-states.rows"), ids=lambda row: row[1])
+def test_types_of_states(row: tuple[int, str, str]) -> None:
+    _, script, expected = row
+    found = ", ".join(f"{name}: {shown(kind)}" for name, kind in states_of(session(), script).items())
+    assert found == re.sub(r"\{(.*?)\}", lambda bound: str(eval(bound[1], {"FAR": STEPS})), expected)
 
 
 def test_replaced_operators_prove_nothing() -> None:

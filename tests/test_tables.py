@@ -129,28 +129,6 @@ def test_a_file_that_somebody_writes(ss: ss2sql.Session, file: Path, engine: Any
     assert query.run(engine=engine).value == [2]
 
 
-@both
-@pytest.mark.parametrize("source", ["t", "mixed", "v"])
-@pytest.mark.parametrize("infinity", ["9e999", "-9e999"])
-def test_an_infinity_becomes_no_value(ss: ss2sql.Session, file: Path, engine: Any, source: str, infinity: str) -> None:
-    write(file, f"CREATE TABLE t(a REAL); INSERT INTO t VALUES (1.5), ({infinity}), (NULL);"
-                "CREATE TABLE mixed AS SELECT a FROM t UNION ALL SELECT 'x';"
-                f"CREATE VIEW v AS SELECT 1.5 AS a UNION ALL SELECT {infinity}")  # fmt: skip
-    for script in (
-        "SELECT a FROM {};", "SELECT * FROM {};", "SELECT this FROM {} AS list;", "SELECT [a, [a]] FROM {} AS rows;",
-        "SELECT a FROM {} AS set;", "x = SELECT a FROM {} AS list;",
-        "SELECT a FROM {} START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 2;",
-        "SELECT (SELECT a FROM {} AS list) FROM [1] AS list;",
-        "SELECT x.this FROM x = (SELECT a FROM {} AS list) AS list;",
-        "len(SELECT a FROM {} AS list);", "SELECT a + 1 FROM {};", "SELECT a * 0 FROM {};", "SELECT abs(a) FROM {};",
-    ):  # fmt: skip
-        assert code_of(ss.run, script.format(source), engine=engine) == "X004", script
-    with pytest.raises(ss2sql.ExecutionError, match=r"the column 'a' holds -?inf at \[1\]"):
-        ss.run(f"SELECT a FROM {source};", engine=engine)
-    for end in ("LIMIT 1", "WHERE a == 1.5"):
-        assert ss.run(f"SELECT a FROM {source} {end} AS list;", engine=engine).value == [1.5]
-
-
 # --- bounds of the numbers in columns: what they are, and that they are never stale --------------------------
 
 
@@ -253,66 +231,6 @@ def test_sqlite_computes_with_small_numbers_by_itself(ss: ss2sql.Session, file: 
     assert "CASE" in query.sql
 
 
-@both
-def test_a_text_that_is_not_utf_8(ss: ss2sql.Session, file: Path, engine: Any) -> None:
-    write(file, "CREATE TABLE t(a TEXT, b); INSERT INTO t VALUES (CAST(x'4dfc6c' AS TEXT), 1);"
-                "CREATE VIEW v AS SELECT CAST(a AS BLOB) AS a FROM t")  # fmt: skip
-    with pytest.raises(ss2sql.ExecutionError, match=r"X009.*SQLite: a text is not UTF-8") as caught:
-        ss.run("SELECT a FROM t;", engine=engine)
-    assert "CAST(column AS BLOB)" in caught.value.hints[0]
-    assert ss.run("SELECT a FROM v AS list;", engine=engine).value == [b"M\xfcl"]
-
-
-BESIDE_UNREADABLE: list[tuple[str, Any]] = [
-    ("SELECT i FROM t AS list", [1, 2, 3, 4]), ("SELECT i FROM t WHERE i > 2 AS list", [3, 4]),
-    ("SELECT a FROM t WHERE i == 1 AS list", ["ann"]), ("SELECT * FROM t WHERE i == 1", [{"i": 1, "a": "ann"}]),
-    ("SELECT i FROM t WHERE a == 'bob' AS list", [4]), ("SELECT i FROM t WHERE a != 'bob' AS list", [1, 2, 3]),
-    ("SELECT i FROM t WHERE a IN ['ann', 'bob'] AS list", [1, 4]),
-    ("SELECT x.i, y.i FROM x = t, y = t WHERE x.a == y.a AND x.i < y.i AS list", [2, 3]),
-    ("SELECT len(i) FROM t GROUP BY a AS list", None), ("SELECT i FROM t WHERE a AS list", [1, 2, 3, 4]),
-    ("SELECT i FROM t WHERE same(i) == 3 AS list", [3]),
-    ("SELECT i FROM t START WITH n = 0 CONNECT BY UNIQUE n = i STOP WITH i == 2 ORDER BY i AS list", None),
-    ("SELECT i FROM t WHERE i == 4 START WITH n = 'ann' CONNECT BY UNIQUE n = a STOP WITH a != n AS list", None),
-    ("SELECT i FROM t LIMIT 2 AS list", [1, 2]), ("SELECT a FROM t LIMIT 1 AS list", ["ann"]),
-    ("SELECT (SELECT a FROM t WHERE t.i == q.i AS value) FROM q = t WHERE q.i == 1 AS list", ["ann"]),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("query", [query for query, _ in BESIDE_UNREADABLE])
-def test_an_answer_that_needs_no_text_that_is_not_utf_8(ss: ss2sql.Session, file: Path, query: str) -> None:
-    expected = dict(BESIDE_UNREADABLE)[query]
-    bad = "CAST(x'4dfc6c' AS TEXT)"
-    write(
-        file, f"CREATE TABLE t(i INTEGER, a TEXT); INSERT INTO t VALUES (1, 'ann'), (2, {bad}), (3, {bad}), (4, 'bob')"
-    )
-    ss.function("same", lambda value: value, volatility="immutable")
-    found = [outcome_of(ss, query, engine) for engine in ("native", "auto", "database")]
-    assert found[0] == found[1]
-    assert found[2] in (found[1], "X009")
-    assert expected is None or found[0] == expected
-
-
-@pytest.mark.parametrize("script", ["FROM t WHERE a == 3 AS list", "FROM t WHERE [a] == [i] AS list"])
-def test_a_text_that_is_not_utf_8_beside_the_answer(ss: ss2sql.Session, file: Path, script: str) -> None:
-    write(file, "CREATE TABLE t(i INTEGER, a); INSERT INTO t VALUES (1, 2), (2, CAST(x'ff' AS TEXT))")
-    assert [outcome_of(ss, f"SELECT i {script}", engine) for engine in ("native", "auto")] == [[], []]
-
-
-@pytest.mark.parametrize(
-    "query",
-    ["a", "[a]", "a + 'x'", "f(a)", "g(a)", "a < 3", "this", "str(a)", "int(a)", "sorted([a, 'b'])"],
-)
-def test_what_needs_a_text_that_is_not_utf_8(ss: ss2sql.Session, file: Path, query: str) -> None:
-    write(file, "CREATE TABLE t(i INTEGER, a TEXT); INSERT INTO t VALUES (1, CAST(x'4dfc6c' AS TEXT))")
-    ss.function("f", lambda value: value.upper())
-    ss.function("g", lambda value: [value])
-    for engine in ("native", "database", "auto"):
-        with pytest.raises(ss2sql.ExecutionError, match=r"X009.*a text is not UTF-8: b'M.xfcl"):
-            ss.run(f"SELECT {query} FROM t;", engine=engine)  # type: ignore[arg-type]
-    with pytest.raises(ss2sql.ExecutionError, match="a text is not UTF-8"):
-        ss.run("x = (SELECT a FROM t AS list); x;", engine="native")
-
-
 def test_texts_of_a_file_in_utf_16(tmp_path: Path) -> None:
     path = tmp_path / "wide.db"
     write(path, "PRAGMA encoding = 'UTF-16le'; CREATE TABLE t(i, a);"
@@ -321,14 +239,6 @@ def test_texts_of_a_file_in_utf_16(tmp_path: Path) -> None:
         assert ss.run("SELECT i FROM t WHERE a == 'größe' AS list;", engine="native").value == [1]
         assert ss.run("SELECT a FROM t WHERE i == 1 AS list;", engine="native").value == ["größe"]
         assert ss.run("SELECT a FROM t WHERE i == 3 AS list;", engine="native").value == [b"\x00\xd8"]
-
-
-def outcome_of(ss: ss2sql.Session, script: str, engine: Any) -> Any:
-    """The value of a script, or the code of its error."""
-    try:
-        return ss.eval(script, engine=engine)
-    except ss2sql.Error as error:
-        return error.code
 
 
 # --- what Python reads of tables -----------------------------------------------------------------------
