@@ -10,7 +10,7 @@ from types import FrameType
 from typing import Any, Literal
 
 import pytest
-from agreement import executor_outcome, is_allowed, reference_outcome
+from agreement import executor_outcome, reference_outcome
 from programs import ProgramCase
 
 import ss2sql
@@ -131,70 +131,6 @@ def test_the_work_grows_with_the_size(script: str, engine: Engine, monkeypatch: 
 def test_the_values_are_those_of_trying_all(script: str, engine: Engine) -> None:
     case = ProgramCase(script, data(40))
     assert executor_outcome(case, engine) == reference_outcome(case)
-
-
-EQUAL = {
-    "n": [None, True, 1, 1.0, 0, "1", [1], [1.0], [True, []], {"a": 1}, {"a": 1.0}, [{"a": True}], [[]], [], "", None],
-    "rows": [
-        *({"v": v, "i": i} for i, v in enumerate([1.0, [1], None, {"a": True}, [[]], "1", False, [1.0, []]])),
-        {"v": [{"a": 1}], "i": 8},
-        *({"v": v, "i": 9} for v in (True, [True], 2**53, 2.0**53, 2**53 + 1, "")),
-    ],
-    "nested": [[["k", 1]], [["k", 1.0]], [[None]], [[]], [["k", None]], [[[1], 2]]],
-    "numbers": [1, 1.0, True, 2, -0.0, 0.0, 1, True, 0],
-    "few": [{"v": 1}, {"v": [1.0]}],
-}  # fmt: skip
-HARD = [
-    "SELECT i, n.this FROM n, e = rows WHERE e.v == n.this AS rows;",
-    "SELECT n.this, (SELECT i FROM rows WHERE v == n.this AS list) FROM n AS rows;",
-    "SELECT n.this, (SELECT i FROM rows WHERE [v] == [n.this] AS list) FROM n AS rows;",
-    "SELECT a.i, b.i FROM a = rows, b = rows WHERE [b.v, 1] == [a.v, True] AS rows;",
-    # What can be asked of some elements alone.
-    "SELECT n.this, e.this FROM n, e = nested WHERE len(e.this[0]) > 1 AND e.this[0][1] == n.this AS rows;",
-    "SELECT n.this, e.this FROM n, e = nested WHERE n.this == 1 AND len(e.this[0]) > 1 AND e.this[0][1] == n.this"
-    " AS rows;",
-    "SELECT n.this, e.this FROM n, e = nested WHERE e.this[0][1] == n.this AS rows;",
-    "SELECT n.this, e.i FROM n = nested, e = rows WHERE len(n.this[0]) > 1 AND [e.v] == [n.this[0][1]] AS rows;",
-    "SELECT n.this, e.i FROM n = nested, e = rows WHERE e.i > 7 AND len(n.this[0]) > 1 AND [e.v] == [n.this[0][1]]"
-    " AS rows;",
-    "SELECT n.this, e.i FROM n = nested, e = rows WHERE [e.v] == [n.this[0][1]] AS rows;",
-    "SELECT a.this FROM a = [], e = nested WHERE e.this[0][1] == a.this AS rows;",
-    "SELECT a.this, e.this FROM a = [1, 2], e = few WHERE e.v == a.this AS rows;",
-    "SELECT a.this, b.i, c.i FROM a = n, b = rows, c = rows WHERE [b.v] == [a.this] AND [c.v] == [b.v] AND c.i < 9"
-    " AS rows;",
-    "SELECT n.this, max(SELECT i FROM rows WHERE v == n.this AS list), len(SELECT v FROM rows WHERE [v] == [n.this])"
-    " FROM n AS rows;",
-    "SELECT n.this, sum(SELECT n.this FROM few AS list), max(SELECT n.this FROM few AS list) FROM n = numbers AS rows;",
-    "SELECT i, max(SELECT a.i FROM a = rows WHERE a.i <= r.i AS list), min(SELECT a.i FROM a = rows WHERE a.i > r.i"
-    " AS list) FROM r = rows AS rows;",
-    "SELECT i, max(SELECT this FROM numbers AS list), len(SELECT this FROM numbers) FROM rows AS rows;",
-    "SELECT i, max(SELECT a.v FROM a = rows WHERE a.i <= r.i AS list) FROM r = rows AS rows;",
-    "SELECT i FROM r = rows WHERE i < 3 AND 4 > max(SELECT 9 % 5 FROM few WHERE r.i < 4 AS list) AS rows;",
-    "SELECT n.this, len(SELECT 1 / (n.this - 2) FROM few) FROM n = numbers WHERE n.this != 2 AS rows;",
-    "SELECT this FROM [1, 2, 3] START WITH s = 0 CONNECT BY s = max(SELECT i FROM rows WHERE i <= s + 1 AS list)"
-    " STOP WITH s > 2 OR this > len(SELECT i FROM rows WHERE i <= s) AS rows;",
-    "SELECT n.this, n.this IN (SELECT v FROM rows WHERE i < len(str(n.this)) AS list) FROM n AS rows;",
-    "SELECT n.this, n.this NOT IN (SELECT v FROM rows WHERE [v] == [n.this] AS list) FROM n AS rows;",
-    "SELECT n.this, n.this IN (SELECT v FROM rows AS list), [n.this] IN (SELECT [v] FROM rows AS list) FROM n AS rows;",
-    "SELECT n.this FROM n WHERE n.this IN (SELECT e.this[0][1] FROM e = nested WHERE n.this == 1 AND len(e.this[0]) > 1"
-    " AS list) AS rows;",
-    "SELECT n.this FROM n WHERE n.this IN (SELECT e.this[0][1] FROM e = nested WHERE n.this == 1 AS list) AS rows;",
-    "SELECT this FROM n WHERE this IN (SELECT max(v) FROM few WHERE v == n.this GROUP BY v AS list) AS rows;",
-    "SELECT this FROM n WHERE this IN (SELECT v FROM few WHERE v != n.this LIMIT 1 AS list) AS rows;",
-    "SELECT b.i, count(*) FROM a = n, b = rows WHERE [b.v] == [a.this] GROUP BY b.i AS rows;",
-    "SELECT a.this, b.i FROM a = n, b = rows WHERE [b.v] == [a.this] ORDER BY b.i DESC LIMIT 5 AS rows;",
-    "SELECT n.this, e.this FROM n, e = nested WHERE len(e.this[0]) > 0 AND 1 / (len(n.this) - 1) > 0"
-    " AND e.this[0] == n.this LIMIT 2 AS rows;",
-]
-
-
-@pytest.mark.parametrize("script", HARD)
-@pytest.mark.parametrize("disable", [[], ["lookup"], ["early"], ["columns"], ["exists"]])
-def test_equal_values_in_any_form_find_each_other(script: str, disable: list[str]) -> None:
-    case = ProgramCase(script, EQUAL)
-    expected = reference_outcome(case)
-    for engine in ("native", "database", "auto"):
-        assert is_allowed(executor_outcome(case, engine, disable=disable), expected, engine), engine
 
 
 def test_a_key_calls_a_function_for_no_row_behind_the_last_one_shown(engine: Any) -> None:

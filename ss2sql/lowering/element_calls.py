@@ -122,8 +122,7 @@ def add_call_columns(
         selects.needs.name_function(call.function.name, call.place)
         made.append(ElementCall(choose_free_name(call.function.name, taken), call.function.name, tuple(arguments)))
     module = selects.needs.name_list_table(ListTable(columns, tuple(made)))
-    if module is None:
-        return item, scope
+    assert module is not None  # a statement has one search, so no other table of this name
     selects.needs.applied["calls"] = None
     label = item.alias_or_name
     known = [

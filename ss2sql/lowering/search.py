@@ -255,8 +255,7 @@ class EagerSearch(RecursiveQuery):
 
     def group_results(self, results: exp.Select, names: list[str | None]) -> exp.Select:
         """The groups of the results; the limit keeps SQLite from asking for them twice."""
-        if results.args.get("limit") is None:
-            results = sql_builder.sort_query(results, (), sql_builder.build_unlimited())
+        results = sql_builder.sort_query(results, (), sql_builder.build_unlimited())
         return self.selects.group_numbered_rows(self.query, results, self.aggregate_inputs, SqlScope(), names)
 
     # --- the recursive terms ---------------------------------------------------------------------------

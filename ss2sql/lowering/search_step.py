@@ -420,8 +420,6 @@ def _remove_known_parts(
     """A clause without the parts that are known; None where nothing is left of it."""
     parts = clause.parts if isinstance(clause, kind) else (clause,)
     left = [part for part in parts if not is_known(part)]
-    if len(left) == len(parts):
-        return clause
     return (
         make_conjunction(left, clause.span)
         if kind is plan.And and left

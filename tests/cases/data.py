@@ -111,5 +111,16 @@ VALUES: dict[str, Callable[[], Any]] = {
     "large": lambda: [{"x": 2**62}, {"x": 2**62}],
     "holes": lambda: [{"k": "a", "v": 3}, {"k": "b", "v": None}, {"v": 1, "w": 2.5}],
     "mixed_keys": lambda: {"a": 1, 1: "one", (1, 2): "pair"},
+    "alike": lambda: [
+        None, True, 1, 1.0, 0, "1", [1], [1.0], [True, []], {"a": 1}, {"a": 1.0}, [{"a": True}], [[]], [], "", None,
+    ],
+    "alike_rows": lambda: [
+        *({"v": v, "i": i} for i, v in enumerate([1.0, [1], None, {"a": True}, [[]], "1", False, [1.0, []]])),
+        {"v": [{"a": 1}], "i": 8}, *({"v": v, "i": 9} for v in (True, [True], 2**53, 2.0**53, 2**53 + 1, "")),
+    ],
+    "alike_nested": lambda: [[["k", 1]], [["k", 1.0]], [[None]], [[]], [["k", None]], [[[1], 2]]],
+    "alike_numbers": lambda: [1, 1.0, True, 2, -0.0, 0.0, 1, True, 0],
+    "alike_few": lambda: [{"v": 1}, {"v": [1.0]}],
+    "boxes": lambda: [{"k": {"a": 1}}, {"k": {"a": 2}}],
     "hops": lambda: [{"src": [1.0], "dst": 5}, {"src": 5, "dst": [1]}],
 }  # fmt: skip

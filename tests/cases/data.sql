@@ -107,3 +107,7 @@ CREATE TABLE indexed(src INTEGER, dst INTEGER, length INTEGER);
 CREATE INDEX by_src ON indexed(src);
 INSERT INTO indexed VALUES (1, 2, 5), (2, 3, 4), (7, 8, 0), (20, 21, 1), (21, 22, 1), (21, 29, 1),
     (22, 23, 1), (23, 24, 1);
+
+-- needs: days
+CREATE TABLE days(day DATE, n);
+INSERT INTO days VALUES ('2020-01-01', 1), ('2021-01-01', 2), ('2020-03', 3);

@@ -172,7 +172,7 @@ class ParseFailure:
         """The text of the side of a comparison that ends before the failure, or with `forward` of the one after it."""
         index, depth, step = self.index + (1 if forward else -1), 0, 1 if forward else -1
         first = index
-        while 0 <= index < len(self.tokens):
+        while True:  # a clause or an open bracket stands before it, and the end behind
             kind = self.tokens[index].keyword or self.tokens[index].kind
             depth += step * ((kind in OPENING) - (kind in CLOSING))
             if depth < 0 or (not depth and (kind in _AROUND or kind == END)):

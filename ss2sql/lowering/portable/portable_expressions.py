@@ -43,10 +43,6 @@ def is_nullable(kind: Type) -> bool:
     return kind.may_be(Kind.NONE)
 
 
-def is_integer(kind: Type) -> bool:
-    return kind.kinds == Kind.INT and kind.is_bounded(2**63 - 1)
-
-
 def is_exact_as_float(kind: Type) -> bool:
     """Whether the values are numbers that are the same as floats, whichever of both they are."""
     return kind.kinds == Kind.FLOAT or (kind.kinds == Kind.INT and kind.is_bounded(MAX_EXACT_INTEGER))
