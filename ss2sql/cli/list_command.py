@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import json
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -40,22 +39,16 @@ def _describe_built_in(row: Operation) -> Entry:
 
 def _describe_registered(entry: UserFunction) -> Entry:
     text = (entry.function.__doc__ or "").strip().splitlines() or [""]
-    arguments = ", ".join(entry.parameters) or _describe_built_in_size(entry)
+    size = f"{entry.minimum}" if entry.minimum == entry.maximum else f"{entry.minimum} or more"
+    arguments = ", ".join(entry.parameters) or size
     descriptions = "; ".join(part for part in (text[0].rstrip("."), f"{entry.volatility}: {entry.reason}") if part)
     return {"name": entry.name, "arguments": arguments, "volatility": entry.volatility, "text": descriptions}
 
 
-def _describe_built_in_size(entry: UserFunction) -> str:
-    return f"{entry.minimum}" if entry.minimum == entry.maximum else f"{entry.minimum} or more"
-
-
 def _list_representations(session: Session) -> Iterable[Entry]:
-    for name, function in session.host.shapes.functions.items():
-        module = inspect.getmodule(function)
-        about = (function.__doc__ or "").strip()
-        if module is not None and module.__name__.startswith("ss2sql.runtime.representations."):
-            about = (module.__doc__ or "").partition(": ")[2]
-        yield {"name": name, "text": about.strip().split("\n")[0].rstrip(".")}
+    from ss2sql.shell.symbols import SymbolTable
+
+    return ({"name": entry.name, "text": entry.about} for entry in SymbolTable(session).representations.values())
 
 
 def _list_strategies() -> Iterable[Entry]:

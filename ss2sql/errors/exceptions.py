@@ -431,7 +431,7 @@ def combine_errors(errors: Sequence[Error]) -> Error:
 
 
 # --- hints: known names that are similar to the one that was written; the wording for a shell
-Spellings: TypeAlias = tuple[tuple[re.Pattern[str], str], ...]
+Spellings: TypeAlias = Sequence[tuple[str, str]]
 
 FEW = 8  # up to so many names are all shown
 
@@ -470,7 +470,7 @@ def respell_hints(error: Error, spellings: Spellings) -> None:
     """Rewrites hints for users of Python into hints for a command line or a shell."""
     for one in error.errors:
         for pattern, spelling in spellings:
-            one.hints = tuple(pattern.sub(spelling, hint) for hint in one.hints)
+            one.hints = tuple(re.sub(pattern, spelling, hint) for hint in one.hints)
 
 
 # --- the note on a user's exception with the place in the script; type and traceback stay

@@ -8,11 +8,19 @@ from itertools import islice, pairwise
 from statistics import mean
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import RepresentationError
 from ss2sql.language.rows import Row
 from ss2sql.language.values import Opaque, copy_for_python
 from ss2sql.results import get_paths, require_package
-from ss2sql.results.plot_style import BLUE, FRAME, ORANGE, PALE, count_drawn_paths, describe_status, shorten_plot_label
+from ss2sql.results.plot_style import (
+    BLUE,
+    FRAME,
+    ORANGE,
+    PALE,
+    count_drawn_paths,
+    describe_status,
+    make_plot_error,
+    shorten_plot_label,
+)
 from ss2sql.results.show import format_cell
 
 if TYPE_CHECKING:
@@ -27,9 +35,7 @@ def build_graph(result: Result, most: int | None = None) -> Any:
     networkx = require_package("networkx", "plot", "graph()")
     paths = get_paths(result)
     if paths is None:
-        raise RepresentationError(
-            "V001", "graph() needs the paths of a search", hints=("a query is a search with CONNECT BY",)
-        )
+        make_plot_error("graph() needs the paths of a search", "a query is a search with CONNECT BY")
     made = networkx.DiGraph(columns=result.columns[2:])
     for path in islice(paths, most):
         nodes = [make_graph_node(row) for row in path]

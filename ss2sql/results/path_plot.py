@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language import plan
 from ss2sql.language.rows import Row
 from ss2sql.results.plot_style import (
     BLUE,
@@ -119,10 +118,10 @@ class StepWeights:
     likely: bool
 
 
-def find_weights(result: Result, paths: Found) -> StepWeights | str:
-    """The weights of steps: the column with the expression of COST or PROBABILITY, or named `cost`; else a hint."""
+def require_weights(result: Result, paths: Found) -> StepWeights:
+    """The weights of steps: the column with the expression of COST or PROBABILITY, or named `cost`."""
     names = result.columns[2:]
-    query = _find_query_text(result)
+    query = next((query.written for statement in result.outline[-1:] for query in statement.queries[-1:]), None)
     search = None if query is None else query.search
     expr = None if search is None else search.weight
     likely = search is not None and search.order == "probability"
@@ -132,14 +131,10 @@ def find_weights(result: Result, paths: Found) -> StepWeights | str:
     for index in found:
         if all(is_plottable_number(row[index]) for path in paths for row in path):
             return StepWeights(index, "probability" if likely else "cost", likely)
+    hint = "select a column with the name cost that says what a step costs: SELECT ..., to(length, cost)"
     if expr is not None and expr.span.text:
-        return f"select what a step costs: SELECT ..., to({expr.span.text}, {'probability' if likely else 'cost'})"
-    return "select a column with the name cost that says what a step costs: SELECT ..., to(length, cost)"
-
-
-def _find_query_text(result: Result) -> plan.Query | None:
-    queries = [query.written for statement in result.outline[-1:] for query in statement.queries]
-    return queries[-1] if queries else None
+        hint = f"select what a step costs: SELECT ..., to({expr.span.text}, {'probability' if likely else 'cost'})"
+    return make_plot_error("plot() does not find what the steps cost", hint)
 
 
 def draw_costs(result: Result, paths: Found, weights: StepWeights, ax: Any, most: int | None) -> str:
@@ -157,14 +152,6 @@ def draw_costs(result: Result, paths: Found, weights: StepWeights, ax: Any, most
     least, greatest = (f"{end(line[-1] for line in totals):.4g}" for end in (min, max))
     spread = least if least == greatest else f"{least} to {greatest}"
     return f"{count_drawn_paths(len(paths), len(totals))}, {weights.name} {spread}{describe_status(result)}"
-
-
-def require_weights(result: Result, paths: Found) -> StepWeights:
-    """The weights. Raises the error with a hint where there are none."""
-    found = find_weights(result, paths)
-    if isinstance(found, str):
-        make_plot_error("plot() does not find what the steps cost", found)
-    return found
 
 
 def draw_lengths(result: Result, paths: Found, ax: Any) -> str:

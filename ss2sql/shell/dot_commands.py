@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
-from ss2sql.cli.output import FORMATS, SHOWN, print_note
+import click
+
+from ss2sql.cli.output import SHOWN, Count, print_note
 from ss2sql.cli.script_commands import ENGINES
 from ss2sql.cli.script_options import parse_parameter, parse_world, register_file
 from ss2sql.editor.keywords import keywords
-from ss2sql.errors import Source, suggest_names
+from ss2sql.errors import suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.conversion import format_value as written
 from ss2sql.session.session import read_script_source
@@ -19,6 +22,7 @@ from ss2sql.shell.symbols import Function, SymbolTable
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
+    from ss2sql.session.compiled_script import Query
     from ss2sql.shell.shell import Shell
 
 
@@ -51,70 +55,40 @@ class Settings:
     timer: bool = False
 
     def make_run_options(self) -> dict[str, Any]:
-        names = ("engine", "timeout", "maximum", "max_rows", "workers")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in ("engine", "timeout", "maximum", "max_rows", "workers")}
 
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A setting: its name, its values, their parser, and a description."""
+    """A setting: its name, its values, what reads one, and a description."""
 
     name: str
     form: str
     about: str
-    read: Callable[[str], Any]
-    choices: tuple[str, ...] = ()
+    type: click.ParamType[Any]
+
+    @property
+    def choices(self) -> list[str]:
+        """The values that are words."""
+        return [word for word in self.form.split("|") if word.islower()]
+
+    def read(self, text: str) -> Any:
+        if text.lower() == "off" and "off" in self.choices:
+            return False if "on" in self.choices else None
+        return self.type.convert(text, None, None)
 
 
-def _make_choice(*choices: str) -> Callable[[str], Any]:
-    def read_choice(text: str) -> str:
-        if text.lower() not in choices:
-            raise ValueError
-        return text.lower()
-
-    return read_choice
-
-
-def _parse_integer(least: int, **words: Any) -> Callable[[str], Any]:
-    """The parser of a number of at least `least`, or one of some words."""
-
-    def read_integer(text: str) -> Any:
-        if text.lower() in words:
-            return words[text.lower()]
-        number = int(text)
-        if number < least:
-            raise ValueError
-        return number
-
-    return read_integer
-
-
-def _parse_seconds(text: str) -> float | None:
-    if text.lower() == "off":
-        return None
-    number = float(text)
-    if not 0 <= number < float("inf"):
-        raise ValueError
-    return number
-
-
-def _parse_switch(text: str) -> bool:
-    return {"on": True, "off": False}[text.lower()]
-
-
-FORMS = tuple(form for form in FORMATS if form in ("table", "json", "csv"))  # others are not for terminals
+FORMS = ("table", "json", "csv")  # others are not for terminals
 SETTINGS = {
     entry.name: entry
     for entry in (
-        Setting("engine", "|".join(ENGINES), "where queries run", _make_choice(*ENGINES), ENGINES),
-        Setting("format", "|".join(FORMS), "how results are printed", _make_choice(*FORMS), FORMS),
-        Setting(
-            "show", "N|all", "how many rows or paths of a table are shown", _parse_integer(0, all=sys.maxsize), ("all",)
-        ),
-        Setting("timer", "on|off", "whether the time of a run is told", _parse_switch, ("on", "off")),
-        Setting("timeout", "SECONDS|off", "when a run is broken off", _parse_seconds, ("off",)),
-        Setting("maximum", "N|off", "at most so many results of a search", _parse_integer(1, off=None), ("off",)),
-        Setting("workers", "N", "processes for the calls that MEMORIZE makes", _parse_integer(1)),
+        Setting("engine", "|".join(ENGINES), "where queries run", click.Choice(ENGINES, case_sensitive=False)),
+        Setting("format", "|".join(FORMS), "how results are printed", click.Choice(FORMS, case_sensitive=False)),
+        Setting("show", "N|all", "how many rows or paths of a table are shown", Count()),
+        Setting("timer", "on|off", "whether the time of a run is told", click.BOOL),
+        Setting("timeout", "SECONDS|off", "when a run is broken off", click.FloatRange(0, 1e9)),
+        Setting("maximum", "N|off", "at most so many results of a search", click.IntRange(1)),
+        Setting("workers", "N", "processes for the calls that MEMORIZE makes", click.IntRange(1)),
     )
 }
 
@@ -133,15 +107,9 @@ def change_setting(settings: Settings, name: str, text: str) -> str:
     entry = SETTINGS[name]
     try:
         setattr(settings, name, entry.read(text))
-    except (ValueError, KeyError):
+    except click.BadParameter:
         raise CommandError(f".{name} takes {entry.form.replace('|', ' or ')}, not {text}") from None
     return f"{name}: {format_setting(getattr(settings, name))}"
-
-
-def describe_setting(settings: Settings, name: str) -> str:
-    """The value of a setting, and its possible values."""
-    entry = SETTINGS[name]
-    return f"{name}: {format_setting(getattr(settings, name))}   (.{name} {entry.form}: {entry.about})"
 
 
 # --- the dot commands, a row each: arguments, description and function
@@ -236,10 +204,8 @@ def _print_functions(shell: Shell, name: str) -> None:
 
 
 def _print_variables(shell: Shell, _: str) -> None:
-    found = SymbolTable(shell.session).variables
-    shell.say(
-        "\n".join(_align_columns(found.items(), cut=True)) if found else "there are no variables; x = 1; makes one"
-    )
+    found = _align_columns(SymbolTable(shell.session).variables.items(), cut=True)
+    shell.say("\n".join(found) or "there are no variables; x = 1; makes one")
 
 
 def _describe_entries(entries: Iterable[Function]) -> list[str]:
@@ -310,27 +276,23 @@ def _read_file(shell: Shell, rest: str) -> None:
 # --- the last statement --------------------------------------------------------------------------------
 
 
-def _make_source(shell: Shell, text: str) -> str | Source:
+def _find_result_or_compile(shell: Shell, text: str) -> Result | Query:
+    """The result of the last statement; of a text, or of one that has no result, the compiled script."""
     if text:
-        return text
+        return shell.session.compile(text)
     if shell.last is None:
         raise CommandError("nothing has run yet", "run a statement first, or write one after the command")
-    return shell.last.source
+    return shell.last.result or shell.session.compile(shell.last.source)
 
 
 def _sql(shell: Shell, text: str) -> None:
-    result = shell.last.result if shell.last is not None and not text else None
-    sql = result.sql if result is not None else shell.session.compile(_make_source(shell, text)).sql
-    if not sql.strip():
-        shell.say("no query: it runs in Python as it is written")
-        return
+    sql = _find_result_or_compile(shell, text).sql
     values = [f"-- :{name} = {value!r}" for name, value in sql.parameters.items()]
     shell.print_sql("\n".join([str(sql), *values]))
 
 
 def _explain_query(shell: Shell, text: str) -> None:
-    result = shell.last.result if shell.last is not None and not text else None
-    shell.say(result.explain() if result is not None else shell.session.compile(_make_source(shell, text)).explain())
+    shell.say(_find_result_or_compile(shell, text).explain())
 
 
 def _plot_result(shell: Shell, rest: str) -> None:
@@ -361,7 +323,8 @@ def draw_plot(shell: Shell, result: Result, kind: str, path: Path | None) -> Non
             print_note("close the window to go on")
             pyplot.show()
             return
-        path = path or next(one for one in _choose_file_name("plot", ".png") if not one.exists())
+        names = (f"plot{'' if number == 1 else f'-{number}'}.png" for number in count(1))
+        path = path or next(one for one in map(Path, names) if not one.exists())
         figure.savefig(path)
         print_note(f"written to {path}")
     except OSError as error:
@@ -371,14 +334,6 @@ def draw_plot(shell: Shell, result: Result, kind: str, path: Path | None) -> Non
 
 
 WINDOWLESS = ("agg", "cairo", "pdf", "pgf", "ps", "svg", "template")
-
-
-def _choose_file_name(name: str, ending: str) -> Iterable[Path]:
-    yield Path(f"{name}{ending}")
-    number = 2
-    while True:
-        yield Path(f"{name}-{number}{ending}")
-        number += 1
 
 
 def _leave_shell(shell: Shell, _: str) -> None:
@@ -394,7 +349,8 @@ def _make_setting_command(name: str) -> DotCommand:
         if text:
             print_note(change_setting(shell.settings, name, text))
         else:
-            shell.say(describe_setting(shell.settings, name))
+            value = format_setting(getattr(shell.settings, name))
+            shell.say(f"{name}: {value}   (.{name} {entry.form}: {entry.about})")
 
     return DotCommand(f".{name} [{entry.form}]", entry.about, "setting", change_or_show)
 

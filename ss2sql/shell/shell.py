@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import sys
 from codecs import getincrementaldecoder
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ from ss2sql.cli.output import (
     CTRL_C,
     SCRIPT,
     SHOWN,
+    SPELLED_FOR_SHELL,
     Count,
     UserError,
     describe_found,
@@ -33,7 +33,7 @@ from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.frontend.syntax.tokenizer import MAX_BYTES, make_size_error
 from ss2sql.language.conversion import format_value as written
-from ss2sql.shell.dot_commands import CommandError, FileFailed, Settings
+from ss2sql.shell.dot_commands import FORMS, CommandError, FileFailed, Settings
 from ss2sql.shell.statement_splitter import TypedPiece, split_statements
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class Shell:
         self.cancelled |= isinstance(error, (Cancelled, KeyboardInterrupt))
         sys.stdout.flush()
         if isinstance(error, Error):
-            respell_hints(error, SPELLINGS)
+            respell_hints(error, SPELLED_FOR_SHELL)
         click.echo(_format_message(error), err=True, color=wants_color(sys.stderr))
 
     def print_sql(self, text: str) -> None:
@@ -140,18 +140,6 @@ class Shell:
 
             text = highlight(text, BoundSqlLexer(), TerminalFormatter()).rstrip("\n")
         click.echo(text)
-
-
-# Hints are for users of Python; these are their forms in the shell.
-SPELLINGS = (
-    (re.compile(r"^register it with session\.function; help\(\)"), "load it with .load FILE.py; .functions"),
-    (re.compile(r"^raise timeout="), "give more time with .timeout SECONDS"),
-    (re.compile(r"raise max_(rows|size|memory|steps|output)$"), r"start the shell with a larger --max-\1"),
-    (re.compile(r"max_rows, max_size and max_memory do so$"), "--max-rows, --max-size and --max-memory do so"),
-    (re.compile(r"engine='(\w+)'"), r".engine \1"),
-    (re.compile(r"from Python: run\(script, (\w+)=\.\.\.\)"), r"with .set \1 VALUE"),
-    (re.compile(r"from Python: session\.attach\(name, list\)"), "with .set NAME VALUE or .attach NAME WHAT"),
-)
 
 
 def _format_message(error: BaseException) -> str:
@@ -255,7 +243,7 @@ def _read_lines(stream: BinaryIO) -> Iterator[str]:
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["table", "json", "csv"]),
+    type=click.Choice(FORMS),
     default="table",
     show_default=True,
     help="How results are printed.",
@@ -277,8 +265,6 @@ def repl_command(inputs: ScriptInputs, progress: bool | None, form: str, history
         from ss2sql.results import require_package
 
         require_package("prompt_toolkit", "repl", "the shell")
-    from ss2sql.shell.dot_commands import Settings
-
     with inputs.open_session(progress) as session:
         shell = Shell(session, Settings(format=form, **options))
         if typed:

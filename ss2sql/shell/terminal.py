@@ -105,11 +105,6 @@ def open_history_file() -> Path:
     return path
 
 
-def should_keep_in_history(text: str) -> bool:
-    """Whether a text belongs into the history: texts that begin with a blank do not."""
-    return bool(text.strip()) and not text[0].isspace()
-
-
 # --- the shell on a terminal, with prompt_toolkit
 PROMPT, MORE = PROMPTS
 # Words that newcomers type to leave or to get help, each alone on a line.
@@ -253,10 +248,10 @@ class _Completer(Completer):
 
 
 class _SelectiveHistory(FileHistory):
-    """A history that stores only some entries in its file, and works without the file."""
+    """A history without texts that begin with a blank, which works without its file."""
 
     def append_string(self, string: str) -> None:
-        if should_keep_in_history(string):
+        if string.strip() and not string[0].isspace():
             super().append_string(string)
 
     def load_history_strings(self) -> Iterable[str]:

@@ -20,6 +20,7 @@ from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.plan_traversal import find_direct_assignments, list_functions, split_and, walk
+from ss2sql.language.step_identity import split_stop_conditions
 from ss2sql.language.values import format_value
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.lowering.rewrites.inline_functions import list_call_sites
@@ -62,21 +63,16 @@ def count_levels(result: Result) -> list[LevelCount] | str:
     query = result.outline[-1].queries[-1].query if result.outline and result.outline[-1].queries else None
     if result.answer is None or query is None or query.search is None:
         return "the result is not that of a search"
-    reason = _find_obstacle(query)
-    if reason is None and result.status not in ("complete", "maximum"):
-        reason = "the search was broken off"
-    if reason is not None or result.rerun is None:
-        return reason or "the search cannot be run again"
-    found: list[LevelCount] = result.rerun(lambda run: _count_again(query, run))
-    return found
-
-
-def _find_obstacle(query: plan.Query) -> str | None:
     if not ExpressionAnalysis((query,)).facts(query).steady:
         return "what it calls or assigns is not to be done twice"
     if any(isinstance(node, plan.WorldSource) for node in walk(query)):
         return "it reads a world"
-    return None
+    if result.status not in ("complete", "maximum"):
+        return "the search was broken off"
+    if result.rerun is None:
+        return "the search cannot be run again"
+    found: list[LevelCount] = result.rerun(lambda run: _count_again(query, run))
+    return found
 
 
 def _count_again(query: plan.Query, run: Run) -> list[LevelCount]:
@@ -94,20 +90,11 @@ ADVICE = (
 )
 
 
-def warn_of_endless_searches(query: plan.Query) -> Iterator[str]:
-    """A warning for each search of a query that cannot be shown to end."""
-    for node in walk(query):
-        if isinstance(node, plan.Query) and node.search is not None and not _is_bounded(node, node.search):
-            yield ADVICE
-
-
 def _is_bounded(query: plan.Query, search: plan.Search) -> bool:
     if search.maximum is not None or search.bound is not None:
         return True
-    if search.stop is not None and any(_is_step_bound(part, query, search) for part in _split_certain(search.stop)):
-        return True
     made = split_and(search.made) if search.first is None else ()
-    if any(_is_step_bound(negate_expression(part), query, search) for part in made):
+    if any(_is_step_bound(p, query, search) for p in (*split_stop_conditions(query), *map(negate_expression, made))):
         return True
     if search.repeats == "allowed" or any(isinstance(node, CHANGING_NODES) for node in walk(query)):
         return False
@@ -123,48 +110,30 @@ def _list_compared(query: plan.Query, search: plan.Search) -> list[plan.Expr]:
     return [values.get(state.name, state) for state in states]
 
 
-def _split_certain(expr: plan.Expr) -> Sequence[plan.Expr]:
-    """The conditions of which each one alone stops a step."""
-    return [part for inner in expr.parts for part in _split_certain(inner)] if isinstance(expr, plan.Or) else [expr]
-
-
 def _is_step_bound(stop: plan.Expr, query: plan.Query, search: plan.Search) -> bool:
-    """Whether a condition holds at the latest after so many steps."""
+    """Whether a condition always holds, or compares a variable that grows with every step and does not miss a limit."""
     match stop:
         case plan.Constant(value=value):
             return bool(value)
         case plan.Call(plan.Function(name="eq" | "ge" | "gt" as name, builtin=True), (plan.State() as state, limit)):
-            return _does_rise_to(state, limit, name, query, search)
-        case plan.Call(plan.Function(name="le" | "lt" as name, builtin=True), (limit, plan.State() as state)):
-            return _does_rise_to(state, limit, "ge" if name == "le" else "gt", query, search)
-    return False
-
-
-def _does_rise_to(state: plan.State, limit: plan.Expr, name: str, query: plan.Query, search: plan.Search) -> bool:
-    """Whether a state variable grows with every step, and does not miss the limit."""
-    step = _find_increment(find_direct_assignments(query).get(state.name), state)
-    moving = (plan.State, plan.Element, plan.Column)
-    if step is None or step <= 0 or any(isinstance(node, moving) for node in walk(limit)):
-        return False
-    if name != "eq":
-        return True
-    start = dict(search.start).get(state.name)
-    if not isinstance(start, plan.Constant) or not isinstance(limit, plan.Constant):
-        return False
-    ends = (start.value, limit.value)
-    return all(type(end) is int for end in ends) and ends[1] >= ends[0] and (ends[1] - ends[0]) % step == 0
-
-
-def _find_increment(expr: plan.Expr | None, state: plan.State) -> int | None:
-    """By how much `state + 1` or `1 + state` differs from the state."""
-    match expr:
-        case plan.Call(plan.Function(name="add", builtin=True), (plan.State(name=own), plan.Constant(value=step))):
             pass
-        case plan.Call(plan.Function(name="add", builtin=True), (plan.Constant(value=step), plan.State(name=own))):
+        case plan.Call(plan.Function(name="le" | "lt" as name, builtin=True), (limit, plan.State() as state)):
             pass
         case _:
-            return None
-    return step if own == state.name and type(step) is int else None
+            return False
+    match find_direct_assignments(query).get(state.name):
+        case plan.Call(
+            plan.Function(name="add", builtin=True),
+            (plan.State(name=own), plan.Constant(value=step)) | (plan.Constant(value=step), plan.State(name=own)),
+        ) if own == state.name and type(step) is int and step > 0:
+            pass
+        case _:
+            return False
+    if any(isinstance(node, (plan.State, plan.Element, plan.Column)) for node in walk(limit)):
+        return False
+    ends = [end.value for end in (dict(search.start).get(state.name), limit) if isinstance(end, plan.Constant)]
+    met = list(map(type, ends)) == [int, int] and ends[1] >= ends[0] and (ends[1] - ends[0]) % step == 0
+    return met or name != "eq"
 
 
 def _is_of_sources(expr: plan.Expr, query: plan.Query, search: int) -> bool:
@@ -210,27 +179,24 @@ def collect_facts(
 def _collect_query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
     lowered, query = outlined.lowered, outlined.query
     lines, missing = _collect_plan(outlined)
+    cures = (hint.removesuffix("leave the engine to ss2sql").removesuffix(", or ") for hint in outlined.cures)
+    endless = (n for n in walk(query) if isinstance(n, plan.Query) and n.search and not _is_bounded(n, n.search))
     return QueryFacts(
         text=outlined.written.span.text,
         engine=outlined.engine,
         reason="all of it can be said in SQL" if lowered else outlined.reason,
-        cures=() if lowered else tuple(filter(None, map(_find_cures, outlined.cures))),
+        cures=() if lowered else tuple(filter(None, cures)),
         search=describe_search(query),
         rewrites={name: REWRITES[name].done for name in outlined.rewrites},
         functions=tuple(_collect_functions(outlined, stats)),
         notes=tuple(_collect_notes(outlined, stats)),
-        warnings=(*warn_of_endless_searches(query), *find_notes(outlined.written)) if stats is None else (),
+        warnings=(*(ADVICE for _ in endless), *find_notes(outlined.written)) if stats is None else (),
         plan=lines,
         plan_missing=missing,
         afterwards=tuple(_list_post_processing(outlined)),
         sql=lowered.text if lowered else str(outlined.sql) if outlined.levels or outlined.duck else None,
         parameters=tuple(_collect_parameters(outlined)),
     )
-
-
-def _find_cures(hint: str) -> str:
-    """The cure in a hint of `engine="database"`, if it has one."""
-    return hint.removesuffix("leave the engine to ss2sql").removesuffix(", or ")
 
 
 def _collect_plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
@@ -293,7 +259,8 @@ def _collect_function(entry: UserFunction, found: list[InlinedCall], off: bool, 
         inlined.append(f"{entry.name}({', '.join(body.parameters)}) is inlined: {body.text}{beyond}")
     reasons = [site.reason for site in found if site.reason is not None]
     if not found:
-        reasons = [f"it {body}" if isinstance(body, str) else _list_switched_off(off)]
+        replaced = "a built-in function or operator that it uses is replaced"
+        reasons = [f"it {body}" if isinstance(body, str) else "the rewrite inline is switched off" if off else replaced]
     return FunctionFacts(
         name=entry.name,
         inlined=tuple(inlined),
@@ -304,12 +271,6 @@ def _collect_function(entry: UserFunction, found: list[InlinedCall], off: bool, 
         remembered=None if stats is None else stats.remembered[entry.name],
         blocks=None if stats is None or entry.name not in stats.blocks else stats.blocks[entry.name],
     )
-
-
-def _list_switched_off(off: bool) -> str:
-    if off:
-        return "the rewrite inline is switched off"
-    return "a built-in function or operator that it uses is replaced"
 
 
 # --- searches with MEMORIZE ----------------------------------------------------------------------------

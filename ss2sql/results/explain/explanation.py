@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,6 @@ from ss2sql.results.explain.findings import (
     FunctionFacts,
     LevelTable,
     ParameterFacts,
-    PlanLine,
     QueryFacts,
     RunFacts,
     ScriptFacts,
@@ -73,14 +72,10 @@ def _format_plan(query: QueryFacts) -> Iterator[str]:
         yield f"how SQLite does it cannot be told: {query.plan_missing}"
     if query.plan:
         yield f"how {ENGINE_NAMES.get(query.engine, query.engine)} does it:"
-        yield from _nest_lines(query.plan)
+        yield from (INDENT * (line.depth + 1) + line.words for line in query.plan)
     if query.afterwards:
         yield "what Python does with its results:"
         yield from (INDENT + words for words in query.afterwards)
-
-
-def _nest_lines(plan: Iterable[PlanLine]) -> Iterator[str]:
-    yield from (INDENT * (line.depth + 1) + line.words for line in plan)
 
 
 def _format_parameters(parameters: Sequence[ParameterFacts], sign: str) -> Iterator[str]:
