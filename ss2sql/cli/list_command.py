@@ -38,17 +38,19 @@ def _describe_built_in(row: Operation) -> Entry:
 
 
 def _describe_registered(entry: UserFunction) -> Entry:
-    text = (entry.function.__doc__ or "").strip().splitlines() or [""]
+    from ss2sql.session.session_functions import take_first_line
+
+    text = take_first_line(entry.function.__doc__)
     size = f"{entry.minimum}" if entry.minimum == entry.maximum else f"{entry.minimum} or more"
     arguments = ", ".join(entry.parameters) or size
-    descriptions = "; ".join(part for part in (text[0].rstrip("."), f"{entry.volatility}: {entry.reason}") if part)
+    descriptions = "; ".join(part for part in (text.rstrip("."), f"{entry.volatility}: {entry.reason}") if part)
     return {"name": entry.name, "arguments": arguments, "volatility": entry.volatility, "text": descriptions}
 
 
 def _list_representations(session: Session) -> Iterable[Entry]:
-    from ss2sql.shell.symbols import SymbolTable
+    from ss2sql.session.session_functions import describe_representation
 
-    return ({"name": entry.name, "text": entry.about} for entry in SymbolTable(session).representations.values())
+    return ({"name": n, "text": describe_representation(make)} for n, make in session.host.shapes.functions.items())
 
 
 def _list_strategies() -> Iterable[Entry]:

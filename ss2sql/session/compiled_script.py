@@ -20,7 +20,7 @@ from ss2sql.results.result import Result
 from ss2sql.runtime.python import compile_statement
 from ss2sql.runtime.run.run_state import Places, Run, Stats
 from ss2sql.session.compiled_query import CompiledQuery, build_dataframe_answer
-from ss2sql.session.engines import Engine
+from ss2sql.session.engines import Engine, RunOptions
 from ss2sql.session.variables import predict_values
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class Query:
     def __init__(
         self,
         host: SessionHost,
-        execute: Callable[..., Result],
+        execute: Callable[[Callable[[Run, dict[str, Any]], Query], RunOptions, Mapping[str, Any]], Result],
         script: ast.Script,
         program: plan.Program,
         engine: Engine,
@@ -223,7 +223,8 @@ class Query:
             **variables: Any) -> Result:  # fmt: skip
         """Runs the script; see `Session.run`. Raises ResolveError R009 for a parameter without a value."""
         self._check_parameters(variables)
-        return self._execute(self, engine, timeout, maximum, workers, max_rows, variables, trace=trace)
+        options = RunOptions(engine, timeout, maximum, workers, max_rows, trace)
+        return self._execute(lambda run, values: self, options, variables)
 
     def spark(self, timeout: float | None = None, maximum: int | None = None, **variables: Any) -> Any:
         """The paths of the last search as a DataFrame of Spark, which finds and keeps them.
@@ -233,18 +234,17 @@ class Query:
         BY, RepresentationError V001 for a column with values of several kinds, and what `run` raises.
         """
         self._check_parameters(variables)
-        return self._execute(self, "spark", timeout, maximum, 1, None, variables, framed=True).value
+        options = RunOptions("spark", timeout, maximum, framed=True)
+        return self._execute(lambda run, values: self, options, variables).value
 
     def _check_parameters(self, variables: Mapping[str, Any]) -> None:
         """Raises ResolveError R009 for a parameter without a value."""
         missing = [name for name in self.parameters if name not in variables and name not in self._host.names]
         if missing:
             hints = [f"run(..., {', '.join(f'{name}=...' for name in missing)})"]
-            for name in variables:
-                if name not in self.parameters and suggest_similar(
-                    name, missing
-                ):  # others may be columns of a missing source
-                    hints.append(f"'{name}' is no parameter of the script")
+            # Others may be columns of a missing source.
+            meant = (n for n in variables if n not in self.parameters and suggest_similar(n, missing))
+            hints += [f"'{name}' is no parameter of the script" for name in meant]
             raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
 
 

@@ -6,34 +6,41 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from ss2sql.errors import SessionError
+from ss2sql.fast_dataclasses import dataclass
 from ss2sql.results import require_package
-from ss2sql.runtime.run.option_checks import check_option_word
+from ss2sql.runtime.run.option_checks import check_bound, check_option_word
 from ss2sql.runtime.run.run_state import Run
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.external.level_query import EngineAbilities, TableEngine
+    from ss2sql.runtime.external.level_query import TableEngine
 
 Engine: TypeAlias = Literal["auto", "database", "native", "duckdb", "spark"]
 ENGINES: tuple[Engine, ...] = get_args(Engine)
 
 
-def get_engine_abilities(name: str) -> EngineAbilities | None:
-    """The abilities of a database that searches by levels; None for other engines. Loads only this engine."""
-    from ss2sql.lowering.sql_builder import DUCKDB, SPARK
-    from ss2sql.runtime.external.level_query import DuckLevelStatements, EngineAbilities, SparkLevelStatements
-    from ss2sql.runtime.external.task_pickle import RULES
-
-    match name:
-        case "duckdb":
-            return EngineAbilities("duckdb", DUCKDB, DuckLevelStatements)
-        case "spark":
-            return EngineAbilities("spark", SPARK, SparkLevelStatements, True, RULES)
-        case _:
-            return None
-
-
 def check_engine(engine: Any) -> None:
     check_option_word("engine", (engine,), ENGINES)
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """The options of one run, see `Session.run`; `framed` is that of `Query.spark`."""
+
+    engine: Engine | None
+    timeout: float | None
+    maximum: int | None
+    workers: int = 1
+    max_rows: int | None = None
+    trace: int | None = None
+    framed: bool = False
+
+    def check_options(self) -> None:
+        if self.engine is not None:
+            check_engine(self.engine)
+        check_bound("maximum", self.maximum, 1)
+        check_bound("workers", self.workers, 1)
+        check_bound("max_rows", self.max_rows, 0)
+        check_bound("trace", self.trace, 1)
 
 
 def open_table_engine(name: str, session: Any = None, begun: Sequence[Run] = ()) -> TableEngine | None:
@@ -50,17 +57,15 @@ def _open_duckdb(session: Any, begun: Sequence[Run]) -> TableEngine:
     require_package("pyarrow", "duckdb", "engine='duckdb'")
     from ss2sql.runtime.external.duckdb_search import DuckEngine, DuckSearch
     from ss2sql.runtime.external.duckdb_sources import DuckSources
-    from ss2sql.runtime.external.level_query import TableEngine
+    from ss2sql.runtime.external.level_query import ABILITIES, TableEngine
 
     if session is not None and not isinstance(session, duckdb.DuckDBPyConnection):
         message = f"the session of engine='duckdb' is a connection of DuckDB, not {type(session).__name__}"
         raise SessionError("S002", message, hints=("give duckdb.connect(), or nothing",))
     duck = DuckEngine(session)
     sources = DuckSources(lambda: duck.session.cursor(), (duckdb.Error,), begun)
-    able = get_engine_abilities("duckdb")
-    assert able is not None
     return TableEngine(
-        able,
+        ABILITIES["duckdb"],
         duck.open_tables,
         duck.close_engine,
         (duckdb.Error,),
@@ -75,15 +80,13 @@ def _open_spark(session: Any, begun: Sequence[Run]) -> TableEngine:
     from py4j.protocol import Py4JError  # type: ignore[import-untyped]
     from pyspark.errors import PySparkException
 
-    from ss2sql.runtime.external.level_query import TableEngine
+    from ss2sql.runtime.external.level_query import ABILITIES, TableEngine
     from ss2sql.runtime.external.spark_dataframe import DataFrameSearch
     from ss2sql.runtime.external.spark_session import SparkEngine
 
     spark = SparkEngine(session)
-    able = get_engine_abilities("spark")
-    assert able is not None
     return TableEngine(
-        able,
+        ABILITIES["spark"],
         spark.open_store,
         spark.close_engine,
         (PySparkException, Py4JError),

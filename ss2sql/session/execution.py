@@ -4,23 +4,21 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ss2sql.errors import Cancelled, Stopped, Timeout
-from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.cancellation import install_cancellation_check
 from ss2sql.language.values import copy_for_python
 from ss2sql.results.result import QueryAnswer, Result, Status
 from ss2sql.results.result_notes import suggest_timeout_cure
 from ss2sql.runtime.parallel import IN_WORKER
 from ss2sql.runtime.run.keyboard_interrupt import close_frames, defer_keyboard_interrupt
-from ss2sql.runtime.run.option_checks import check_bound
 from ss2sql.runtime.run.run_state import Run, Stats, measure_memory, translate_memory_error
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.sqlite.function_callbacks import CarriedStopError
 from ss2sql.session.compiled_script import CompiledStatement, Query, outline_script
-from ss2sql.session.engines import Engine, check_engine
+from ss2sql.session.engines import RunOptions
 from ss2sql.session.progress import make_progress
 
 if TYPE_CHECKING:
@@ -29,28 +27,6 @@ if TYPE_CHECKING:
     from ss2sql.session.host import SessionHost
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, slots=True)
-class RunOptions:
-    """The options of one run, see `Session.run`."""
-
-    engine: Engine | None
-    timeout: float | None
-    maximum: int | None
-    workers: int
-    max_rows: int | None
-    progress: str | bool
-    framed: bool = False
-    trace: int | None = None
-
-    def check_options(self) -> None:
-        if self.engine is not None:
-            check_engine(self.engine)
-        check_bound("maximum", self.maximum, 1)
-        check_bound("workers", self.workers, 1)
-        check_bound("max_rows", self.max_rows, 0)
-        check_bound("trace", self.trace, 1)
 
 
 def run_in_session(host: SessionHost, work: Callable[[Run], T]) -> T:
@@ -103,7 +79,7 @@ def _build_cancelled(run: Run | None) -> Cancelled:
 
 
 def execute_script(
-    host: SessionHost, query: Query, options: RunOptions, variables: Mapping[str, Any], run: Run
+    host: SessionHost, query: Query, options: RunOptions, progress: str | bool, variables: dict[str, Any], run: Run
 ) -> Result:
     """Runs a compiled script and gives the result of its last statement. The `variables` are values of the language."""
     options.check_options()
@@ -111,12 +87,12 @@ def execute_script(
     run.bounds.ceiling = _find_memory_ceiling(host)
     run.max_rows = run.sizes.rows = options.max_rows
     run.steps_left = _count_steps_left(host)
-    run.arguments = dict(variables)
+    run.arguments = variables
     with install_cancellation_check(run.check):
-        return _execute_statements(host, query, options, run)
+        return _execute_statements(host, query, options, progress, run)
 
 
-def _execute_statements(host: SessionHost, query: Query, options: RunOptions, run: Run) -> Result:
+def _execute_statements(host: SessionHost, query: Query, options: RunOptions, progress: str | bool, run: Run) -> Result:
     engine = options.engine if options.trace is None else "native"
     statements = run.statements = query.statements(engine, run)
     if options.trace is not None:
@@ -125,7 +101,7 @@ def _execute_statements(host: SessionHost, query: Query, options: RunOptions, ru
         find_searched_query(statements[-1].tree)
     run.call_places = query.call_places
     run.foreteller = _start_prefetcher(host, run, options.workers)
-    run.progress = None if host.runs else make_progress(run, options.progress)  # one inside of another shows none
+    run.progress = None if host.runs else make_progress(run, progress)  # one inside of another shows none
     host.runs.append(run)
     run.sizes.pause = run.check  # until its end: in a cycle all that it holds would wait for the garbage collector
     started = time.perf_counter()

@@ -40,7 +40,7 @@ from ss2sql.runtime.sqlite.function_names import BUILT_IN, choose_function_names
 from ss2sql.session.session_functions import SessionFunctions
 from ss2sql.session.session_lock import SessionLock, SessionResources
 from ss2sql.session.triggers import Triggers
-from ss2sql.session.variables import OtherTables, TemporalFile, TemporalStore, Variables, convert_moment
+from ss2sql.session.variables import TemporalFile, TemporalStore, Variables, convert_moment
 from ss2sql.vtables import contract
 from ss2sql.vtables.attached_worlds import AttachedWorld, WorldFunctions
 from ss2sql.vtables.contract import QueryCaches
@@ -48,6 +48,7 @@ from ss2sql.vtables.schema import world_error
 
 if TYPE_CHECKING:
     from ss2sql.lowering.table_filter import TableFilter
+    from ss2sql.runtime.external.duckdb_sources import DuckSources
     from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
     from ss2sql.runtime.graph_cache.graph_store import GraphStore
     from ss2sql.runtime.parallel.process_pool import ProcessPool
@@ -58,7 +59,7 @@ class TableNames:
     """The tables and views of the session's database, and of the engine's own database."""
 
     own: list[str]
-    others: OtherTables | None
+    others: DuckSources | None
 
     def __iter__(self) -> Iterator[str]:
         yield from self.own
@@ -282,7 +283,8 @@ class SessionHost:
 
     def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]:
         """The statements of a text given to `eval`."""
-        return resolve_eval(parse(Source(text, "<eval>")), scope, self.make_catalog(self._get_arguments()))
+        given = self.runs[-1].arguments if self.runs else {}
+        return resolve_eval(parse(Source(text, "<eval>")), scope, self.make_catalog(given))
 
     def make_rewrite_context(self, variable: Callable[[str], Any]) -> RewriteContext:
         """What rewrites may know of the session. `variable` gives the values that variables will have."""
@@ -293,9 +295,7 @@ class SessionHost:
                 meanings[text, id(scope)] = self._resolve_single_statement(text, scope)
             return meanings[text, id(scope)]
 
-        return RewriteContext(
-            variable, resolve_string, frozenset(self.functions)
-        )  # those that may stand in for built-in ones
+        return RewriteContext(variable, resolve_string, frozenset(self.functions))
 
     def _resolve_single_statement(self, text: str, scope: Any) -> plan.Expr | None:
         """The only statement of a text given to `eval`; None if there are more, or if it cannot be resolved yet."""
@@ -304,9 +304,6 @@ class SessionHost:
         except Error:
             return None
         return statements[0] if len(statements) == 1 else None
-
-    def _get_arguments(self) -> Mapping[str, Any]:
-        return self.runs[-1].arguments if self.runs else {}
 
     def has_table_changed(self, table: plan.TableSource | plan.WorldSource, run: Run) -> bool:
         """Whether a plan was made for other columns, or values of other kinds, than the table has now."""

@@ -29,8 +29,8 @@ from ss2sql.runtime.run.value_sizes import MAX_SIZE
 from ss2sql.runtime.sqlite.database_tables import CACHE_SIZE, find_parquet_path, find_sqlite_path
 from ss2sql.runtime.sqlite.file_locks import close_file, open_file
 from ss2sql.session.compiled_script import Query
-from ss2sql.session.engines import Engine, check_engine
-from ss2sql.session.execution import RunOptions, execute_script, run_in_session, set_deadline
+from ss2sql.session.engines import Engine, RunOptions, check_engine
+from ss2sql.session.execution import execute_script, run_in_session, set_deadline
 from ss2sql.session.host import SessionHost
 from ss2sql.session.progress import check_progress
 from ss2sql.session.session_lock import with_session_lock
@@ -426,50 +426,30 @@ class Session:
             OutOfSteps and Cancelled, whose `partial` is the result so far; whatever a registered function raised, with
             a note that names the line of the script.
         """
-
-        def run_script(run: Run) -> Result:
-            options = replace(self._make_options(engine, timeout, maximum, workers, max_rows), trace=trace)
-            set_deadline(run, self.host, options.timeout)
-            values = _convert_variables(variables)
-            query = self._get_compiled(script, engine, values, run.stats)
-            return execute_script(self.host, query, options, values, run)
-
-        return run_in_session(self.host, run_script)
+        options = RunOptions(engine, timeout, maximum, workers, max_rows, trace)
+        return self.execute(
+            lambda run, values: self._get_compiled(script, engine, values, run.stats), options, variables
+        )
 
     def eval(self, script: str | Path, **variables: Any) -> Any:
         """The value of a script: `run(script, **variables).value`."""
         return self.run(script, **variables).value
 
     def execute(
-        self,
-        query: Query,
-        engine: Engine | None,
-        timeout: float | None,
-        maximum: int | None,
-        workers: int,
-        max_rows: int | None,
-        variables: Mapping[str, Any],
-        framed: bool = False,
-        trace: int | None = None,
+        self, find: Callable[[Run, dict[str, Any]], Query], options: RunOptions, variables: Mapping[str, Any]
     ) -> Result:
-        """Runs a compiled script; `Query.run` and `Query.spark` end here."""
+        """Runs the compiled script that is found for a run and its values; `Query.run` and `Query.spark` end here."""
 
         def run_query(run: Run) -> Result:
+            check_seconds(options.timeout)
+            set_deadline(run, self.host, self.timeout if options.timeout is None else options.timeout)
+            values = _convert_variables(variables)
+            query = find(run, values)
             self._check_open()
-            options = self._make_options(engine, timeout, maximum, workers, max_rows)
-            options = replace(options, framed=framed, trace=trace)
-            set_deadline(run, self.host, options.timeout)
-            return execute_script(self.host, query, options, _convert_variables(variables), run)
+            chosen = replace(options, engine=self.engine) if options.engine == "auto" else options
+            return execute_script(self.host, query, chosen, self.progress, values, run)
 
         return run_in_session(self.host, run_query)
-
-    def _make_options(
-        self, engine: Engine | None, timeout: float | None, maximum: int | None, workers: int, max_rows: int | None
-    ) -> RunOptions:
-        check_seconds(timeout)
-        seconds = self.timeout if timeout is None else timeout
-        engine = self.engine if engine == "auto" else engine
-        return RunOptions(engine, seconds, maximum, workers, max_rows, self.progress)
 
     # --- triggers --------------------------------------------------------------------------------------
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from inspect import signature
+from inspect import getmodule, signature
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError, SessionError, suggest_names
@@ -12,6 +12,7 @@ from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language.operations import OPERATIONS, WRITTEN
 from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import copy_for_python
+from ss2sql.runtime import representations
 from ss2sql.runtime.run.option_checks import Limits
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import ValueSizes
@@ -20,21 +21,21 @@ from ss2sql.vtables.attached_worlds import AttachedTable, AttachedWorld
 from ss2sql.vtables.declared_types import format_declared_type
 
 if TYPE_CHECKING:
+    from ss2sql.runtime.external.duckdb_sources import DuckSources
     from ss2sql.runtime.sqlite.database_tables import Tables
-    from ss2sql.session.variables import OtherTables
 
 
 def describe_world(world: AttachedWorld) -> str:
     """The tables of a world with columns, types, units, filters and texts, and its functions."""
     about = world.world.text or type(world.world).__doc__ or type(world.world).__name__
-    lines = [f"{world.name}: {_take_first_line(about)}"]
+    lines = [f"{world.name}: {take_first_line(about)}"]
     for table in world.tables.values():
         lines += ["", *format_table(table)]
     if world.functions:
         lines += ["", "functions"]
         width = max(map(len, world.functions))
         for name, (method, volatility) in world.functions.items():
-            lines.append(f"  {name:<{width}}  {_take_first_line(method.__doc__ or '')} ({volatility})")
+            lines.append(f"  {name:<{width}}  {take_first_line(method.__doc__)} ({volatility})")
     return "\n".join(line.rstrip() for line in lines)
 
 
@@ -57,7 +58,7 @@ def list_columns(table: AttachedTable) -> Iterator[tuple[str, str, str, str, str
 
 
 def list_tables(
-    tables: Tables, worlds: Mapping[str, AttachedWorld], others: OtherTables | None
+    tables: Tables, worlds: Mapping[str, AttachedWorld], others: DuckSources | None
 ) -> dict[str, tuple[str, ...]]:
     """The columns of the tables of databases and of worlds, by their names in FROM.
 
@@ -75,7 +76,7 @@ def list_tables(
     return found
 
 
-def describe_name(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld], others: OtherTables | None) -> str:
+def describe_name(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld], others: DuckSources | None) -> str:
     """The description of a world or a table. Raises SessionError S002 for an unknown name."""
     owner, _, rest = name.partition(".")
     if owner in worlds and not rest:
@@ -97,8 +98,16 @@ def write_name(table: AttachedTable) -> str:
     return f"{table.world_name}.{table.schema.signature}" if table.schema.parameters else table.title
 
 
-def _take_first_line(text: str) -> str:
-    return (text.strip().splitlines() or [""])[0]
+def take_first_line(text: str | None) -> str:
+    return ((text or "").strip().splitlines() or [""])[0]
+
+
+def describe_representation(make: Callable[..., Any]) -> str:
+    """A line about a representation; a built-in one has it at the top of its file."""
+    about, module = make.__doc__, getmodule(make)
+    if module is not None and module.__name__.startswith(representations.__name__):
+        about = (module.__doc__ or "").partition(": ")[2]
+    return take_first_line(about).rstrip(".")
 
 
 # --- built-in functions that need the session: print, help, var, clear, getTime
@@ -161,8 +170,8 @@ class SessionFunctions:
     def _describe_all(self) -> dict[str, str]:
         texts = {name: row.about for name, row in WRITTEN.items() if name not in ("item", "slice")}
         for name, entry in {**self.world_functions, **self.functions}.items():
-            lines = (entry.function.__doc__ or "").strip().splitlines() or ["registered"]
-            texts[name] = f"{lines[0]} ({entry.volatility}: {entry.reason})"
+            about = take_first_line(entry.function.__doc__) or "registered"
+            texts[name] = f"{about} ({entry.volatility}: {entry.reason})"
         return texts
 
     def _var(self, name: str | None = None) -> Any:

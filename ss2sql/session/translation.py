@@ -9,10 +9,9 @@ from ss2sql.lowering.portable.portable_flat import write_flat
 from ss2sql.lowering.sql_builder import SQLITE, Dialect
 from ss2sql.lowering.sql_query import Sql
 from ss2sql.results.explain.outline import join_script_sql
-from ss2sql.runtime.external.level_query import plan_level_search
+from ss2sql.runtime.external.level_query import ABILITIES, plan_level_search
 from ss2sql.session.compiled_query import CompiledQuery
 from ss2sql.session.compiled_script import CompiledStatement, outline_script
-from ss2sql.session.engines import get_engine_abilities
 
 
 def translate_script(statements: Sequence[CompiledStatement], dialect: Dialect) -> Sql:
@@ -32,8 +31,7 @@ def translate_script(statements: Sequence[CompiledStatement], dialect: Dialect) 
 def _translate_query(query: CompiledQuery, dialect: Dialect) -> str:
     if query.query.search is None:
         return f"{dialect.print_tree(write_flat(query.query, query.world.variable))};"
-    able = get_engine_abilities(dialect.name)
-    if able is None:
+    if dialect.name not in ABILITIES:
         reason = f"a search needs many statements, and nothing runs them in {dialect.name}"
         raise UnsupportedError("U001", reason, query.query.span, ("--dialect duckdb and --dialect spark print them",))
-    return plan_level_search(query.query, able).sql
+    return plan_level_search(query.query, ABILITIES[dialect.name]).sql

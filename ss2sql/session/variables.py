@@ -10,18 +10,20 @@ import json
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
 from math import isfinite
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import apsw
 
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
-from ss2sql.language.kinds import Type
 from ss2sql.language.values import convert_value, copy_for_python, format_value
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.vtables.attached_worlds import AttachedWorld
 from ss2sql.vtables.frames import Frame, Reader
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.external.duckdb_sources import DuckSources
 
 
 def convert_seconds(value: Any, what: str) -> float:
@@ -179,22 +181,6 @@ def _encode_json(value: Any) -> str:
 
 
 # --- the variables of a session: what scripts assign, what Python sets or attaches, and temporal variables
-class OtherTables(Protocol):
-    """The tables of the engine's own database."""
-
-    def find_variable(self, name: str) -> str | None:
-        """The variable as which the table `name` or `schema.name` is read, if there is one; scripts cannot name it."""
-
-    def find_reader(self, variable: str) -> Reader | None:
-        """The reader of the table of such a variable, if there is one."""
-
-    def list_names(self) -> list[str]:
-        """The tables that need no schema before their names."""
-
-    def read_columns(self, name: str) -> tuple[tuple[str, Type], ...]:
-        """The columns of the table `name` or `schema.name`; none if it is missing or unreadable."""
-
-
 class Variables:
     """Values of the language by name.
 
@@ -207,7 +193,7 @@ class Variables:
         self.attached: dict[str, Any] = {}
         self.worlds: dict[str, AttachedWorld] = {}  # those among what is attached
         self.frames: dict[str, Reader] = {}  # what reads the data frames among what is attached
-        self.others: OtherTables | None = None  # what stands in FROM where nothing else has the name
+        self.others: DuckSources | None = None  # what stands in FROM where nothing else has the name
         self.let_go: Callable[[AttachedWorld], None] = lambda world: None  # hears of worlds that make room
         self.late: dict[str, ast.ListLiteral] = {}
         self.temporal_store = temporal_store

@@ -17,8 +17,7 @@ from ss2sql.language.kinds import Type, type_of
 from ss2sql.language.operations import OPERATOR_FUNCTIONS, WRITTEN, Operation
 from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import convert_value
-from ss2sql.runtime import representations
-from ss2sql.session.session_functions import list_columns, write_name
+from ss2sql.session.session_functions import describe_representation, list_columns, take_first_line, write_name
 from ss2sql.vtables.frames.frame import Frame
 
 if TYPE_CHECKING:
@@ -55,7 +54,10 @@ class SymbolTable:
     def functions(self) -> dict[str, Function]:
         """Functions by name, the user's own first, without those of operators."""
         own = {**self.host.functions, **self.host.world_functions}
-        found = {name: _describe_user_function(name, entry.function) for name, entry in sorted(own.items())}
+        found = {}
+        for name, entry in sorted(own.items()):
+            about = take_first_line(entry.function.__doc__)
+            found[name] = Function(name, _list_parameters(entry.function, 0), about, built_in=False)
         for name, row in sorted(WRITTEN.items()):
             if name not in found and name not in OPERATOR_FUNCTIONS:
                 found[name] = _describe_built_in(row)
@@ -64,7 +66,8 @@ class SymbolTable:
     @cached_property
     def representations(self) -> dict[str, Function]:
         """The names after AS."""
-        return {name: _describe_representation(name, make) for name, make in self.host.shapes.functions.items()}
+        makers = self.host.shapes.functions.items()
+        return {n: Function(n, _list_parameters(f, 1) or None, describe_representation(f)) for n, f in makers}
 
     @cached_property
     def variables(self) -> dict[str, str]:
@@ -162,21 +165,10 @@ def _format_kinds(kind: Type) -> str:
     return format_type(Type(kind.kinds, item=None if kind.item is None else Type(kind.item.kinds)))
 
 
-def _describe_user_function(name: str, function: Callable[..., Any]) -> Function:
-    return Function(name, _list_parameters(function, 0), _take_first_line(function.__doc__), built_in=False)
-
-
 def _describe_built_in(row: Operation) -> Function:
     """A row of the table, with the parameters of its longest call."""
     inside = row.call.rpartition("(")[2].rstrip(")")
     return Function(row.name, tuple(inside.split(", ")) if inside else (), row.about)
-
-
-def _describe_representation(name: str, make: Callable[..., Any]) -> Function:
-    about, module = make.__doc__, inspect.getmodule(make)
-    if module is not None and module.__name__.startswith(representations.__name__):
-        about = (module.__doc__ or "").partition(": ")[2]
-    return Function(name, _list_parameters(make, 1) or None, _take_first_line(about).rstrip("."))
 
 
 def _list_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, ...]:
@@ -185,10 +177,6 @@ def _list_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, .
     except (ValueError, TypeError):
         return ("...",)
     return tuple(str(one.replace(annotation=inspect.Parameter.empty)) for one in parameters)
-
-
-def _take_first_line(text: str | None) -> str:
-    return ((text or "").strip().splitlines() or [""])[0]
 
 
 def _shorten(text: str) -> str:

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
+from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, StepSelect, TypedColumn, write_portable_steps
-from ss2sql.lowering.sql_builder import Dialect
-from ss2sql.lowering.unsupported import Rule
+from ss2sql.lowering.sql_builder import DUCKDB, SPARK, Dialect
 from ss2sql.runtime.external.table_statements import (
     OpenedDatabase,
     interrupt_when_due,
@@ -212,15 +212,19 @@ class SparkLevelStatements(LevelStatements):
 class EngineAbilities:
     """What is known of a database that searches by levels, whether it is here or not.
 
-    Its name, its dialect, its statements, whether they find the states that are expanded in a table `apart`, and what
-    it cannot do beside what no such database can.
+    Its name, its dialect, its statements, and whether they find the states that are expanded in a table `apart`.
     """
 
     name: str
     dialect: Dialect
     write: Callable[[plan.Search, StepSelect], LevelStatements]
     apart: bool = False
-    rules: tuple[Rule, ...] = ()
+
+
+ABILITIES = {
+    "duckdb": EngineAbilities("duckdb", DUCKDB, DuckLevelStatements),
+    "spark": EngineAbilities("spark", SPARK, SparkLevelStatements, apart=True),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,11 +262,10 @@ class LevelPlan:
 def plan_level_search(query: plan.Query, abilities: EngineAbilities) -> LevelPlan:
     """The search as it goes by levels in the tables of a database. Raises UnsupportedError where it does not."""
     assert query.search is not None
-    for rule in (*RULES, *abilities.rules):
-        place = rule.find(query, False)
-        if place is not None:
-            reason = f"{rule.reason}, which the tables of {abilities.name} cannot do"
-            raise UnsupportedError("U001", reason, place, (rule.cure,))
+    refused = _refuse_search(query, abilities.name)
+    if refused is not None:
+        reason, cure, place = refused
+        raise UnsupportedError("U001", f"{reason}, which the tables of {abilities.name} cannot do", place, (cure,))
     try:
         steps, hindrance = write_portable_steps(query, abilities.apart), None
     except UnsupportedError as error:
@@ -323,47 +326,27 @@ class LevelQuery:
             tables.close_tables()
 
 
-# --- what is refused -----------------------------------------------------------------------------------
-
-
-def _find_weight_span(query: plan.Query, nested: bool) -> Span | None:
-    return query.span if query.search and (query.search.weight or query.search.repeats == "memorize") else None
-
-
-def _find_depth_first(query: plan.Query, nested: bool) -> Span | None:
-    return query.span if query.search and query.search.order == "depth first" else None
-
-
-def _find_special_clauses(query: plan.Query, nested: bool) -> Span | None:
-    search = query.search
-    return query.span if search and (query.last or not search.plain) else None
-
-
-def _find_aggregates(query: plan.Query, nested: bool) -> Span | None:
-    return (query.group or (query.columns[0].expr,))[0].span if query.aggregated else None
-
-
-def _find_volatile_clauses(query: plan.Query, nested: bool) -> Span | None:
-    builder = QueryCompiler(CodegenContext(query.span, ExpressionAnalysis((query,))))
-    return None if can_be_noted(builder, query) else query.span
-
-
-RULES = (
-    Rule("COST, PROBABILITY and MEMORIZE do not go by length", "leave the engine to ss2sql", _find_weight_span),
-    Rule(
-        "LAST, a condition, EACH, BY, ORDER SIBLINGS BY and greedy search go on from step to step",
-        "leave the engine to ss2sql",
-        _find_special_clauses,
-    ),
-    Rule(
-        "DEPTH FIRST goes on from the last step",
-        "write BREADTH FIRST, or UNIQUE without DEPTH FIRST",
-        _find_depth_first,
-    ),
-    Rule("aggregates count over whole paths", "leave the engine to ss2sql", _find_aggregates),
-    Rule(
-        "a volatile function or an assignment keeps the written order",
-        "register functions with volatility='immutable' or 'stable' if that is true",
-        _find_volatile_clauses,
-    ),
-)
+def _refuse_search(query: plan.Query, database: str) -> tuple[str, str, Span] | None:
+    """What keeps a search from going by levels, if anything: the reason, the cure, and the place."""
+    search, leave = query.search, "leave the engine to ss2sql"
+    assert search is not None
+    if search.weight or search.repeats == "memorize":
+        return "COST, PROBABILITY and MEMORIZE do not go by length", leave, query.span
+    if query.last or not search.plain:
+        reason = "LAST, a condition, EACH, BY, ORDER SIBLINGS BY and greedy search go on from step to step"
+        return reason, leave, query.span
+    if search.order == "depth first":
+        return (
+            "DEPTH FIRST goes on from the last step",
+            "write BREADTH FIRST, or UNIQUE without DEPTH FIRST",
+            query.span,
+        )
+    if query.aggregated:
+        return "aggregates count over whole paths", leave, (query.group or (query.columns[0].expr,))[0].span
+    if not can_be_noted(QueryCompiler(CodegenContext(query.span, ExpressionAnalysis((query,)))), query):
+        cure = "register functions with volatility='immutable' or 'stable' if that is true"
+        return "a volatile function or an assignment keeps the written order", cure, query.span
+    world = next((node for node in walk(query) if isinstance(node, plan.WorldSource)), None)
+    if world is not None and database == "spark":
+        return "a world is in this process only", f"copy its table into a variable, or {leave}", world.span
+    return None

@@ -28,7 +28,6 @@ from ss2sql.language.kinds import ANY, Type
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import list_functions, walk
 from ss2sql.lowering.portable.search_steps import TypedColumn
-from ss2sql.lowering.unsupported import Rule
 from ss2sql.runtime.external.level_steps import StepEvaluation, Try, pickle_values
 from ss2sql.runtime.external.table_statements import batch_of_rows
 from ss2sql.runtime.graph_cache.function_fingerprint import is_of_user
@@ -66,17 +65,6 @@ class SearchTask:
     max_size: int
     memo_limit: int
     keyed: bool
-
-
-def _find_world(query: plan.Query, nested: bool) -> Span | None:
-    return next((node.span for node in walk(query) if isinstance(node, plan.WorldSource)), None)
-
-
-RULES = (
-    Rule(
-        "a world is in this process only", "copy its table into a variable, or leave the engine to ss2sql", _find_world
-    ),
-)
 
 
 # --- packing -------------------------------------------------------------------------------------------
