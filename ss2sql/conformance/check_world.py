@@ -332,7 +332,7 @@ class _Judge:
     def _read_rows(self, table: Table, schema: Schema, keys: Sequence[Hashable]) -> list[dict[str, Any]]:
         """All columns of the elements with these keys, read anew."""
         reading = Reading(schema)
-        reading.announce_keys(keys)
+        reading.announced = keys
         try:
             readers = {name: reading.make_reader(name) for name in schema.kinds}
             return [{name: read(key) for name, read in readers.items()} for key in keys]

@@ -31,7 +31,9 @@ POSITION = "x y z posX posY posZ pos"
 ROTATION = "qx qy qz qw quat"
 VELOCITY = "vx vy vz velocity linearVelocity"
 SPIN = "wx wy wz angularVelocity"
-SHAPE = "type isSphere isBox isCapsule isCylinder isPlane isMesh"
+SHAPES = ("sphere", "box", "capsule", "cylinder", "plane", "mesh")
+SHAPE = " ".join(["type", *(f"is{shape.title()}" for shape in SHAPES)])
+AXES = ("x", "y", "z")
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # x, y, z, w
@@ -40,46 +42,25 @@ _COLUMNS = (
     Column("id", int, "", "the number of the body", "="),
     Column("name", str, "", "its name", "="),
     Column("obj", object, "", "the body itself, what `this` is"),
-    Column(
-        "type",
-        str,
-        "",
-        "sphere box capsule cylinder plane mesh terrain, compound of several, or ghost: without a shape",
-    ),
-    Column("x", float, "m", "the position", RANGE),
-    Column("y", float, "m", "the position", RANGE),
-    Column("z", float, "m", "the position", RANGE),
-    Column("posX", float, "m", "x"),
-    Column("posY", float, "m", "y"),
-    Column("posZ", float, "m", "z"),
+    Column("type", str, "", f"{' '.join(SHAPES)} terrain, compound of several, or ghost: without a shape"),
+    *(Column(axis, float, "m", "the position", RANGE) for axis in AXES),
+    *(Column(f"pos{axis.upper()}", float, "m", axis) for axis in AXES),
     Column("pos", VECTOR, "m", "the position, [x, y, z]"),
-    Column("qx", float, "", "the orientation as a quaternion"),
-    Column("qy", float, "", "the orientation as a quaternion"),
-    Column("qz", float, "", "the orientation as a quaternion"),
+    *(Column(f"q{axis}", float, "", "the orientation as a quaternion") for axis in AXES),
     Column("qw", float, "", "the orientation as a quaternion, the real part"),
     Column("quat", (float, float, float, float), "", "the orientation as a quaternion, [qx, qy, qz, qw]"),
     Column("rot", VECTOR, "rad", "the orientation as roll, pitch and yaw"),
     Column("pose", (*VECTOR, *VECTOR, float), "m", "pos and quat in one list of seven"),
-    Column("vx", float, "m/s", "the velocity"),
-    Column("vy", float, "m/s", "the velocity"),
-    Column("vz", float, "m/s", "the velocity"),
-    Column("velocity", VECTOR, "m/s", "the velocity, [vx, vy, vz]"),
-    Column("linearVelocity", VECTOR, "m/s", "the velocity, [vx, vy, vz]"),
-    Column("wx", float, "rad/s", "the angular velocity"),
-    Column("wy", float, "rad/s", "the angular velocity"),
-    Column("wz", float, "rad/s", "the angular velocity"),
+    *(Column(f"v{axis}", float, "m/s", "the velocity") for axis in AXES),
+    *(Column(name, VECTOR, "m/s", "the velocity, [vx, vy, vz]") for name in ("velocity", "linearVelocity")),
+    *(Column(f"w{axis}", float, "rad/s", "the angular velocity") for axis in AXES),
     Column("angularVelocity", VECTOR, "rad/s", "the angular velocity, [wx, wy, wz]"),
     Column("force", VECTOR, "N", "the force that is applied from outside"),
     Column("torque", VECTOR, "Nm", "the torque that is applied from outside"),
     Column("mass", float, "kg", "the mass"),
     Column("volume", float | None, "m3", "the volume of its shapes; None where it has no end or is not known"),
     Column("aabb", (VECTOR, VECTOR), "m", "the box around it along the axes: two opposite corners"),
-    Column("isSphere", bool, "", "whether its shape is a sphere"),
-    Column("isBox", bool, "", "whether its shape is a box"),
-    Column("isCapsule", bool, "", "whether its shape is a capsule"),
-    Column("isCylinder", bool, "", "whether its shape is a cylinder"),
-    Column("isPlane", bool, "", "whether its shape is a plane"),
-    Column("isMesh", bool, "", "whether its shape is a mesh"),
+    *(Column(f"is{shape.title()}", bool, "", f"whether its shape is a {shape}") for shape in SHAPES),
     Column("isRobot", bool, "", "whether it is a robot, or a part of one"),
     Column("isSensor", bool, "", "whether a sensor is mounted on it"),
     Column("isEnabled", bool, "", "whether anything can collide with it"),
@@ -101,9 +82,9 @@ def _make_optional(declared: Any) -> Any:
     return tuple(map(_make_optional, declared)) if isinstance(declared, tuple) else declared | None
 
 
-def list_shape_columns(shape: str | None) -> tuple[Any, ...]:
+def list_shape_columns(shape: Any) -> tuple[Any, ...]:
     """The columns of SHAPE."""
-    return shape, *(shape == known for known in ("sphere", "box", "capsule", "cylinder", "plane", "mesh"))
+    return shape, *(shape == known for known in SHAPES)
 
 
 def compute_euler_angles(x: float, y: float, z: float, w: float) -> Vector:
@@ -175,7 +156,6 @@ PAIR = (
     Column("idA", int, "", "the id of a"),
     Column("idB", int, "", "the id of b"),
 )
-AXES = ("x", "y", "z")
 SLACK = 1e-9  # relative: distances from different formulas differ by less
 
 
@@ -242,6 +222,24 @@ class BodyWorld(World):
         """Where a body is, and how it is turned."""
         return self.read_column(body, "pos"), self.read_column(body, "quat")
 
+    def read_box(self, body: int) -> Box:
+        """The box around a body, read once in a query."""
+        known = self.memory.setdefault("boxes", {})
+        if body not in known:
+            known[body] = self.measure_box(body)
+        return known[body]  # type: ignore[no-any-return]
+
+    def measure_box(self, body: int) -> Box:
+        low, high = self.read_column(body, "aabb")
+        return low, high
+
+    def iterate_pairs(self, a: Any, b: Any) -> Iterator[tuple[int, int]]:
+        """The pairs of bodies a and b, where None stands for all; without both each pair once."""
+        ids = self.read_positions()[0] if a is None or b is None else []
+        first, second = (ids if body is None else [self.find_body(body)] for body in (a, b))
+        both = a is None and b is None
+        return ((x, y) for x in first for y in second if x < y or (x != y and not both))
+
     def filter_by_position(self, where: Where) -> list[int]:
         """The bodies that meet conditions on x, y and z. Positions are read once in a query."""
         known = self.memory
@@ -283,8 +281,7 @@ class BodyWorld(World):
             low, high = value.aabb
             return low, high
         if not isinstance(value, (list, tuple)):
-            low, high = self.read_column(self.find_body(value), "aabb")
-            return low, high
+            return self.read_box(self.find_body(value))
         corners = [read_numbers(part, 3) for part in value]
         if len(corners) != 2 or corners[0] is None or corners[1] is None:
             raise make_parameter_error(name, "a box [[x, y, z], [x, y, z]]", value)
@@ -405,15 +402,10 @@ class Closest(TableFunction):
 
     def rows(self, a: Any, b: Any, distance: float) -> Iterator[tuple[Any, ...]]:
         world = self.world
-        ids = world.read_positions()[0] if a is None or b is None else []
-        first, second = (ids if body is None else [world.find_body(body)] for body in (a, b))
-        both = a is None and b is None
-        for one in first:
-            for other in second:
-                if one < other or (one != other and not both):
-                    gap = world.measure_gap(one, other)
-                    if gap <= distance:
-                        yield world.bodies.element(one), world.bodies.element(other), one, other, gap
+        for one, other in world.iterate_pairs(a, b):
+            gap = world.measure_gap(one, other)
+            if gap <= distance:
+                yield world.bodies.element(one), world.bodies.element(other), one, other, gap
 
 
 class Near(TableFunction):
@@ -442,6 +434,6 @@ class Overlaps(TableFunction):
     def rows(self, box: Any) -> Iterator[int]:
         low, high = self.world.find_box("overlaps", box)
         for body in self.world.read_positions()[0]:
-            least, most = self.world.read_column(body, "aabb")
-            if all(least[k] <= high[k] and low[k] <= most[k] for k in range(3)):
+            least, most = self.world.read_box(body)
+            if all(a <= d and c <= b for a, b, c, d in zip(low, high, least, most, strict=True)):
                 yield body

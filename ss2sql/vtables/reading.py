@@ -77,7 +77,7 @@ def make_fetcher(reading: Reading, table: Table, group: str, rows: dict[Hashable
 
 def _fetch_singly(reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]) -> Fetch:
     schema = reading.schema
-    fits = schema.make_row_test(group)
+    fits = schema.quick_tests[group]
 
     def fetch_key(key: Hashable) -> Values:
         try:
@@ -125,7 +125,7 @@ class BlockFetcher:
         self.method = method
         self.rows = rows
         self.single = len(reading.schema.groups[group].parts) == 1  # a block of values, not of tuples
-        self.first_fits, self.fit = reading.schema.make_row_test(group), reading.schema.get_block_test(group)
+        self.first_fits, self.fit = reading.schema.quick_tests[group], reading.schema.block_tests[group]
         self.alone = _fetch_singly(reading, group, self._fetch_single, rows)
         self.keys: Sequence[Hashable] = ()  # that were given when the last block was fetched
         self.end = 0  # of the last block
@@ -290,10 +290,6 @@ class Reading:
             raise make_adapter_error(self.schema, error).with_span(self.span) from error
         finally:
             world.remembered = outer
-
-    def announce_keys(self, keys: Sequence[Hashable]) -> None:
-        """Announces that columns of these keys will be read."""
-        self.announced = keys
 
     def call_function(self, arguments: Sequence[Any]) -> list[Any]:
         """The rows of a table function for these arguments: keys of its table, or tuples of clean values."""

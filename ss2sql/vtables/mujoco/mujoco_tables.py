@@ -23,6 +23,7 @@ from ss2sql.vtables.body_functions import (  # fmt: skip
     VECTOR,
     RequestedPairs,
     compute_euler_angles,
+    list_shape_columns,
     make_body_columns,
     make_gone_error,
 )
@@ -162,7 +163,6 @@ _ALL = slice(None)
 _REAL_LAST = [1, 2, 3, 0]
 _JOINTS = ("free", "ball", "slide", "hinge")
 _GEOM_COLUMNS = f"{POSITION} {ROTATION} {SHAPE} rot volume aabb".split()
-_SHAPES = ("sphere", "box", "capsule", "cylinder", "plane", "mesh")
 
 
 def _find_named(names: Sequence[str], where: Where, count: int) -> Iterable[int]:
@@ -242,15 +242,6 @@ def _read_from_data(name: str, part: slice = _ALL) -> Callable[[Any, Keys], Arra
     return read_array
 
 
-def _split_coordinates(points: Array) -> tuple[Array, ...]:
-    x, y, z = points.T
-    return x, y, z, x, y, z, points
-
-
-def _list_shapes(kinds: Array) -> tuple[Any, ...]:
-    return kinds, *(kinds == known for known in _SHAPES)
-
-
 class MuJoCoBodies(_Oriented):
     name, count, kind = "bodies", "nbody", "body"
     text = "the bodies of the model; the first is `world`, which all that stands still belongs to"
@@ -308,7 +299,7 @@ class MuJoCoBodies(_Oriented):
     weight = _read_from_model("body_mass")
 
     def read_shapes(self, keys: Keys) -> tuple[Any, ...]:
-        return _list_shapes(self.world.shapes.list_body_kinds()[self.check_keys(keys)])
+        return list_shape_columns(self.world.shapes.list_body_kinds()[self.check_keys(keys)])
 
     def read_volumes(self, keys: Keys) -> list[float | None]:
         return _list_bounds(self.world.shapes.measure_body_volumes()[self.check_keys(keys)])
@@ -355,13 +346,14 @@ class MuJoCoGeoms(_Oriented):
     extent = _read_from_model("geom_size")
 
     def read_places(self, keys: Keys) -> tuple[Array, ...]:
-        return _split_coordinates(self.world.data.geom_xpos[self.check_keys(keys)])
+        points = self.world.data.geom_xpos[self.check_keys(keys)]
+        return *points.T, *points.T, points
 
     def read_quaternions(self, keys: Keys) -> Array:
         return self.world.shapes.read_quaternions(self.check_keys(keys))
 
     def read_shapes(self, keys: Keys) -> tuple[Any, ...]:
-        return _list_shapes(KINDS[self.world.model.geom_type[self.check_keys(keys)]])
+        return list_shape_columns(KINDS[self.world.model.geom_type[self.check_keys(keys)]])
 
     def read_volumes(self, keys: Keys) -> list[float | None]:
         return _list_bounds(self.world.shapes.measure_volumes()[self.check_keys(keys)])

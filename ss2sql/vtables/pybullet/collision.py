@@ -52,24 +52,15 @@ class ShapeExtent(NamedTuple):
         """Its reach along x, y and z when it is turned."""
         (a, b, c), ball, disc = self
         x, y, z, w = turn
-        right, up, away = 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)  # where the z axis looks
-        return (
-            ball
-            + abs(1 - 2 * (y * y + z * z)) * a
-            + abs(2 * (x * y - w * z)) * b
-            + abs(right) * c
-            + disc * sqrt(max(0.0, 1 - right * right)),
-            ball
-            + abs(2 * (x * y + w * z)) * a
-            + abs(1 - 2 * (x * x + z * z)) * b
-            + abs(up) * c
-            + disc * sqrt(max(0.0, 1 - up * up)),
-            ball
-            + abs(2 * (x * z - w * y)) * a
-            + abs(2 * (y * z + w * x)) * b
-            + abs(away) * c
-            + disc * sqrt(max(0.0, 1 - away * away)),
+        right, up, away = (
+            ball + abs(along_x) * a + abs(along_y) * b + abs(along_z) * c + disc * sqrt(max(0.0, 1 - along_z * along_z))
+            for along_x, along_y, along_z in (
+                (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+                (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+                (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+            )
         )
+        return right, up, away
 
 
 def measure_extent(kind: str, size: Any) -> ShapeExtent:
@@ -228,8 +219,6 @@ class _Measured:
 
     def can_have_ends(self) -> bool:
         """Whether its collision shape could be a capsule between two ends, of this length in any direction."""
-        import numpy as np
-
         adds = np.transpose([self._measure_half_edges(axis) for axis in ((1, 0, 0), (0, 1, 0), (0, 0, 1))])
         sizes, (*_, blind) = np.linalg.svd(adds)[1:]
         single, near = sizes[2] > BLIND * sizes[0], self.near  # else the box is the same for many directions
@@ -424,11 +413,11 @@ class BodyFunctions(BodyWorld):
         return read_link_pose(self, (self.find_body(value), value[1] if isinstance(value, tuple) else -1))[0]
 
     def find_box(self, name: str, value: Any) -> Any:
-        """A box, given by two opposite corners, or by a body with a box around it."""
-        if isinstance(value, (list, Element)):
-            return super().find_box(name, value)
-        found: Box = measure_box(self, self.find_body(value))
-        return found
+        """A box, given by two opposite corners, or by a body or a link of one with a box around it."""
+        return self.read_box(self.find_body(value)) if isinstance(value, tuple) else super().find_box(name, value)
+
+    def measure_box(self, body: int) -> Box:
+        return measure_box(self, body)  # PyBullet's own boxes are one step old
 
     def read_pose(self, body: int) -> Any:
         """Where a body is, and how it is turned; a tenth of the time that its columns take."""
@@ -448,24 +437,18 @@ class BodyFunctions(BodyWorld):
         for link in range(-1, self.calls.getNumJoints(wanted)):
             low, high = self.calls.getAABB(wanted, link)
             middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
-            if _is_in_cone(eye, middle) and self._is_open(eye.position, middle, wanted):
+            # -1: a body without a shape, or hollow there, is seen if nothing hides it.
+            if are_in_cone(eye, [middle])[0] and self.calls.rayTest(eye.position, middle)[0][0] in (-1, wanted):
                 return True
         return False
 
-    def _is_open(self, start: Any, end: Any, wanted: int) -> bool:
-        hit = self.calls.rayTest(start, end)[0][0]
-        return hit in (-1, wanted)  # -1: a body without a shape, or hollow there, is seen if nothing hides it
 
-
-def _is_in_cone(eye: Any, point: Any) -> bool:
-    away = dist(eye.position, point)
-    if away > eye.range:
-        return False
-    if away == 0:
-        return True
-    size = hypot(*eye.direction)
-    along = sum((p - e) * d for p, e, d in zip(point, eye.position, eye.direction, strict=True))
-    return bool(along / away / size >= cos(radians(eye.angle / 2)))
+def are_in_cone(sensor: Any, points: Any) -> Any:
+    """Whether points are within the range and the angle of a sensor."""
+    away = np.asarray(points, dtype=float) - np.asarray(sensor.position, dtype=float)
+    distance = np.linalg.norm(away, axis=1)
+    direction = np.asarray(sensor.direction, dtype=float) / hypot(*sensor.direction)
+    return (distance <= sensor.range) & (away @ direction >= distance * cos(radians(sensor.angle / 2)))
 
 
 # --- collision tests of a robot with everything else, at any pose, without moving anything

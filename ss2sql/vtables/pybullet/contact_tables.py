@@ -6,17 +6,14 @@ from collections.abc import Iterator
 from math import dist
 from typing import Any
 
-from ss2sql.vtables.body_functions import VECTOR, make_parameter_error, read_numbers
+from ss2sql.vtables.body_functions import PAIR, VECTOR, make_parameter_error, read_numbers
 from ss2sql.vtables.contract import Column, TableFunction
-from ss2sql.vtables.pybullet.bodies import get_spatial_index, measure_box
+from ss2sql.vtables.pybullet.bodies import get_spatial_index
 
 MOST_RAYS = 16_383  # in one call; from one more on PyBullet loses some
 
 _PAIR = (
-    Column("a", object, text="the one body"),
-    Column("b", object, text="the other body"),
-    Column("idA", int, text="the id of a"),
-    Column("idB", int, text="the id of b"),
+    *PAIR,
     Column("linkA", int, text="the number of the link of a, -1 for the base"),
     Column("linkB", int, text="the number of the link of b"),
     Column("pointA", VECTOR, "m", "the point on a"),
@@ -51,13 +48,9 @@ class BulletClosest(TableFunction):
         world = self.world
         if read_numbers([distance], 1) is None:
             raise make_parameter_error("closest", "a distance in metres", distance)
-        first, second = (world.list_ids() if body is None else [world.find_body(body)] for body in (a, b))
-        both = a is None and b is None
-        for one in first:
-            for other in second:
-                if one < other or (one != other and not both):
-                    for point in world.calls.getClosestPoints(one, other, distance) or ():
-                        yield _make_contact_row(world, point)
+        for one, other in world.iterate_pairs(a, b):
+            for point in world.calls.getClosestPoints(one, other, distance) or ():
+                yield _make_contact_row(world, point)
 
 
 def _make_contact_row(world: Any, point: Any) -> tuple[Any, ...]:
@@ -75,24 +68,6 @@ class BulletNear(TableFunction):
         if read_numbers([radius], 1) is None:
             raise make_parameter_error("near", "a radius in metres", radius)
         return get_spatial_index(self.world).find_near(self.world.find_point(point), radius)
-
-
-class BulletOverlaps(TableFunction):
-    """Bodies in a box."""
-
-    name, table = "overlaps", "bodies"
-    text = "the bodies whose aabb has a point in common with a box [[x, y, z], [x, y, z]] or with the aabb of a body"
-
-    def rows(self, box: Any) -> list[int]:
-        world = self.world
-        low, high = world.find_box("overlaps", box)
-        known = world.memory.setdefault("boxes", {})  # PyBullet's own boxes are one step old
-        found = []
-        for body in world.list_ids():
-            least, most = known.get(body) or known.setdefault(body, measure_box(world, body))
-            if all(a <= d and c <= b for a, b, c, d in zip(low, high, least, most, strict=True)):
-                found.append(body)
-        return found
 
 
 class Rays(TableFunction):

@@ -13,7 +13,7 @@ the floor, is seen.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from math import ceil, cos, dist, hypot, radians
+from math import ceil, dist
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -24,7 +24,7 @@ from ss2sql.language.rows import Table, request_hidden_columns
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
 from ss2sql.vtables.pybullet.bodies import KINDS, measure_box
-from ss2sql.vtables.pybullet.collision import ShapeCache
+from ss2sql.vtables.pybullet.collision import ShapeCache, are_in_cone
 from ss2sql.vtables.pybullet.contact_tables import MOST_RAYS
 from ss2sql.vtables.pybullet.poses import Box, unite_boxes
 
@@ -263,16 +263,9 @@ def make_sensor_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> 
     seen = np.asarray(grid).reshape(-1)
     for body in bodies:
         sensor = world.sensors[body]
-        selected = np.flatnonzero(_is_in_cone(sensor, points))
+        selected = np.flatnonzero(are_in_cone(sensor, points))
         seen[selected[_find_visible(world, body, sensor, points[selected])]] += 1
     return grid
-
-
-def _is_in_cone(sensor: Any, points: Any) -> Any:
-    away = points - np.asarray(sensor.position, dtype=float)
-    distance = np.linalg.norm(away, axis=1)
-    direction = np.asarray(sensor.direction, dtype=float) / hypot(*sensor.direction)
-    return (distance <= sensor.range) & (away @ direction >= distance * cos(radians(sensor.angle / 2)))
 
 
 def _find_visible(world: Any, body: int, sensor: Any, ends: Any) -> Any:
