@@ -76,7 +76,9 @@ def find_broken_rule(answer: Answer) -> str | None:
         return "UNIQUE reaches a row twice"
     if answer.bound is not None and any(length > answer.bound for length in lengths):
         return f"MEMORIZE {answer.bound} gives a longer path"
-    by_length = answer.strategy.order == "BREADTH FIRST" or (rule == "MEMORIZE" and not _is_weighted(answer))
+    by_length = answer.strategy.order == "BREADTH FIRST" or (
+        rule == "MEMORIZE" and answer.strategy.order not in WEIGHTS
+    )
     if by_length and not answer.sorted and any(a > b for a, b in pairwise(lengths)):
         return f"{rule if rule == 'MEMORIZE' else 'BREADTH FIRST'} gives a longer path before a shorter one"
     return None
@@ -114,10 +116,6 @@ def compare_group_rows(own: Sequence[Sequence[Any]], other: Sequence[Sequence[An
         return REORDERED
     rounded = any(type(value) is float for row in (*own, *other) for value in row)
     return Verdict("other rows: sums of floats depend on the order" if rounded else "other rows", not rounded)
-
-
-def _is_weighted(answer: Answer) -> bool:
-    return answer.strategy.order in WEIGHTS
 
 
 def _compare_selections(own: Answer, other: Answer) -> Verdict:
@@ -236,13 +234,10 @@ class FinishedRun:
         search = self.query.search
         bound = search.bound.value if isinstance(search.bound, plan.Constant) else None
         unbounded = search.bound is None or bound is not None
-        cut = self.result.status == "maximum" or not _is_answer_uncut(self.query.limit, len(paths)) or not unbounded
+        limit = self.query.limit
+        known = isinstance(limit, plan.Constant) and type(limit.value) is int and limit.value > len(paths)
+        cut = self.result.status == "maximum" or not (limit is None or known) or not unbounded
         return Answer(self.strategy, paths, bound, cut, bool(self.query.order))
-
-
-def _is_answer_uncut(limit: plan.Expr | None, number: int) -> bool:
-    """Whether a limit has certainly cut nothing from so many results."""
-    return limit is None or (isinstance(limit, plan.Constant) and type(limit.value) is int and limit.value > number)
 
 
 @dataclass(slots=True)

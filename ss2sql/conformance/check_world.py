@@ -67,15 +67,7 @@ class QueryGenerator:
         self._turned: list[QueryPair] = []  # joins whose other order is still to come
         self._compiled: tuple[str, Any] = ("", None)
 
-    def query_world(self, script: QueryPair, engine: Any) -> Outcome:
-        """The outcome of a query over the world."""
-        return self._find_outcome(script.text, engine)
-
-    def query_copies(self, script: QueryPair) -> Outcome:
-        """The outcome over the copies."""
-        return self._find_outcome(script.copied, "native")
-
-    def _find_outcome(self, text: str, engine: Any) -> Outcome:
+    def find_outcome(self, text: str, engine: Any) -> Outcome:
         try:
             if self._compiled[0] != text:  # both engines share one compilation
                 self._compiled = text, self.session.compile(text)
@@ -85,7 +77,7 @@ class QueryGenerator:
 
     def find_missing_arguments_code(self, table: AttachedTable) -> str:
         """The code of the error for a table function without its arguments."""
-        kind, found = self._find_outcome(f"SELECT this FROM world.{table.table.name}() AS list;", "native")
+        kind, found = self.find_outcome(f"SELECT this FROM world.{table.table.name}() AS list;", "native")
         return str(found) if kind == "error" else "missing"
 
     def make_query(self) -> QueryPair:
@@ -499,9 +491,9 @@ class _Judge:
         questions = QueryGenerator(self.dice, [copy for _, copy in copies], self.world)
         for _ in range(number):
             script = questions.make_query()
-            expected = questions.query_copies(script)
+            expected = questions.find_outcome(script.copied, "native")
             for engine in ("database", "native"):
-                found = questions.query_world(script, engine)
+                found = questions.find_outcome(script.text, engine)
                 if found != expected:
                     detail = f"on the {engine} engine it gives {_shorten(found)}, the copy {_shorten(expected)}"
                     raise BrokenRuleError("queries see what is there", script.table, detail, script.text)

@@ -87,11 +87,11 @@ CONTROL_CHARACTERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066
 
 def escape_controls(text: str) -> str:
     """The text with `\\x1b` for an escape character, and so on. Ends of lines and tabs stay what they are."""
-    return text if text.isascii() and text.isprintable() else CONTROL_CHARACTERS.sub(_escape_match, text)
-
-
-def _escape_match(found: re.Match[str]) -> str:
-    return repr(found.group())[1:-1]
+    return (
+        text
+        if text.isascii() and text.isprintable()
+        else CONTROL_CHARACTERS.sub(lambda found: repr(found.group())[1:-1], text)
+    )
 
 
 WIDTH = 120  # cells of a line that are shown; a longer one is cut around its place
@@ -130,7 +130,8 @@ def render_error(error: Error, color: bool = False) -> str:
             page.show_mark(_Mark(mark.span, mark.sign, mark.style))
         else:
             page.show_mark(mark)
-    page.lines.extend(page.color_text(BLUE, f"{page.gutter} = ") + page.format_hint(hint) for hint in error.hints)
+    head = page.color_text(BLUE, f"{page.gutter} = ") + page.color_text(CYAN, "help")
+    page.lines.extend(f"{head}: {escape_controls(hint)}" for hint in error.hints)
     return "\n".join(page.lines)
 
 
@@ -174,9 +175,6 @@ class _Page:
 
     def color_text(self, style: str, text: str) -> str:
         return f"{style}{text}\x1b[0m" if self.color and text else text
-
-    def format_hint(self, hint: str) -> str:
-        return f"{self.color_text(CYAN, 'help')}: {escape_controls(hint)}"
 
     def add_place(self, mark: _Mark) -> None:
         label = f": {mark.label}" if mark.label else ""

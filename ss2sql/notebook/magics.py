@@ -7,7 +7,7 @@ the operator `+`.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass, replace
 from difflib import get_close_matches
 from importlib import import_module
@@ -202,7 +202,7 @@ class NotebookNames:
                 self._provide_function(name, found)
         provided = True
         while provided:  # new values may have columns, which changes the unknown names
-            provided = self._provide_all(self._list_unknown(tree))
+            provided = sum(map(self._provide_name, self._list_unknown(tree))) > 0
 
     def add_hints(self, error: ResolveError) -> ResolveError:
         """The error, with hints at names of the notebook that are close to unknown ones."""
@@ -235,9 +235,6 @@ class NotebookNames:
             return retry_with_stack(lambda: resolve(tree, catalog)).parameters
         except ResolveError:
             return ()  # running the script raises the error
-
-    def _provide_all(self, names: Iterable[str]) -> bool:
-        return sum(map(self._provide_name, names)) > 0
 
     def _provide_name(self, name: str) -> bool:
         """Gives the session one name; False where the notebook does not have it."""

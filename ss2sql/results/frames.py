@@ -82,14 +82,11 @@ def to_polars(result: Result) -> Any:
     polars = require_package("polars", "df", "pl()")
     columns = []
     for name, values, shape in read_columns(result):
-        kind = _choose_polars_type(polars, shape)
+        untyped = is_untyped(shape) or _has_empty_struct(shape)
+        kind = polars.Object if untyped else _has_polars_type(polars, shape)
         made = [convert_shape_floats(value, shape) for value in values] if kind != polars.Object else values
         columns.append(polars.Series(name, made, dtype=kind, strict=True))
     return polars.DataFrame(columns)
-
-
-def _choose_polars_type(polars: Any, shape: Shape) -> Any:
-    return polars.Object if is_untyped(shape) or _has_empty_struct(shape) else _has_polars_type(polars, shape)
 
 
 def _has_polars_type(polars: Any, shape: Shape) -> Any:

@@ -187,9 +187,9 @@ class Chaos(Scene):
         corners = [(x, y, z) for x in (-HALF, HALF) for y in (-HALF, HALF) for z in (-HALF, HALF)]
         self.outlines = [(a, b) for a in corners for b in corners if a < b and dist(a, b) == 2 * HALF]
         self.client.setPhysicsEngineParameter(erp=0.8, contactERP=0.8)  # separates overlapping bodies at once
-        for name, normal in WALLS.items():
+        for name, (x, y, z) in WALLS.items():
             colour = (0.84, 0.86, 0.9) if name == "wall_floor" else (1.0, 1.0, 1.0)
-            wall = self.add(name, Plane(normal, 2 * HALF), _scale_vector(normal, -HALF), colour)
+            wall = self.add(name, Plane((x, y, z), 2 * HALF), (-HALF * x, -HALF * y, -HALF * z), colour)
             self._make_bouncy(wall)
         for _ in range(bodies):
             self.add_particle()
@@ -275,10 +275,6 @@ class Chaos(Scene):
     def _make_bouncy(self, body: int) -> None:
         # Bullet multiplies the values of the two bodies, and has damping by default.
         self.client.changeDynamics(body, -1, restitution=sqrt(BOUNCE), linearDamping=0.0, angularDamping=0.02)
-
-
-def _scale_vector(vector: Vector, factor: float) -> Vector:
-    return vector[0] * factor, vector[1] * factor, vector[2] * factor
 
 
 def chaos(seed: int = 18, bodies: int = 150, client: Any = None) -> Chaos:

@@ -351,8 +351,8 @@ class CompiledQuery:
         if lowered is None and self.duck is None and self.levels is None:
             return partial(self._write_unrun_sql, self.query, {} if run is None else run.bound.get(self, {}))
         if lowered is None:
-            text = self.duck.write_sql(run) if self.duck is not None else Sql(self.levels.sql if self.levels else "")
-            return lambda: text
+            text = self.duck.text if self.duck is not None else self.levels.sql if self.levels else ""
+            return partial(Sql, text, {} if run is None or self.duck is None else run.bound.get(self.duck))
         values = {p.name: p.encode_value(p.expr.value) for p in lowered.parameters if isinstance(p.expr, plan.Constant)}
         if run is not None:
             values.update(run.bound.get(self, ()))

@@ -50,12 +50,14 @@ class Trigger:
         """Ends the trigger. Stopping twice does no harm."""
         self.active = False
 
-    def is_look_due(self, now: float) -> bool:
-        """Whether it is time to run; also after the clock was set back, as by a new simulation."""
-        return self.active and not self._running and (now - self.time >= self.every - SLACK or now < self.time)
-
     def run_if_due(self, now: float) -> bool:
-        """Runs the script, and the function if the value has changed; gives whether it has."""
+        """Runs the script if it is time to, and the function if the value has changed; gives whether it has.
+
+        It is time also after the clock was set back, as by a new simulation.
+        """
+        due = now - self.time >= self.every - SLACK or now < self.time
+        if not self.active or self._running or not due:
+            return False
         self._running = True  # the function may step the simulation, which looks after its triggers
         try:
             known = self._known
@@ -104,4 +106,4 @@ class Triggers:
         """Runs what is due; gives the number of changes."""
         self.all = [trigger for trigger in self.all if trigger.active]
         now = self.clock() if self.all else 0.0
-        return sum(trigger.run_if_due(now) for trigger in list(self.all) if trigger.is_look_due(now))
+        return sum(trigger.run_if_due(now) for trigger in list(self.all))

@@ -95,10 +95,6 @@ class TemporalStore:
         # A value is in force until the next one comes; at the very moment of the change both count.
         return [value for _, value in history[first:]]
 
-    def get_latest(self, name: str) -> Any:
-        """The value that `name` alone means."""
-        return self.histories[name][-1][1]
-
     def get_history(self, name: str) -> tuple[list[tuple[float, Any]], float] | None:
         """The history of a variable and its `keep`, for `restore_history`; None if it has none."""
         history = self.histories.get(name)
@@ -198,7 +194,7 @@ class Variables:
         self.late: dict[str, ast.ListLiteral] = {}
         self.temporal_store = temporal_store
         self.file = file
-        self.values.update((name, temporal_store.get_latest(name)) for name in temporal_store.histories)
+        self.values.update((name, history[-1][1]) for name, history in temporal_store.histories.items())
 
     def __contains__(self, name: str) -> bool:
         return name in self.values or name in self.attached

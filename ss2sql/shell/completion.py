@@ -61,7 +61,7 @@ def find_context(statement: str, cursor: int) -> CompletionContext:
     if _is_in_string(before, statement, cursor):
         return CompletionContext(in_string=True)
     found = CompletionContext()
-    if before and before[-1].end == cursor and _is_word(before[-1]):
+    if before and before[-1].end == cursor and (before[-1].kind == "NAME" or before[-1].kind in list_words()):
         found.word = before.pop().text
     if before and before[-1].kind == ".":
         found.owner = before[-2].text if len(before) > 1 and before[-2].kind in ("NAME", "THIS") else "?"
@@ -69,10 +69,6 @@ def find_context(statement: str, cursor: int) -> CompletionContext:
     _find_expected_tokens(found, statement[: before[-1].end if before else 0])
     _collect_names(found, statement, cursor)
     return found
-
-
-def _is_word(token: Token) -> bool:
-    return token.kind == "NAME" or token.kind in list_words()
 
 
 def _is_in_string(before: Sequence[Token], statement: str, cursor: int) -> bool:
@@ -303,15 +299,12 @@ def _suggest_keywords(here: CompletionContext) -> Iterator[Suggestion]:
 def _is_spent(word: str, keyword: Keyword, written: tuple[str, ...]) -> bool:
     """Whether this query cannot have the clause or option (again)."""
     if keyword.sort == "option":
-        return word in written or any(keyword.text in group and _contains_any(group, written) for group in ONE_OF)
+        others = [text.split()[0] for group in ONE_OF if keyword.text in group for text in group]
+        return word in written or any(other in written for other in others)
     if word in IN_ORDER:
         later = IN_ORDER[IN_ORDER.index(word) :] + ANY_ORDER
         return any(clause in written for clause in later) or (word == "STOP" and "CONNECT" not in written)
     return word in ANY_ORDER and word in written
-
-
-def _contains_any(group: Iterable[str], written: tuple[str, ...]) -> bool:
-    return any(text.split()[0] in written for text in group)
 
 
 def _suggest_names(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
@@ -334,7 +327,8 @@ def _suggest_names(here: CompletionContext, symbols: SymbolTable) -> Iterator[Su
     else:
         yield from _suggest_columns(here, symbols)
         yield from _suggest_variables(here, symbols)
-        yield from _suggest_aliases(here)
+        named = (one for one in here.sources if one.name)
+        yield from (Suggestion(one.name, 0, "table", f"source {one.origin}".rstrip()) for one in named)
     yield from _suggest_functions(symbols)
     if here.clause != "FROM":
         yield from _suggest_tables(symbols)
@@ -350,10 +344,6 @@ def _suggest_columns(here: CompletionContext, symbols: SymbolTable) -> Iterator[
 def _suggest_variables(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
     yield from (Suggestion(name, 0, "variable", "of START WITH") for name in here.states)
     yield from (Suggestion(name, 0, "variable", about) for name, about in symbols.variables.items())
-
-
-def _suggest_aliases(here: CompletionContext) -> Iterator[Suggestion]:
-    yield from (Suggestion(one.name, 0, "table", f"source {one.origin}".rstrip()) for one in here.sources if one.name)
 
 
 def _suggest_functions(symbols: SymbolTable) -> Iterator[Suggestion]:

@@ -291,10 +291,6 @@ def _sql(shell: Shell, text: str) -> None:
     shell.print_sql("\n".join([str(sql), *values]))
 
 
-def _explain_query(shell: Shell, text: str) -> None:
-    shell.say(_find_result_or_compile(shell, text).explain())
-
-
 def _plot_result(shell: Shell, rest: str) -> None:
     from ss2sql.cli.script_commands import KINDS, PICTURES
 
@@ -367,7 +363,7 @@ _ALL = (
     DotCommand(".read FILE", "runs the statements of a file", "file", _read_file),
     DotCommand(".sql [SCRIPT]", "the SQL that a script becomes", "script", _sql, f".sql {EXAMPLE}"),
     DotCommand(".explain [SCRIPT]", "where queries run and why, and what was called how often", "script",
-            _explain_query),
+            lambda shell, text: shell.say(_find_result_or_compile(shell, text).explain())),
     DotCommand(".plot [FILE] [KIND]", "draws the last result, in a window or in a file", "file", _plot_result,
             ".plot paths.png graph"),
     *map(_make_setting_command, SETTINGS),

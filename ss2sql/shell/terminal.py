@@ -177,7 +177,9 @@ class Terminal:
             buffer = event.current_buffer
             if buffer.complete_state is not None and buffer.complete_state.current_completion is not None:
                 buffer.complete_state = None
-            elif "\n" not in buffer.document.text_after_cursor and self._is_ready(buffer.text):
+            elif "\n" not in buffer.document.text_after_cursor and (
+                is_input_ready(buffer.text) or interpret_input(buffer.text, self.shell) != buffer.text
+            ):
                 buffer.validate_and_handle()
             else:
                 buffer.newline(copy_margin=False)
@@ -194,9 +196,6 @@ class Terminal:
                 buffer.complete_next()
 
         return keys
-
-    def _is_ready(self, text: str) -> bool:
-        return is_input_ready(text) or interpret_input(text, self.shell) != text
 
     def describe_toolbar(self, document: Document) -> StyleAndTextTuples:
         """The call around the cursor, or a hint."""

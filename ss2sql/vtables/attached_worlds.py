@@ -13,6 +13,7 @@ from ss2sql.language.operations import OPERATIONS
 from ss2sql.vtables.contract import (
     CacheOfQuery,
     Element,
+    Gone,
     QueryCaches,
     Table,
     TableFunction,
@@ -183,7 +184,7 @@ class WorldFunctions:
         except Error:
             raise
         except Exception as error:
-            if element is not None and _is_gone(error):
+            if element is not None and isinstance(error, Gone):
                 raise make_adapter_error(get_schema(element.table), error, element.key) from error
             raise
 
@@ -216,12 +217,6 @@ class WorldFunctions:
         shown = ", ".join(map(format_value, arguments))
         hints = ("elements are what a query over the world has in `this`",)
         raise ExecutionError("X007", f"'{name}' needs an element of a world, not {shown}", hints=hints)
-
-
-def _is_gone(error: Exception) -> bool:
-    from ss2sql.vtables.contract import Gone
-
-    return isinstance(error, Gone)
 
 
 def _read_arity(method: Callable[..., Any]) -> tuple[int, int | None]:

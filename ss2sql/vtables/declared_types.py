@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from itertools import chain
 from types import NoneType, UnionType
@@ -138,7 +139,7 @@ def _make_other_cleaner(kind: Type, giver: str) -> Cleaner:
     optional = kind.may_be(Kind.NONE)
     scalars = [_ONE[one] for one in _ONE if kind.may_be(one)]
     single = any(kind.is_only(one | Kind.NONE) and kind.may_be(one) for one in _SINGLE)
-    inner = make_cleaner(_remove_none(kind), giver) if single and optional else None
+    inner = make_cleaner(replace(kind, kinds=kind.kinds & ~Kind.NONE), giver) if single and optional else None
 
     def clean_value(value: Any) -> Any:
         if value is None and optional:
@@ -146,7 +147,7 @@ def _make_other_cleaner(kind: Type, giver: str) -> Cleaner:
         if inner is not None:
             return inner(value)
         plain = convert_value(value, giver)
-        if kind.kinds != Kind.ANY and not _is_of_kind(plain, kind):
+        if kind.kinds != Kind.ANY and not kind.may_be(_CLASSES.get(type(plain), Kind.OBJECT)):
             raise _make_kind_error(giver, value, " or ".join(scalars) or "another value")
         return plain
 
@@ -219,14 +220,6 @@ _CLASSES: dict[type, Kind] = {
     NoneType: Kind.NONE, bool: Kind.BOOL, int: Kind.INT, float: Kind.FLOAT, str: Kind.STR, list: Kind.LIST,
     dict: Kind.DICT,
 }  # fmt: skip
-
-
-def _is_of_kind(value: Any, kind: Type) -> bool:
-    return kind.may_be(_CLASSES.get(type(value), Kind.OBJECT))
-
-
-def _remove_none(kind: Type) -> Type:
-    return Type(kind.kinds & ~Kind.NONE, kind.low, kind.high, kind.item, kind.columns, kind.positions, kind.length)
 
 
 def _convert_scalar(value: Any, giver: str) -> Any:

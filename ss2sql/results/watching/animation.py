@@ -99,7 +99,9 @@ def _find_places(traced: SearchTrace, steps: Sequence[Event]) -> list[Place | No
     In states with other lists, as in a puzzle, lists of two numbers are moves, not places.
     """
     counters = traced.counters
-    states = _read_points([_drop_names(event.state, counters) for event in steps])
+    states = _read_points(
+        [event.state and {n: v for n, v in event.state.items() if n not in counters} for event in steps]
+    )
     rows = _read_points([event.row for event in steps])
     if any(states):
         both = [(state, row) for state, row in zip(states, rows, strict=True) if state and row]
@@ -109,10 +111,6 @@ def _find_places(traced: SearchTrace, steps: Sequence[Event]) -> list[Place | No
     return [None] * len(steps) if puzzle else rows
 
 
-def _drop_names(state: dict[str, Any] | None, names: frozenset[str]) -> dict[str, Any] | None:
-    return None if state is None else {name: value for name, value in state.items() if name not in names}
-
-
 def _read_points(shown: Sequence[dict[str, Any] | None]) -> list[Place | None]:
     """The places in rows or states; empty where one of them has no place."""
     there = [tuple(one.values()) for one in shown if one]
@@ -120,11 +118,7 @@ def _read_points(shown: Sequence[dict[str, Any] | None]) -> list[Place | None]:
     if where is None:
         return [None] * len(shown)
     values = iter(there)
-    return [_round_place(where.of(next(values))) if one else None for one in shown]
-
-
-def _round_place(place: Sequence[float]) -> Place:
-    return round(place[0], 6), round(place[1], 6)
+    return [(round((at := where.of(next(values)))[0], 6), round(at[1], 6)) if one else None for one in shown]
 
 
 def _measure_pitch(found: Sequence[Place]) -> float:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from ss2sql.errors import RepresentationError, SessionError, Span
+from ss2sql.errors import RepresentationError, SessionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
@@ -116,12 +116,8 @@ def _find_stretches(query: ast.Query, event: str) -> Iterator[tuple[int, int]]:
     for name in _CLAUSES.get(event, ("start",)):
         parts: Any = getattr(query, name, None) or ()
         parts = parts if isinstance(parts, tuple) else (parts,)
-        spans += [_join_spans([part.span for part in parts])] if parts else []
+        spans += [parts[0].span.extend_to(parts[-1].span)] if parts else []
     for span in spans:
         start = span.start - begin
         keyword = KEYWORDS.search(text, 0, start)
         yield (keyword.start() if keyword else start), span.end - begin
-
-
-def _join_spans(spans: Sequence[Span]) -> Span:
-    return spans[0].extend_to(spans[-1])

@@ -27,7 +27,6 @@ from ss2sql.lowering.portable.pushdown import (
 )
 from ss2sql.lowering.portable.search_steps import TypedColumn
 from ss2sql.lowering.sql_builder import DUCKDB
-from ss2sql.lowering.sql_query import Sql
 from ss2sql.runtime.external.duckdb_sources import DuckFrame, DuckSources, DuckTransaction
 from ss2sql.runtime.external.table_statements import build_batch, interrupt_when_due
 from ss2sql.runtime.python.native_query import compile_statement
@@ -148,10 +147,6 @@ class DuckQuery:
         self._known: dict[tuple[Any, ...], tuple[PushdownQuery, str]] = {}
         self._computed: dict[int, Callable[[Run], Any]] = {}
         self.written, self.text = self._write_query(variable)
-
-    def write_sql(self, run: Run | None) -> Sql:
-        """The text that runs, with what is bound in it."""
-        return Sql(self.text, {} if run is None else run.bound.get(self))
 
     @property
     def parameters(self) -> dict[str, str]:

@@ -222,14 +222,14 @@ class SparkSearch:
         self.steps.make_level_views(frontier)
         if self.met is not None:
             self.met.createOrReplaceTempView("steps")
-        kept = self._select_kept_in_one_partition() if few else self._select_kept_in_partitions()
+        if few:
+            kept = self.store.persist_frame(self.store.query_rows(self.written.kept, self.steps.made.values))
+        else:
+            kept = self._select_kept_in_partitions()
         kept.createOrReplaceTempView("kept")
         counts = self.store.query_rows(self.written.counts)
         counts._jdf.queryExecution().toRdd()
         return PlannedLevel(frontier, kept, counts)
-
-    def _select_kept_in_one_partition(self) -> DataFrame:
-        return self.store.persist_frame(self.store.query_rows(self.written.kept, self.steps.made.values))
 
     def _select_kept_in_partitions(self) -> DataFrame:
         """The same without bringing all rows into one partition."""

@@ -219,7 +219,9 @@ class _ExecutorHost:
         self.shapes = Representations(task.max_size)
         self.shapes.functions.update(task.shapes)
         self.values = dict(task.variables)
-        self.values.update((name, _restore_frame(*parts)) for name, parts in task.frames.items())
+        for name, (columns, length) in task.frames.items():
+            made = {column: Column(kind, partial(list, values)) for column, (kind, values) in columns.items()}
+            self.values[name] = Frame(made, length)
 
     def get_variable(self, name: str, run: Run) -> Any:
         if name not in self.values:
@@ -246,10 +248,6 @@ class _ExecutorHost:
         raise AssertionError("a search that keeps the written order does not go by levels")
 
     assign_variable = resolve_text = bind_late = read_temporal = store_temporal = _refuse_call
-
-
-def _restore_frame(columns: dict[str, tuple[Type, list[Any]]], length: int) -> Frame:
-    return Frame({name: Column(kind, partial(list, values)) for name, (kind, values) in columns.items()}, length)
 
 
 # --- what the executors of Spark call: steps are tried in a Python process there

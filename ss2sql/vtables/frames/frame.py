@@ -34,7 +34,8 @@ class Frame(Typed):
     def __init__(self, columns: dict[str, Column], length: int) -> None:
         self.columns = columns
         self.length = length
-        super().__init__(_type_of_rows() if not columns else _type_of(columns))
+        empty = Type(Kind.LIST, item=Type(Kind.DICT, columns=()), columns=())  # rows without columns
+        super().__init__(_type_of(columns) if columns else empty)
 
     def make_value(self) -> Any:
         """The value of the language: a dict of columns; of a frame without columns a list of empty rows."""
@@ -60,11 +61,6 @@ class Frame(Typed):
 def _type_of(columns: dict[str, Column]) -> Type:
     types = ((name, column.type) for name, column in columns.items())
     return Type(Kind.DICT, columns=tuple((n, Type(Kind.LIST, item=t, columns=t.columns or ())) for n, t in types))
-
-
-def _type_of_rows() -> Type:
-    """The type of a list of rows without columns."""
-    return Type(Kind.LIST, item=Type(Kind.DICT, columns=()), columns=())
 
 
 def distinct_names(labels: Iterable[Hashable], owner: str) -> list[str]:

@@ -378,13 +378,9 @@ def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
         if extent is None:
             reach = measure_link_reach(world, body, link, world.calls.getAABB(body, link))
             extent = ShapeExtent(ball=reach + dist(pose[0], poses[link][0]))
-        place, turn = pose
-        parts.append((shape, extent, (_subtract_points(place, base[0]), turn)))
+        (x, y, z), turn = pose
+        parts.append((shape, extent, ((x - base[0][0], y - base[0][1], z - base[0][2]), turn)))
     return Robot(base[1], parts)
-
-
-def _subtract_points(point: Point, other: Point) -> Point:
-    return point[0] - other[0], point[1] - other[1], point[2] - other[2]
 
 
 # --- the functions of bodies that PyBullet implements, and collision tests of a robot at any pose without moving it
