@@ -168,7 +168,6 @@ def _does_answer_drop_steps(answer: Answer) -> bool:
 
 
 def _select_allowed(answer: Answer, paths: Iterable[Path]) -> Counter[Path]:
-    """The paths that the strategy of an answer could find."""
     bound = answer.bound
     simple = bool(answer.strategy.repeats)
     return Counter(
@@ -200,7 +199,6 @@ def _format_count(found: Counter[Path] | set[Any], word: str = "path") -> str:
 
 # --- comparison of answers: equal for two engines, related by the language's laws for two strategies
 def find_reason_runs_may_differ(query: plan.Query) -> str | None:
-    """The reason why two runs of a query may differ, or None."""
     for node in walk(query):
         match node:
             case plan.Call(function=function) if function.volatility == "volatile":
@@ -261,7 +259,6 @@ class Comparer:
         )
 
     def record_verdict(self, finished: FinishedRun) -> None:
-        """Records the comparison of its answer in the result."""
         cell = finished.cell
         twin = self._by_strategy.setdefault(cell.strategy, finished)
         verdict = self._compare_reference(finished) if twin is finished else self._compare_twin(finished, twin)

@@ -29,13 +29,11 @@ def format_title(runs: StatementRuns) -> str:
 
 
 def compute_ratios(results: Sequence[BenchResult]) -> list[float | None]:
-    """The ratio of each best run to the fastest one."""
     fastest = min((result.best for result in results if result.best is not None), default=None)
     return [result.best / fastest if result.best is not None and fastest else None for result in results]
 
 
 def print_runs(runs: StatementRuns, settings: BenchRules, console: Console) -> None:
-    """Prints the table of one statement with its notes."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
     from rich.text import Text
@@ -116,7 +114,6 @@ def format_milliseconds(seconds: float) -> str:
 
 
 def collect_measurements(all_runs: Sequence[StatementRuns], settings: BenchRules) -> dict[str, Any]:
-    """All measurements, for JSON."""
     from ss2sql import __version__
 
     machine = {

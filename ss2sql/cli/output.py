@@ -156,7 +156,6 @@ def exit_after_interrupt() -> NoReturn:
 
 
 def end_with_usage_error(error: click.ClickException, arguments: Sequence[str]) -> NoReturn:
-    """Ends after wrong usage."""
     if not _wants_json(arguments):
         error.show()
     else:
@@ -188,7 +187,6 @@ def end_with_message(text: str, entry: dict[str, Any], code: int) -> NoReturn:
 
 
 def print_note(text: str) -> None:
-    """Prints a note to stderr."""
     _print_to_stderr(
         json.dumps(_make_error_json("note", text), ensure_ascii=False) if writes_json() else escape_controls(text)
     )
@@ -200,7 +198,6 @@ def _print_to_stderr(text: str) -> None:
 
 
 def writes_json() -> bool:
-    """Whether errors are written as JSON."""
     context = click.get_current_context(silent=True)
     return context is not None and bool(context.meta.get(AS_JSON))
 
@@ -253,7 +250,6 @@ class Count(_OfRows):
 
 
 def add_output_options(command: F) -> F:
-    """Adds the options that say how a result is printed."""
     options = (
         click.option("--format", "form", type=click.Choice(FORMATS),
                      help="How the result is printed.  [default: table]"),
@@ -327,7 +323,6 @@ def make_output_error(path: Path, error: OSError) -> SessionError:
 
 
 def describe_output_size(result: Result) -> str:
-    """The numbers of rows and paths of a result."""
     rows = f"{len(result):,} row{'' if len(result) == 1 else 's'}"
     if result.answer is None or result.answer.rows.paths is None:
         return rows
@@ -336,7 +331,6 @@ def describe_output_size(result: Result) -> str:
 
 
 def print_line(text: str) -> None:
-    """Prints a line of a result."""
     click.echo(escape_controls(text))
 
 

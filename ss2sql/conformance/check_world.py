@@ -434,7 +434,6 @@ class _Judge:
         return None if schema.walked is None else Reading(get_schema(schema.walked))
 
     def make_arguments(self, table: TableFunction, schema: Schema) -> Iterator[tuple[Any, ...]]:
-        """Arguments to call a table function with."""
         if table.name in self.arguments:
             yield from self.arguments[table.name]
             return
@@ -486,7 +485,6 @@ class _Judge:
         return found
 
     def compare_random_queries(self, number: int) -> None:
-        """Runs random queries over the world and over its copy."""
         copies = self.copy_tables()
         questions = QueryGenerator(self.dice, [copy for _, copy in copies], self.world)
         for _ in range(number):

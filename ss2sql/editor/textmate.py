@@ -33,7 +33,6 @@ def build_grammar() -> dict[str, Any]:
 
 
 def format_grammar() -> str:
-    """The contents of the file."""
     return json.dumps(build_grammar(), indent=2, ensure_ascii=False) + "\n"
 
 

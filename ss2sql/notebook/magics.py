@@ -414,6 +414,5 @@ class ScriptMagics(Magics):
         return len(self._shell.user_ns["_ih"]) - 1
 
     def close_session(self) -> None:
-        """Closes the notebook's own session."""
         if self._own is not None:
             self._own.close()

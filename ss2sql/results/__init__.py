@@ -53,7 +53,6 @@ def get_all_rows(result: Result) -> list[Row]:
 
 
 def copy_result_row(row: Row) -> Row:
-    """A row with copies of its values."""
     return tuple(map(copy_for_python, row))
 
 

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 
 def read_columns(result: Result) -> list[tuple[str, list[Any], Shape]]:
-    """The columns of a result: names, values and shapes."""
     rows = get_all_rows(result)
     parts = zip(*rows, strict=True) if rows else [()] * len(result.columns)
     types = {} if result.answer is None else result.answer.types

@@ -29,7 +29,6 @@ def escape_plot_text(text: str) -> str:
 
 
 def cut_plot_label(text: str, most: int) -> str:
-    """At most so many characters of a text."""
     return text if len(text) <= most else text[: most - 1] + "…"
 
 
@@ -52,7 +51,6 @@ def choose_style(number: int, total: int, wider: float) -> dict[str, Any]:
 
 
 def mark_path_ends(ax: Any, starts: Any, goals: Any, width: int = 2) -> None:
-    """Marks first and last steps."""
     if starts is not None:
         ax.scatter(*starts.T[:width], s=55, color=GREEN, edgecolor="white", zorder=40, label="first step")
     ax.scatter(*goals.T[:width], s=120, marker="*", color=INK, edgecolor="white", zorder=41, label="last step")
@@ -74,7 +72,6 @@ def hide_spines(ax: Any) -> None:
 
 
 def set_integer_ticks(axis: Any) -> None:
-    """Marks at whole numbers only."""
     from matplotlib.ticker import MaxNLocator
 
     axis.set_major_locator(MaxNLocator(integer=True))

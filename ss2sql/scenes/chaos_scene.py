@@ -87,7 +87,6 @@ class ParticleSource:
         return f"{kind}_{self._counts[kind]}"
 
     def draw_force(self, mass: float) -> Vector:
-        """A random force on a particle."""
         return self.draw_vector(mass * ACCELERATION)
 
     def _draw_solid(self) -> tuple[Solid, str]:
@@ -121,7 +120,6 @@ class ParticleSource:
 
 
 def check_count(bodies: int) -> None:
-    """Refuses invalid numbers of bodies."""
     if bodies < 0:
         raise SessionError("S002", f"a scene cannot have {bodies} bodies", hints=("give a number from 0 on",))
 

@@ -75,7 +75,6 @@ class MuJoCoChaos:
 
 
 def write_mjcf(particles: Iterable[Particle]) -> str:
-    """The model of a box with these particles in it."""
     lines = [
         '<mujoco model="chaos">',
         f'  <option gravity="0 0 0" timestep="{TIME_STEP!r}"/>',

@@ -123,7 +123,6 @@ class OdeChaos:
             self._forces[self._add_geom(particle)] = self._draws.draw_force(particle.mass)
 
     def remove_geom(self, geom: Any) -> None:
-        """Takes a particle out of the simulation."""
         self.space.remove(geom)
         self.particles.remove(geom)
         self._forces.pop(geom, None)

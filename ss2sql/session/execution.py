@@ -164,7 +164,6 @@ def _make_rerun(
 
 
 def _collect_trace(run: Run, statement: CompiledStatement) -> tuple[SearchTrace | None, tuple[str, ...]]:
-    """The trace of the run's last search, with its notes."""
     if run.trace is None:
         return None, ()
     from ss2sql.results.watching.search_trace import collect_notes, make_trace

@@ -144,7 +144,6 @@ class SessionHost:
         return list(self.names.worlds.values())
 
     def register_function(self, entry: UserFunction) -> None:
-        """Makes a function known to scripts and to SQL."""
         self.functions[entry.name] = entry
         self._name_functions({entry.name})
 

@@ -101,7 +101,6 @@ class Progress:
             self._write_line(self.describe_progress(now - self._started))
 
     def remove_line(self) -> None:
-        """Takes the line away."""
         self.begin_statement()
         if self._shown:
             self._write_line("")

@@ -40,7 +40,6 @@ def describe_world(world: AttachedWorld) -> str:
 
 
 def format_table(table: AttachedTable) -> Iterator[str]:
-    """The lines for one table."""
     schema = table.schema
     text = table.table.text or (f"elements of {schema.walked.name}" if schema.walked else "")
     yield f"FROM {write_name(table)}" + (f": {text}" if text else "")

@@ -101,7 +101,6 @@ class TemporalStore:
         return None if history is None else (list(history), self.keeps[name])
 
     def restore_history(self, name: str, before: tuple[list[tuple[float, Any]], float] | None) -> None:
-        """Restores a history that `get_history` gave."""
         self.drop_history(name)
         if before is not None:
             self.histories[name], self.keeps[name] = before
@@ -141,7 +140,6 @@ class TemporalFile:
             raise SessionError("S002", message, hints=hints) from error
 
     def save_history(self, store: TemporalStore, name: str) -> None:
-        """Writes the history of one variable to the file, or deletes it there."""
         try:
             rows = [
                 (name, moment, _encode_json(value), store.keeps[name])

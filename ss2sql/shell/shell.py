@@ -118,7 +118,6 @@ class Shell:
             self.say(_shorten_output(str(result.value)))
 
     def say(self, text: str) -> None:
-        """Prints a line of output."""
         click.echo(escape_controls(text))
 
     def print_error(self, error: BaseException) -> None:
@@ -130,7 +129,6 @@ class Shell:
         click.echo(_format_message(error), err=True, color=wants_color(sys.stderr))
 
     def print_sql(self, text: str) -> None:
-        """Prints SQL, with colors where these are wanted."""
         text = escape_controls(text)
         if wants_color(sys.stdout):
             from pygments import highlight

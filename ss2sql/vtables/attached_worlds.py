@@ -83,7 +83,6 @@ class AttachedWorld:
             raise make_adapter_error(self.principal.schema, error) from error
 
     def get_declaration(self, name: str) -> WorldFunction:
-        """The declaration of the method of this name."""
         note = getattr(getattr(type(self.world), name, None), "__ss2sql__", None)
         return note if isinstance(note, WorldFunction) else WorldFunction()
 

@@ -83,7 +83,6 @@ def _make_optional(declared: Any) -> Any:
 
 
 def list_shape_columns(shape: Any) -> tuple[Any, ...]:
-    """The columns of SHAPE."""
     return shape, *(shape == known for known in SHAPES)
 
 
@@ -104,7 +103,6 @@ def clip_to_finite(values: Iterable[float]) -> Vector:
 
 
 def make_gone_error(what: str, key: Any) -> Gone:
-    """The error for a key without an element."""
     return Gone(f"no {what} has the id {key!r}")
 
 
@@ -160,7 +158,6 @@ SLACK = 1e-9  # relative: distances from different formulas differ by less
 
 
 def make_parameter_error(name: str, wanted: str, value: Any) -> ExecutionError:
-    """The error for an argument."""
     return ExecutionError("X007", f"'{name}' needs {wanted}, not {format_value(value)}")
 
 
@@ -209,7 +206,6 @@ class BodyWorld(World):
 
     @property
     def bodies(self) -> Table:
-        """The principal table."""
         table = get_world_tables(self)[0]
         assert isinstance(table, Table)
         return table
@@ -219,7 +215,6 @@ class BodyWorld(World):
         return get_schema(self.bodies).read_value(body, name)
 
     def read_pose(self, body: int) -> tuple[Sequence[float], Sequence[float]]:
-        """Where a body is, and how it is turned."""
         return self.read_column(body, "pos"), self.read_column(body, "quat")
 
     def read_box(self, body: int) -> Box:
@@ -393,8 +388,6 @@ class RequestedPairs:
 
 
 class Closest(TableFunction):
-    """How far bodies are apart."""
-
     name = "closest"
     text = "how far a and b are apart, if they are within a distance; None stands for all bodies"
     columns = (*PAIR, Column("distance", float, "m", "between the surfaces; 0 or less where they touch"))
@@ -409,8 +402,6 @@ class Closest(TableFunction):
 
 
 class Near(TableFunction):
-    """Bodies near a point."""
-
     name, table = "near", "bodies"
     text = "the bodies whose position is at most radius metres away from a point or from that of a body"
     world: BodyWorld
@@ -425,8 +416,6 @@ class Near(TableFunction):
 
 
 class Overlaps(TableFunction):
-    """Bodies in a box."""
-
     name, table = "overlaps", "bodies"
     text = "the bodies whose aabb has a point in common with a box [[x, y, z], [x, y, z]] or with the aabb of a body"
     world: BodyWorld

@@ -73,7 +73,6 @@ def format_declared_type(declared: Any) -> str:
 
 
 def misfit_error(message: str, *hints: str) -> ExecutionError:
-    """The error for a value that does not fit its column."""
     return ExecutionError("X004", message, hints=hints)
 
 
@@ -155,7 +154,6 @@ def _make_other_cleaner(kind: Type, giver: str) -> Cleaner:
 
 
 def _make_list_cleaner(kinds: Sequence[Type], giver: str) -> Cleaner:
-    """The cleaner of lists of a fixed length."""
     parts = [make_cleaner(part, giver) for part in kinds]
     fits = make_quick_test(tuple(kind.kinds for kind in kinds)) or (lambda value: False)
 
@@ -263,7 +261,6 @@ class Place:
         return f"[*{values}[{self.number}]]" if self.whole else f"{values}[{self.number}]"
 
     def get_value(self, values: Sequence[Any]) -> Any:
-        """The value of the column."""
         value = values[self.number]
         if self.inner is not None:
             return value[self.inner]
@@ -305,7 +302,6 @@ class Layout:
         return tuple(part.names[0] for part in self.parts)
 
     def list_tested_kinds(self, kinds: Mapping[str, Type]) -> Kinds:
-        """The kinds that a quick test checks."""
         return tuple(
             tuple(kinds[names[0]].kinds for names in part.inner) if part.inner else kinds[part.names[0]].kinds
             for part in self.parts

@@ -201,7 +201,6 @@ class Schema:
         return lambda rows: all(map(fits, rows))
 
     def convert_values(self, names: Sequence[str], raw: Any, giver: str) -> tuple[Any, ...]:
-        """Converts the values of several columns."""
         cleaners = self.cleaners
         try:
             return tuple([cleaners[name](value) for name, value in zip(names, raw, strict=True)])

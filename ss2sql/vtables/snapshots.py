@@ -41,7 +41,6 @@ class LateColumns:
     cells: tuple[Cell, ...]
 
     def iterate_rows(self, readings: Readings, keys: Iterable[Sequence[Any]]) -> Iterator[Row]:
-        """An iterator of the rows of these keys."""
         known = [readings.get_reading(table.table, span) for table, span in self.tables]
         constants: list[Any] = [reading.get_element for reading in known]
         for source, group in self.groups:
@@ -186,7 +185,6 @@ def find_first_place(table: AttachedTable, roots: Iterable[Any]) -> Span | None:
 
 
 def can_move_world(query: plan.Query) -> bool:
-    """Whether a query may move the world while it runs."""
     return any(map(_can_node_move, walk(query)))
 
 

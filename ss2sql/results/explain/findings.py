@@ -47,8 +47,6 @@ class FunctionFacts:
 
 @dataclass(frozen=True, slots=True)
 class QueryFacts:
-    """One query."""
-
     text: str
     engine: str
     reason: str

@@ -243,7 +243,6 @@ class Page:
 
 
 def make_watching_page(results: Sequence[Result], title: str | None) -> Page:
-    """The page of one search, or of several side by side."""
     traced = [get_trace(result, "animate()") for result in results]
     heading = title or " and ".join(dict.fromkeys(one.strategy for one in traced))
     data = json.dumps({"panels": list(map(_make_panel, traced))}, ensure_ascii=False, separators=(",", ":"))

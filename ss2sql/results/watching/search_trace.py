@@ -83,7 +83,6 @@ def make_trace(trace: Trace, statement: ast.Expr, written: plan.Query) -> Search
 
 
 def collect_notes(trace: Trace, statement: ast.Expr) -> Iterator[str]:
-    """The notes on a traced run."""
     memorizes = any(option.keyword == "MEMORIZE" for option in find_searched_query(statement).options)
     alone = ", from its start alone and without a remembered graph" if memorizes else ""
     yield f"traced: the search ran natively, step by step{alone}"

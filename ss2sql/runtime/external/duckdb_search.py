@@ -77,7 +77,6 @@ class DuckTables:
         self.load_rows(table, columns, rows)
 
     def load_rows(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> None:
-        """Adds rows to a table."""
         import pyarrow as pa  # type: ignore[import-untyped]
 
         if rows:
@@ -145,8 +144,6 @@ BLOCK = 5_000  # steps that are added to their table at once
 
 
 class DuckSearch:
-    """One search in the tables of a run."""
-
     def __init__(self, search_run: SearchRun, tables: DuckTables, written: DuckLevelStatements) -> None:
         self.search_run, self.tables, self.written = search_run, tables, written
         self.steps: PythonSteps = make_level_steps(search_run, written)

@@ -118,7 +118,6 @@ class FirstLevels:
         self.met: set[Hashable] = set()
 
     def find_goals(self) -> Iterator[FirstStep]:
-        """The goals in their order."""
         search_run, seconds, kept = self.search_run, 0.0, 0
         search_run.flush()
         while 0 < len(self.frontier) <= self.states and seconds * len(self.frontier) <= self.seconds and kept <= MOST:
@@ -211,7 +210,6 @@ class PythonSteps:
         return self.list_known_values(begun)[1:3]
 
     def read_row(self, shown: Sequence[Any]) -> Row:
-        """The row of a step of which this is shown."""
         row: Row = loads(shown[0])
         return row
 
@@ -237,7 +235,6 @@ class SqlSteps(PythonSteps):
         self.elements = [(nth, *row[: len(self.steps.reads)]) for nth, row in enumerate(rows)]
 
     def count_tries(self, expanded: int) -> None:
-        """Counts the steps from so many states."""
         self.search_run.stats.generated += expanded * len(self.elements)
         self.search_run.stats.expanded += expanded
 

@@ -56,7 +56,6 @@ NO_SHAPE = ColumnShape(NONE)
 
 
 def infer_shape(values: Sequence[Any]) -> ColumnShape:
-    """What is told of some values."""
     found = find_column_shape(values)
     first = next((value for value in values if value is not None), None)
     if first is None:
@@ -70,7 +69,6 @@ def infer_shape(values: Sequence[Any]) -> ColumnShape:
 
 
 def read_shapes(part: bytes) -> list[ColumnShape]:
-    """What a task has told of all columns."""
     told: list[ColumnShape] = pickle.loads(part)
     return told
 
@@ -149,7 +147,6 @@ class DataFrameSearch(SparkSearch):
         return self.store.load_rows((*numbers, *self._kept), rows)
 
     def _iterate_parts(self, beginning: FirstLevels, most: int | None) -> Iterator[DataFrame]:
-        """The rows of the paths, part by part."""
         begun_paths = []
         for goal in beginning.find_goals():
             begun_paths.append(beginning.trace_path(goal, len(beginning.levels) + 1))

@@ -75,7 +75,6 @@ class SparkSteps:
             self.parcel.destroy()
 
     def make_level_views(self, frontier: DataFrame) -> None:
-        """Makes the views of a level that has these states to go on from."""
         cores = self.store.context.defaultParallelism
         if self.parcel is None:
             frontier.repartition(cores, "step").createOrReplaceTempView("frontier")
@@ -206,7 +205,6 @@ class SparkSearch:
                     planned = self._plan_level(self._select_continuing(depth), few)
 
     def _plan_next_level(self, depth: int) -> PlannedLevel:
-        """Plans the level after one that is being computed."""
         if self.written.search.repeats == "unique":
             self._add_to_closed_list(self.levels[depth].where("place >= 0"))
         return self._plan_level(self._select_continuing(depth), few=True)
@@ -249,7 +247,6 @@ class SparkSearch:
         return in_order.selectExpr(f"array({offsets})[part] + nth_of_part + 1 AS {name}", *rows.columns)
 
     def _add_to_closed_list(self, rows: DataFrame) -> None:
-        """Notes rows, for UNIQUE."""
         rows = rows.select(*list_column_names(self.written.steps.rows))
         self.met = rows if self.met is None else self.met.unionAll(rows)
         self.tables += 1

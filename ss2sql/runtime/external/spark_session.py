@@ -65,7 +65,6 @@ class SparkStore:
         return self.session.sql(text, arguments)
 
     def load_rows(self, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> DataFrame:
-        """Rows of this process."""
         import pyarrow as pa  # type: ignore[import-untyped]
 
         return self.session.createDataFrame(pa.Table.from_batches([batch_of_rows(columns, rows)]))
@@ -116,7 +115,6 @@ def is_local(context: SparkContext) -> bool:
 
 
 def write_spark_schema(columns: Iterable[TypedColumn]) -> str:
-    """Columns as Spark names them."""
     return ", ".join(f"{column.name} {get_spark_type(column.type)}" for column in columns)
 
 

@@ -201,7 +201,6 @@ COUNTS = ("generated", "expanded", "pruned")
 
 
 def add_executor_counts(stats: Stats, told: dict[str, Any]) -> None:
-    """Adds what was counted elsewhere."""
     for name in COUNTS:
         setattr(stats, name, getattr(stats, name) + told[name])
     stats.calls.update(told["calls"])
@@ -341,6 +340,5 @@ def _iterate_tries(
 
 
 def read_account(state: bytes) -> dict[str, Any]:
-    """What a task has counted, from its last row."""
     told: dict[str, Any] = loads(state)
     return told

@@ -65,7 +65,6 @@ def digest_table(source: plan.TableSource, run: Run) -> str:
 
 
 def digest_world(world: World) -> str:
-    """The fingerprint of a world as it is now."""
     try:
         found = world.fingerprint()
     except Error:

@@ -165,7 +165,6 @@ class GraphStore:
         self.changes = 0
 
     def fetch_rows(self, text: str, *bindings: Any) -> list[tuple[Any, ...]]:
-        """The rows of a statement."""
         return self.connection.execute(text, bindings).fetchall()
 
     @contextmanager
@@ -263,7 +262,6 @@ class GraphStore:
 
 
 def build_damage_error(reason: str) -> ExecutionError:
-    """The error for tables that cannot be read."""
     return ExecutionError("X009", f"the remembered graphs cannot be read: {reason}", hints=(CURE,))
 
 

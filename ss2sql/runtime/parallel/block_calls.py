@@ -203,7 +203,6 @@ class CallPrefetcher:
         return self.functions.setdefault(entry.name, TimedCalls(entry.name, describe_transfer(entry)))
 
     def _keep_local(self, timed: TimedCalls, kept: LocalFunction) -> None:
-        """Other processes cannot have a function."""
         timed.sent = kept
         warn_once(self.run.stats, f"'{timed.name}' is called in this process only: it {kept.reason}", kept.cure)
 
@@ -238,7 +237,6 @@ class CallPrefetcher:
                     self._keep_local(timed, timed.sent)
 
     def _prefetch_calls(self, ahead: list[BlockCalls], seen: Container[Hashable]) -> None:
-        """Makes the calls of some states."""
         claimed: set[Hashable] = set()
         self.noting = True
         try:

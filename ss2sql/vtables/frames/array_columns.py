@@ -109,7 +109,6 @@ def convert_array(array: Array, missing: Array | None, place: str, suffix: str =
 
 
 def make_object_column(values: list[Any], place: str) -> Column:
-    """The column for values of any kinds."""
     known = convert_value(convert_frame_cells(values), place)
     return Column(type_of(known).item or Type(), lambda: known)
 
@@ -120,7 +119,6 @@ def make_text_column(missing: Array | None, make: Callable[[], list[Any]]) -> Co
 
 
 def make_empty_column(length: int) -> Column:
-    """The column without any value."""
     return Column(Type(Kind.NONE), lambda: [None] * length)
 
 

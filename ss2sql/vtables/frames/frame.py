@@ -50,7 +50,6 @@ class Frame(Typed):
         return list(zip(*(self.columns[name].values for name in names), strict=True))
 
     def list_dicts(self) -> list[dict[str, Any]]:
-        """The rows as dicts."""
         names = tuple(self.columns)
         return [dict(zip(names, row, strict=True)) for row in self.list_rows(names)]
 

@@ -99,7 +99,6 @@ class MuJoCoShapes:
         return found
 
     def measure_body_volumes(self) -> Array:
-        """The sum of the volumes of their shapes."""
         model, solid = self.model, self.solid_shapes
         found: Array = np.bincount(
             model.geom_bodyid[solid], weights=self.measure_volumes()[solid], minlength=model.nbody

@@ -112,7 +112,6 @@ class OdeWorld(BodyWorld):
         return sorted(pairs)
 
     def list_contacts(self, one: int, other: int) -> list[Any]:
-        """The contacts of two geoms."""
         found: list[Any] = import_module("ode").collide(self.get_geom(one), self.get_geom(other))
         return found
 

@@ -313,7 +313,6 @@ def _convert_rotation(matrix: NDArray[Any]) -> tuple[float, ...]:
 
 
 def name_shape(geometry: Any) -> str:
-    """The shape of a geometry of a link."""
     return _SHAPES.get(geometry.GetType().name.lower(), "ghost")
 
 

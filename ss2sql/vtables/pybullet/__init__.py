@@ -75,7 +75,6 @@ class PyBulletWorld(Representations, CollisionFunctions):
         return f"{digest_world(self, without=('cameras.sees',))} {seen}"
 
     def has_body(self, body: Any) -> bool:
-        """Whether there is a body with this id."""
         try:
             self._info(body, self.calls.number)
         except (self.calls.error, OverflowError, TypeError):

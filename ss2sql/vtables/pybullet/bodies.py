@@ -295,7 +295,6 @@ class BulletBodies(Table):
 
 
 def measure_box(world: Any, body: int) -> Box:
-    """The box around a body and its links."""
     calls = world.calls
     world.check_body(body)
     boxes = [calls.getAABB(body, link) for link in range(-1, calls.getNumJoints(body))]
@@ -303,7 +302,6 @@ def measure_box(world: Any, body: int) -> Box:
 
 
 def get_volume(shape: Any) -> float | None:
-    """The volume of a collision shape."""
     a, b, c = shape[3]
     match KINDS.get(shape[2]):
         case "sphere":

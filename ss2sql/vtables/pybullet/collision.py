@@ -78,7 +78,6 @@ def measure_extent(kind: str, size: Any) -> ShapeExtent:
 
 
 def measure_corners_extent(corners: Iterable[Point]) -> ShapeExtent:
-    """The extent of a mesh."""
     x, y, z = (max(map(abs, values)) for values in zip(*corners, strict=True))
     return ShapeExtent((x, y, z), ball=SLACK)
 
@@ -138,8 +137,6 @@ Shape = tuple[Any, ...]
 
 
 class CollisionShapes:
-    """The shapes of a world's bodies."""
-
     def __init__(self, world: Any) -> None:
         self._world, self._client = world, world.calls.number
         self._dynamics = world.calls.get_numbered_call("getDynamicsInfo")
@@ -167,7 +164,6 @@ class CollisionShapes:
         return [(link, n, shape) for link in links for n, shape in enumerate(ask(body, link, client))]
 
     def read_link_shapes(self, body: int, link: int) -> Sequence[Shape]:
-        """The collision shapes of one link."""
         self._world.check_body(body)
         return () if self.is_soft(body) else self._read_shapes(body, link, self._seen(body, 0, self._client))
 
@@ -295,7 +291,6 @@ class ShapeCache:
         self._sphere = -1
 
     def clear_after_reset(self) -> None:
-        """Clears the cache if the simulation was reset."""
         if self._sphere >= 0 and self._is_valid():
             return
         self._made.clear()
@@ -314,7 +309,6 @@ class ShapeCache:
         return bool(found) and abs(found[0][8] - (1 - 2 * self._radius)) < 1e-12
 
     def get_shape(self, body: int, link: int, number: int, data: Any) -> int:
-        """The shape for a part of a body."""
         calls, (a, b, c), file = self._calls, data[3], data[4]
         kind = KINDS.get(data[2])
         key = (kind, a, b, c, file)
@@ -474,7 +468,6 @@ class CollisionFunctions(BodyFunctions):
         return self.is_touching(self.find_body(body), _check_margin("checkCollision", margin))
 
     def measure_gap(self, one: int, other: int) -> float:
-        """The shortest distance between the surfaces of two bodies."""
         points = self.calls.getClosestPoints(one, other, 1e6)
         return min((point[8] for point in points), default=float("inf"))
 

@@ -24,8 +24,6 @@ _PAIR = (
 
 
 class BulletContacts(TableFunction):
-    """Points where bodies touch."""
-
     name = "contacts"
     text = "where bodies touched in the last step: all, those of body a, or those between a and b"
     columns = (*_PAIR, Column("normalForce", float, "N", "how strongly they press"))
@@ -38,8 +36,6 @@ class BulletContacts(TableFunction):
 
 
 class BulletClosest(TableFunction):
-    """Where bodies come near each other."""
-
     name = "closest"
     text = "where links of a and b are nearest to each other, if they are within a distance; None stands for all bodies"
     columns = _PAIR
@@ -59,8 +55,6 @@ def _make_contact_row(world: Any, point: Any) -> tuple[Any, ...]:
 
 
 class BulletNear(TableFunction):
-    """Bodies near a point."""
-
     name, table = "near", "bodies"
     text = "the bodies whose centre of mass is at most radius metres away from a point or from that of a body"
 
@@ -71,8 +65,6 @@ class BulletNear(TableFunction):
 
 
 class Rays(TableFunction):
-    """What rays hit."""
-
     name = "rays"
     text = "what rays hit first, between points or lists of points; a ray that hits nothing has no row"
     columns = (

@@ -46,7 +46,6 @@ def read_bullet_shape(kind: int, size: Sequence[float], file: bytes, corners: Se
 
 
 def make_solid(kind: int, size: Sequence[float]) -> Solid | None:
-    """A shape as one of the solids of scenes."""
     a, b, c = size
     match KINDS.get(kind):
         case "sphere":
@@ -248,7 +247,6 @@ class _BodyCopy:
         )
 
     def _copy_pose(self, made: int) -> None:
-        """Gives the copy the original's pose, velocity and joint states."""
         pose = self.calls.getBasePositionAndOrientation(self.body)
         self.client.resetBasePositionAndOrientation(made, *pose)
         self.client.resetBaseVelocity(made, *self.calls.getBaseVelocity(self.body))

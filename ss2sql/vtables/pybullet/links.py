@@ -47,7 +47,6 @@ class BodyPartTable(Table):
 
 
 def list_demanded_bodies(world: Any, where: Where) -> list[int]:
-    """The bodies that meet a condition on the column `body`."""
     wanted = where.equal("body")
     if wanted is None:
         return world.list_ids()  # type: ignore[no-any-return]

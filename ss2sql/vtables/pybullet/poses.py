@@ -19,7 +19,6 @@ UPRIGHT: Rotation = (0.0, 0.0, 0.0, 1.0)
 
 
 def rotate_point(turn: Sequence[float], point: Sequence[float]) -> Point:
-    """A point, rotated around the origin."""
     x, y, z, w = turn
     px, py, pz = point
     tx, ty, tz = 2 * (y * pz - z * py), 2 * (z * px - x * pz), 2 * (x * py - y * px)

@@ -58,7 +58,6 @@ Solid = Sphere | Box | Cylinder | Capsule | Plane
 
 
 def measure_reach(solid: Solid) -> float:
-    """The radius of a sphere around a solid."""
     match solid:
         case Sphere(radius):
             return radius
