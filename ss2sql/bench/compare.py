@@ -17,7 +17,7 @@ from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row
 from ss2sql.language.step_identity import describe_unnamed
 from ss2sql.language.values import make_hashable
-from ss2sql.results import get_paths
+from ss2sql.results import count_words, get_paths
 from ss2sql.results.result import Result
 
 Path: TypeAlias = tuple[tuple[Hashable, ...], ...]
@@ -104,7 +104,7 @@ def compare_answers(own: Answer, other: Answer, unnamed: Sequence[str]) -> Verdi
         return REORDERED
     if not unnamed or _find_difference(own, other, settled=True) is None:
         return Verdict(_describe_difference(own, other))
-    return Verdict(f"{_count_paths(other)}: SELECT does not name {', '.join(unnamed)}")
+    return Verdict(f"{count_words(len(other.paths), 'path')}: SELECT does not name {', '.join(unnamed)}")
 
 
 def compare_group_rows(own: Sequence[Sequence[Any]], other: Sequence[Sequence[Any]]) -> Verdict:
@@ -123,11 +123,11 @@ def _compare_selections(own: Answer, other: Answer) -> Verdict:
     same_rule = own.strategy.repeats == other.strategy.repeats and own.strategy.repeats in ("", "NO CYCLE")
     dropping = "PROBABILITY" in (own.strategy.order, other.strategy.order)
     if same_rule and not dropping and own.cut and other.cut and len(own.paths) != len(other.paths):
-        return Verdict(f"{_count_paths(other)}, not {len(own.paths):,}", True)
+        return Verdict(f"{count_words(len(other.paths), 'path')}, not {len(own.paths):,}", True)
     if own.cut and other.cut and Counter(own.paths) == Counter(other.paths):
         return REORDERED
     shared = (Counter(own.paths) & Counter(other.paths)).total()
-    return Verdict(f"the first {_count_paths(other)} of this order, {shared:,} the same")
+    return Verdict(f"the first {count_words(len(other.paths), 'path')} of this order, {shared:,} the same")
 
 
 def _find_difference(own: Answer, other: Answer, settled: bool) -> str | None:
@@ -139,9 +139,9 @@ def _find_difference(own: Answer, other: Answer, settled: bool) -> str | None:
         return None
     one, two = _select_allowed(other, own.paths), _select_allowed(own, other.paths)
     if not _does_answer_drop_steps(other) and (missing := one - two):
-        return f"{_format_count(missing)} missing"
+        return f"{count_words(missing.total(), 'path')} missing"
     if not _does_answer_drop_steps(own) and (new := two - one):
-        return f"{_format_count(new)} too many"
+        return f"{count_words(new.total(), 'path')} too many"
     return None
 
 
@@ -150,15 +150,15 @@ def _contradicts_unique(unique: Answer, wider: Answer, settled: bool) -> str | N
     if wider.strategy.repeats in ("", "NO CYCLE") and not _does_answer_drop_steps(wider):
         foreign = set(unique.paths) - set(wider.paths)
         if foreign:
-            return f"{_format_count(foreign)} of UNIQUE that {wider.strategy.name} does not have"
+            return f"{count_words(len(foreign), 'path')} of UNIQUE that {wider.strategy.name} does not have"
     if settled and not _does_answer_drop_steps(unique):
         missing = wider.ends.keys() - unique.ends.keys()
         if missing:
-            return f"UNIQUE does not reach {_format_count(missing, 'row')}"
+            return f"UNIQUE does not reach {count_words(len(missing), 'row')}"
     if settled and wider.strategy.repeats != "MEMORIZE" and not _does_answer_drop_steps(wider):
         new = unique.ends.keys() - wider.ends.keys()
         if new:
-            return f"UNIQUE reaches {_format_count(new, 'row')} more"
+            return f"UNIQUE reaches {count_words(len(new), 'row')} more"
     return None
 
 
@@ -183,18 +183,9 @@ def _describe_difference(own: Answer, other: Answer) -> str:
     if here == there:
         return "other paths"
     if there > here:
-        return f"{_count_paths(other)}, as {other.strategy.name} finds more"
+        return f"{count_words(len(other.paths), 'path')}, as {other.strategy.name} finds more"
     why = {"UNIQUE": "one for each row", "NO CYCLE": "without repeated rows", "MEMORIZE": "without repeated rows"}
     return f"{there:,} of the {here:,}, {why.get(other.strategy.repeats, 'none of probability 0')}"
-
-
-def _count_paths(answer: Answer) -> str:
-    return f"{len(answer.paths):,} path{'' if len(answer.paths) == 1 else 's'}"
-
-
-def _format_count(found: Counter[Path] | set[Any], word: str = "path") -> str:
-    number = found.total() if isinstance(found, Counter) else len(found)
-    return f"{number:,} {word}{'' if number == 1 else 's'}"
 
 
 # --- comparison of answers: equal for two engines, related by the language's laws for two strategies

@@ -323,11 +323,10 @@ def make_output_error(path: Path, error: OSError) -> SessionError:
 
 
 def describe_output_size(result: Result) -> str:
-    rows = f"{len(result):,} row{'' if len(result) == 1 else 's'}"
-    if result.answer is None or result.answer.rows.paths is None:
-        return rows
-    paths = len(result.answer.rows.paths)
-    return f"{paths:,} path{'' if paths == 1 else 's'}, {rows}"
+    from ss2sql.results import count_words, get_paths
+
+    paths, rows = get_paths(result), count_words(len(result), "row")
+    return rows if paths is None else f"{count_words(len(paths), 'path')}, {rows}"
 
 
 def print_line(text: str) -> None:

@@ -337,10 +337,10 @@ def sql_command(inputs: ScriptInputs, stage: str, dialect: str | None) -> None:
         if stage == "plan":
             print_line(format_plan(query.plan).rstrip())
         else:
-            print_line(_format_sql_with_parameters(translate_script(query.statements(), DIALECTS[dialect or "sqlite"])))
+            print_line(format_sql_with_parameters(translate_script(query.statements(), DIALECTS[dialect or "sqlite"])))
 
 
-def _format_sql_with_parameters(sql: Any) -> str:
+def format_sql_with_parameters(sql: Any) -> str:
     """The SQL with the values of its parameters as comments."""
     lines = [f"-- :{name} = {value!r}" for name, value in sql.parameters.items()]
     return "\n".join([str(sql), *lines])

@@ -15,6 +15,7 @@ from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any
 
+import click
 from IPython.core.error import UsageError
 from IPython.core.magic import Magics, line_cell_magic, magics_class, no_var_expand
 
@@ -97,49 +98,31 @@ class Options:
     rest: str = ""
 
 
-def _parse_engine(text: str) -> str:
-    if text not in ENGINES:
-        raise WrongOption(f"--engine is one of {', '.join(ENGINES)}, not {text}")
-    return text
+def _read_seconds(text: str) -> float:
+    if not 0 <= float(text) < float("inf"):
+        raise ValueError(text)
+    return float(text)
 
 
-def _parse_seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = -1.0
-    if not 0 <= seconds < float("inf"):
-        raise WrongOption(f"--timeout takes seconds, not {text}")
-    return seconds
-
-
-def _make_count_parser(name: str, least: int) -> Callable[[str], int]:
-    def parse_text(text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
-            raise WrongOption(f"{name} takes a whole number of at least {least}, not {text}")
-        return int(text)
-
-    return parse_text
-
-
-def _parse_name(text: str) -> str:
+def _check_name(text: str) -> str:
     if not text.isidentifier():
-        raise WrongOption(f"{text} is not a name for a variable")
+        raise ValueError(text)
     return text
 
 
-# The parser of each option's value; None for those without one.
-READERS: dict[str, tuple[str, Callable[[str], Any] | None]] = {
-    "--engine": ("engine", _parse_engine),
-    "--timeout": ("timeout", _parse_seconds),
-    "--maximum": ("maximum", _make_count_parser("--maximum", 1)),
-    "--session": ("session", _parse_name),
-    "--show": ("show", _make_count_parser("--show", 0)),
-    "--explain": ("explain", None),
-    "--play": ("play", None),
-    "--sql": ("sql", None),
-    "-o": ("output", _parse_name),
-    "--output": ("output", _parse_name),
+_NAME = click.types.FuncParamType(_check_name), "the name of a variable"
+# The field of each option, and of those with a value its type and what it takes.
+READERS: dict[str, tuple[Any, ...]] = {
+    "--engine": ("engine", click.Choice(ENGINES), f"one of {', '.join(ENGINES)}"),
+    "--timeout": ("timeout", click.types.FuncParamType(_read_seconds), "seconds"),
+    "--maximum": ("maximum", click.IntRange(1), "a whole number of at least 1"),
+    "--session": ("session", *_NAME),
+    "--show": ("show", click.IntRange(0), "a whole number of at least 0"),
+    "--explain": ("explain",),
+    "--play": ("play",),
+    "--sql": ("sql",),
+    "-o": ("output", *_NAME),
+    "--output": ("output", *_NAME),
 }
 
 
@@ -151,15 +134,18 @@ def read_magic_options(line: str) -> Options:
         if word[1] not in READERS:
             hints = suggest_names(word[1], READERS) or (f"the options are {', '.join(READERS)}",)
             raise WrongOption(f"%ss knows no option {word[1]}; {hints[0]}")
-        field, reader = READERS[word[1]]
+        field, *typed = READERS[word[1]]
         position = word.end()
-        if reader is None:
+        if not typed:
             found[field] = True
             continue
         value = VALUE.match(line, position)
         if value is None:
             raise WrongOption(f"{word[1]} needs a value")
-        found[field] = reader(value[1])
+        try:
+            found[field] = typed[0].convert(value[1], None, None)
+        except click.BadParameter:
+            raise WrongOption(f"{word[1]} takes {typed[1]}, not {value[1]}") from None
         position = value.end()
     options = Options(**found)
     if target := TARGET.match(line, position):

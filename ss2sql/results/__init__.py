@@ -33,6 +33,11 @@ def require_package(name: str, extra: str, user: str) -> Any:
         ) from reason
 
 
+def count_words(number: int, word: str) -> str:
+    """`1 path`, `1,200 paths`."""
+    return f"{number:,} {word}{'' if number == 1 else 's'}"
+
+
 def get_rows(result: Result) -> Iterator[Row]:
     """Copies of the rows of a result as plain tuples."""
     if result.answer is None:

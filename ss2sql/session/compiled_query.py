@@ -118,9 +118,6 @@ class CompiledQuery:
         self.by_value: SqlQuery | None = None
         self.plain = all(output.expr.type.is_only(SCALAR_KINDS) for output in query.columns)
         self.bindings: dict[int, tuple[plan.Expr, Callable[[Run], Any]]] = {}  # by the identities of the expressions
-        self.maximum = self._compile_count(query.search.maximum if query.search else None)
-        self.limit = self._compile_count(query.limit)
-        self.offset = self._compile_count(query.offset)
         self.arguments = [compile_statement(expr) for expr in query.representation.arguments]
         self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
         self.moves = can_move_world(query)
@@ -134,9 +131,6 @@ class CompiledQuery:
             return False
         read = {node.name for node in nodes if isinstance(node, plan.Variable)}
         return query.search is None and not any(map(self.host.names.is_frame, read))
-
-    def _compile_count(self, expr: plan.Expr | None) -> Callable[[Run], Any] | None:
-        return None if expr is None else compile_statement(expr)
 
     @property
     def engine(self) -> str:
@@ -320,25 +314,23 @@ class CompiledQuery:
         return retry_with_stack(lambda: lower(query, names, cut=cut, by_value=by_value, disabled=disabled))
 
     def _evaluate_limit(self, run: Run) -> int | None:
-        return self._evaluate_count(self.limit, run, 0, "LIMIT", self.query.limit)
+        return self._evaluate_count(self.query.limit, run, 0, "LIMIT")
 
     def _evaluate_offset(self, run: Run) -> int:
-        return self._evaluate_count(self.offset, run, 0, "OFFSET", self.query.offset) or 0
+        return self._evaluate_count(self.query.offset, run, 0, "OFFSET") or 0
 
     def _evaluate_maximum(self, run: Run) -> tuple[int | None, int | None]:
         """MAXIMUM, and the lower one of it and that of the run."""
         if self.query.search is None:
             return None, None
-        own = self._evaluate_count(self.maximum, run, 1, "MAXIMUM", self.query.search.maximum)
+        own = self._evaluate_count(self.query.search.maximum, run, 1, "MAXIMUM")
         return own, find_lowest_limit(own, run.maximum)
 
-    def _evaluate_count(
-        self, compute: Callable[[Run], Any] | None, run: Run, least: int, word: str, expr: plan.Expr | None
-    ) -> int | None:
-        if compute is None or expr is None:
+    def _evaluate_count(self, expr: plan.Expr | None, run: Run, least: int, word: str) -> int | None:
+        if expr is None:
             return None
         try:
-            return check_count_value(compute(run), least, word)
+            return check_count_value(self._compile_binding(expr)(run), least, word)
         except ExecutionError as error:
             raise error.with_span(expr.span) from None
 

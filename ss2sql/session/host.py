@@ -119,6 +119,9 @@ class SessionHost:
             self.graph_store = self.tables.graphs = GraphStore(connection, not read_only)
         self.names = Variables(temporals, None if read_only else file)
         self.names.let_go = self._restore_detached
+        # What a run asks, see `Host` in runtime/run/run_state.py; the rest of it is below.
+        self.get_variable, self.bind_late = self.names.read_value, self.names.bind_late
+        self.store_temporal = self.names.store_temporal
         self.own = SessionFunctions(self.names, self.functions, self.world_functions, limits, self.active_runs)
         for name, row in OPERATIONS.items():
             if name not in ("eq", "ne"):  # of these the database has its own
@@ -319,16 +322,10 @@ class SessionHost:
 
     # --- what a run asks (see runtime/run/run_state.py) ----------------------------------------------------------
 
-    def get_variable(self, name: str, run: Run) -> Any:
-        return self.names.read_value(name, run)
-
     def assign_variable(self, name: str, value: Any) -> None:
         self.names.assign_value(name, value)
         for run in self.runs:
             run.snapshots.pop(name, None)
-
-    def bind_late(self, name: str, literal: ast.ListLiteral) -> None:
-        self.names.bind_late(name, literal)
 
     def get_callable(self, function: plan.Function, run: Run) -> Callable[..., Any]:
         if function.builtin:
@@ -364,9 +361,6 @@ class SessionHost:
         value = self.names.read_temporal(name, when)
         ValueSizes(self.limits.max_size).check_value(value)
         return value
-
-    def store_temporal(self, name: str, keep: Any, value: Any) -> None:
-        self.names.store_temporal(name, keep, value)
 
     def read_table_rows(
         self, source: plan.TableSource, run: Run | None = None, wanted: TableFilter | None = None

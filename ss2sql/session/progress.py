@@ -13,10 +13,11 @@ import os
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, TextIO
 
 from ss2sql.errors import SessionError
 from ss2sql.language import plan
+from ss2sql.results import count_words
 from ss2sql.runtime.run import search_paths
 from ss2sql.runtime.run.search_paths import SearchPaths
 
@@ -28,13 +29,6 @@ FIRST_SECONDS = 1.0  # seconds before the line appears
 REPEAT_SECONDS = 0.1  # seconds until it is written anew
 BAR_WIDTH = 10  # characters of the bar
 MAX_DEPTH_LOOKS = 100_000  # steps that are walked to find out how deep the search is, 5 ms
-
-
-class Stream(Protocol):
-    """Where the line goes."""
-
-    def write(self, text: str, /) -> object: ...
-    def flush(self) -> object: ...
 
 
 def check_progress(wanted: str | bool) -> None:
@@ -50,13 +44,9 @@ def make_progress(run: Run, wanted: str | bool) -> Progress | None:
         return None
     if wanted == "auto" and (not stream.isatty() or os.environ.get("TERM") == "dumb"):
         return None
-    return Progress(run, stream, time.monotonic, _get_terminal_width)
-
-
-def _get_terminal_width() -> int:
     from shutil import get_terminal_size  # takes 2 ms
 
-    return get_terminal_size().columns
+    return Progress(run, stream, time.monotonic, lambda: get_terminal_size().columns)
 
 
 class Progress:
@@ -66,7 +56,7 @@ class Progress:
     path of a native search, or the backpointer of the present step, see search_paths.py.
     """
 
-    def __init__(self, run: Run, stream: Stream, clock: Callable[[], float], width: Callable[[], int]) -> None:
+    def __init__(self, run: Run, stream: TextIO, clock: Callable[[], float], width: Callable[[], int]) -> None:
         self._run = run
         self._stream = stream
         self._clock = clock
@@ -121,17 +111,17 @@ class Progress:
         if part is not None:
             parts.append(f"[{'#' * int(part * BAR_WIDTH):.<{BAR_WIDTH}}] {part:.0%}")
         if graph is not None:
-            parts.append(f"{_format_count(len(stats.levels), 'level')} of MEMORIZE")
-            parts.append(_format_count(len(graph.rows) - 1, "row"))
+            parts.append(f"{count_words(len(stats.levels), 'level')} of MEMORIZE")
+            parts.append(count_words(len(graph.rows) - 1, "row"))
         steps = stats.generated or (0 if self.search is None else self.search.entered)
         if steps:
-            parts.append(f"{_format_count(steps, 'step')}, {steps / seconds:,.0f}/s")
+            parts.append(f"{count_words(steps, 'step')}, {steps / seconds:,.0f}/s")
         depth, whole = (0, True) if graph is not None else self._measure_depth()
         if depth and (whole or depth > MAX_DEPTH_LOOKS // 2):
             parts.append(f"depth {depth:,}{'' if whole else '+'}")
         if results is not None:
             rate = f", {results / seconds:,.0f}/s" if results and not steps else ""
-            parts.append(_format_count(results, "result") + rate)
+            parts.append(count_words(results, "result") + rate)
         return " | ".join(parts)
 
     def _estimate_part(self, results: int) -> float | None:
@@ -184,7 +174,3 @@ def _count_results(run: Run) -> int:
     rows = run.sink.rows
     found: Sequence[Any] = (rows.rows if rows.paths is None else rows.paths) or ()
     return len(found)
-
-
-def _format_count(number: int, word: str) -> str:
-    return f"{number:,} {word}" if number == 1 else f"{number:,} {word}s"

@@ -343,7 +343,7 @@ class Session:
         self._check_open()
         from ss2sql.runtime.graph_cache.graph_store import Graphs, list_graphs
 
-        return Graphs(()) if self.host.graph_store is None else list_graphs(self.host.graph_store)
+        return Graphs() if self.host.graph_store is None else list_graphs(self.host.graph_store)
 
     # --- running ---------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import click
 
 from ss2sql.cli.output import SHOWN, Count, print_note
-from ss2sql.cli.script_commands import ENGINES
+from ss2sql.cli.script_commands import ENGINES, format_sql_with_parameters
 from ss2sql.cli.script_options import parse_parameter, parse_world, register_file
 from ss2sql.editor.keywords import keywords
 from ss2sql.errors import suggest_names
@@ -75,7 +75,10 @@ class Setting:
     def read(self, text: str) -> Any:
         if text.lower() == "off" and "off" in self.choices:
             return False if "on" in self.choices else None
-        return self.type.convert(text, None, None)
+        value = self.type.convert(text, None, None)
+        if value != value or value == float("inf"):
+            raise click.BadParameter(text)
+        return value
 
 
 FORMS = ("table", "json", "csv")  # others are not for terminals
@@ -86,7 +89,7 @@ SETTINGS = {
         Setting("format", "|".join(FORMS), "how results are printed", click.Choice(FORMS, case_sensitive=False)),
         Setting("show", "N|all", "how many rows or paths of a table are shown", Count()),
         Setting("timer", "on|off", "whether the time of a run is told", click.BOOL),
-        Setting("timeout", "SECONDS|off", "when a run is broken off", click.FloatRange(0, 1e9)),
+        Setting("timeout", "SECONDS|off", "when a run is broken off", click.FloatRange(0)),
         Setting("maximum", "N|off", "at most so many results of a search", click.IntRange(1)),
         Setting("workers", "N", "processes for the calls that MEMORIZE makes", click.IntRange(1)),
     )
@@ -286,9 +289,7 @@ def _find_result_or_compile(shell: Shell, text: str) -> Result | Query:
 
 
 def _sql(shell: Shell, text: str) -> None:
-    sql = _find_result_or_compile(shell, text).sql
-    values = [f"-- :{name} = {value!r}" for name, value in sql.parameters.items()]
-    shell.print_sql("\n".join([str(sql), *values]))
+    shell.print_sql(format_sql_with_parameters(_find_result_or_compile(shell, text).sql))
 
 
 def _plot_result(shell: Shell, rest: str) -> None:

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors.exceptions import escape_controls
+from ss2sql.results import count_words
 from ss2sql.results.explain.collector import collect_facts
 from ss2sql.results.explain.findings import (
     STAGES,
@@ -102,22 +103,18 @@ def _format_function(function: FunctionFacts) -> Iterator[str]:
 def _format_counts(function: FunctionFacts) -> str:
     if function.calls is None:
         return ""
-    times = _count_words(function.calls, "call")
+    times = count_words(function.calls, "call")
     if function.blocks is not None:
-        times = f"{_count_words(function.calls, 'row')} in {_count_words(function.blocks, 'call')}"
+        times = f"{count_words(function.calls, 'row')} in {count_words(function.blocks, 'call')}"
     return f" ({times}, {function.remembered:,} remembered)" if function.remembered else f" ({times})"
 
 
-def _count_words(number: int, word: str) -> str:
-    return f"{number:,} {word}{'' if number == 1 else 's'}"
-
-
 def _format_run(run: RunFacts) -> Iterator[str]:
-    paths = "" if run.paths is None else f"{_count_words(run.paths, 'path')} of "
-    yield f"the run: {run.status}, {paths}{_count_words(run.rows, 'row')}, {run.engine}"
+    paths = "" if run.paths is None else f"{count_words(run.paths, 'path')} of "
+    yield f"the run: {run.status}, {paths}{count_words(run.rows, 'row')}, {run.engine}"
     if run.generated:
         pruned = f", {run.pruned:,} pruned for a row that was there before" if run.pruned else ""
-        yield f"   {_count_words(run.generated, 'step')} generated, {run.expanded:,} of them expanded{pruned}"
+        yield f"   {count_words(run.generated, 'step')} generated, {run.expanded:,} of them expanded{pruned}"
     yield "the time of its stages:"
     yield from _format_seconds(run.seconds)
     if run.levels is not None:

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import field
 from itertools import chain
 from marshal import dumps
-from typing import Any, overload
+from typing import Any
 
 import apsw
 
@@ -296,35 +296,21 @@ class Graph:
         self._store.drop_graph(self.id)
 
 
-class Graphs(Sequence[Graph]):
+class Graphs(tuple[Graph, ...]):
     """The remembered graphs of a file, the oldest first, as they are when `ss.graphs()` is called."""
 
-    def __init__(self, graphs: Sequence[Graph]) -> None:
-        self._graphs = tuple(graphs)
-
-    @overload
-    def __getitem__(self, index: int) -> Graph: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[Graph]: ...
-    def __getitem__(self, index: int | slice) -> Graph | Sequence[Graph]:
-        return self._graphs[index] if isinstance(index, int) else Graphs(self._graphs[index])
-
-    def __len__(self) -> int:
-        return len(self._graphs)
-
-    def __iter__(self) -> Iterator[Graph]:
-        return iter(self._graphs)
+    __slots__ = ()
 
     def drop(self) -> None:
         """Removes all of these graphs from the file."""
-        for graph in self._graphs:
+        for graph in self:
             graph.drop()
 
     def __repr__(self) -> str:
-        if not self._graphs:
+        if not self:
             return "no remembered graphs"
         names = ("id", "nodes", "edges", "levels", "used", "functions", "query")
-        rows = [[_format_cell(getattr(graph, name)) for name in names] for graph in self._graphs]
+        rows = [[_format_cell(getattr(graph, name)) for name in names] for graph in self]
         widths = [max(map(len, column)) for column in zip(names, *rows, strict=True)]
         padded = ([cell.ljust(width) for cell, width in zip(row, widths, strict=True)] for row in (names, *rows))
         return "\n".join("  ".join(cells).rstrip() for cells in padded)
@@ -333,7 +319,7 @@ class Graphs(Sequence[Graph]):
 def list_graphs(store: GraphStore) -> Graphs:
     """The graphs in a store. Raises ExecutionError X009 where it cannot be read."""
     try:
-        return Graphs([_build_graph(store, row) for row in store.describe_graphs()])
+        return Graphs(_build_graph(store, row) for row in store.describe_graphs())
     except (apsw.BusyError, apsw.LockedError) as error:
         raise ExecutionError("X009", f"the remembered graphs cannot be read now: {error}") from error
     except (apsw.Error, ValueError, TypeError, RecursionError) as error:

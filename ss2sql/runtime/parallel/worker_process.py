@@ -34,7 +34,8 @@ def answer_messages() -> None:
     messages: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_read_messages, args=(tasks, messages), daemon=True).start()
     sys.path[:], folder, limit, path = messages.get()
-    _change_folder(folder)
+    if os.path.isdir(folder):
+        os.chdir(folder)
     sys.setrecursionlimit(limit)
     fingerprint = runpy.run_path(path)["fingerprint_function"]
     functions: dict[Any, Any] = {}  # by places and fingerprints: a function, or why it cannot be had
@@ -72,11 +73,6 @@ def _read_messages(tasks: BinaryIO, messages: queue.SimpleQueue[Any]) -> None:
         os._exit(0)
 
 
-def _change_folder(folder: str) -> None:
-    if os.path.isdir(folder):
-        os.chdir(folder)
-
-
 def call_in_worker(function: Any, calls: list[bytes]) -> tuple[list[bytes | None], float]:
     """The results of calls, and the seconds that all took. None stands for a call that has raised.
 
@@ -86,15 +82,11 @@ def call_in_worker(function: Any, calls: list[bytes]) -> tuple[list[bytes | None
     started = time.perf_counter()
     for arguments in calls:
         try:
-            answers.append(pickle_result(function(*marshal.loads(arguments))))
+            result = function(*marshal.loads(arguments))
+            answers.append(pickle.dumps(result, 5) if is_plain_worker_value(result) else NO_VALUE)
         except BaseException:  # the call is made again where the script runs, and raises there
             answers.append(None)
     return answers, time.perf_counter() - started
-
-
-def pickle_result(result: Any) -> bytes:
-    """What a function has returned, as it travels."""
-    return pickle.dumps(result, 5) if is_plain_worker_value(result) else NO_VALUE
 
 
 def is_plain_worker_value(value: Any) -> bool:
