@@ -10,6 +10,8 @@ from typing import Any
 
 import pytest
 from native_host import FakeHost, place
+from reference import Failure, Reference
+from sessions import wrong_scripts
 
 from ss2sql.runtime.run.error_locations import EVAL_LABEL
 
@@ -23,33 +25,38 @@ def raising(error: BaseException) -> Callable[..., Any]:
     return fail
 
 
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "rows": lambda: [{"a": 1}, {"b": 2}], "numbers": lambda: [1], "nan": lambda: float("nan"), "huge": lambda: 2**63,
+    "same": lambda value: value, "empty": dict,
+}  # fmt: skip
+VARIABLES: dict[str, Any] = {"uneven": {"a": [1], "b": []}, "table": [{"k": 1}], "digits": "9" * 5000}
+
+
 @pytest.mark.parametrize(
-    ("script", "code", "expected"),
+    ("code", "words", "marked"),
     [
-        ("1 +\n  'a'", "X001", "1:3 +"), ("x = [1];\nx[0] + x[3]", "X003", "2:10 3"), ("1 < 'a'", "X001", "1:3 <"),
-        ("2 * (3 / 0)", "X002", "1:8 /"), ("9223372036854775807 + 1", "X004", "1:21 +"),
-        ("sqrt('é') + 1", "X007", "1:1 sqrt('é')"), ("'é€𝄞' + (1 / 0)", "X002", "1:12 /"),
-        ("SELECT 1\nFROM [1, 2]\nWHERE this / 0", "X002", "3:12 /"),
-        ("1; SELECT this FROM [1, 'a'] ORDER BY this", "X001", "1:39 this"),
-        ("SELECT this FROM [1] ORDER BY 1 / (this - 1)", "X002", "1:33 /"),
-        ("SELECT this, count(*) FROM [1] GROUP BY this HAVING 1 / (this - 1)", "X002", "1:55 /"),
-        ("SELECT count(*), sum(this) FROM ['a'] GROUP BY True", "X007", "1:18 sum(this)"),
-        ("SELECT this FROM [1]\nSTART WITH n = 1 CONNECT BY n = n / 0", "X002", "2:35 /"),
-        ("SELECT this FROM [1] START WITH n = 1 / 0 CONNECT BY n = n", "X002", "1:39 /"),
-        ("SELECT (SELECT b.this + 'x' FROM b = [1] AS value) FROM a = [2]", "X001", "1:23 +"),
-        ("SELECT this FROM [1] LIMIT (0 - 1)", "X006", "1:29 0 - 1"),
-        ("SELECT r.a FROM r = rows()", "X008", "1:8 r.a"),
-        ("SELECT r.a FROM r = numbers()", "X008", "1:8 r.a"),
-        ("SELECT 1 FROM [1], uneven", "X005", "1:20 uneven"),
-        ("IF(1 == 2; late = 1);\nSELECT this FROM [1, 2] WHERE this == 2 AND late > 1", "R001", "2:45 late"),
-        ("eval(5)", "X007", "1:1 eval(5)"),
-        ("[1,\n nan()]", "X004", "2:2 nan()"),  # an error of the border has the place of the call
+        *wrong_scripts("values"),
+        ("X001", [], "1 «+»\n  'a'"), ("X003", [], "x = [1];\nx[0] + x[«3»]"),
+        ("R001", [], "IF(1 == 2; late = 1);\nSELECT this FROM [1, 2] WHERE this == 2 AND «late» > 1"),
+        ("X004", [], "[1,\n «nan()»]"),  # an error of the border has the place of the call
     ],
 )  # fmt: skip
-def test_errors_of_the_language(script: str, code: str, expected: str) -> None:
-    functions = {"rows": lambda: [{"a": 1}, {"b": 2}], "numbers": lambda: [1], "nan": lambda: float("nan")}
-    error = FakeHost(functions, uneven={"a": [1], "b": []}).error(script)
-    assert (error.code, place(error)) == (code, expected)
+def test_errors_of_the_language(code: str, words: list[str], marked: str) -> None:
+    script = re.sub("[«»]", "", marked)
+    error = FakeHost(FUNCTIONS, dict.fromkeys(FUNCTIONS, "volatile"), **VARIABLES).error(script)
+    before, wrong, _ = re.split("[«»]", marked)
+    assert error.code == code
+    assert place(error) == f"{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))} {wrong}"
+    assert all(part in str(error) for part in words)
+    with pytest.raises(Failure) as caught:
+        Reference(FUNCTIONS, VARIABLES).run(script)
+    assert caught.value.code == code
+
+
+@pytest.mark.parametrize("source", ["rows", "numbers"])
+def test_a_column_that_a_row_has_not(source: str) -> None:
+    error = FakeHost(FUNCTIONS).error(f"SELECT r.a FROM r = {source}()")
+    assert (error.code, place(error)) == ("X008", "1:8 r.a")
 
 
 def test_a_late_list_of_an_earlier_script_points_there() -> None:
