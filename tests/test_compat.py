@@ -52,7 +52,7 @@ def test_the_program_stub_solves_the_towers_in_nested_loops() -> None:
 
 def test_the_program_stub_solves_the_towers() -> None:
     assert stub(MOVES + HANOI["cycle"]) == [[{"this": step} for step in SEVEN]]
-    corrected = HANOI["no cycle"].replace("mov.this", "this")
+    corrected = HANOI["no-cycle"].replace("mov.this", "this")
     (path,) = stub(MOVES + corrected)  # type: ignore[misc]
     assert [row["this"] for row in path] == SEVEN
     (path,) = stub(MOVES + HANOI["memorize"])  # type: ignore[misc]

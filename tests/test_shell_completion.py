@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from cases.shelf import Shelf
+from golden import FOLDER, script_rows
 from sessions import write
 
 import ss2sql
@@ -76,56 +77,15 @@ def test_options_that_contradict_each_other_are_not_offered(written: str, gone: 
     assert offered == {one for one in options if one not in gone}
 
 
-@pytest.mark.parametrize(
-    ("marked", "kind", "expected"),
-    [
-        # the second of two words; letters in any case; nothing where it is there already
-        ("SELECT a FROM b START |", "", ["WITH"]), ("SELECT a FROM b GROUP B|", "", ["BY"]),
-        (f"{SEARCH} NO C|", "", ["CYCLE"]), ("sel|", "", ["SELECT"]), ("SELECT a FROM b wh|", "", ["WHERE"]),
-        ("SELECT|", "", []),
-        # columns are those of the sources in the statement, also where it has an error
-        ("SELECT | FROM people", "column", ["name", "age"]),
-        ("SELECT na| FROM people;", "column", ["name"]),
-        ("SELECT name FROM people WHERE |", "column", ["name", "age"]),
-        ("SELECT p.| FROM p = people", "column", ["name", "age"]),
-        ("SELECT this.| FROM people", "column", ["name", "age"]),
-        ("SELECT | FROM s = work.staff, people", "column", ["id", "name", "boss", "age"]),
-        ("SELECT staff.b| FROM work.staff", "column", ["boss"]),
-        ("SELECT (SELECT | FROM work.bosses) FROM people", "column", ["boss", "name", "age"]),
-        ("SELECT name FROM people WHERE (SELECT | FROM work.bosses)", "column", ["boss", "name", "age"]),
-        ("SELECT (SELECT boss FROM work.bosses), | FROM people", "column", ["name", "age"]),
-        ("SELECT q.| FROM q = (SELECT name, to(age, years), len(name), 1 FROM people)", "column",
-         ["name", "years", "len"]),
-        ("SELECT name FROM people; SELECT |", "column", []),
-        ("SELECT name FROM people ORDER BY a|", "column", ["age"]),
-        ("SELECT a, FROM people WHERE ag|", "", ["age"]),
-        # tables, variables and worlds
-        ("SELECT a FROM work.|", "", ["bosses", "staff"]), ("SELECT a FROM p = peo|", "", ["people"]),
-        ("SELECT name FROM people, x = mov|", "", ["moves", "move("]),
-        ("SELECT a FROM spa|", "", ["space", "space.beside("]), ("SELECT a FROM space.|", "", ["beside("]),
-        ("SELECT w| FROM space", "column", ["weight"]),
-        ("SELECT c.| FROM c = space.beside(1)", "column", ["id", "title", "x", "weight"]),
-        # variables of a search, representations, functions: `ge` stands for an operator
-        (f"{SEARCH} NO CYCLE |", "variable", ["tower", "level", "moves", "people"]),
-        (f"{SEARCH} tower = lev|", "", ["level"]),
-        ("SELECT this FROM moves WHERE tow| START WITH tower = 1 CONNECT BY tower = 2", "", ["tower"]),
-        ("SELECT a FROM b AS p|", "", ["plane(", "prolog"]), ("ge|", "", ["getTime("]),
-        # texts, comments and numbers are left alone
-        *((marked, "", []) for marked in ("'SEL|", '"a" + "SEL|', "1 # SEL|", "# SEL|", "/* SEL|", "1; /* a\n SEL|",
-                                          "12|", "1.|", "f(3, 1.5|")),
-        # commands, and what stands behind them
-        (".|", "", list(COMMANDS)), ("1;\n.ti|", "", [".timer", ".timeout"]), (".format j|", "", ["json"]),
-        (".engine |", "", ["auto", "database", "native", "duckdb", "spark"]), (".read f|", "", ["folder/"]),
-        (".read folder/|", "", ["inner.ss"]), (".attach more st|", "", ["staff.db"]), (".functions mov|", "", ["move"]),
-        (".tables work.|", "", ["work.bosses", "work.staff"]), (".set mo|", "", ["moves"]),
-        (".help CONN|", "", ["CONNECT BY"]), (".sql SELECT n| FROM people", "column", ["name"]), (".nothing |", "", []),
-    ],
-)  # fmt: skip
-def test_what_is_offered(marked: str, kind: str, expected: list[str], known: SymbolTable) -> None:
-    assert texts(marked, known, kind) == expected
+@pytest.mark.parametrize("row", script_rows(FOLDER / "shell" / "offered.rows"), ids=lambda row: row[1])
+def test_what_is_offered(row: tuple[int, str, str], known: SymbolTable) -> None:
+    _, marked, told = row
+    kind, _, expected = told.rpartition(": ")
+    assert texts(marked, known, kind) == (expected.split(", ") if expected != "nothing" else [])
 
 
 def test_what_is_offered_first_and_what_is_said_about_it(known: SymbolTable) -> None:
+    assert texts(".|", known) == list(COMMANDS)
     assert texts("SELECT NO|", known)[0] == "NOT"  # keywords come first in capitals
     assert texts("SELECT no|", known)[0] == "norm("
     assert [one.length for one in found("SELECT no|", known)] == [2] * len(texts("SELECT no|", known))

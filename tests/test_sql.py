@@ -62,7 +62,7 @@ def test_the_text_gives_the_same_rows_in_another_connection_with_the_same_functi
 
 @pytest.mark.parametrize("option", ["", "BREADTH FIRST", "NO CYCLE", "UNIQUE", "MAXIMUM 2"])
 def test_the_text_of_a_search_gives_the_same_last_rows(staff: ss2sql.Session, option: str) -> None:
-    listing = HANOI["no cycle" if option in ("NO CYCLE", "UNIQUE") else "cycle"].replace("mov.this", "this")
+    listing = HANOI["no-cycle" if option in ("NO CYCLE", "UNIQUE") else "cycle"].replace("mov.this", "this")
     script = listing.replace("NO CYCLE # or UNIQUE", "").replace("CONNECT BY", f"CONNECT BY {option}")
     result = staff.run(script, engine="database")
     other = session()
