@@ -13,6 +13,7 @@ from pprint import pformat
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import pytest
 from cases import needs
 
 import ss2sql
@@ -96,6 +97,12 @@ def script_rows(path: Path) -> list[tuple[int, str, str]]:
             script.append(text)
     assert not script, f"{script} gives nothing"
     return found
+
+
+def each_row(name: str, script: str, told: str) -> Any:
+    """Has a test run for each row of `cases/NAME.rows`, with its script and what stands behind => as two arguments."""
+    found = [row for _, *row in script_rows(FOLDER / f"{name}.rows")]
+    return pytest.mark.parametrize((script, told), found, ids=[row[0] for row in found])
 
 
 def load(path: Path) -> Case:

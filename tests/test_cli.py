@@ -17,8 +17,7 @@ from typing import Any
 import pytest
 from click.shell_completion import ShellComplete
 from command_lines import ENDLESS, FUNCTIONS, bad, call, good, moved_into, press_ctrl_c_after, process, value
-from golden import FOLDER as CASES
-from golden import script_rows
+from golden import each_row
 
 import ss2sql
 from ss2sql.cli import COMMANDS, main, output
@@ -64,9 +63,8 @@ def folder(tmp_path: Path, staff: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     return moved_into(tmp_path, monkeypatch, FILES)
 
 
-@pytest.mark.parametrize("row", script_rows(CASES / "command_line" / "errors.rows"), ids=lambda row: row[1])
-def test_wrong_command_lines(row: tuple[int, str, str]) -> None:
-    _, line, told = row
+@each_row("command_line/errors", "line", "told")
+def test_wrong_command_lines(line: str, told: str) -> None:
     code, _, words = told.partition(" ")
     error = bad(int(code), *shlex.split(line), stdin=b"\xff")
     assert "runpy" not in error

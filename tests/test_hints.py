@@ -7,7 +7,7 @@ import re
 
 import pytest
 from cases.data import Body
-from golden import FOLDER, script_rows
+from golden import each_row
 
 import ss2sql
 
@@ -37,9 +37,8 @@ def form_of(error: ss2sql.Error) -> str:
     return found[1]
 
 
-@pytest.mark.parametrize("row", script_rows(FOLDER / "errors" / "hints.rows"), ids=lambda row: row[1])
-def test_the_form_in_the_hint_runs(row: tuple[int, str, str]) -> None:
-    _, marked, value = row
+@each_row("errors/hints", "marked", "value")
+def test_the_form_in_the_hint_runs(marked: str, value: str) -> None:
     before, wrong, behind = re.split("[«»]", marked)
     with session() as ss:
         with pytest.raises(ss2sql.Error) as caught:

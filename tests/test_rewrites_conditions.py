@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from golden import each_row
 from sessions import both
 
 import ss2sql
@@ -33,41 +34,11 @@ def test_a_replaced_operator_keeps_its_meaning(disable: list[str], where: str) -
 # --- unnest --------------------------------------------------------------------------------------------
 
 
-BORDERS = "a.this <> b.this AND a.this <> c.this"
-PAIRS = "[[a.this, b.this], [a.this, c.this]]"
-ALIKE = "SELECT this FROM {} WHERE this[0] == this[1] AS list"
-
-
-@pytest.mark.parametrize(
-    ("before", "condition", "where"),
-    [
-        ("", "NOT (SELECT this FROM [a.this, b.this] WHERE this > 1 AS list)", "a.this <= 1 AND b.this <= 1"),
-        ("", "len(SELECT this FROM [a.this, b.this] WHERE this > 1 AS list) != 0", "(a.this > 1 OR b.this > 1)"),
-        ("", "eval('a' + '.this;') == 1", "a.this = 1"),
-        # `fold` and `split` alone.
-        ("", "a.this > 1 * 2 AND True", "a.this > 2"),
-        ("", "[a.this, 2][0] == 1", "a.this = 1"),
-        ("", "NOT (a.this == 1 OR b.this != 2)", "a.this <> 1 AND b.this = 2"),
-        ("", "NOT (a.this < 2 AND b.this >= 2)", "(a.this >= 2 OR b.this < 2)"),
-        ("", "a.this == 1 AND b.this == 2 AND a.this == 1", "a.this = 1 AND b.this = 2"),
-        ("", "(a.this == 1 OR a.this == 2) OR 3 == a.this OR b.this == 1", "(a.this IN (1, 2, 3) OR b.this = 1)"),
-        ("", "NOT ((a.this == 2 AND b.this == 2) OR b.this == a.this)", "b.this <> a.this"),
-        ("", "NOT ((a.this == 2 AND b.this == 1) OR b.this == a.this)",
-         "(a.this <> 2 OR b.this <> 1) AND b.this <> a.this"),
-        # The forms of the map.
-        ("", "a.this != b.this AND a.this != c.this", BORDERS),
-        ("", f"[] == ({ALIKE.format(PAIRS)})", BORDERS),
-        ("", f"len({ALIKE.format(PAIRS)}) == 0", BORDERS),
-        ("", f"NOT ({ALIKE.format(PAIRS)})", BORDERS),
-        (f"pairs = {PAIRS};", f"[] == ({ALIKE.format('pairs')})", BORDERS),
-        ("pairs = [['a', 'b'], ['a', 'c']];",
-         "[] == (SELECT this FROM pairs WHERE eval(this[0] + '.this;') == eval(this[1] + '.this;') AS list)", BORDERS),
-        ("", "True AND NOT (a.this == b.this OR b.this == a.this) AND NOT (a.this == c.this OR a.this == c.this)",
-         "a.this <> b.this AND b.this <> a.this AND a.this <> c.this"),
-    ],
-)  # fmt: skip
-def test_what_the_sql_asks(before: str, condition: str, where: str) -> None:
-    script = f"{before} SELECT a.this FROM a = [1, 2, 3], b = [1, 2, 3], c = [1, 2, 3] WHERE {condition} AS list;"
+@each_row("rewrites/conditions", "written", "where")
+def test_what_the_sql_asks(written: str, where: str) -> None:
+    *before, condition = written.splitlines()
+    lists = "a = [1, 2, 3], b = [1, 2, 3], c = [1, 2, 3]"
+    script = f"{' '.join(before)} SELECT a.this FROM {lists} WHERE {condition} AS list;"
     with ss2sql.connect() as ss:
         assert ss.run(script, engine="database").sql.statements[-1].endswith(f"WHERE\n  {where}")
     with ss2sql.connect(disable=["unnest", "split"]) as ss:

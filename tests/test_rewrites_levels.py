@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 from typing import Any
 
 import pytest
+from golden import each_row
 from listings import MOVES, move
 
 import ss2sql
@@ -73,49 +75,10 @@ def test_which_parts_are_evaluated_ahead(columns: str, times: int) -> None:
 
 
 @pytest.mark.parametrize("disable", SWITCHED)
-@pytest.mark.parametrize(
-    ("script", "calls"),
-    [
-        # Of no rows nothing is evaluated, however early it could be.
-        ("SELECT f(a.this) FROM a = [1, 2], b = empty AS list", []),
-        ("SELECT 1 FROM a = [1, 2], b = [1], c = empty WHERE f(a.this) == b.this AS list", []),
-        # What stands behind a condition is evaluated for those that pass it.
-        ("SELECT f(a.this) FROM a = [1, 2], b = [2, 2] WHERE a.this == b.this AS list", [("f", 2)]),
-        ("SELECT 1 FROM a = [1, 2, 3], b = [1, 2] WHERE b.this > 2 AND f(a.this) AS list", []),
-        # The first error is that of the written order.
-        ("SELECT 1 FROM a = [1], b = [2, 'bad'] WHERE g(f(b.this), f(a.this)) AS list", [2, 1, "bad"]),
-        ("SELECT 1 FROM a = [0], b = [1] WHERE 1 / a.this > f(a.this) + b.this AS list", []),
-        ("SELECT 1 FROM a = ['bad'], b = [1] WHERE f(b.this) == 1 AND f(a.this) AS list", [1, "bad"]),
-        ("SELECT (SELECT 1 / c.this FROM c = [b.this] AS value), f(a.this) FROM a = ['bad'], b = [0]", []),
-        # A source that fails comes before one that is empty.
-        ("SELECT f(b.this) FROM a = [1], b = [1 / (a.this - 1)], c = empty AS list", []),
-        # A branch that is not taken, an operand that is not needed.
-        ("SELECT IF(b.this == 1; 0; f(a.this)) FROM a = [1], b = [1] AS list", []),
-        ("SELECT 1 FROM a = [1], b = [1] WHERE b.this == 1 OR f(a.this) AS list", []),
-        # A source that is read for each row is read first.
-        ("SELECT 1 FROM a = [1, 2], b = f(a.this), c = [1] WHERE g(a.this, 0) == 1 AS list",
-         [("f", 1), ("g", 1, 0), ("f", 2), ("g", 2, 0)]),
-        ("SELECT 1 FROM a = [1, 2], b = f(a.this) WHERE a.this > 5 AS list", [("f", 1), ("f", 2)]),
-        ("SELECT f(a.this) FROM a = [1, 2], b = f(a.this + 7), c = empty AS list", [("f", 8), ("f", 9)]),
-        # A limit ends it.
-        ("SELECT f(a.this), g(f(a.this), b.this), c.this FROM a = [1, 2], b = [5, 6], c = [7, 8] LIMIT 3 AS list",
-         [("f", 1), ("g", 1, 5), ("g", 1, 6)]),
-        # Volatile functions keep the written order.
-        ("SELECT 1 FROM a = [1, 2], b = [3, 4] WHERE loud(a.this) == 1 AND loud(b.this) AS list", [1, 3, 1, 4, 2, 2]),
-        ("SELECT 1 FROM a = [1, 2] WHERE loud(a.this) == 1 AND loud(a.this) == 1 AS list", [1, 1, 2]),
-        # SQLite does not put constants in the place of columns: `2 < b.this` would be false for any source then.
-        ("SELECT 1 FROM a = [1], b = [1, 2] WHERE f(a.this) AND b.this == 2 AND 2 < b.this AS list", [1]),
-        # It leaves out `0 AND a.this != b.this` by itself; what remains mentions b no more, and waits for b as before.
-        ("SELECT a.this FROM a = ones, b = [a.this, 1] WHERE a.this != b.this AND (f(a.this) AND (a.this > 5"
-         " OR (2 != (1 + 1) AND a.this != b.this)"
-         " OR [] == (SELECT this FROM [a.this, 1] WHERE this == a.this AS list))) AS list", []),
-    ],
-)  # fmt: skip
-def test_only_what_the_written_order_evaluates(
-    engine: Any, script: str, calls: list[Any], disable: tuple[str, ...]
-) -> None:
+@each_row("rewrites/calls", "script", "calls")
+def test_only_what_the_written_order_evaluates(engine: Any, script: str, calls: str, disable: tuple[str, ...]) -> None:
     """SQL may call more, but none of them twice, and none for a row that LIMIT cuts off."""
-    expected = [call if isinstance(call, tuple) else ("f", call) for call in calls]
+    expected = [call if isinstance(call, tuple) else ("f", call) for call in ast.literal_eval(calls)]
     ss, made = session(*disable)
     if "bad" in script or "/" in script:
         with pytest.raises((ValueError, ss2sql.ExecutionError)):

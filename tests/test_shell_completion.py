@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from cases.shelf import Shelf
-from golden import FOLDER, script_rows
+from golden import each_row
 from sessions import write
 
 import ss2sql
@@ -77,9 +77,8 @@ def test_options_that_contradict_each_other_are_not_offered(written: str, gone: 
     assert offered == {one for one in options if one not in gone}
 
 
-@pytest.mark.parametrize("row", script_rows(FOLDER / "shell" / "offered.rows"), ids=lambda row: row[1])
-def test_what_is_offered(row: tuple[int, str, str], known: SymbolTable) -> None:
-    _, marked, told = row
+@each_row("shell/offered", "marked", "told")
+def test_what_is_offered(marked: str, told: str, known: SymbolTable) -> None:
     kind, _, expected = told.rpartition(": ")
     assert texts(marked, known, kind) == (expected.split(", ") if expected != "nothing" else [])
 

@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 import pytest
-from golden import FOLDER, script_rows
+from golden import each_row
 from hypothesis import given
 from hypothesis import strategies as st
 from programs.drawn import amount, drawn
@@ -44,9 +44,8 @@ def shown(kind: Type) -> str:
     return f"[{', '.join(map(shown, kind.positions))}]"
 
 
-@pytest.mark.parametrize("row", script_rows(FOLDER / "search" / "types-of-states.rows"), ids=lambda row: row[1])
-def test_types_of_states(row: tuple[int, str, str]) -> None:
-    _, script, expected = row
+@each_row("search/types-of-states", "script", "expected")
+def test_types_of_states(script: str, expected: str) -> None:
     found = ", ".join(f"{name}: {shown(kind)}" for name, kind in states_of(session(), script).items())
     assert found == re.sub(r"\{(.*?)\}", lambda bound: str(eval(bound[1], {"FAR": STEPS})), expected)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import ss2sql
 pytest.importorskip("pybullet")
 
 from bullet_rooms import ENGINES, ball
+from sessions import wrong_scripts
 
 from ss2sql import scenes
 from ss2sql.vtables.pybullet.client import start_simulation
@@ -153,29 +155,15 @@ def test_bodies_removed_within_a_query(client: Any, ss: ss2sql.Session, engine: 
     assert answers(ss, "SELECT id FROM space AS list;") == []
 
 
-@pytest.mark.parametrize(
-    ("script", "code", "says", "cure", "where"),
-    [("SELECT id FROM space.near;", "R005", "lacks point and radius", "space.near(point, radius)", "space.near"),
-     ("SELECT id FROM space.near([0, 0], radus=2);", "R005", "no argument 'radus'", "'radius'", "radus"),
-     ("SELECT n.id FROM a = space, n = space.near(a.pos);", "R005", "lacks radius", "radius)", "space.near(a.pos)"),
-     ("SELECT mas FROM space;", "R001", "unknown name 'mas'", "'mass'", "mas"),
-     ("SELECT space.mas FROM space;", "R001", "no column 'mas'", "'mass'", "space.mas"),
-     ("SELECT this.mas FROM space;", "R001", "no column 'mas'", "'mass'", "this.mas"),
-     ("SELECT n.idd FROM n = space.near([0, 0], 9);", "R001", "no column 'idd'", "'id'", "n.idd"),
-     ("SELECT id FROM space WHERE isSfere(this);", "R002", "function 'isSfere'", "'isSphere'", "isSfere"),
-     ("SELECT space.isSfere(this) FROM space;", "R002", "function 'isSfere'", "'isSphere'", "space.isSfere"),
-     ("SELECT id FROM spce;", "R003", "'spce'", "'space'", "spce"),
-     ("SELECT space.near(x, 1) FROM space;", "R002", "no function 'near'", "FROM space.near(", "space.near"),
-     ("SELECT id FROM space.link;", "R003", "no table 'link'", "'links'", "space.link"),
-     ("SELECT id FROM space AS plain;", "R006", "'plain'", "'plane'", "AS plain"),
-     ("SELECT id FROM space.near('body_9', 1);", "X011", "'body_9'", "'body_3'", "space.near('body_9', 1)"),
-     ("mass(1);", "X007", "needs an element of a world", "`this`", "mass(1)")],
-)  # fmt: skip
-def test_wrong_names(ss: ss2sql.Session, engine: Any, script: str, code: str, says: str, cure: str, where: str) -> None:
-    error = refused(ss, script, engine)
-    assert (error.code, place(error)) == (code, where)
-    assert says in error.message
-    assert cure in " ".join(error.hints)
+@pytest.mark.parametrize(("code", "words", "marked"), [*wrong_scripts("worlds")])
+def test_wrong_names(ss: ss2sql.Session, engine: Any, code: str, words: list[str], marked: str) -> None:
+    before, wrong, behind = re.split("[«»]", marked)
+    error = refused(ss, before + wrong + behind, engine)
+    assert (error.code, place(error)) == (code, wrong)
+    assert error.span is not None
+    assert error.span.start == len(before)
+    assert words[0] in error.message
+    assert words[1] in " ".join(error.hints)
     assert answers(ss, "SELECT id FROM space.near([0, 0, 0], 2) AS list;") == [0]
 
 

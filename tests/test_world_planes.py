@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("pybullet")
 
+from golden import each_row
 from little_scenes import GREY, ask, refused
 from little_scenes import fixture_scene as fixture_scene
 from prolog_facts import facts
@@ -112,32 +113,10 @@ def test_planes_of_partitions_and_paths(scene: Scene, engine: Any) -> None:
     assert [path.tolist() for path in paths] == [[[1.0, 0.0, 0.0]], [[1.0, 1.0, 0.0]]]  # the third step stops
 
 
-@pytest.mark.parametrize(
-    ("query", "words"),
-    [("mass FROM space AS plane('XW', [0, 0], [4, 4, 1])", "needs a plane XY, XZ or YZ, not 'XW'"),
-     ("mass FROM space AS plane('XY', 5, [4, 4, 1])", "the lower corner, a list of 2 numbers, not 5"),
-     ("mass FROM space AS plane('XY', [0, '1'], [4, 4, 1])", "the lower corner, a number, not '1'"),
-     ("mass FROM space AS plane('XY', [0, 0], [4, 4])", "width, height and resolution, a list of 3 numbers"),
-     ("mass FROM space AS plane('XY', [0, 0], [0.5, 4, 0.1])", "0.5 m are 5 cells of 0.1 m"),
-     ("mass FROM space AS plane('XY', [0, 0], [4, 4, 0])", "the edge of a cell, a number above 0, not 0"),
-     ("mass FROM space AS plane('XY', [0, 0], [4, 4, 1], -1)", "a blur of 0 to 10,000 cells"),
-     ("mass FROM space AS plane('XY', [0, 0])", "AS plane(plane, start, size, [blur])"),
-     ("name FROM space AS plane('XY', [0, 0], [4, 4, 1])", "cannot add up 'ball', the 'name' of row 1"),
-     ("[1], mass FROM space AS plane('XY', [0, 0], [4, 4, 1])", "a place [x, y] or [x, y, z] in row 1, not [1]"),
-     ("position(this), mass FROM space AS plane('XZ', [0, 0], [4, 4, 1])", "needs a place [x, y, z] in row 1"),
-     ("obj FROM space AS occupancygrid('a', 0.1)", "the height z, a number, not 'a'"),
-     ("obj FROM space AS occupancygrid(0, 0.1, [1, 2])", "an area [[x, y], [x, y]], a list of 2 numbers"),
-     ("obj FROM space AS occupancygrid(0, 0.1, [[1, 1], [0, 2]])", "the lower corner of the area first"),
-     ("obj FROM space AS occupancygrid(0, 1e-6, [[0, 0], [1, 1]])", "1000000 x 1000000 cells"),
-     ("obj FROM space AS occupancygrid(0)", "AS occupancygrid(z, cell, [area])"),
-     ("this FROM [1, 2] AS occupancygrid(0, 1)", "finds no bodies in these rows"),
-     ("obj FROM space AS sensorgrid(0, 0.1)", "'ball', which is no sensor"),
-     ("obj FROM space AS sensormap(0)", "AS sensormap(z, cell, [area])"), ("obj FROM space AS environment(7)", "takes"),
-     ("this FROM [1, 2] AS plane('XY', [0, 0], [1, 1, 1])", "does not know where row 1 is")],
-)  # fmt: skip
-def test_wrong_arguments(scene: Scene, query: str, words: str) -> None:
+@each_row("representations/wrong-arguments", "script", "words")
+def test_wrong_arguments(scene: Scene, script: str, words: str) -> None:
     scene.add("ball", Sphere(0.1), (0.5, 0.5, 0.0), GREY, 7.0)
-    assert words in refused(scene, f"SELECT {query};")
+    assert words in refused(scene, script)
 
 
 @pytest.mark.parametrize("name", ["occupancygrid", "sensorgrid", "sensormap", "environment"])
