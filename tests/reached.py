@@ -22,6 +22,7 @@ import pytest
 TESTS_FOLDER = Path(__file__).parent
 PACKAGE = TESTS_FOLDER.parent / "ss2sql"
 FOLDER = TESTS_FOLDER.parent / "out" / "reached"
+READING = ("golden", "cases", "wrong_scripts", "samples(", "by_sheet")
 
 Reached = dict[str, dict[int, list[str]]]
 
@@ -80,7 +81,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def write(file: Path, seconds: dict[str, float], texts: dict[str, str]) -> None:
     """Notes a file of tests as it is now: how long each of its tests takes, and the texts that they reach."""
-    row = {"of": digest(file.read_text(encoding="utf-8")), "seconds": seconds, "texts": texts}
+    row = {"of": digest(read_with_data(file)), "seconds": seconds, "texts": texts}
     place(file, "json").write_text(json.dumps(row), encoding="utf-8")
 
 
@@ -91,8 +92,19 @@ def stale(files: Iterable[str], anew: bool = False) -> list[str]:
 
 def is_known(file: Path) -> bool:
     row = place(file, "json")
-    now = digest(file.read_text(encoding="utf-8"))
-    return row.exists() and json.loads(row.read_text(encoding="utf-8"))["of"] == now
+    return row.exists() and json.loads(row.read_text(encoding="utf-8"))["of"] == digest(read_with_data(file))
+
+
+def read_with_data(file: Path) -> str:
+    """The text of a file of tests, and that of all in `cases` where it reads something there."""
+    text = file.read_text(encoding="utf-8")
+    return text + read_cases() if any(word in text for word in READING) else text
+
+
+@cache
+def read_cases() -> str:
+    files = [path for path in (TESTS_FOLDER / "cases").rglob("*.*") if path.suffix != ".pyc"]
+    return "".join(path.read_text(encoding="utf-8") for path in sorted(files))
 
 
 def written_off(files: Iterable[str]) -> list[str]:

@@ -100,6 +100,17 @@ def test_lines_are_followed_through_edits(tmp_path: Path, monkeypatch: pytest.Mo
     assert reached.lines_then("m.py", reached.digest(now)) == [1, 2, 3, 4, 5]
 
 
+def test_files_of_tests_that_read_scripts_are_learned_anew_when_these_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reached, "FOLDER", tmp_path)
+    files = [str(reached.TESTS_FOLDER / name) for name in ("test_sheets.py", "test_triggers.py")]
+    assert reached.written_off(files) == files
+    assert reached.stale(files) == []
+    monkeypatch.setattr(reached, "read_cases", lambda: "another script")
+    assert reached.stale(files) == files[:1]
+
+
 @pytest.mark.slow  # 4 s alone, minutes in a process that has run all other tests
 def test_justified_mutants_exist_and_say_why(every: list[Mutant]) -> None:
     names = {mutant.name for mutant in every}
