@@ -16,9 +16,11 @@ PACKAGES = {
 
 
 def install_line(extra: str) -> str:
-    """The command that installs what an extra stands for, wherever ss2sql itself came from.
+    """The command that installs what an extra stands for, wherever ss2sql itself came from; of ODE what Debian has.
 
     >>> install_line("sim")
     'pip install pybullet'
     """
+    if extra == "ode":
+        return "apt-get install python3-pyode, and use the Python of the same release of Debian"
     return f"pip install {PACKAGES[extra]}"

@@ -17,7 +17,7 @@ import worker_functions
 
 import ss2sql
 from ss2sql import Error, Session
-from ss2sql.vtables.pybullet.client import require_sim_package
+from ss2sql.errors import require_package
 
 ENDLESS = "SELECT n FROM [1] WHERE n % 1000 == 0 START WITH n = 1 CONNECT BY n = n + 1"
 LATE = 0.3  # seconds: a run of what is compiled has begun by then, on a machine with much to do as well
@@ -94,7 +94,7 @@ FROM_PYTHON: dict[str, Callable[[Session], object]] = {
     "T001": lambda session: session.compile(ENDLESS).run(timeout=LATE),
     "T002": lambda session: interrupted(session), "S001": lambda session: closed().run("1;"),
     "S002": lambda session: session.function("two words", len),
-    "S003": lambda session: require_sim_package("a_package_that_is_missing"), "S004": in_another_thread,
+    "S003": lambda session: require_package("a_package_that_is_missing", "sim", "a scene"), "S004": in_another_thread,
     "S005": another_copy,
 }  # fmt: skip
 

@@ -12,7 +12,7 @@ import apsw
 from ss2sql.bench.compare import SAME
 from ss2sql.bench.results import BenchResult, BenchRules
 from ss2sql.bench.runs import StatementRuns
-from ss2sql.results import require_package
+from ss2sql.errors import require_package
 from ss2sql.results.plot_style import BLUE, ORANGE, RED, hide_spines, shorten_plot_label
 
 if TYPE_CHECKING:

@@ -13,12 +13,12 @@ import click
 
 from ss2sql.cli.output import (
     SCRIPT,
-    UserError,
     check_output_folder,
     end_with_message,
     exit_with_code_on_error,
     make_console,
     make_output_error,
+    mark_user_errors,
     print_line,
     print_note,
 )
@@ -93,28 +93,17 @@ def bench_command(
     with inputs.open_session(progress=False) as session:
         following = make_runs(session, read_script_source(source), settings)
         while True:
-            with _mark_user_errors():
+            with mark_user_errors():
                 runs = next(following, None)
             if runs is None:
                 break
             if run:
                 print_line("")
-            with _print_bench_table(runs, settings), _mark_user_errors():
+            with _print_bench_table(runs, settings), mark_user_errors():
                 _run_heat(runs)
             run.append(runs)
     _write_files(run, settings, json_file, plot_file)
     _exit_on_contradictions(run)
-
-
-@contextmanager
-def _mark_user_errors() -> Iterator[None]:
-    """Marks exceptions in the block that are no errors of ours as the user's."""
-    try:
-        yield
-    except (Error, UserError):
-        raise
-    except Exception as error:
-        raise UserError(error) from None
 
 
 @contextmanager

@@ -7,8 +7,8 @@ import json
 import os
 import sys
 import traceback
-from collections.abc import Callable, Sequence
-from contextlib import redirect_stdout, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
@@ -16,14 +16,13 @@ from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
 import click
 
 from ss2sql.errors import Cancelled, Error, SessionError, Stopped, Timeout, render_all, respell_hints
-from ss2sql.errors.exceptions import escape_controls
+from ss2sql.errors.exceptions import PLACE, escape_controls
 from ss2sql.fast_dataclasses import dataclass
 
 SCRIPT, USAGE, TIMEOUT, CTRL_C = 1, 2, 124, 130
 F = TypeVar("F", bound=Callable[..., Any])
 ERROR_FORMATS = ("text", "json")
 AS_JSON = "ss2sql.errors as JSON"  # a key of the context's `meta`
-PLACE = ("file", "line", "column", "end_line", "end_column")
 
 
 def _note_format(context: click.Context, parameter: click.Parameter, value: str) -> None:
@@ -82,6 +81,17 @@ class UserError(Exception):
         place = dict.fromkeys(PLACE) if self.frame is None else _find_user_line(self.frame)
         message = f"{type(self.error).__name__}: {self.error}"
         return _make_error_json("exception", message, place, notes=getattr(self.error, "__notes__", []))
+
+
+@contextmanager
+def mark_user_errors() -> Iterator[None]:
+    """Marks exceptions in the block that are no errors of ours as the user's."""
+    try:
+        yield
+    except (Error, UserError):
+        raise
+    except Exception as error:
+        raise UserError(error) from None
 
 
 def _find_user_line(frame: traceback.FrameSummary) -> dict[str, Any]:
@@ -298,7 +308,7 @@ def make_output(form: str | None, path: Path | None, shown: int = SHOWN) -> Outp
         import rich.console
         import rich.table  # noqa: F401 - 0.1 s that nobody should wait for after Ctrl-C
     if form in BINARY:
-        from ss2sql.results import require_package
+        from ss2sql.errors import require_package
 
         if path is None and sys.stdout.isatty():
             _raise_usage_error(
@@ -369,7 +379,7 @@ def _encode_result(result: Result, form: str, stream: bool) -> bytes:
         return _encode_for_stdout(f"{result.json()}\n")
     if form == "csv":
         return _encode_for_stdout(str(result.csv()))
-    from ss2sql.results import require_package
+    from ss2sql.errors import require_package
 
     file = io.BytesIO()
     if form == "parquet":

@@ -14,19 +14,19 @@ import click
 from click.core import ParameterSource
 
 from ss2sql.cli.output import (
-    UserError,
     add_output_options,
     check_output_folder,
     describe_output_size,
     exit_with_code_on_error,
     make_output,
     make_output_error,
+    mark_user_errors,
     print_line,
     print_note,
     writes_json,
 )
 from ss2sql.cli.script_options import ScriptInputs, add_script_options, redirect_output
-from ss2sql.errors import Error, Source, Stopped, WorkersWarning
+from ss2sql.errors import Source, Stopped, WorkersWarning
 from ss2sql.results.watching.search_trace import MOST_EVENTS
 
 if TYPE_CHECKING:
@@ -81,14 +81,9 @@ def run_command(
 
 def run_script(session: Session, source: str | Path | Source, **options: Any) -> Result:
     """Runs a script with the options of `add_run_options`; what it prints goes to stderr."""
-    try:
-        with redirect_output(), warnings.catch_warnings():  # the script's own output is no result
-            warnings.simplefilter("ignore", WorkersWarning)  # printed below, without a place in Python code
-            result = session.run(source, **options)
-    except Error:
-        raise
-    except Exception as error:
-        raise UserError(error) from None
+    with mark_user_errors(), redirect_output(), warnings.catch_warnings():  # the script's own output is no result
+        warnings.simplefilter("ignore", WorkersWarning)  # printed below, without a place in Python code
+        result = session.run(source, **options)
     for text in result.stats.notes:
         if text.startswith("workers: "):
             print_note(text)
@@ -216,7 +211,7 @@ def plot_command(
     """Runs a script and draws its result as a picture."""
     source = inputs.script
     check_output_folder(output)
-    from ss2sql.results import require_package
+    from ss2sql.errors import require_package
 
     require_package("matplotlib", "plot", "plot").use("agg")  # no window, and no screen needed
     if kind == "search":

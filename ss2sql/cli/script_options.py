@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from ss2sql.cli.output import UserError
+from ss2sql.cli.output import mark_user_errors
 from ss2sql.errors import Error, SessionError, Source, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 
@@ -190,11 +190,8 @@ def _get_context() -> click.Context | None:
 
 
 def _load_functions_file(path: Path) -> dict[str, Any]:
-    try:
-        with redirect_output():
-            return runpy.run_path(str(path))
-    except Exception as error:
-        raise UserError(error) from None
+    with mark_user_errors(), redirect_output():
+        return runpy.run_path(str(path))
 
 
 def parse_attachment(text: str) -> tuple[str, Path]:
@@ -230,13 +227,8 @@ def parse_world(text: str) -> tuple[str, Any]:
     found = _find_object(place, text)
     if not (place.called or inspect.isroutine(found) or isinstance(found, (type, partial))):
         return name, found
-    try:
-        with redirect_output():
-            return name, found(*place.arguments, **dict(place.named))
-    except Error:
-        raise
-    except Exception as error:
-        raise UserError(error) from None
+    with mark_user_errors(), redirect_output():
+        return name, found(*place.arguments, **dict(place.named))
 
 
 def _parse_reference(text: str) -> _ObjectReference | None:
@@ -273,15 +265,11 @@ def _load_module(name: str, text: str) -> Any:
     """A module, or the names of a Python file as one."""
     if name.endswith(".py"):
         return SimpleNamespace(**_load_functions_file(Path(name)))
-    try:
-        with redirect_output():
+    with mark_user_errors(), redirect_output():
+        try:
             return importlib.import_module(name)
-    except Error:
-        raise
-    except ImportError as error:
-        raise _make_missing_error(text, error) from error
-    except Exception as error:
-        raise UserError(error) from None
+        except ImportError as error:
+            raise _make_missing_error(text, error) from error
 
 
 def _make_missing_error(text: str, error: Exception, hints: tuple[str, ...] = ()) -> SessionError:

@@ -19,10 +19,12 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import field
 from functools import cached_property
+from importlib import import_module
 from typing import Any, ClassVar, Literal, TypeAlias
 from unicodedata import bidirectional, category, east_asian_width, normalize
 
 from ss2sql.errors.codes import CODES
+from ss2sql.extras import install_line
 from ss2sql.fast_dataclasses import dataclass
 
 
@@ -348,17 +350,14 @@ class Error(Exception):
         return self
 
 
+PLACE = ("file", "line", "column", "end_line", "end_column")
+
+
 def _describe_span(span: Span | None) -> dict[str, Any]:
     if span is None:
-        return dict.fromkeys(("file", "line", "column", "end_line", "end_column"))
-    end_line, end_column = span.source.find_line_column(span.end)
-    return {
-        "file": span.source.name,
-        "line": span.line,
-        "column": span.column,
-        "end_line": end_line,
-        "end_column": end_column,
-    }
+        return dict.fromkeys(PLACE)
+    ends = span.source.find_line_column(span.end)
+    return dict(zip(PLACE, (span.source.name, span.line, span.column, *ends), strict=True))
 
 
 class ParseError(Error):
@@ -426,6 +425,15 @@ def combine_errors(errors: Sequence[Error]) -> Error:
     first = ordered[0]
     first.errors = tuple(ordered)
     return first
+
+
+def require_package(name: str, extra: str, user: str) -> Any:
+    """A package of an extra. Raises SessionError S003 with the install command; `user` is what needs it."""
+    try:
+        return import_module(name)
+    except ImportError as reason:
+        message = f"{user} needs the package {name.partition('.')[0]}, which is not installed"
+        raise SessionError("S003", message, hints=(install_line(extra),)) from reason
 
 
 # --- hints: known names that are similar to the one that was written; the wording for a shell

@@ -2,35 +2,20 @@
 
 result is what users hold, result_notes what a person should know of it. show makes text, frames and files tables of
 other programs, networkx_graphs graphs; plots draws, with plot_style, path_plot and graph_plot. Packages of the extras
-are imported where they are needed, and `require_package` says so where one is missing.
+are imported where they are needed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from ss2sql.errors import SessionError
-from ss2sql.extras import install_line
 from ss2sql.language.cancellation import iterate_with_check
 from ss2sql.language.rows import Row
 from ss2sql.language.values import copy_for_python
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
-
-
-def require_package(name: str, extra: str, user: str) -> Any:
-    """A package of an extra. Raises SessionError S003 with the install command; `user` is what needs it."""
-    try:
-        return import_module(name)
-    except ImportError as reason:
-        raise SessionError(
-            "S003",
-            f"{user} needs the package {name.partition('.')[0]}, which is not installed",
-            hints=(install_line(extra),),
-        ) from reason
 
 
 def count_words(number: int, word: str) -> str:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from ss2sql.errors import RepresentationError
+from ss2sql.errors import RepresentationError, require_package
 from ss2sql.language.cancellation import iterate_with_check
 from ss2sql.language.column_shapes import (
     NONE,
@@ -24,7 +24,7 @@ from ss2sql.language.column_shapes import (
     merge_shapes,
 )
 from ss2sql.language.values import format_value
-from ss2sql.results import get_all_rows, get_rows, require_package
+from ss2sql.results import get_all_rows, get_rows
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result

@@ -8,9 +8,10 @@ from itertools import islice, pairwise
 from statistics import mean
 from typing import TYPE_CHECKING, Any
 
+from ss2sql.errors import require_package
 from ss2sql.language.rows import Row
 from ss2sql.language.values import Opaque, copy_for_python
-from ss2sql.results import get_paths, require_package
+from ss2sql.results import get_paths
 from ss2sql.results.plot_style import (
     BLUE,
     FRAME,

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from ss2sql.errors import require_package
 from ss2sql.language import plan
 from ss2sql.language.rows import Row
-from ss2sql.results import get_paths, require_package
+from ss2sql.results import get_paths
 from ss2sql.results.graph_plot import draw_graph, draw_tree
 from ss2sql.results.path_plot import (
     draw_costs,

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from colorsys import hsv_to_rgb
-from importlib import import_module
 from math import cos, dist, pi, sin, sqrt
 from random import Random
 from typing import Any, ClassVar
@@ -138,15 +137,6 @@ def make_quaternion(turned: Vector) -> tuple[float, float, float, float]:
         cx * cy * sz - sx * sy * cz,
         cx * cy * cz + sx * sy * sz,
     )
-
-
-def import_sim(name: str, install: str) -> Any:
-    """The module of a simulator. Raises the error with the install command."""
-    try:
-        return import_module(name)
-    except ImportError as reason:
-        message = f"this scene needs the package {name}, which is not installed"
-        raise SessionError("S003", message, hints=(install,)) from reason
 
 
 # --- the scene `chaos`: a closed box full of particles that fly, collide, explode and are born

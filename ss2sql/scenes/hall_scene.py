@@ -9,8 +9,9 @@ from itertools import pairwise
 from math import dist, hypot, pi
 from typing import Any, ClassVar
 
+from ss2sql.errors import require_package
 from ss2sql.package_data import find_file
-from ss2sql.vtables.pybullet.client import import_pybullet, require_sim_package
+from ss2sql.vtables.pybullet.client import import_pybullet
 from ss2sql.vtables.pybullet.scene import Box, Colour, Cylinder, Scene, Sensor, Vector, View
 
 Spot = tuple[float, float]
@@ -88,7 +89,7 @@ class Hall(Scene):
     def __init__(self, seed: int, client: Any = None) -> None:
         super().__init__(seed, client)
         self.client.setGravity(0, 0, -9.81)
-        self.client.setAdditionalSearchPath(require_sim_package("pybullet_data").getDataPath())
+        self.client.setAdditionalSearchPath(require_package("pybullet_data", "sim", "a scene").getDataPath())
         self.places |= PLACES
         self._taken: list[tuple[Spot, float, float]] = []  # middle, half width, half depth
         self._build_walls()

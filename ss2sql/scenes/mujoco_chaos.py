@@ -10,8 +10,8 @@ from random import Random
 from typing import ClassVar
 from xml.sax.saxutils import quoteattr
 
-from ss2sql.extras import install_line
-from ss2sql.scenes.chaos_scene import HALF, PUSH_EVERY, WALLS, Particle, ParticleSource, import_sim, make_quaternion
+from ss2sql.errors import require_package
+from ss2sql.scenes.chaos_scene import HALF, PUSH_EVERY, WALLS, Particle, ParticleSource, make_quaternion
 from ss2sql.vtables.mujoco import MuJoCoWorld
 from ss2sql.vtables.pybullet.scene import TIME_STEP, Box, Capsule, Cylinder, Solid, Sphere, Vector
 
@@ -31,7 +31,7 @@ class MuJoCoChaos:
     bounds: ClassVar[tuple[Vector, Vector]] = ((-HALF, -HALF, -HALF), (HALF, HALF, HALF))
 
     def __init__(self, seed: int, bodies: int) -> None:
-        self.mujoco = import_sim("mujoco", install_line("mujoco"))
+        self.mujoco = require_package("mujoco", "mujoco", "this scene")
         self.seed = seed
         self.steps = 0
         self._draws = ParticleSource(Random(seed))

@@ -6,6 +6,7 @@ from math import dist
 from random import Random
 from typing import Any, ClassVar
 
+from ss2sql.errors import require_package
 from ss2sql.scenes.chaos_scene import (  # fmt: skip
     BIRTH_EVERY,
     BOUNCE,
@@ -19,7 +20,6 @@ from ss2sql.scenes.chaos_scene import (  # fmt: skip
     WHITE,
     Particle,
     ParticleSource,
-    import_sim,
     is_outside,
     make_quaternion,
 )
@@ -40,7 +40,7 @@ class OdeChaos:
     bounds: ClassVar[tuple[Vector, Vector]] = ((-HALF, -HALF, -HALF), (HALF, HALF, HALF))
 
     def __init__(self, seed: int, bodies: int) -> None:
-        self.ode = import_sim("ode", "apt-get install python3-pyode, and use the Python of the same release of Debian")
+        self.ode = require_package("ode", "ode", "this scene")
         self.seed = seed
         self.steps = self.births = self.deaths = 0
         self.world, self.space = self.ode.World(), self.ode.HashSpace()

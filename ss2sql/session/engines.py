@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
-from ss2sql.errors import SessionError
+from ss2sql.errors import SessionError, require_package
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.results import require_package
 from ss2sql.runtime.run.option_checks import check_bound, check_option_word
 from ss2sql.runtime.run.run_state import Run
 

@@ -311,7 +311,7 @@ def _plot_result(shell: Shell, rest: str) -> None:
 
 def draw_plot(shell: Shell, result: Result, kind: str, path: Path | None) -> None:
     """Draws a result into a file, else into a window, else, without a screen, into a new file."""
-    from ss2sql.results import require_package
+    from ss2sql.errors import require_package
 
     pyplot = require_package("matplotlib.pyplot", "plot", ".plot")
     figure = result.plot(kind=kind).figure

@@ -260,7 +260,7 @@ def repl_command(inputs: ScriptInputs, progress: bool | None, form: str, history
     """Runs statements as they are typed. Without a terminal it reads them from standard input."""
     typed = sys.stdin.isatty()
     if typed:
-        from ss2sql.results import require_package
+        from ss2sql.errors import require_package
 
         require_package("prompt_toolkit", "repl", "the shell")
     with inputs.open_session(progress) as session:

@@ -10,10 +10,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from ss2sql.errors import SessionError
+from ss2sql.errors import SessionError, require_package
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.package_data import find_file
-from ss2sql.results import require_package
 from ss2sql.results.graph_plot import WIDEST, place_trees
 from ss2sql.results.path_plot import find_coordinates
 from ss2sql.results.plot_style import BLUE, FRAME, GREEN, ORANGE, cut_plot_label, shorten_plot_label

@@ -11,8 +11,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, TypeAlias
 
-from ss2sql.errors import SessionError
-from ss2sql.extras import install_line
+from ss2sql.errors import SessionError, require_package
 from ss2sql.vtables.frames.frame import Frame as Frame
 
 # Reads a frame as it stands now.
@@ -62,9 +61,5 @@ def _find_module(name: str) -> Any:
 
 def _read_arrow_table(source: Any) -> Any:
     """Arrow data, which some objects give only once, are read here and now."""
-    try:
-        pyarrow = import_module("pyarrow")
-    except ImportError:
-        message = f"to read a {type(source).__name__}, pyarrow is needed"
-        raise SessionError("S002", message, hints=(install_line("df"),)) from None
+    pyarrow = require_package("pyarrow", "df", f"to read a {type(source).__name__}, ss2sql")
     return pyarrow.RecordBatchReader.from_stream(source).read_all()

@@ -11,7 +11,7 @@ from functools import cached_property
 from importlib import import_module
 from itertools import product
 from math import inf
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,6 @@ class MuJoCoWorld(BodyWorld):
     """
 
     tables = (MuJoCoBodies, MuJoCoGeoms, MuJoCoJoints, MuJoCoSensors, MuJoCoContacts, Closest, Near, Overlaps)
-    serves: ClassVar[Sequence[str]] = ("mujoco._structs.MjData",)
 
     def __init__(self, model: Any, data: Any = None) -> None:
         data = model if data is None else data

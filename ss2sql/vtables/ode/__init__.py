@@ -7,10 +7,10 @@ each geom gets one when it is first seen, for its lifetime.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from math import inf
-from typing import Any, ClassVar
+from typing import Any
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
@@ -60,7 +60,6 @@ class OdeWorld(BodyWorld):
     """
 
     tables = (OdeBodies, OdeContacts, Closest, Near, Overlaps)
-    serves: ClassVar[Sequence[str]] = ("ode.SpaceBase",)
 
     def __init__(self, source: Any, clock: Callable[[], float] | None = None) -> None:
         super().__init__(source)

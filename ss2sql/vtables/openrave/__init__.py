@@ -229,12 +229,6 @@ class OpenRaveWorld(BodyWorld):
     """
 
     tables = (OpenRaveBodies, OpenRaveLinks, OpenRaveJoints, Closest, Near, Overlaps)
-    serves: ClassVar[Sequence[str]] = (
-        "openravepy.openravepy_int.Environment",
-        "openravepy._openravepy_.openravepy_int.Environment",
-        "openravepy._openravepy_0_9.openravepy_int.Environment",
-        "openravepy_int.Environment",
-    )
 
     def __init__(self, source: Any) -> None:
         super().__init__(source)

@@ -41,7 +41,6 @@ class PyBulletWorld(Representations, CollisionFunctions):
         BulletBodies, BulletLinks, BulletJoints, BulletShapes, BulletContacts, BulletClosest, BulletNear, Overlaps,
         Rays, Cameras,
     )  # fmt: skip
-    serves = ("pybullet_utils.bullet_client.BulletClient", "ss2sql.vtables.pybullet.scene.Scene")
 
     def __init__(
         self, source: Any, names: Mapping[int, str] | None = None, sensors: Mapping[int, Any] | None = None

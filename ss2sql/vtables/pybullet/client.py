@@ -5,36 +5,21 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from functools import cache, partial
-from importlib import import_module
 from inspect import isbuiltin
-from types import ModuleType
 from typing import Any
 
-from ss2sql.errors import SessionError
-from ss2sql.extras import install_line
-
-
-def require_sim_package(name: str) -> ModuleType:
-    """A package of the extra `sim`. Raises the error with the install command."""
-    try:
-        return import_module(name)
-    except ImportError as reason:
-        raise SessionError(
-            "S003",
-            f"scenes need the package {name.partition('.')[0]}, which is not installed",
-            hints=(install_line("sim"),),
-        ) from reason
+from ss2sql.errors import require_package
 
 
 @cache
 def import_pybullet() -> Any:
-    return require_sim_package("pybullet")
+    return require_package("pybullet", "sim", "PyBullet's world or scene")
 
 
 @cache
 def _make_client_type() -> Any:
     bullet = import_pybullet()
-    base: Any = require_sim_package("pybullet_utils.bullet_client").BulletClient
+    base: Any = require_package("pybullet_utils.bullet_client", "sim", "a scene").BulletClient
 
     class Client(base):  # type: ignore[misc]
         """A BulletClient without a window.
@@ -64,16 +49,8 @@ class NumberedClient:
         self._client = number
 
     def __getattr__(self, name: str) -> Any:
-        attribute = getattr(_import_pybullet(), name)
+        attribute = getattr(import_pybullet(), name)
         return partial(attribute, physicsClientId=self._client) if isbuiltin(attribute) else attribute
-
-
-def _import_pybullet() -> Any:
-    try:
-        return import_module("pybullet")
-    except ImportError as reason:
-        text = "this world needs the package pybullet, which is not installed"
-        raise SessionError("S003", text, hints=(install_line("sim"),)) from reason
 
 
 def get_client_number(client: Any) -> int:
