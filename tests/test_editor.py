@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 import re
+import runpy
 import tomllib
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from golden import cases
 from pygments.token import Comment, Error, Keyword, Name, Operator, Punctuation, String, Whitespace
 
-from ss2sql.editor import textmate
 from ss2sql.editor.keywords import CONSTANTS, TEXTS, keywords, list_words
 from ss2sql.editor.lexer import BoundSqlLexer, SelectScriptLexer
 from ss2sql.errors import ParseError, Source
@@ -26,6 +28,7 @@ from ss2sql.frontend.syntax.tree_builder import Builder
 
 ROOT = Path(__file__).parent.parent
 CASES = cases()
+textmate: Any = SimpleNamespace(**runpy.run_path(str(ROOT / "docs" / "textmate.py")))
 
 
 def colored(script: str) -> list[tuple[str, str]]:

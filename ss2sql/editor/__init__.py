@@ -1,5 +1,5 @@
 """SelectScript in editors.
 
 keywords is the table of keywords, read from the grammar's, and says which words of a text are keywords; lexer gives
-that to Pygments, textmate writes the grammar for editors that read TextMate's.
+that to Pygments. The grammar for editors that read TextMate's is written by docs/textmate.py.
 """

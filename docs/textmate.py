@@ -1,6 +1,6 @@
 """The TextMate grammar, for VS Code, Sublime Text, GitHub and others that read such grammars.
 
-`python -m ss2sql.editor.textmate` writes it; a test compares the file with the output. Regular expressions cannot
+`docs/generate.py` writes it; a test compares the file with the output. Regular expressions cannot
 decide where a word is a keyword: words that may be names count as keywords unless a `=`, or immediately a `.`, `[` or
 `{` follows, and pairs of words only together.
 """
@@ -12,9 +12,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from ss2sql.editor import keywords as table
 from ss2sql.editor.keywords import Keyword, keywords
 
-FILE = Path(__file__).with_name("selectscript.tmLanguage.json")
+FILE = Path(table.__file__).with_name("selectscript.tmLanguage.json")
 _SCOPES = {
     "clause": "keyword.control.clause", "option": "keyword.other.option", "operator": "keyword.operator.word",
     "constant": "constant.language", "other": "keyword.control",
@@ -101,7 +102,3 @@ def _match_others() -> list[dict[str, Any]]:
         {"name": _name_textmate_scope("keyword.operator"), "match": r"==|!=|<>|<=|>=|[-+*/%^=<>]"},
         {"name": _name_textmate_scope("punctuation"), "match": r"[()\[\]{},;:.]"},
     ]
-
-
-if __name__ == "__main__":
-    FILE.write_text(format_grammar(), encoding="utf-8")
