@@ -188,7 +188,6 @@ def _describe_difference(own: Answer, other: Answer) -> str:
     return f"{there:,} of the {here:,}, {why.get(other.strategy.repeats, 'none of probability 0')}"
 
 
-# --- comparison of answers: equal for two engines, related by the language's laws for two strategies
 def find_reason_runs_may_differ(query: plan.Query) -> str | None:
     for node in walk(query):
         match node:

@@ -220,7 +220,6 @@ def wants_color(stream: TextIO) -> bool:
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
-# --- results on stdout, or in a file
 if TYPE_CHECKING:
     from rich.console import Console
 

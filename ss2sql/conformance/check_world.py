@@ -188,7 +188,6 @@ def tag_with_types(value: Any) -> Any:
     return type(value).__name__, repr(value) if isinstance(value, float) else value
 
 
-# --- the conformance test of adapters: `check_world` reads a world in many ways and compares the results
 MANY = 1000  # elements of a table
 Arguments = Mapping[str, Sequence[tuple[Any, ...]]]
 

@@ -276,7 +276,6 @@ def _find_called_functions(tree: Any) -> Iterator[str]:
             stack.extend(getattr(node, field.name) for field in fields(node))
 
 
-# --- the magics `%%ss` and `%ss`
 _display: Any = import_module("IPython.display").display  # it has no types
 
 

@@ -76,7 +76,6 @@ def _make_hashable(value: Any) -> Any:
     return value.object if isinstance(value, Opaque) and value.key is value.object else value
 
 
-# --- the graph or the tree of a search as a picture, in layers from left to right
 MOST_NODES = 150
 MOST_NAMED = 40  # nodes with labels
 MOST_TEXT = 22

@@ -139,7 +139,6 @@ def make_quaternion(turned: Vector) -> tuple[float, float, float, float]:
     )
 
 
-# --- the scene `chaos`: a closed box full of particles that fly, collide, explode and are born
 INSIDE = HALF - 0.02  # where the middle of every particle stays
 BOUNCE = 0.3
 PUSH_EVERY = 120  # steps; then every force has a new direction and strength

@@ -71,7 +71,6 @@ GOAL: Colour = (0.15, 0.7, 0.3)
 WOOD: tuple[Colour, ...] = ((0.76, 0.58, 0.36), (0.68, 0.5, 0.3), (0.82, 0.66, 0.44), (0.6, 0.44, 0.27))
 
 
-# --- the scene `hall`: a factory floor with rooms, doors and obstacles, and a mobile robot that stands in it
 ROBOT = "YouBot"
 CLEARANCE = 0.45  # between the free paths and the nearest obstacle: half the diagonal of the robot is 0.35
 

@@ -206,7 +206,6 @@ def _widen_pixels(covered: Floats, width: float) -> Floats:
     return wide
 
 
-# --- `render`: pictures of simulations, without a window
 Pixels = NDArray[np.uint8]  # height x width x (red, green, blue)
 
 

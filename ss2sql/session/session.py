@@ -100,7 +100,6 @@ def read_script_source(script: str | Path | Source) -> Source:
     return Source(script)
 
 
-# --- the session: what a user registers and attaches, and how scripts are compiled and run in it
 F = TypeVar("F", bound=Callable[..., Any])
 MAX_COMPILED_SCRIPTS = 64  # that a session has compiled and keeps
 OFF_SWITCHES = {  # what `disable` switches off
@@ -514,7 +513,6 @@ def _convert_variables(variables: Mapping[str, Any]) -> dict[str, Any]:
     return {name: convert_value(value, f"the variable '{name}'", named=True) for name, value in variables.items()}
 
 
-# --- how a session begins
 def connect(
     path: str | os.PathLike[str] | None = None,
     timeout: float | None = None,

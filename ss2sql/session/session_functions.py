@@ -109,7 +109,6 @@ def describe_representation(make: Callable[..., Any]) -> str:
     return take_first_line(about).rstrip(".")
 
 
-# --- built-in functions that need the session: print, help, var, clear, getTime
 class SessionFunctions:
     """Methods named after the functions of the language."""
 

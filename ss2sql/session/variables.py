@@ -174,7 +174,6 @@ def _encode_json(value: Any) -> str:
     return text
 
 
-# --- the variables of a session: what scripts assign, what Python sets or attaches, and temporal variables
 class Variables:
     """Values of the language by name.
 

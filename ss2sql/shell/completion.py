@@ -215,7 +215,6 @@ def find_open_call(statement: str, cursor: int) -> OpenCall | None:
     return None
 
 
-# --- completions at the cursor: keywords that the grammar accepts there, and visible names
 Kind: TypeAlias = Literal["keyword", "function", "variable", "table", "column", "representation", "command", "value"]
 
 IN_ORDER = ("WHERE", "START", "CONNECT", "STOP")  # clauses that stand in this order

@@ -105,7 +105,6 @@ def open_history_file() -> Path:
     return path
 
 
-# --- the shell on a terminal, with prompt_toolkit
 PROMPT, MORE = PROMPTS
 # Words that newcomers type to leave or to get help, each alone on a line.
 PLAIN_WORDS = {"exit": ".exit", "quit": ".exit", "\\q": ".exit", "help": ".help", "?": ".help", "\\h": ".help"}

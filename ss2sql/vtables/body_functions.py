@@ -146,7 +146,6 @@ class Posed(Table, ABC):
         return (*self.read_position(key), *self.read_turn(key))
 
 
-# --- the functions and tables with parameters that worlds of bodies share, computed from columns of bodies
 Box = tuple[Sequence[float], Sequence[float]]
 PAIR = (
     Column("a", object, "", "the one body"),

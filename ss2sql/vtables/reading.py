@@ -170,7 +170,6 @@ class BlockFetcher:
         return row
 
 
-# --- the reading of worlds by one query, for both executors
 Read = Callable[[Any], Any]
 MOST_KEPT = 10_000  # lists of keys, and of rows of table functions
 

@@ -117,7 +117,6 @@ def _describe_post_processing(query: plan.Query) -> Iterator[PlanLine]:
         yield PlanLine(0, "keeps as many as LIMIT says")
 
 
-# --- SQLite's plan in words
 MOST_TEXT = 60  # characters of a source
 
 

@@ -143,7 +143,6 @@ def _format_table(table: LevelTable) -> Iterator[str]:
         yield "   " + "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True))
 
 
-# --- the value of `explain()`: a text that is also data
 class Explanation(str):
     """The text of an explanation; `as_dict` has the same as data."""
 

@@ -103,7 +103,6 @@ class ScriptFacts:
     missing: tuple[str, ...] = ()
 
 
-# --- the vocabulary for rewrites, searches and stages
 STAGES = {
     "parse": "the text becomes a tree",
     "resolve": "names get their meanings and types",

@@ -130,7 +130,6 @@ def build_arrow_table(table: LoadedTable, columns: list[Sequence[Any]]) -> Any:
     return pa.Table.from_batches([build_batch([TypedColumn(NUMBER_COLUMN, "BIGINT"), *typed], columns)])
 
 
-# --- a query that is no search, in DuckDB
 ROWS_PER_BLOCK = 10_000  # rows that are read at once
 
 

@@ -163,7 +163,6 @@ class ColumnFacts:
     refused: bool = False
 
 
-# --- tables and views of a connection of DuckDB by their names, and Parquet files, as data frames
 _FIND_TABLE = """
     SELECT database_name, schema_name, name, is_table AND type = 'duckdb'
     FROM (

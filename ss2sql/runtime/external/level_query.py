@@ -207,7 +207,6 @@ class SparkLevelStatements(LevelStatements):
             yield f"INSERT INTO steps SELECT {join_column_names(*self._keys)} FROM kept WHERE place >= 0"
 
 
-# --- compiling a search for the tables of another database, and what of searches these cannot do
 @dataclass(frozen=True, slots=True)
 class EngineAbilities:
     """What is known of a database that searches by levels, whether it is here or not.

@@ -163,7 +163,6 @@ class FirstLevels:
         ], goal.last
 
 
-# --- how the steps of a run are made, and what tables have of them: by Python as bytes, by SQL as typed columns
 def make_level_steps(search_run: SearchRun, written: LevelStatements) -> PythonSteps:
     return PythonSteps(search_run, written) if written.steps is TRIED else SqlSteps(search_run, written)
 

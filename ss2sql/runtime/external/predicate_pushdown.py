@@ -198,7 +198,6 @@ def _replace_sources(rest: plan.Query, joining: JoinPushdown) -> plan.Query:
     return rebuild_node(replace(rest, sources=sources), replace_node)
 
 
-# --- tables of DuckDB for queries that run elsewhere: with those rows alone that WHERE can keep, as DuckDB finds out
 class PushedTable(Protocol):
     """What DuckDB hands over instead of whole tables.
 

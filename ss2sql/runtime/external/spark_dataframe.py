@@ -117,7 +117,6 @@ def build_spark_types(shapes: Sequence[Shape]) -> StructType:
     return from_arrow_schema(_build_schema(shapes))
 
 
-# --- the paths of a search as a DataFrame of Spark: nothing of them passes through this process
 MAX_JOINS = 16  # of ways that are computed at once
 
 

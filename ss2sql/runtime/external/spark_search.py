@@ -113,7 +113,6 @@ class SparkSteps:
         raise ExecutionError("X009", "a step that failed did not fail again", hints=(hint,))
 
 
-# --- going from level to level in Spark
 TABLES = 16  # of rows, before they become one; to plan with each takes some milliseconds
 MAX_IN_ONE_PARTITION = 100_000  # steps of a level that are numbered in one partition, which takes a job less
 MAX_COLLECTED_GOALS = 10_000  # whose ways are looked up at once

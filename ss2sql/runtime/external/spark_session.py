@@ -141,7 +141,6 @@ def _clone_session(session: SparkSession) -> SparkSession:
     return own
 
 
-# --- apache Spark as an engine: its session, and whether searches can run there
 class SparkEngine:
     """A session of Spark: the user's, or one of its own, which is started by the first search."""
 

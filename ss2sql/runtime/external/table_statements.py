@@ -36,7 +36,6 @@ def translate_sql(dialect: Dialect, text: str) -> str:
     return dialect.print_tree(sqlglot.parse_one(text, read="duckdb"))
 
 
-# --- columns of tables as those of Arrow
 def build_batch(columns: Sequence[TypedColumn], values: Sequence[Sequence[Any]]) -> pa.RecordBatch:
     import pyarrow as pa
 

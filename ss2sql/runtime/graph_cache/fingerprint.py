@@ -84,7 +84,6 @@ def _check_row_count(rows: int, what: str) -> None:
         raise NotCacheable(f"{what} has {rows:,} rows, more than the {MAX_ROWS:,} that are compared")
 
 
-# --- which graph a search works on: what its steps depend on, as text that is the same wherever the query stands
 FORMAT = 1  # another one makes other graphs of everything
 # What does not matter to the value of a node: where it stands, what is promised of it, and names for people.
 _LEFT_OUT = frozenset({"id", "span", "place", "type", "element", "scope", "states", "declared"})

@@ -119,7 +119,6 @@ def _build_step(widths: tuple[int, int, int], row: Any, after: Any, elements: An
     return CachedStep(tuple(row), after and tuple(after), elements and tuple(elements), verdicts)
 
 
-# --- remembered graphs in tables of the session's file, and as users see them: `ss.graphs()`
 TABLES = {
     "ss2sql_graphs": """
         id INTEGER PRIMARY KEY AUTOINCREMENT, -- none is used twice

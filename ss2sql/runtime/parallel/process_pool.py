@@ -143,7 +143,6 @@ def _count_package_frames() -> int:
     return number
 
 
-# --- worker processes of a session: started when they are first needed, ended with it, and started anew after an end
 @dataclass(frozen=True, slots=True)
 class Task:
     """Calls of one function, which has a `name` here; its answer goes to `answers`."""

@@ -76,7 +76,6 @@ def _convert_numpy(value: Any) -> Any:
     return convert_frame_cell(value.tolist())
 
 
-# --- columns of data frames from arrays of NumPy: their types from the arrays, their values when they are read
 Array = numpy.ndarray[Any, Any]
 _FRACTIONS = ("s", "ms", "us", "ns")
 

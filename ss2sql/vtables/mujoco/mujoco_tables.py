@@ -156,7 +156,6 @@ class MuJoCoShapes:
         return found
 
 
-# --- the tables of MuJoCo: columns are fetched for all elements at once, since MuJoCo has everything in arrays
 Keys = Sequence[int]
 _ALL = slice(None)
 _REAL_LAST = [1, 2, 3, 0]

@@ -208,7 +208,6 @@ def shape_geom(geom: Any) -> Convex:
     return make_convex(kind, read_geom_size(geom), place.tolist(), axes)
 
 
-# --- the tables of ODE
 STILL = (0.0, 0.0, 0.0)
 
 

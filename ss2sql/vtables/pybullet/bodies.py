@@ -113,7 +113,6 @@ def get_spatial_index(world: Any) -> SpatialIndex:
     return known["places"]  # type: ignore[no-any-return]
 
 
-# --- the bodies of a simulation, the principal table
 KINDS = {2: "sphere", 3: "box", 4: "cylinder", 5: "mesh", 6: "plane", 7: "capsule", 9: "terrain"}  # PyBullet's GEOM_...
 _TYPES = (*KINDS.values(), "compound", "ghost")
 FORM_ROWS = {

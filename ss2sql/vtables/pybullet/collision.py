@@ -377,7 +377,6 @@ def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
     return Robot(base[1], parts)
 
 
-# --- the functions of bodies that PyBullet implements, and collision tests of a robot at any pose without moving it
 class BodyFunctions(BodyWorld):
     """The functions of a PyBullet world. A body is given by its element, its id or its name."""
 

@@ -110,7 +110,6 @@ _LISTS: tuple[tuple[str, str, Any], ...] = (
 )
 
 
-# --- `AS environment`: a new simulation with only the selected bodies
 NOWHERE: Pose = ((0.0, 0.0, 0.0), UPRIGHT)
 MARK = 0.05  # metres: the radius of balls for bodies without collision shapes
 

@@ -59,7 +59,6 @@ class BulletJoints(BodyPartTable):
         return angle, speed, motor
 
 
-# --- the shapes that links collide with
 ShapeKey = tuple[int, int, int]
 
 

@@ -90,7 +90,6 @@ def measure_bounds(world: Any) -> Box:
     return unite_boxes(boxes) if boxes else ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-# --- `AS occupancygrid(z, cell, area)`: the cells that the selected bodies occupy
 GAP = 1e-3  # parts of a cell by which plates are smaller than cells, so that touching a cell is not occupying it
 THIN = 1e-3  # the thickness of plates, in parts of a cell
 LARGEST = 6  # the largest plate has 2^6 cells along its edges

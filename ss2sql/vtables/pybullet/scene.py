@@ -152,7 +152,6 @@ def _make_square(plane: Plane) -> Mesh:
     return [corner.tolist() for corner in corners], [normal.tolist()] * 4, [0, 1, 2, 0, 2, 3]
 
 
-# --- scenes: a simulation without a window, the names of its bodies, and its clock
 TIME_STEP = 1 / 240  # seconds, Bullet's own
 
 
