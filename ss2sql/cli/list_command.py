@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -23,12 +23,55 @@ if TYPE_CHECKING:
 Entry: TypeAlias = dict[str, str]  # the first value is the name, the last may be long
 
 
-def _list_functions(session: Session) -> Iterable[Entry]:
-    from ss2sql.language.operations import WRITTEN
+TOPICS = {
+    "functions": "what scripts can call; with --functions and --world those of the user, too",
+    "representations": "what AS can make of rows",
+    "strategies": "options of CONNECT BY: the order of a search, and what happens to rows that repeat",
+    "worlds": "types of Python objects that are tables; with --world the tables of one",
+    "errors": "codes of errors and what they mean",
+    "rewrites": "what makes queries cheaper; connect(disable=[...]) switches it off",
+}
 
-    own = {**session.host.world_functions, **session.host.functions}
-    yield from (_describe_registered(entry) for entry in own.values())
-    yield from (_describe_built_in(entry) for name, entry in WRITTEN.items() if name not in own)
+
+def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> Iterator[Entry]:
+    """The entries of a topic, with those of the user's inputs."""
+    match topic:
+        case "functions":
+            from ss2sql.language.operations import WRITTEN
+
+            with inputs.open_session() as session:
+                own = {**session.host.world_functions, **session.host.functions}
+            yield from map(_describe_registered, own.values())
+            yield from (_describe_built_in(entry) for name, entry in WRITTEN.items() if name not in own)
+        case "representations":
+            from ss2sql.session.session_functions import describe_representation
+
+            with inputs.open_session() as session:
+                for name, make in session.host.shapes.functions.items():
+                    yield {"name": name, "text": describe_representation(make)}
+        case "strategies":
+            from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES
+
+            for order in ORDERS.values():
+                yield {"name": order.keyword, "decides": "order", "engine": "any", "text": order.promise}
+            for rule in REPEAT_RULES.values():
+                engine = "any" if rule.lowered else "native"
+                yield {"name": rule.keyword or "(none)", "decides": "repeats", "engine": engine, "text": rule.promise}
+        case "worlds":
+            from ss2sql.vtables import list_known_types
+
+            for name in list_known_types():
+                package = name.partition(".")[0]
+                needed = "pybullet" if package == "ss2sql" else package.removesuffix("_utils").removesuffix("_int")
+                yield {"name": name, "text": f"{needed}, {'installed' if find_spec(needed) else 'not installed'}"}
+        case "errors":
+            from ss2sql.errors import CODES
+
+            yield from ({"name": one.code, "title": one.title, "text": one.explanation} for one in CODES.values())
+        case "rewrites":
+            from ss2sql.session.session import OFF_SWITCHES
+
+            yield from ({"name": name, "text": text} for name, text in OFF_SWITCHES.items())
 
 
 def _describe_built_in(row: Operation) -> Entry:
@@ -45,73 +88,6 @@ def _describe_registered(entry: UserFunction) -> Entry:
     arguments = ", ".join(entry.parameters) or size
     descriptions = "; ".join(part for part in (text.rstrip("."), f"{entry.volatility}: {entry.reason}") if part)
     return {"name": entry.name, "arguments": arguments, "volatility": entry.volatility, "text": descriptions}
-
-
-def _list_representations(session: Session) -> Iterable[Entry]:
-    from ss2sql.session.session_functions import describe_representation
-
-    return ({"name": n, "text": describe_representation(make)} for n, make in session.host.shapes.functions.items())
-
-
-def _list_strategies() -> Iterable[Entry]:
-    from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES
-
-    for order in ORDERS.values():
-        yield {"name": order.keyword, "decides": "order", "engine": "any", "text": order.promise}
-    for guard in REPEAT_RULES.values():
-        engine = "any" if guard.lowered else "native"
-        yield {"name": guard.keyword or "(none)", "decides": "repeats", "engine": engine, "text": guard.promise}
-
-
-def _list_worlds() -> Iterable[Entry]:
-    from ss2sql.vtables import list_known_types
-
-    for name in list_known_types():
-        package = name.partition(".")[0]
-        needed = "pybullet" if package == "ss2sql" else package.removesuffix("_utils").removesuffix("_int")
-        yield {"name": name, "text": f"{needed}, {'installed' if find_spec(needed) else 'not installed'}"}
-
-
-def _list_errors() -> Iterable[Entry]:
-    from ss2sql.errors import CODES
-
-    for code in CODES.values():
-        yield {"name": code.code, "title": code.title, "text": code.explanation}
-
-
-def _list_rewrites() -> Iterable[Entry]:
-    from ss2sql.session.session import OFF_SWITCHES
-
-    for name, text in OFF_SWITCHES.items():
-        yield {"name": name, "text": text}
-
-
-TOPICS = {
-    "functions": "what scripts can call; with --functions and --world those of the user, too",
-    "representations": "what AS can make of rows",
-    "strategies": "options of CONNECT BY: the order of a search, and what happens to rows that repeat",
-    "worlds": "types of Python objects that are tables; with --world the tables of one",
-    "errors": "codes of errors and what they mean",
-    "rewrites": "what makes queries cheaper; connect(disable=[...]) switches it off",
-}
-SESSION_TOPICS: dict[str, Callable[[Session], Iterable[Entry]]] = {
-    "functions": _list_functions,
-    "representations": _list_representations,
-}
-FIXED_TOPICS: dict[str, Callable[[], Iterable[Entry]]] = {
-    "strategies": _list_strategies,
-    "worlds": _list_worlds,
-    "errors": _list_errors,
-    "rewrites": _list_rewrites,
-}
-
-
-def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> list[Entry]:
-    """The entries of a topic, with those of the user's inputs."""
-    if topic in FIXED_TOPICS:
-        return list(FIXED_TOPICS[topic]())
-    with inputs.open_session() as session:
-        return list(SESSION_TOPICS[topic](session))
 
 
 def _complete_name(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -148,7 +124,7 @@ def list_command(topic: str | None, words: tuple[str, ...], inputs: ScriptInputs
     if topic is None:
         entries: list[Entry] = [{"name": word, "text": text} for word, text in TOPICS.items()]
     else:
-        entries = _select_named(list_topic(topic, inputs), name, topic)
+        entries = _select_named(list(list_topic(topic, inputs)), name, topic)
     if form == "json":
         print_line(json.dumps(entries, ensure_ascii=False, indent=2))
     elif name is not None:
