@@ -168,7 +168,7 @@ def _draw_statement_bars(runs: StatementRuns, field: Any) -> None:
         field.xaxis.set_major_formatter("{x:g}")
     for result, place in zip(runs.cells, places, strict=True):
         if result.best is None:
-            field.annotate(shorten_plot_label(_explain_missing(result), MOST_LABEL), (left, place), (4, 0),
+            field.annotate(shorten_plot_label(f"{result.engine}: {result.missing}", MOST_LABEL), (left, place), (4, 0),
                 textcoords="offset points",
                            va="center", fontsize=8, color=RED if result.forbidden else "#777777",
                            style="italic")  # fmt: skip
@@ -176,7 +176,9 @@ def _draw_statement_bars(runs: StatementRuns, field: Any) -> None:
         value = result.best * 1000
         field.barh(place, value - left, left=left, height=0.85, color=COLOURS[result.engine],
                    hatch="//" if result.forbidden else None, edgecolor="white")  # fmt: skip
-        field.annotate(_format_bar_label(result), (value, place), (4, 0), textcoords="offset points", va="center",
+        told = "" if result.same else shorten_plot_label(f", {result.answer}", MOST_LABEL)
+        field.annotate(f"{format_milliseconds(result.best)} ms{told}", (value, place), (4, 0), va="center",
+                       textcoords="offset points",
                        fontsize=8, color=RED if result.forbidden else "black")  # fmt: skip
     field.set_yticks([place for place, _ in marks], [name for _, name in marks])
     field.set_ylim(max(places) + 0.8, min(places) - 0.8)
@@ -197,17 +199,6 @@ def _place_bars(results: Sequence[BenchResult]) -> tuple[list[float], list[tuple
         places.append(ours)
         of.setdefault(result.strategy, []).append(ours)
     return places, [(sum(found) / len(found), shorten_plot_label(name, 34)) for name, found in of.items()]
-
-
-def _format_bar_label(result: BenchResult) -> str:
-    """The time, and the answer where it differs."""
-    assert result.best is not None
-    told = "" if result.same else f", {result.answer}"
-    return f"{format_milliseconds(result.best)} ms{shorten_plot_label(told, MOST_LABEL)}"
-
-
-def _explain_missing(result: BenchResult) -> str:
-    return f"{result.engine}: {result.missing}"
 
 
 def _draw_legend(results: Sequence[BenchResult], figure: Any) -> None:

@@ -104,12 +104,11 @@ def list_words() -> frozenset[str]:
 def keywords() -> dict[str, Keyword]:
     """The keywords by their first word, in capitals, in alphabetical order."""
     seconds = set(PAIRS.values()) - ALONE
-    return {word: _describe_keyword(word) for word in sorted(list_words() - seconds)}
-
-
-def _describe_keyword(word: str) -> Keyword:
-    text = f"{word} {PAIRS[word]}" if word in PAIRS else _SPELLED.get(word, word)
-    return Keyword(text, _classify_keyword(word), TEXTS.get(text, ""), word in RESERVED)
+    found = {}
+    for word in sorted(list_words() - seconds):
+        text = f"{word} {PAIRS[word]}" if word in PAIRS else _SPELLED.get(word, word)
+        found[word] = Keyword(text, _classify_keyword(word), TEXTS.get(text, ""), word in RESERVED)
+    return found
 
 
 def _classify_keyword(word: str) -> Sort:

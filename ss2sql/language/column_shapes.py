@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Sequence
+from functools import reduce
 from itertools import chain
 from typing import Any, Literal, TypeAlias
 
+from ss2sql.errors import RepresentationError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import Kind, Type, is_encodable
+from ss2sql.language.values import format_value
 
 EXACT = 2**53  # floats hold whole numbers up to this one
 
@@ -180,3 +183,43 @@ def make_arrow_type(arrow: Any, shape: Shape) -> Any:
             own = {"none": "null", "bool": "bool_", "int": "int64", "float": "float64", "str": "string",
                    "bytes": "binary", "date": "date32"}  # fmt: skip
             return getattr(arrow, own[name])()
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnShape:
+    """What values of a column have in common; the text of one of them, and of one that does not go with it.
+
+    Where a value alone has no type, `first` is that one.
+    """
+
+    shape: Shape = NONE
+    first: str | None = None
+    other: str | None = None
+
+    def merge_shapes(self, more: ColumnShape) -> ColumnShape:
+        for one in (self, more):
+            if is_untyped(one.shape):
+                return one
+        shape = merge_shapes(self.shape, more.shape)
+        return ColumnShape(shape, self.first or more.first, more.first if is_untyped(shape) else None)
+
+
+def infer_shape(values: Sequence[Any]) -> ColumnShape:
+    found = find_column_shape(values)
+    there = [value for value in values if value is not None]
+    if not is_untyped(found) or not there:
+        return ColumnShape(found, format_value(there[0]) if there else None)
+    each = (ColumnShape(find_column_shape([value]), format_value(value)) for value in there)
+    return reduce(ColumnShape.merge_shapes, each)
+
+
+def build_type_error(library: str, name: str, told: ColumnShape, *hints: str) -> RepresentationError:
+    """The error for a column that has no type in a library."""
+    if told.other is None:
+        message = f"{library} has no type for {told.first} in the column '{name}'"
+        return RepresentationError("V001", message, hints=hints)
+    kinds = f"values of several kinds, such as {told.first} and {told.other}"
+    message = f"the column '{name}' has {kinds}; a column of {library} has one"
+    return RepresentationError(
+        "V001", message, hints=("make them alike in SELECT, with str(...) or float(...)", *hints)
+    )

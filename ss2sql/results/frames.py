@@ -7,23 +7,22 @@ import datetime
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import RepresentationError, require_package
+from ss2sql.errors import require_package
 from ss2sql.language.cancellation import iterate_with_check
 from ss2sql.language.column_shapes import (
-    NONE,
     ListOf,
     Scalar,
     Shape,
     Struct,
+    build_type_error,
     convert_shape_floats,
     find_column_shape,
+    infer_shape,
     is_untyped,
     make_arrow_type,
-    merge_shapes,
 )
-from ss2sql.language.values import format_value
 from ss2sql.results import get_all_rows, get_rows
 
 if TYPE_CHECKING:
@@ -118,31 +117,12 @@ def to_arrow(result: Result) -> Any:
     arrays, fields = [], []
     for name, values, shape in read_columns(result):
         if is_untyped(shape):
-            make_type_error(name, values)
+            hint = "select what can be told of it, such as its name, or take df(), whose columns hold any object"
+            raise build_type_error("Arrow", name, infer_shape(values), hint)
         kind = make_arrow_type(arrow, shape)
         arrays.append(arrow.array([convert_shape_floats(value, shape) for value in values], type=kind))
         fields.append(arrow.field(name, kind))
     return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
-
-
-def make_type_error(name: str, values: Sequence[Any]) -> NoReturn:
-    """The error for a column without a type in Arrow; it shows the first value that does not fit."""
-    hint = "select what can be told of it, such as its name, or take df(), whose columns hold any object"
-    so_far: Shape = NONE
-    first = next(value for value in values if value is not None)
-    for value in values:
-        own = find_column_shape([value])
-        if is_untyped(own):
-            message = f"Arrow has no type for {format_value(value)} in the column '{name}'"
-            raise RepresentationError("V001", message, hints=(hint,))
-        so_far = merge_shapes(so_far, own)
-        if is_untyped(so_far):
-            kinds = f"values of several kinds, such as {format_value(first)} and {format_value(value)}"
-            message = f"the column '{name}' has {kinds}; a column of Arrow has one"
-            raise RepresentationError(
-                "V001", message, hints=("make them alike in SELECT, with str(...) or float(...)", hint)
-            )
-    raise AssertionError("the column has a type")
 
 
 # --- results as text for other programs: CSV and JSON, and Parquet files

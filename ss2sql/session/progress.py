@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TextIO
 
 from ss2sql.errors import SessionError
@@ -105,7 +105,8 @@ class Progress:
     def describe_progress(self, seconds: float) -> str:
         """What the run has done in so many seconds."""
         stats, graph = self._run.stats, self._run.graph
-        results = None if self._run.sink is None else _count_results(self._run)
+        found = None if self._run.sink is None else self._run.sink.rows
+        results = None if found is None else len((found.rows if found.paths is None else found.paths) or ())
         parts = [f"{seconds:.0f} s"]
         part = self._estimate_part(results or 0)
         if part is not None:
@@ -167,10 +168,3 @@ def find_result_bound(run: Run) -> int | None:
     if run.maximum is not None and query.search is not None:
         known.append(run.maximum)
     return min(known, default=None)
-
-
-def _count_results(run: Run) -> int:
-    assert run.sink is not None
-    rows = run.sink.rows
-    found: Sequence[Any] = (rows.rows if rows.paths is None else rows.paths) or ()
-    return len(found)

@@ -20,7 +20,6 @@ from ss2sql.lowering.portable.portable_flat import NUMBER_COLUMN
 from ss2sql.lowering.portable.pushdown import (
     EXACT_AGGREGATES,
     LIMIT_PARAMETER,
-    ExternalTable,
     LoadedTable,
     PushdownQuery,
     write_pushdown,
@@ -168,7 +167,8 @@ class DuckQuery:
 
     def _write_query(self, variable: Callable[[str], Any]) -> tuple[PushdownQuery, str]:
         """The query over the tables that its sources are now, and its text."""
-        found = {source.id: _find_external_table(source, variable) for source in self._value_sources}
+        frames = {source.id: find_duck_frame(source, variable) for source in self._value_sources}
+        found = {source: None if frame is None else frame.outside for source, frame in frames.items()}
         key = tuple(None if table is None else table.shape for table in found.values())
         if key not in self._known:
             written = write_pushdown(self.query, lambda source: found[source.id])
@@ -304,8 +304,3 @@ def find_duck_frame(source: plan.ValueSource, variable: Callable[[str], Any]) ->
     except (KeyError, Error):
         return None
     return frame if isinstance(frame, DuckFrame) else None
-
-
-def _find_external_table(source: plan.ValueSource, variable: Callable[[str], Any]) -> ExternalTable | None:
-    frame = find_duck_frame(source, variable)
-    return None if frame is None else frame.outside

@@ -94,16 +94,14 @@ class DuckTables:
 
     def read_rows(self, text: str, kept: bool = False, **values: Value) -> Iterator[tuple[Any, ...]]:
         """The rows of a query, read in blocks; another statement may run meanwhile. `kept`: its plan is."""
-        reading = self.idle.pop() if self.idle else self._get_reader()
+        if not self.idle:
+            self.idle.append(_PreparedStatements(self.connection.cursor()))
+            self.idle[-1].connection.execute(f"USE {self.name}")
+        reading = self.idle.pop()
         found = reading.execute_statement(text, values, 0 if kept else None)
         while block := found.fetchmany(ROWS_PER_BLOCK):
             yield from block
         self.idle.append(reading)
-
-    def _get_reader(self) -> _PreparedStatements:
-        connection = self.connection.cursor()
-        connection.execute(f"USE {self.name}")
-        return _PreparedStatements(connection)
 
     def interrupt_statement(self) -> None:
         self.connection.interrupt()

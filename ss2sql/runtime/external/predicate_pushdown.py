@@ -285,10 +285,8 @@ def push_down_predicates(
 
 def _can_source_fail(source: plan.Source) -> bool:
     """Whether opening a source may raise, or asks for a row of another one: it is opened for all rows before it."""
-    match source:
-        case plan.ValueSource(value=plan.Variable() | plan.Constant()) | plan.TableSource():
-            return False
-    return True
+    known = isinstance(source, plan.ValueSource) and isinstance(source.value, (plan.Variable, plan.Constant))
+    return not (known or isinstance(source, plan.TableSource))
 
 
 def _find_safe_conditions(where: plan.Expr | None) -> list[plan.Expr]:

@@ -8,23 +8,19 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator, Sequence
-from functools import reduce
 from marshal import loads
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import RepresentationError
-from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.column_shapes import (
-    NONE,
+    ColumnShape,
     Shape,
+    build_type_error,
     convert_shape_floats,
     fill_from_plan,
-    find_column_shape,
+    infer_shape,
     is_untyped,
     make_arrow_type,
-    merge_shapes,
 )
-from ss2sql.language.values import format_value
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.runtime.external.level_steps import FirstLevels, FirstStep, SqlSteps
 from ss2sql.runtime.external.spark_search import MAX_IN_ONE_PARTITION, ComputedLevel, SparkSearch
@@ -36,38 +32,6 @@ if TYPE_CHECKING:
     from pyspark.sql.types import StructType
 
 
-@dataclass(frozen=True, slots=True)
-class ColumnShape:
-    """What the values of a column have in common; the text of one of them, and of one that is of another kind."""
-
-    shape: Shape
-    first: str | None = None
-    other: str | None = None
-
-    def merge_shapes(self, more: ColumnShape) -> ColumnShape:
-        shape = merge_shapes(self.shape, more.shape)
-        other = self.other or more.other
-        if other is None and is_untyped(shape) and self.first is not None:
-            other = more.first
-        return ColumnShape(shape, self.first or more.first, other)
-
-
-NO_SHAPE = ColumnShape(NONE)
-
-
-def infer_shape(values: Sequence[Any]) -> ColumnShape:
-    found = find_column_shape(values)
-    first = next((value for value in values if value is not None), None)
-    if first is None:
-        return ColumnShape(found)
-    if not is_untyped(found):
-        return ColumnShape(found, format_value(first))
-    return reduce(
-        ColumnShape.merge_shapes,
-        (ColumnShape(find_column_shape([value]), format_value(value)) for value in values if value is not None),
-    )
-
-
 def read_shapes(part: bytes) -> list[ColumnShape]:
     told: list[ColumnShape] = pickle.loads(part)
     return told
@@ -77,7 +41,7 @@ def describe_row_shapes(batches: Iterator[pa.RecordBatch], width: int) -> Iterat
     """What a task tells of the rows in so many columns, as one answer."""
     import pyarrow as pa
 
-    told = [NO_SHAPE] * width
+    told = [ColumnShape()] * width
     for block in batches:
         columns = _transpose_rows(block.column(0), width)
         told = [before.merge_shapes(infer_shape(values)) for before, values in zip(told, columns, strict=True)]
@@ -220,22 +184,14 @@ class DataFrameSearch(SparkSearch):
         if self._typed:
             return rows.toDF("path", "step", *(f"c{number}" for number in range(len(outputs))))
         rows = self.store.persist_frame(rows)  # it is read twice
-        told = [NO_SHAPE] * len(outputs)
+        told = [ColumnShape()] * len(outputs)
         described = rows.select("row").mapInArrow(make_task(describe_row_shapes, len(outputs)), "told BINARY")
         for (part,) in described.collect():
             told = [one.merge_shapes(other) for one, other in zip(told, read_shapes(bytes(part)), strict=True)]
         shapes = []
         for output, column in zip(outputs, told, strict=True):
             if is_untyped(column.shape):
-                raise _build_type_error(output.name, column)
+                hint = "select what can be told of it, such as its name"
+                raise build_type_error("Spark", output.name, column, hint)
             shapes.append(fill_from_plan(column.shape, output.expr.type))
         return rows.mapInArrow(make_task(unpickle_rows_in_spark, pickle.dumps(shapes)), build_spark_types(shapes))
-
-
-def _build_type_error(name: str, told: ColumnShape) -> RepresentationError:
-    if told.other is None:
-        message = f"Spark has no type for {told.first} in the column '{name}'"
-    else:
-        kinds = f"values of several kinds, such as {told.first} and {told.other}"
-        message = f"the column '{name}' has {kinds}; a column of Spark has one"
-    return RepresentationError("V001", message, hints=("make them alike in SELECT, with str(...) or float(...)",))

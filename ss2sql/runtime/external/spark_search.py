@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import accumulate
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError
@@ -194,9 +195,7 @@ class SparkSearch:
             counts = self.steps.read_counts(tuple(planned.counts.collect()[0]), planned.frontier, expanded)
             yield ComputedLevel(depth, planned, counts)
             self.search_run.stats.levels.append(GraphLevel(counts.kept, counts.kept, counts.tried - counts.kept))
-            few = (
-                counts.continuing * counts.kept <= MAX_IN_ONE_PARTITION * expanded
-            )  # that will be kept, if as many for each state
+            few = counts.continuing * counts.kept <= MAX_IN_ONE_PARTITION * expanded  # kept, if as many for each state
             expanded = counts.continuing
             if expanded:
                 planned = following.result()
@@ -231,9 +230,7 @@ class SparkSearch:
     def _select_kept_in_partitions(self) -> DataFrame:
         """The same without bringing all rows into one partition."""
         chosen = self.store.query_rows(self.written.chosen, self.steps.made.values)
-        return self._number_spark_rows(
-            self.store.persist_frame(chosen), "place", "step"
-        )  # it is read twice to be sorted
+        return self._number_spark_rows(self.store.persist_frame(chosen), "place", "step")  # read twice to be sorted
 
     def _number_spark_rows(self, rows: DataFrame, order: str, name: str) -> DataFrame:
         """Rows with their numbers from 1: sorted parts; where each begins follows from the counts of those before."""
@@ -282,7 +279,7 @@ class SparkSearch:
             rows = reached.goals.select("step", "place", *self.written.shown)
             few = counts.goals <= MAX_COLLECTED_GOALS
             block: list[int] = []
-            for step, place, *values in sorted(rows.collect(), key=_get_step) if few else rows.toLocalIterator():
+            for step, place, *values in sorted(rows.collect(), key=itemgetter(0)) if few else rows.toLocalIterator():
                 self.known[depth, step] = place, values
                 block.append(step)
                 if len(block) == MAX_COLLECTED_GOALS:
@@ -320,8 +317,3 @@ class SparkSearch:
             some = level.join(self.store.load_rows((TypedColumn("step", "BIGINT"),), [[s] for s in steps]), "step")
         for step, place, *values in some.select("step", "place", *self.written.shown).collect():
             self.known[depth, step] = place, values
-
-
-def _get_step(row: Any) -> int:
-    step: int = row[0]
-    return step
