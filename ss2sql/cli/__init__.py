@@ -16,33 +16,21 @@ from typing import Any, NoReturn
 
 import click
 
-# One row per command: its name, its module, and its line in `ss2sql --help`, where importing the modules would take
-# half a second. A test compares the lines with those of the commands.
+# The line of each command in `ss2sql --help`, where importing the commands would take half a second. A test compares
+# the lines with those of the commands.
 COMMANDS = {
-    "run": ("ss2sql.cli.script_commands", "Runs a script: FILE, - for standard input, or -e TEXT."),
-    "sql": (
-        "ss2sql.cli.script_commands",
-        "Shows what a script becomes: its syntax tree, its plan, or the SQL that runs.",
-    ),
-    "explain": (
-        "ss2sql.cli.script_commands",
-        "Tells how a script is run: engines, rewrites, calls, SQLite's plan in words, the SQL.",
-    ),
-    "repl": (
-        "ss2sql.shell.shell",
-        "Runs statements as they are typed. Without a terminal it reads them from standard input.",
-    ),
-    "plot": ("ss2sql.cli.script_commands", "Runs a script and draws its result as a picture."),
-    "play": (
-        "ss2sql.cli.script_commands",
-        "Runs a script and writes a page that plays its search, to be opened in a browser.",
-    ),
-    "bench": (
-        "ss2sql.cli.bench_command",
-        "Races engines and search strategies on a script, and compares their answers.",
-    ),
-    "list": ("ss2sql.cli.list_command", "Lists functions, representations, strategies, worlds, errors, rewrites."),
-    "completion": ("ss2sql.cli.completion_command", "Prints what makes bash, zsh or fish complete commands of ss2sql."),
+    "run": "Runs a script: FILE, - for standard input, or -e TEXT.",
+    "sql": "Shows what a script becomes: its syntax tree, its plan, or the SQL that runs.",
+    "explain": "Tells how a script is run: engines, rewrites, calls, SQLite's plan in words, the SQL.",
+    "repl": "Runs statements as they are typed. Without a terminal it reads them from standard input.",
+    "plot": "Runs a script and draws its result as a picture.",
+    "play": "Runs a script and writes a page that plays its search, to be opened in a browser.",
+    "bench": "Races engines and search strategies on a script, and compares their answers.",
+    "list": "Lists functions, representations, strategies, worlds, errors, rewrites.",
+    "completion": "Prints what makes bash, zsh or fish complete commands of ss2sql.",
+}
+MODULES = {"repl": "ss2sql.shell.shell"} | {
+    name: f"ss2sql.cli.{name}_command" for name in ("bench", "list", "completion")
 }
 
 
@@ -55,7 +43,8 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = getattr(import_module(COMMANDS[cmd_name][0]), f"{cmd_name}_command")
+        module = import_module(MODULES.get(cmd_name, "ss2sql.cli.script_commands"))
+        command: click.Command = getattr(module, f"{cmd_name}_command")
         return command
 
     def resolve_command(
@@ -72,14 +61,14 @@ class Commands(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
-            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+            formatter.write_dl(list(COMMANDS.items()))
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:
         """The names of commands, without importing them."""
         from click.shell_completion import CompletionItem
 
         if not incomplete.startswith("-"):
-            return [CompletionItem(name, help=t) for name, (_, t) in COMMANDS.items() if name.startswith(incomplete)]
+            return [CompletionItem(name, help=t) for name, t in COMMANDS.items() if name.startswith(incomplete)]
         return click.Command.shell_complete(self, ctx, incomplete)
 
     def main(self, args: Sequence[str] | None = None, *others: Any, **named: Any) -> Any:

@@ -12,6 +12,7 @@ import click
 
 from ss2sql.cli.output import exit_with_code_on_error, make_console, print_line
 from ss2sql.cli.script_options import NO_INPUTS, ScriptInputs, add_uses_options
+from ss2sql.errors import CODES, suggest_names
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
@@ -65,8 +66,6 @@ def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> Iterator[Entry]:
                 needed = "pybullet" if package == "ss2sql" else package.removesuffix("_utils").removesuffix("_int")
                 yield {"name": name, "text": f"{needed}, {'installed' if find_spec(needed) else 'not installed'}"}
         case "errors":
-            from ss2sql.errors import CODES
-
             yield from ({"name": one.code, "title": one.title, "text": one.explanation} for one in CODES.values())
         case "rewrites":
             from ss2sql.session.session import OFF_SWITCHES
@@ -139,8 +138,6 @@ def _select_named(entries: list[Entry], name: str | None, topic: str) -> list[En
         return entries
     found = [entry for entry in entries if entry["name"].lower() == name.lower()]
     if not found:
-        from ss2sql.errors import suggest_names
-
         hint = "".join(f" ({text})" for text in suggest_names(name, (entry["name"] for entry in entries)))
         raise click.UsageError(f"there is no '{name}' among the {topic}{hint}", click.get_current_context())
     return found

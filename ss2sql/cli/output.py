@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
 
 import click
 
-from ss2sql.errors import Cancelled, Error, SessionError, Stopped, Timeout, render_all, respell_hints
+from ss2sql.errors import Cancelled, Error, SessionError, Stopped, Timeout, render_all, require_package, respell_hints
 from ss2sql.errors.exceptions import PLACE, escape_controls
 from ss2sql.fast_dataclasses import dataclass
 
@@ -307,8 +307,6 @@ def make_output(form: str | None, path: Path | None, shown: int = SHOWN) -> Outp
         import rich.console
         import rich.table  # noqa: F401 - 0.1 s that nobody should wait for after Ctrl-C
     if form in BINARY:
-        from ss2sql.errors import require_package
-
         if path is None and sys.stdout.isatty():
             _raise_usage_error(
                 f"{form} is not for terminals: write it to a file, --output FILE.{form}, or on into another program"
@@ -378,8 +376,6 @@ def _encode_result(result: Result, form: str, stream: bool) -> bytes:
         return _encode_for_stdout(f"{result.json()}\n")
     if form == "csv":
         return _encode_for_stdout(str(result.csv()))
-    from ss2sql.errors import require_package
-
     file = io.BytesIO()
     if form == "parquet":
         require_package("pyarrow.parquet", "df", "--format parquet").write_table(result.arrow(), file)

@@ -26,8 +26,11 @@ from ss2sql.cli.output import (
     writes_json,
 )
 from ss2sql.cli.script_options import ScriptInputs, add_script_options, redirect_output
-from ss2sql.errors import Source, Stopped, WorkersWarning
+from ss2sql.errors import Source, Stopped, WorkersWarning, require_package
+from ss2sql.language.plan import Representation
+from ss2sql.language.plan_traversal import format_plan
 from ss2sql.results.watching.search_trace import MOST_EVENTS
+from ss2sql.runtime.run.search_paths import measure_lengths
 
 if TYPE_CHECKING:
     from ss2sql.results.explain.explanation import Explanation
@@ -97,9 +100,7 @@ def build_partial_output(session: Session, found: Result) -> Result:
 
     A representation that may fail, or that needs more than the rows, is replaced by the language's default.
     """
-    from ss2sql.language.plan import Representation
     from ss2sql.runtime.representations.shape import PATH_FORMS
-    from ss2sql.runtime.run.search_paths import measure_lengths
 
     assert found.answer is not None
     answer, shapes = found.answer, session.host.shapes
@@ -211,8 +212,6 @@ def plot_command(
     """Runs a script and draws its result as a picture."""
     source = inputs.script
     check_output_folder(output)
-    from ss2sql.errors import require_package
-
     require_package("matplotlib", "plot", "plot").use("agg")  # no window, and no screen needed
     if kind == "search":
         options["trace"] = MOST_EVENTS
@@ -323,7 +322,6 @@ def sql_command(inputs: ScriptInputs, stage: str, dialect: str | None) -> None:
         for statement in parse(read_script_source(source)).statements:
             print_line(repr(statement))
         return
-    from ss2sql.language.plan_traversal import format_plan
     from ss2sql.lowering.sql_builder import DIALECTS
     from ss2sql.session.translation import translate_script
 

@@ -15,7 +15,7 @@ from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.kinds import ANY, NOTHING, Type, is_covering, type_of
 from ss2sql.language.plan_traversal import list_call_places, walk
 from ss2sql.lowering.sql_query import Sql
-from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement
+from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement, join_script_sql
 from ss2sql.results.result import Result
 from ss2sql.runtime.python import compile_statement
 from ss2sql.runtime.run.run_state import Places, Run, Stats
@@ -207,8 +207,6 @@ class Query:
 
     @property
     def sql(self) -> Sql:
-        from ss2sql.results.explain.outline import join_script_sql
-
         return join_script_sql(outline_script(self.statements()))
 
     def explain(self) -> Explanation:

@@ -33,6 +33,7 @@ from ss2sql.session.engines import Engine, RunOptions, check_engine
 from ss2sql.session.execution import execute_script, run_in_session, set_deadline
 from ss2sql.session.host import SessionHost
 from ss2sql.session.progress import check_progress
+from ss2sql.session.session_functions import describe_name, list_tables
 from ss2sql.session.session_lock import with_session_lock
 from ss2sql.session.triggers import Trigger
 from ss2sql.session.variables import TemporalFile
@@ -297,8 +298,6 @@ class Session:
     def tables(self) -> dict[str, tuple[str, ...]]:
         """The columns of each table that FROM finds, in the database and in worlds; none of an unreadable view."""
         self._check_open()
-        from ss2sql.session.session_functions import list_tables
-
         return list_tables(self.host.tables, self.host.names.worlds, self.host.names.others)
 
     def describe(self, name: str) -> str:
@@ -311,8 +310,6 @@ class Session:
             self._check_open()
             check_is_string(name)
             set_deadline(run, self.host, self.timeout)
-            from ss2sql.session.session_functions import describe_name
-
             return describe_name(name, self.host.tables, self.host.names.worlds, self.host.names.others)
 
         return run_in_session(self.host, describe_in_run)

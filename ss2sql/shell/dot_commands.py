@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import click
 
 from ss2sql.cli.output import SHOWN, Count, print_note
-from ss2sql.cli.script_commands import ENGINES, format_sql_with_parameters
+from ss2sql.cli.script_commands import ENGINES, KINDS, PICTURES, format_sql_with_parameters
 from ss2sql.cli.script_options import parse_parameter, parse_world, register_file
 from ss2sql.editor.keywords import keywords
-from ss2sql.errors import suggest_names
+from ss2sql.errors import require_package, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.conversion import format_value as written
 from ss2sql.session.session import read_script_source
@@ -293,8 +293,6 @@ def _sql(shell: Shell, text: str) -> None:
 
 
 def _plot_result(shell: Shell, rest: str) -> None:
-    from ss2sql.cli.script_commands import KINDS, PICTURES
-
     if shell.last is None or shell.last.result is None:
         raise CommandError("there is no result to draw", "run a query first")
     kind, path = "auto", None
@@ -311,8 +309,6 @@ def _plot_result(shell: Shell, rest: str) -> None:
 
 def draw_plot(shell: Shell, result: Result, kind: str, path: Path | None) -> None:
     """Draws a result into a file, else into a window, else, without a screen, into a new file."""
-    from ss2sql.errors import require_package
-
     pyplot = require_package("matplotlib.pyplot", "plot", ".plot")
     figure = result.plot(kind=kind).figure
     try:

@@ -26,14 +26,14 @@ from ss2sql.cli.output import (
 )
 from ss2sql.cli.script_commands import add_run_options, build_partial_output, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_session_options
-from ss2sql.errors import Cancelled, Error, SessionError, Source, Stopped, render_all, respell_hints
+from ss2sql.errors import Cancelled, Error, SessionError, Source, Stopped, render_all, require_package, respell_hints
 from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.frontend.syntax.tokenizer import MAX_BYTES, make_size_error
 from ss2sql.language.conversion import format_value as written
-from ss2sql.shell.dot_commands import FORMS, CommandError, FileFailed, Settings
+from ss2sql.shell.dot_commands import FORMS, CommandError, FileFailed, Settings, run_dot_command
 from ss2sql.shell.statement_splitter import TypedPiece, split_statements
 
 if TYPE_CHECKING:
@@ -80,8 +80,6 @@ class Shell:
         """Runs one of them, and prints its result or its error."""
         try:
             if piece.is_command:
-                from ss2sql.shell.dot_commands import run_dot_command  # which imports this module
-
                 run_dot_command(self, piece.text)
             else:
                 self._run_statement(piece.make_source(text, name, lines_before))
@@ -260,8 +258,6 @@ def repl_command(inputs: ScriptInputs, progress: bool | None, form: str, history
     """Runs statements as they are typed. Without a terminal it reads them from standard input."""
     typed = sys.stdin.isatty()
     if typed:
-        from ss2sql.errors import require_package
-
         require_package("prompt_toolkit", "repl", "the shell")
     with inputs.open_session(progress) as session:
         shell = Shell(session, Settings(format=form, **options))

@@ -8,6 +8,7 @@ from typing import Any
 
 from ss2sql.errors import Error, ExecutionError, SessionError
 from ss2sql.frontend.user_functions import UserFunction, check_function_name
+from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.vtables.contract import (
@@ -211,8 +212,6 @@ class WorldFunctions:
         if element is not None:
             hints = (f"{element.table.name} have {', '.join(get_schema(element.table).kinds)}",)
             raise ExecutionError("X008", f"{element!r} has no '{name}'", hints=hints)
-        from ss2sql.language.conversion import format_value
-
         shown = ", ".join(map(format_value, arguments))
         hints = ("elements are what a query over the world has in `this`",)
         raise ExecutionError("X007", f"'{name}' needs an element of a world, not {shown}", hints=hints)

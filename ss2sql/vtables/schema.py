@@ -98,9 +98,7 @@ class Schema:
         self.cleaners[column.name] = make_cleaner(kind, f"the column '{column.name}' of {self.title}")
 
     def _read_groups(self, table: Table) -> None:
-        from ss2sql.vtables.contract import Table as Base
-
-        if type(table).keys is Base.keys:
+        if type(table).keys is Table.keys:
             raise self._make_error("it has no method keys(where)")
         self.arrays, self.blocks = frozenset(table.arrays), frozenset(table.blocks)
         for group, text in chain(table.groups.items(), table.arrays.items(), table.blocks.items()):

@@ -20,7 +20,7 @@ from ss2sql.vtables.pybullet.contact_tables import BulletClosest, BulletContacts
 from ss2sql.vtables.pybullet.joints import BulletJoints, BulletShapes, Cameras
 from ss2sql.vtables.pybullet.links import BulletLinks
 from ss2sql.vtables.pybullet.occupancy_grid import Representations
-from ss2sql.vtables.schema import world_error
+from ss2sql.vtables.schema import get_world_tables, world_error
 
 __all__ = ["PyBulletWorld"]
 
@@ -129,7 +129,5 @@ class PyBulletWorld(Representations, CollisionFunctions):
 
     def get_element(self, body: int) -> Element | None:
         """A body as scripts see it; None for PyBullet's -1."""
-        from ss2sql.vtables.schema import get_world_tables
-
         principal: Any = get_world_tables(self)[0]
         return principal.element(body) if body >= 0 else None
