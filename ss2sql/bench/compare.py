@@ -1,16 +1,15 @@
-"""Comparison of answers: equal for two engines, related by the language's laws for two strategies."""
+"""Comparison of answers: equal for two engines, in words for two strategies."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import field
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, TypeAlias
 
 from ss2sql.bench.results import BenchResult
-from ss2sql.bench.strategies import WEIGHTS, Strategy
+from ss2sql.bench.strategies import Strategy
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.plan_traversal import walk
@@ -38,24 +37,19 @@ REORDERED = Verdict("same, other order", same=True)
 
 @dataclass(frozen=True)
 class Answer:
-    """The paths that a strategy has found. `bound` is that of MEMORIZE, `cut`: there may be more than these.
-
-    `sorted`: the query fixes their order.
-    """
+    """The paths that a strategy has found. `cut`: there may be more than these."""
 
     strategy: Strategy
     rows: Sequence[Sequence[Sequence[Any]]]
-    bound: int | None = None
     cut: bool = False
-    sorted: bool = False
 
     @cached_property
     def paths(self) -> list[Path]:
         return [tuple(tuple(map(make_hashable, row)) for row in path) for path in self.rows]
 
     @cached_property
-    def ends(self) -> Counter[Hashable]:
-        return Counter(path[-1] for path in self.paths)
+    def ends(self) -> set[Hashable]:
+        return {path[-1] for path in self.paths}
 
 
 def are_answers_identical(one: Any, other: Any) -> bool:
@@ -67,44 +61,24 @@ def are_answers_identical(one: Any, other: Any) -> bool:
     return one is other or (type(one) is type(other) and make_hashable(one) == make_hashable(other))
 
 
-def find_broken_rule(answer: Answer) -> str | None:
-    """The law of its own strategy that an answer breaks, if any."""
-    rule, lengths = answer.strategy.repeats, [len(path) for path in answer.paths]
-    if rule and any(len(set(path)) < len(path) for path in answer.paths):
-        return f"a row repeats on a path of {rule}"
-    if rule == "UNIQUE" and any(count > 1 for count in answer.ends.values()):
-        return "UNIQUE reaches a row twice"
-    if answer.bound is not None and any(length > answer.bound for length in lengths):
-        return f"MEMORIZE {answer.bound} gives a longer path"
-    by_length = answer.strategy.order == "BREADTH FIRST" or (
-        rule == "MEMORIZE" and answer.strategy.order not in WEIGHTS
-    )
-    if by_length and not answer.sorted and any(a > b for a, b in pairwise(lengths)):
-        return f"{rule if rule == 'MEMORIZE' else 'BREADTH FIRST'} gives a longer path before a shorter one"
-    return None
-
-
 def compare_answers(own: Answer, other: Answer, unnamed: Sequence[str]) -> Verdict:
-    """The verdict on a strategy's answer beside that of the script's own strategy.
+    """How a strategy's answer differs from that of the script's own strategy.
 
     `unnamed` is what other clauses read beside SELECT, see ss2sql/language/step_identity.py: with any of it the
     language promises nothing for MEMORIZE, nor which rows UNIQUE reaches.
     """
-    broken = find_broken_rule(other)
-    if broken is not None:
-        return Verdict(broken, True)
     if own.paths == other.paths:
         return SAME
-    if own.cut or other.cut:
-        return _compare_selections(own, other)
-    wrong = _find_difference(own, other, settled=not unnamed)
-    if wrong is not None:
-        return Verdict(wrong, True)
-    if Counter(own.paths) == Counter(other.paths):
+    shared = (Counter(own.paths) & Counter(other.paths)).total()
+    if shared == len(own.paths) == len(other.paths):
         return REORDERED
-    if not unnamed or _find_difference(own, other, settled=True) is None:
-        return Verdict(_describe_difference(own, other))
-    return Verdict(f"{count_words(len(other.paths), 'path')}: SELECT does not name {', '.join(unnamed)}")
+    count = count_words(len(other.paths), "path")
+    if own.cut or other.cut:
+        return Verdict(f"the first {count} of this order, {shared:,} the same")
+    rules = {own.strategy.repeats, other.strategy.repeats}
+    if unnamed and rules & {"UNIQUE", "MEMORIZE"} and own.ends != other.ends:
+        return Verdict(f"{count}: SELECT does not name {', '.join(unnamed)}")
+    return Verdict(_describe_difference(own, other))
 
 
 def compare_group_rows(own: Sequence[Sequence[Any]], other: Sequence[Sequence[Any]]) -> Verdict:
@@ -116,63 +90,6 @@ def compare_group_rows(own: Sequence[Sequence[Any]], other: Sequence[Sequence[An
         return REORDERED
     rounded = any(type(value) is float for row in (*own, *other) for value in row)
     return Verdict("other rows: sums of floats depend on the order" if rounded else "other rows", not rounded)
-
-
-def _compare_selections(own: Answer, other: Answer) -> Verdict:
-    """The verdict on two answers of which one was cut: strategies with the same paths have the same number."""
-    same_rule = own.strategy.repeats == other.strategy.repeats and own.strategy.repeats in ("", "NO CYCLE")
-    dropping = "PROBABILITY" in (own.strategy.order, other.strategy.order)
-    if same_rule and not dropping and own.cut and other.cut and len(own.paths) != len(other.paths):
-        return Verdict(f"{count_words(len(other.paths), 'path')}, not {len(own.paths):,}", True)
-    if own.cut and other.cut and Counter(own.paths) == Counter(other.paths):
-        return REORDERED
-    shared = (Counter(own.paths) & Counter(other.paths)).total()
-    return Verdict(f"the first {count_words(len(other.paths), 'path')} of this order, {shared:,} the same")
-
-
-def _find_difference(own: Answer, other: Answer, settled: bool) -> str | None:
-    """How two complete answers contradict each other; `settled`: equal rows have equal stops, goals, next states."""
-    if "UNIQUE" in (own.strategy.repeats, other.strategy.repeats):
-        unique, wider = (own, other) if own.strategy.repeats == "UNIQUE" else (other, own)
-        return _contradicts_unique(unique, wider, settled)
-    if "MEMORIZE" in (own.strategy.repeats, other.strategy.repeats) and not settled:
-        return None
-    one, two = _select_allowed(other, own.paths), _select_allowed(own, other.paths)
-    if not _does_answer_drop_steps(other) and (missing := one - two):
-        return f"{count_words(missing.total(), 'path')} missing"
-    if not _does_answer_drop_steps(own) and (new := two - one):
-        return f"{count_words(new.total(), 'path')} too many"
-    return None
-
-
-def _contradicts_unique(unique: Answer, wider: Answer, settled: bool) -> str | None:
-    """A contradiction to the law that UNIQUE finds some of the paths, one to every row."""
-    if wider.strategy.repeats in ("", "NO CYCLE") and not _does_answer_drop_steps(wider):
-        foreign = set(unique.paths) - set(wider.paths)
-        if foreign:
-            return f"{count_words(len(foreign), 'path')} of UNIQUE that {wider.strategy.name} does not have"
-    if settled and not _does_answer_drop_steps(unique):
-        missing = wider.ends.keys() - unique.ends.keys()
-        if missing:
-            return f"UNIQUE does not reach {count_words(len(missing), 'row')}"
-    if settled and wider.strategy.repeats != "MEMORIZE" and not _does_answer_drop_steps(wider):
-        new = unique.ends.keys() - wider.ends.keys()
-        if new:
-            return f"UNIQUE reaches {count_words(len(new), 'row')} more"
-    return None
-
-
-def _does_answer_drop_steps(answer: Answer) -> bool:
-    """Whether the strategy leaves out steps that others take: those of probability 0."""
-    return answer.strategy.order == "PROBABILITY"
-
-
-def _select_allowed(answer: Answer, paths: Iterable[Path]) -> Counter[Path]:
-    bound = answer.bound
-    simple = bool(answer.strategy.repeats)
-    return Counter(
-        path for path in paths if (bound is None or len(path) <= bound) and (not simple or len(set(path)) == len(path))
-    )
 
 
 def _describe_difference(own: Answer, other: Answer) -> str:
@@ -220,12 +137,11 @@ class FinishedRun:
         if self.result is None or paths is None or self.query is None or self.query.search is None:
             return None
         search = self.query.search
-        bound = search.bound.value if isinstance(search.bound, plan.Constant) else None
-        unbounded = search.bound is None or bound is not None
+        unbounded = search.bound is None or isinstance(search.bound, plan.Constant)
         limit = self.query.limit
         known = isinstance(limit, plan.Constant) and type(limit.value) is int and limit.value > len(paths)
         cut = self.result.status == "maximum" or not (limit is None or known) or not unbounded
-        return Answer(self.strategy, paths, bound, cut, bool(self.query.order))
+        return Answer(self.strategy, paths, cut)
 
 
 @dataclass(slots=True)
@@ -276,9 +192,7 @@ class Comparer:
         answer = finished.answer
         if self.reference is None or self.reference.result is None:
             self.reference, self._answer = finished, answer
-            broken = find_broken_rule(answer) if answer is not None else None
-            words = AS_WRITTEN if finished.cell.strategy == self.own else REFERENCE
-            return Verdict(words, same=True) if broken is None else Verdict(broken, True)
+            return Verdict(AS_WRITTEN if finished.cell.strategy == self.own else REFERENCE, same=True)
         if answer is None or self._answer is None:
             return compare_group_rows(list(self.reference.result), list(finished.result))
         return compare_answers(self._answer, answer, self.unnamed)
