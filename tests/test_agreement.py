@@ -9,15 +9,18 @@ import contextlib
 import io
 
 import pytest
-from agreement import Outcome, exact, session_for, trial
+from agreement import Outcome, exact, executor_outcome, is_allowed, reference_outcome, session_for, trial
 from hypothesis import given, seed, settings
+from hypothesis import strategies as st
 from programs import ProgramCase, features, programs
 from programs.drawn import SEED, amount, drawn
 from reference import Reference
 from replay import Replay, search_of
+from sessions import ENGINES
 
 from ss2sql.errors import Source
 from ss2sql.frontend.syntax.parser import parse
+from ss2sql.lowering.rewrites import REWRITES
 
 COUNT = amount()
 PART = 1000
@@ -105,3 +108,16 @@ def test_what_has_no_hash_is_no_member_of_a_set(shown: str) -> None:
 
 def test_every_feature_is_named() -> None:
     assert "UNIQUE" in " ".join(features("SELECT this FROM a START WITH b = 1 CONNECT BY UNIQUE b = this;")).upper()
+
+
+# --- rewrites change how a query is evaluated, never what it gives --------------------------------------
+
+
+@pytest.mark.drawn
+@seed(1)
+@drawn(2 * amount(3 / 10))
+@given(programs(), st.sampled_from(list(REWRITES)))
+def test_random_programs_do_not_notice_a_rewrite(case: ProgramCase, switch: str) -> None:
+    expected = reference_outcome(case)
+    for engine in (*ENGINES, "auto"):
+        assert is_allowed(executor_outcome(case, engine, disable=[switch]), expected, engine), (engine, switch)

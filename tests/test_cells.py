@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,8 @@ LONG = [[(7 * x + y) % 3 for x in range(40)] for y in range(30)]
 BOOLS = [[True, False], [False, True], [True, True]]
 
 
-def text_of(query: str, **variables: Any) -> str:
-    with ss2sql.connect() as ss:
+def text_of(query: str, disable: Sequence[str] = (), **variables: Any) -> str:
+    with ss2sql.connect(disable=disable) as ss:
         for name, value in variables.items():
             ss.attach(name, value)
         return str(ss.compile(query, engine="database").sql)
@@ -223,3 +224,28 @@ def test_random_grids_and_indexes(rows: list[list[int]], places: list[int], cond
         f"NOT ({condition}) OR b.this < 0 OR rows[a.this, b.this]", f"{point} NOT IN rows AND {condition}",
     ):  # fmt: skip
         check(f"SELECT {expression} FROM a = places, b = places AS list;", rows=rows, places=places)
+
+
+# --- what is read of short lists as columns; the values are those of a sheet of this name ---------------
+
+
+EDGES = [[0, 1, "a"], [1, 2, "b"], [2, 5, "a"], [0, 2, "c"], [5, 0, "b"]]
+
+
+def test_no_python_is_called_where_all_lists_have_one_length() -> None:
+    script = "SELECT this[0] + 1, this[2] FROM edges WHERE this[1] == 2 OR this[-1] == 'a' AS list;"
+    assert python_calls(text_of(script, edges=EDGES)) == set()
+    assert "item" in python_calls(text_of(script, ["positions"], edges=EDGES))
+    assert "item" in python_calls(text_of("SELECT this[0] FROM rows AS list;", rows=[[1], [2, 3]]))
+    search = "SELECT a.this[1], b.this FROM a = edges, b = [1, 2] START WITH n = 0 CONNECT BY UNIQUE n = a.this[1]"
+    assert "item" not in text_of(f"{search} STOP WITH a.this[0] != n AS list;", edges=EDGES)
+
+
+def test_a_search_over_edges_looks_its_steps_up(ss: ss2sql.Session) -> None:
+    """A step costs its neighbours, not the list: SQLite asks for the rows whose first element is the node."""
+    ss.attach("edges", [[n, n + 1] for n in range(300)])
+    search = "START WITH node = 0 CONNECT BY UNIQUE node = this[1] STOP WITH this[0] != node"
+    result = ss.run(f"SELECT this[1] FROM edges {search} AS list;", engine="database")
+    assert len(result.paths) == 300
+    plan = ss.host.connection.execute(f"EXPLAIN QUERY PLAN {result.sql}", {"edges": None}).fetchall()
+    assert any("AUTOMATIC" in str(line) for line in plan)

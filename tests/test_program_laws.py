@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterator
 from contextlib import redirect_stdout
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache, partial
 from io import StringIO
 from itertools import islice
@@ -27,9 +27,13 @@ from hypothesis import given, seed
 from mutated_scripts import ALONE, LIMITED, LONGEST, Limited, engine_outcomes, is_no_program, mutated, reference_outcome
 from programs import ProgramCase, programs
 from programs.drawn import SEED, amount, drawn
+from programs.failing import FailingPrograms
 from sessions import ENGINES
 
 import ss2sql
+from ss2sql.errors import Source
+from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.parser import parse
 
 many = drawn(amount(1 / 25))
 
@@ -270,3 +274,85 @@ def test_a_session_with_a_history_is_as_good_as_a_fresh_one(part: int) -> None:
                     break
         finally:
             lived.close()
+
+
+# --- parts of programs as texts for eval ----------------------------------------------------------------
+
+
+MOST_TEXTS = 3  # texts of a program
+WITHOUT_TEXT = (ast.Assign, ast.TemporalAssign, ast.Star, ast.From, ast.Option, ast.OrderKey, ast.Script)
+
+
+def expressions(node: Any) -> Iterator[Any]:
+    """What an `eval` may stand for, in the order of the script."""
+    if isinstance(node, tuple):
+        for part in node:
+            yield from expressions(part)
+    elif is_dataclass(node) and not isinstance(node, ast.Representation):
+        if not isinstance(node, WITHOUT_TEXT):
+            yield node
+        for part in fields(node):
+            if part.compare:
+                yield from expressions(getattr(node, part.name))
+
+
+def with_text(script: str, dice: Random) -> str:
+    """The script with one of its expressions as a text, if that can be written without escapes."""
+    tree = parse(Source(script))
+    node = dice.choice(list(expressions(tree.statements)))
+    start, end = node.span.start, node.span.end
+    text = script[start:end]
+    quote = next((mark for mark in "\"'" if mark not in text), None)
+    if quote is None or "\\" in text:
+        return script
+    return f"{script[:start]}(eval({quote}{text}{quote})){script[end:]}"  # MAXIMUM wants the outer parentheses
+
+
+def with_texts(part: int) -> Iterator[ProgramCase]:
+    """Programs of no end."""
+    dice = Random(f"{SEED} texts {part}")
+    cases = [case for case in pool(part) if len(case.script) <= LONGEST]
+    while True:
+        case = dice.choice(cases)
+        script = case.script
+        for _ in range(dice.randint(1, MOST_TEXTS)):
+            script = with_text(script, dice)
+        if script != case.script:
+            yield replace(case, script=script)
+
+
+@pytest.mark.drawn
+@pytest.mark.parametrize("part", range(PARTS))
+def test_programs_with_texts(part: int) -> None:
+    agree(with_texts(part), COUNT // PARTS)
+
+
+# --- queries in which almost every part may fail --------------------------------------------------------
+
+
+FAILING = amount(1 / 2)
+
+
+def limited_outcome(case: ProgramCase, engine: Any) -> Outcome | None:
+    """What an engine makes of it; None where it refuses it, or takes too long."""
+    with session_for(case) as session:
+        found = outcome(session, case.script, engine=engine, timeout=0.5, max_rows=3000)[0]
+    return None if found is None or found.error in LIMITED else found
+
+
+@pytest.mark.drawn
+@pytest.mark.parametrize("part", range(PARTS))
+def test_engines_give_the_values_of_the_reference(part: int) -> None:
+    """The engine `auto` gives one wherever there is one."""
+    writer = FailingPrograms(Random(f"{SEED} failing {part}"))
+    compared = 0
+    while compared < FAILING // PARTS:
+        case = writer.case()
+        judge = Limited(case.functions, case.variables, case.tables, case.volatility)
+        expected = reference_outcome(judge, case.script)
+        if expected is None:
+            continue
+        for engine in ("native", "database", "auto"):
+            found = limited_outcome(case, engine)
+            assert found is None or is_no_program(found) or is_allowed(found, expected, engine), (case, engine, found)
+        compared += 1

@@ -20,7 +20,7 @@ from programs.library import LIBRARY
 from programs.machines import MACHINES, Machine
 from programs.scripts import DECISIONS, program
 from reference import Failure, Reference
-from test_failing_programs import limited_outcome
+from test_program_laws import limited_outcome
 
 Paths = list[tuple[Any, ...]]
 BYTES = st.binary(min_size=40, max_size=40)
