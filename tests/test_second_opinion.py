@@ -24,7 +24,7 @@ import ss2sql
 from ss2sql.lowering.sql_builder import DUCKDB
 from ss2sql.session.translation import translate_script
 
-COUNT = amount(3 / 10)
+QUERIES = amount(3 / 10)
 duckdb = pytest.importorskip("duckdb")
 
 
@@ -60,7 +60,7 @@ def test_duckdb_agrees() -> None:
     tried: Counter[str] = Counter()
 
     @seed(2015)
-    @drawn(COUNT)
+    @drawn(QUERIES)
     @given(st.binary(min_size=DECISIONS, max_size=DECISIONS).map(twin))
     def run(made: Twin) -> None:
         second = compared(map(exact, opinion(connection, made)))
@@ -79,5 +79,5 @@ def test_duckdb_agrees() -> None:
     with duckdb.connect() as connection:
         connection.execute("SET threads = 1; SET order_by_non_integer_literal = true")
         run()
-    assert tried["answers"] > 2.5 * COUNT
-    assert tried["translated"] > COUNT // 4
+    assert tried["answers"] > 2.5 * QUERIES
+    assert tried["translated"] > QUERIES // 4
