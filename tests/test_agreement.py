@@ -67,29 +67,22 @@ def test_paths_of_random_searches_replay() -> None:
     assert replayed > 0
 
 
-def test_a_path_is_replayed_up_to_an_element_that_fails() -> None:
-    script = parse(
-        Source("SELECT a.this, f(a.this) FROM a = [1, 2] START WITH n = 0 CONNECT BY MAXIMUM 1 n = n + a.this AS list")
-    )
+STOPPING = "SELECT f(a.this) FROM a = [0, 1] WHERE a.this > 0 START WITH n = 0 CONNECT BY n = 1 STOP WITH n == 0"
+
+
+@pytest.mark.parametrize(
+    ("text", "f", "path", "leads"),
+    [
+        *(("SELECT a.this, f(a.this) FROM a = [1, 2] START WITH n = 0 CONNECT BY MAXIMUM 1 n = n + a.this AS list",
+           lambda n: 1 // (2 - n), row, row == (1, 1)) for row in ((1, 1), (2, 1), (1, 2))),
+        (STOPPING, lambda n: 1 // n, (1,), True),  # its first element stops before SELECT would fail
+    ],
+)  # fmt: skip
+def test_a_path_is_replayed_up_to_an_element_that_fails(text: str, f: Any, path: tuple[int, ...], leads: bool) -> None:
+    script = parse(Source(text))
     search = search_of(script)
     assert search is not None
-
-    def replay() -> Replay:
-        return Replay(Reference({"f": lambda n: 1 // (2 - n)}, {}, {}, {}), script, search)
-
-    assert replay().leads_to_a_goal([(1, 1)])
-    assert not replay().leads_to_a_goal([(2, 1)])
-    assert not replay().leads_to_a_goal([(1, 2)])
-
-
-def test_a_path_is_replayed_past_an_element_that_stops_before_select_would_fail() -> None:
-    script = parse(
-        Source("SELECT f(a.this) FROM a = [0, 1] WHERE a.this > 0 START WITH n = 0 CONNECT BY n = 1 STOP WITH n == 0")
-    )
-    search = search_of(script)
-    assert search is not None
-    replay = Replay(Reference({"f": lambda n: 1 // n}, {}, {}, {}), script, search)
-    assert replay.leads_to_a_goal([(1,)])
+    assert Replay(Reference({"f": f}, {}, {}, {}), script, search).leads_to_a_goal([path]) is leads
 
 
 def test_a_search_from_both_ends_asks_nothing_of_steps_that_lead_to_no_goal() -> None:

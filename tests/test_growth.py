@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import pytest
 from agreement import executor_outcome, reference_outcome
+from golden import each_row
 from programs import ProgramCase
 
 import ss2sql
@@ -19,47 +20,6 @@ from ss2sql.runtime.sqlite import executor
 Engine = Literal["database", "native"]
 
 SMALL, LARGE = 150, 600
-MOST_GROWTH = 1.3  # as a power of the size; sorting for an index is a little more than linear
-
-JOINS = {
-    "inner query by a key of the rows":
-        'SELECT n.this, (SELECT this FROM es WHERE this["a"] == n.this AS list) FROM n = ns AS list;',
-    "lists that equal in an element":
-        "SELECT n.this, e.this[1] FROM n = ns, e = pairs WHERE e.this[0] == n.this AS list;",
-    "computed key": "SELECT n.this, e.this FROM n = ns, e = es WHERE abs(e.x) == n.this AS list;",
-    "key that is read deep inside": "SELECT n.this, e.a FROM n = ns, e = es WHERE e.p['q'] == n.this AS list;",
-    "keys of several kinds": "SELECT n.this, m.this FROM n = ns, m = mixed WHERE m.this == n.this AS list;",
-    "keys that are lists": "SELECT n.a, e.a FROM n = es, e = es WHERE e.p == n.p AND [e.a] == [n.a] AS list;",
-    "two keys": "SELECT n.this, e.a FROM n = ns, e = es WHERE e.a == n.this AND abs(e.x) == n.this AS list;",
-    "membership in what a query finds for a row":
-        "SELECT k, x FROM n = groups WHERE x IN (SELECT e.x FROM e = groups WHERE e.k == n.k AS list) AS rows;",
-    "no membership in it":
-        "SELECT k, x FROM n = groups WHERE x + 1 NOT IN (SELECT e.x FROM e = groups WHERE e.k == n.k AS list) AS rows;",
-    "membership in what a query finds once":
-        "SELECT this IN (SELECT this FROM things AS list) FROM things AS list;",
-    "the greatest of a group":
-        "SELECT k, x FROM n = groups WHERE x == max(SELECT e.x FROM e = groups WHERE e.k == n.k AS list) AS rows;",
-    "the greatest of all up to a row's group":
-        "SELECT k, x FROM n = groups WHERE x == max(SELECT e.x FROM e = groups WHERE e.k <= n.k AS list) AS rows;",
-    "the sum over a group":
-        "SELECT k, x / sum(SELECT e.x FROM e = groups WHERE e.k == n.k AS list) FROM n = groups AS rows;",
-    "the size of a group": "SELECT k FROM n = groups WHERE len(SELECT 1 FROM e = groups WHERE e.k < n.k) > 1 AS list;",
-    "the greatest of several kinds": "SELECT this FROM ns WHERE this == max(SELECT 1 * x FROM halves AS list) AS list;",
-    "steps by an element":
-        "SELECT this FROM tree START WITH here = 0 CONNECT BY UNIQUE here = this[1] STOP WITH this[0] != here AS list;",
-    "steps by an element, with a goal":
-        "SELECT this FROM tree WHERE this[0] == here AND this[1] % 50 == 0 START WITH here = 0"
-        " CONNECT BY UNIQUE here = this[1] STOP WITH this[0] != here AS list;",
-    "steps of a list that a query gives":
-        "SELECT this FROM (SELECT this FROM tree WHERE this[0] == here AS list)"
-        " START WITH here = 0 CONNECT BY UNIQUE here = this[1] AS list;",
-    "steps from a root that has no parent, in a query":
-        "SELECT name FROM (SELECT * FROM staff WHERE (b == None AND boss == None) OR boss == b)"
-        " START WITH b = None CONNECT BY UNIQUE b = name AS list;",
-    "steps from a root that has no parent":
-        "SELECT name FROM staff WHERE (b == None AND boss == None) OR boss == b START WITH b = None"
-        " CONNECT BY UNIQUE b = name STOP WITH NOT ((b == None AND boss == None) OR boss == b) AS list;",
-}  # fmt: skip
 
 
 class Thing:
@@ -120,15 +80,15 @@ def work(script: str, size: int, engine: Engine, monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("engine", ["database", "native"])
-@pytest.mark.parametrize("script", JOINS.values(), ids=JOINS)
-def test_the_work_grows_with_the_size(script: str, engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
+@each_row("queries/growth", "script", "power")
+def test_the_work_grows_with_the_size(script: str, power: str, engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
     small, large = (work(script, size, engine, monkeypatch) for size in (SMALL, LARGE))
-    assert large < small * (LARGE / SMALL) ** MOST_GROWTH, (small, large)
+    assert large < small * (LARGE / SMALL) ** float(power), (small, large)
 
 
-@pytest.mark.parametrize("script", JOINS.values(), ids=JOINS)
+@each_row("queries/growth", "script", "power")
 @pytest.mark.parametrize("engine", ["database", "native"])
-def test_the_values_are_those_of_trying_all(script: str, engine: Engine) -> None:
+def test_the_values_are_those_of_trying_all(script: str, power: str, engine: Engine) -> None:
     case = ProgramCase(script, data(40))
     assert executor_outcome(case, engine) == reference_outcome(case)
 

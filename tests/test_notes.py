@@ -156,9 +156,6 @@ def test_notes_on_the_command_line(form: str) -> None:
     assert done.exit_code == 0
     assert done.stderr.startswith("note: nothing was found before STOP WITH n == 3")
     assert "note" not in done.stdout
-
-
-def test_notes_as_json() -> None:
     done = CliRunner().invoke(main, ["run", "-e", count(), "--error-format", "json"])
     assert json.loads(done.stderr)["message"].startswith("nothing was found")
 

@@ -1,7 +1,7 @@
 """What the parser says about text that is not SelectScript, or is that of another language: code, place, reason, cure.
 
-Golden cases (`cases/errors`) show the most frequent errors as a user sees them; `syntax.errors` has all others. Limits of size and depth
-are here, too, and the table of the grammar.
+Golden cases (`cases/errors`) show the most frequent errors as a user sees them; `syntax.errors` has all others.
+Limits of size and depth are here, too, and the table of the grammar.
 """
 
 from __future__ import annotations
