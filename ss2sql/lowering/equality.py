@@ -23,7 +23,6 @@ from sqlglot import exp
 
 from ss2sql.errors import Source, Span
 from ss2sql.language import plan
-from ss2sql.language.implied_bounds import Comparison, narrow_type
 from ss2sql.language.kinds import BOOL, Kind, Type, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.operations.arithmetic import EXACT
@@ -58,7 +57,7 @@ def lower_item(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -
     sizes = [container.type.size, container.type.item.size if container.type.item else None]
     cells = lowering.needs.bind_packed(container, packing)
     found = _build_byte_lookup(lowering, cells, _lower_blob_offset(nodes, sizes[1 : len(nodes)]), leaf)
-    if all(_is_index_in_bounds(index, size, scope.facts) for index, size in zip(indexes, sizes, strict=False)):
+    if all(_is_index_in_bounds(index.type, size) for index, size in zip(indexes, sizes, strict=False)):
         return found
     if not all(map(can_repeat, nodes)):
         return None
@@ -93,9 +92,8 @@ def _choose_encoding(kind: Type, depth: int) -> tuple[ListEncoding, Type] | None
     return ListEncoding(depth > 1, int(kind.low)), kind
 
 
-def _is_index_in_bounds(index: plan.Expr, size: int | None, facts: Sequence[Comparison]) -> bool:
+def _is_index_in_bounds(kind: Type, size: int | None) -> bool:
     """Whether an index is one that counts from the start, in a list of this size."""
-    kind = narrow_type(index, facts)
     return size is not None and kind.low is not None and kind.high is not None and 0 <= kind.low <= kind.high < size
 
 

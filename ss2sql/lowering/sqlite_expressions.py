@@ -28,7 +28,6 @@ from sqlglot import exp
 from ss2sql.errors import Source, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.implied_bounds import Comparison, collect_comparisons
 from ss2sql.language.kinds import BOOL, Kind, Type, is_flag
 from ss2sql.language.operations import PREDICATES
 from ss2sql.language.plan_traversal import can_fail, has_constant_source, list_inside, list_sources, walk, walk_own
@@ -104,11 +103,7 @@ class SqlScope:
     states: Mapping[tuple[int, str], Node] = field(default_factory=dict)
     groups: Mapping[tuple[int, int], Node] = field(default_factory=dict)
     known: tuple[tuple[plan.Expr, Node], ...] = ()  # expressions that stand in a column already
-    facts: tuple[Comparison, ...] = ()  # comparisons that hold wherever an expression is evaluated
     again: bool = False  # what stands here is evaluated any number of times, maybe never
-
-    def with_facts(self, condition: plan.Expr, truth: bool) -> SqlScope:
-        return replace(self, facts=(*self.facts, *collect_comparisons(condition, truth)))
 
     def with_source(self, source: int, reader: Reader) -> SqlScope:
         return replace(self, sources={**self.sources, source: reader})
@@ -293,7 +288,7 @@ class ExpressionLowering:
         return sql_builder.string(f"{span.line}:{span.column}")
 
     def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
-        conditions = self.lower_in_order(parts, scope, True)
+        conditions = [self.lower_condition(part, scope) for part in parts]
         if not any(can_fail(part) for part in parts[1:]):
             return sql_builder.join_by_and([sql_builder.keep_condition(condition) for condition in conditions])
         stops = [(exp.Not(this=sql_builder.wrap_operand(c)), sql_builder.number(0)) for c in conditions[:-1]]
@@ -301,25 +296,13 @@ class ExpressionLowering:
 
     def lower_or(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
         return sql_builder.disjunction(
-            [sql_builder.keep_condition(condition) for condition in self.lower_in_order(parts, scope, False)]
+            [sql_builder.keep_condition(self.lower_condition(part, scope)) for part in parts]
         )
 
-    def lower_in_order(self, parts: tuple[plan.Expr, ...], scope: SqlScope, truth: bool) -> list[Node]:
-        """The truth of expressions, each given that those before it have this truth."""
-        conditions: list[Node] = []
-        for part in parts:
-            conditions.append(self.lower_condition(part, scope))
-            scope = scope.with_facts(part, truth)
-        return conditions
-
     def lower_if(self, expr: plan.If, scope: SqlScope) -> Node:
-        branches = []
-        for branch, truth in ((expr.then, True), (expr.otherwise, False)):
-            here = scope.with_facts(expr.condition, truth)
-            branches.append(
-                self.lower_expr(branch[-1], here) if is_flag(expr.type) else self.lower_value(branch[-1], here)
-            )
-        return sql_builder.case([(self.lower_condition(expr.condition, scope), branches[0])], branches[1])
+        lower = self.lower_expr if is_flag(expr.type) else self.lower_value
+        then, otherwise = (lower(branch[-1], scope) for branch in (expr.then, expr.otherwise))
+        return sql_builder.case([(self.lower_condition(expr.condition, scope), then)], otherwise)
 
     def lower_aggregate(self, expr: plan.Aggregate, scope: SqlScope) -> Node:
         if expr.argument is None:

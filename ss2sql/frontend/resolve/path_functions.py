@@ -44,12 +44,11 @@ class PathFunctions:
     """The path functions in the clauses of one search. `clause` is the one that is being resolved.
 
     `variables` are the names of the hidden variables, by the function and its argument; `search` is the search as it is
-    known after CONNECT BY. `reads_next`: one of them reads the state after the step.
+    known after CONNECT BY.
     """
 
     variables: dict[tuple[str, ast.Expr | None], str] = field(default_factory=dict)
     clause: str = ""
-    reads_next: bool = False
     sources: tuple[plan.Source, ...] = ()
     search: plan.Search | None = None
 
@@ -66,7 +65,6 @@ def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, 
     """The query with the hidden variables, and their names."""
     found = PathFunctions()
     calls = [node for node in _iterate_tree(tree) if is_path_function(resolver, node)]
-    found.reads_next = any(call.function in ("next", "leaf", "path", "cycle") for call in calls)
     # An outer call is assigned first, because it reads the inner one as it was before the step.
     calls.sort(key=lambda call: -_measure_nesting(resolver, call))
     start: list[ast.Assign] = []
