@@ -7,14 +7,15 @@ of steps; types alone could not prove it, for each step would widen the bounds o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 from ss2sql.frontend.resolve.from_clause import resolve_sources
 from ss2sql.frontend.resolve.scope import Scope
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
-from ss2sql.language.kinds import ANY, Kind, Type, drop_bounds, is_covering, unite
+from ss2sql.language.kinds import ANY, Kind, Type, drop_bounds, is_covering, make_list_type, unite
+from ss2sql.language.plan_traversal import list_choices
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve.resolver import Resolver
@@ -38,34 +39,81 @@ def infer_state_types(resolver: Resolver, tree: ast.Query, scope: Scope, start: 
 def _find_fixpoint(
     resolver: Resolver, tree: ast.Query, scope: Scope, first: Mapping[str, Type]
 ) -> dict[str, Type] | None:
-    """Types that CONNECT BY stays within; None where some still change in the last round."""
-    types, counted = dict(first), set[str]()
+    """Types that CONNECT BY stays within; None where some still change in the last round.
+
+    A number that is `counted` may be anything up to the limit until its sum is known, in a round that assumes this.
+    """
+    types, counted = dict(first), set[Slot]()
     assigned = [assign.name for assign in tree.connect]
-    bounded = {name for name, kind in first.items() if kind.kinds in _LIMITS and kind.is_bounded(_LIMITS[kind.kinds])}
-    candidates = {name for name in bounded if assigned.count(name) == 1}
+    candidates = {
+        Slot(scope.query, name, at): part
+        for name, kind in first.items()
+        for at, part in _split_type(kind).items()
+        if assigned.count(name) == 1 and part.kinds in _LIMITS and part.is_bounded(_LIMITS[part.kinds])
+    }
     rounds = _ROUNDS.get(scope.depth, 0)
+    patience = rounds // 3
     for number in range(rounds):
-        limits = {name: _LIMITS[first[name].kinds] for name in counted}
-        assumed = types | {name: Type(first[name].kinds, -limit, limit) for name, limit in limits.items()}
-        proved, settled = dict[str, Type](), True
+        far = {slot: Type(kind.kinds, -_LIMITS[kind.kinds], _LIMITS[kind.kinds]) for slot, kind in candidates.items()}
+        assumed = {name: _put_parts(name, kind, {slot: far[slot] for slot in counted}) for name, kind in types.items()}
+        proved, settled = dict[Slot, Type](), True
         for name, value in _resolve_connect(resolver, tree, scope, assumed):
-            if name not in types or (name not in counted and is_covering(types[name], value.type)):
+            if name not in types:
                 continue
-            total = _sum_up(value, scope.query, name, first[name]) if name in candidates else None
-            if name in counted and total is not None:
-                proved[name] = total
+            for slot in [slot for slot in candidates if slot.name == name]:
+                total = _sum_up(value, slot, candidates[slot], number < patience)
+                if total is not None:
+                    proved[slot] = total
+                elif slot in counted:
+                    del candidates[slot]
+                    counted.discard(slot)
+                    settled = False
+            kind = _put_parts(name, value.type, {slot: far[slot] for slot in counted})
+            if is_covering(assumed[name], kind):
                 continue
             settled = False
-            if total is not None:
-                counted.add(name)
-                continue
-            candidates.discard(name)
-            grown = unite((types[name], value.type))
-            types[name] = grown if number < rounds // 3 and name not in counted else drop_bounds(grown)
-            counted.discard(name)
+            counting = {slot for slot in proved if slot.name == name} - counted
+            counted |= counting
+            grown = unite((types[name], kind))
+            types[name] = grown if counting or number < patience else drop_bounds(grown)
         if settled:
-            return assumed | proved
+            return {name: _put_parts(name, kind, {s: proved[s] for s in counted}) for name, kind in assumed.items()}
     return None
+
+
+class Slot(NamedTuple):
+    """A number in the state: a START WITH variable, or the element at `position` of one that holds a short list."""
+
+    query: int
+    name: str
+    position: int | None
+
+    def is_read_by(self, expr: plan.Expr) -> bool:
+        """Whether the expression is the number as it was before the step."""
+        match expr:
+            case plan.State(query=self.query, name=self.name):
+                return self.position is None
+            case plan.Call(
+                function=plan.Function(name="item", builtin=True),
+                arguments=(plan.State(query=self.query, name=self.name), plan.Constant(value=int(position))),
+            ):
+                return position == self.position
+            case _:
+                return False
+
+
+def _split_type(kind: Type) -> dict[int | None, Type]:
+    """The types of the elements of a short list by their positions; of any other type itself."""
+    return dict(enumerate(kind.positions)) if kind.is_only(Kind.LIST) and kind.positions else {None: kind}
+
+
+def _put_parts(name: str, kind: Type, known: Mapping[Slot, Type]) -> Type:
+    """The type of a variable with these types of the numbers in it."""
+    parts = _split_type(kind)
+    changed = {slot.position: part for slot, part in known.items() if slot.name == name and slot.position in parts}
+    if None in changed:
+        return changed[None]
+    return make_list_type([changed.get(at, part) for at, part in parts.items()]) if changed else kind
 
 
 def _resolve_connect(
@@ -87,20 +135,57 @@ def _resolve_connect(
     return connect
 
 
-def _sum_up(value: plan.Expr, query: int, name: str, first: Type) -> Type | None:
-    """The type of a number to which every step adds, or from which it subtracts, a bounded amount; else None."""
-    match value:
-        case plan.Call(function=plan.Function(name="add" | "sub" as operator, builtin=True), arguments=(left, right)):
-            sign = 1 if operator == "add" else -1
-        case _:
+def _sum_up(value: plan.Expr, slot: Slot, first: Type, hasty: bool) -> Type | None:
+    """The type of a number that steps change by bounded amounts, or set to bounded values; None where none is proved.
+
+    `hasty` sees plain sums alone: `max(x - 1, 0)` may stay within bounds that are closer.
+    """
+    if slot.position is not None:
+        items = value.items if isinstance(value, plan.MakeList) else ()
+        if slot.position >= len(items):
             return None
-    for own, other in ((left, right), (right, left))[: 1 if sign < 0 else 2]:
-        low, high = other.type.low, other.type.high
-        state = isinstance(own, plan.State) and (own.query, own.name) == (query, name)
-        if state and value.type.is_only(first.kinds) and low is not None and high is not None:
-            # Rounding changes a sum of floats by at most what was added.
-            steps = sign * STEPS * (4 if first.kinds == Kind.FLOAT else 1)
-            least, most = sorted((low * steps, high * steps))
-            found = Type(first.kinds, (first.low or 0) + min(least, 0), (first.high or 0) + max(most, 0))
-            return found if found.is_bounded(_LIMITS[first.kinds]) else None
+        value = items[slot.position]
+    parts = tuple(_list_alternatives(value))
+    if not value.type.is_only(first.kinds) or (hasty and len(parts) > 1):
+        return None
+    changes = [(_find_change(part, slot), part.type) for part in parts]
+    least = min((change[0] for change, _ in changes if change is not None), default=0)
+    most = max((change[1] for change, _ in changes if change is not None), default=0)
+    fixed = unite((first, *(kind for change, kind in changes if change is None)))
+    if fixed.low is None or fixed.high is None or least == most == 0:
+        return None
+    # Rounding changes a sum of floats by at most what was added.
+    steps = STEPS * (4 if first.kinds == Kind.FLOAT else 1)
+    found = Type(first.kinds, fixed.low + min(least, 0) * steps, fixed.high + max(most, 0) * steps)
+    return found if found.is_bounded(_LIMITS[first.kinds]) else None
+
+
+def _list_alternatives(expr: plan.Expr) -> Iterator[plan.Expr]:
+    """The expressions of which the value is that of one."""
+    match expr:
+        case plan.If(then=then, otherwise=otherwise):
+            for branch in (then, otherwise):
+                yield from _list_alternatives(branch[-1])
+        case plan.Call(function=plan.Function(name="min" | "max", builtin=True)) if choices := list_choices(expr):
+            for choice in choices:
+                yield from _list_alternatives(choice)
+        case _:
+            yield expr
+
+
+def _find_change(expr: plan.Expr, slot: Slot) -> tuple[float, float] | None:
+    """What is added to the number at least and at most, where it is known to be a sum with it."""
+    if slot.is_read_by(expr):
+        return 0, 0
+    match expr:
+        case plan.Call(function=plan.Function(name="add", builtin=True), arguments=(left, right)):
+            change, other = _find_change(left, slot), right.type
+            if change is None:
+                change, other = _find_change(right, slot), left.type
+            if change is not None and other.low is not None and other.high is not None:
+                return change[0] + other.low, change[1] + other.high
+        case plan.Call(function=plan.Function(name="sub", builtin=True), arguments=(left, right)):
+            change, other = _find_change(left, slot), right.type
+            if change is not None and other.low is not None and other.high is not None:
+                return change[0] - other.high, change[1] - other.low
     return None
