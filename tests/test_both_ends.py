@@ -6,6 +6,7 @@ import random
 from typing import Any
 
 import pytest
+from golden import each_row
 from listings import MOVES, move
 from programs.drawn import SEED, amount
 
@@ -186,32 +187,12 @@ def test_a_goal_that_fails_is_raised_only_where_it_is_asked(ss: ss2sql.Session) 
         ss.run(text, elements=[1])
 
 
-# Why: what is shown, the source, WHERE, START WITH, and behind MEMORIZE.
-SEARCH = "SELECT {} FROM {} WHERE {} START WITH {} CONNECT BY MEMORIZE {}"
-GO = "4 s = go(this, s)"
-REASONS = {
-    "what it calls is volatile": ("this, s", "[0, 1]", "go(this, s) == roll(3)", "s = 0", GO),
-    "MEMORIZE has no bound": ("this, s", "[0, 1]", "go(this, s) == 3", "s = 0", "s = go(this, s) STOP WITH s > 4"),
-    "WHERE does not say what 's' is": ("this, s", "[0, 1]", "go(this, s) > 3", "s = 0", GO),
-    "'stay' has no inverse": ("this, s", "[0, 1]", "stay(this, s) == 3", "s = 0", "4 s = stay(this, s)"),
-    "SELECT does not tell 's'": ("this", "[0, 1]", "go(this, s) == 3", "s = 0", GO),
-    "the elements of 'e' depend": ("e.this, s", "e = range(s)", "go(e.this, s) == 3", "s = 1", "4 s = go(e.this, s)"),
-    "follows from 's', which may": (
-        *("this, s, t", "[0, 1]", "go(this, s) == 3 AND t + s == 9", "s = 0, t = 0"),
-        "4 s = go(this, s), t = t + s",
-    ),
-    "neither a call of a function with an inverse nor": (
-        *("this, s", "[0, 1]", "s * 2 + this == 3", "s = 1", "4 s = s * 2 + this"),
-    ),
-}
-
-
-@pytest.mark.parametrize("reason", REASONS)
-def test_a_search_from_the_start_alone_says_why(ss: ss2sql.Session, reason: str) -> None:
+@each_row("search/from-the-start-only", "script", "reason")
+def test_a_search_from_the_start_alone_says_why(ss: ss2sql.Session, script: str, reason: str) -> None:
     ss.function("go", lambda e, s: s + e + 1, volatility="immutable", inverse=lambda e, s: s - e - 1)
     ss.function("stay", lambda e, s: sorted([s, e])[1], volatility="immutable")
     ss.function("roll", lambda n: n, volatility="volatile")
-    result = ss.run(SEARCH.format(*REASONS[reason]))
+    result = ss.run(script)
     assert not result.stats.backward
     [line] = [line for line in result.explain().splitlines() if "from the start only" in line]
     assert reason in line

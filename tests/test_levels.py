@@ -11,6 +11,7 @@ from typing import Any
 
 import level_searches
 import pytest
+from golden import each_row
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 from level_searches import BY_LENGTH, FORMS, MOVES, agree, by_sheet, fails_alike, may_fail
@@ -272,30 +273,11 @@ def test_steps_in_sql(ss: ss2sql.Session) -> None:
         assert "in SQL" in str(result.explain()), row
 
 
-NOT_KNOWN = "the kind of this {} is not known, or may be None"
-
-
-@pytest.mark.parametrize(
-    ("search", "reason"),
-    [
-        ("f(n) FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = f(n) STOP WITH n > 3", "f is a Python function"),
-        ("this FROM [f(n)] START WITH n = 0 CONNECT BY UNIQUE n = this STOP WITH n > 3",
-         "what stands in FROM depends on the state"),
-        ("b.this FROM a = [[1], [2]], b = a.this START WITH n = 0 CONNECT BY UNIQUE n = b.this",
-         "what stands in FROM depends on another source"),
-        ("n + this FROM [0.5] START WITH n = 0.0 CONNECT BY UNIQUE n = n + this STOP WITH n > 3",
-         "rows with floats are not compared in the same way everywhere"),
-        ("n FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = round(n)", "round is not known to other databases"),
-        ("n FROM [1] START WITH n = None CONNECT BY UNIQUE n = None", NOT_KNOWN.format("value")),
-        ("this + n FROM [] START WITH n = 0 CONNECT BY UNIQUE n = 1", NOT_KNOWN.format("value")),
-        ("this FROM [1, 2] START WITH n = None CONNECT BY UNIQUE n = IF(this > 1; None; this)",
-         NOT_KNOWN.format("variable")),
-    ],
-)  # fmt: skip
-def test_what_is_left_to_python(ss: ss2sql.Session, search: str, reason: str) -> None:
+@each_row("search/left-to-python", "script", "reason")
+def test_what_is_left_to_python(ss: ss2sql.Session, script: str, reason: str) -> None:
     added = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5}
     ss.function("f", lambda n: added[n], volatility="immutable")
-    assert f"tries the steps from them, in Python: {reason}" in str(agree(ss, f"SELECT {search}").explain())
+    assert f"tries the steps from them, in Python: {reason}" in str(agree(ss, script).explain())
 
 
 @pytest.mark.parametrize("kinds", ["reserved", pytest.param("%", marks=pytest.mark.slow)])

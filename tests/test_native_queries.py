@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 from typing import Any
 
 import pytest
+from golden import each_row
 from native_host import FakeHost
 
 import ss2sql
@@ -12,40 +14,15 @@ from ss2sql.frontend.syntax.parser import parse
 from ss2sql.runtime.python.loop_helpers import TURNS_PER_CHECK
 
 
-@pytest.mark.parametrize(
-    ("script", "value", "calls"),
-    [
-        # A source is read again only for what it mentions: below(a.this) for each a, below(2) once.
-        ("SELECT 1 FROM a = [2, 3], b = [5, 6, 7], c = below(a.this), d = below(2) AS list", [1] * 30, 3),
-        ("SELECT b.this FROM a = [1, 2, 3], b = draw() AS list", [1, 2] * 3, 1),
-        # Early conditions save calls: ten times for a, ten times for b with the one a that passes.
-        ("SELECT 1 FROM a = ten, b = ten WHERE twice(a.this) == 4 AND twice(b.this) == 6 AS list", [1], 20),
-        # Volatile ones are called for every combination: 100 times the left one; the right one where a passes.
-        ("SELECT 1 FROM a = ten, b = ten WHERE loud(a.this) == 4 AND loud(b.this) == 6 AS list", [1], 110),
-        ("SELECT 1 FROM a = l, b = l, c = l WHERE add1(c.this, add1(b.this, add1(a.this, []))) == [3, 2, 1] AS list",
-         [1], 3 + 9 + 27),
-        # A repeated call runs once per row, one of constants once and only if needed.
-        ("SELECT twice(this), twice(this) + 1 FROM [1, 2] WHERE twice(this) > 2 AS rows", [(4, 5)], 2),
-        ("SELECT this + twice(4) FROM l AS list", [9, 10, 11], 1),
-        ("SELECT this + twice(5) FROM empty AS list", [], 0),
-        # A nested query runs once per row that it sees, one with volatile calls every time.
-        ("SELECT this FROM l WHERE this IN (SELECT twice(b.this) FROM b = l AS list) AS list", [2], 3),
-        ("SELECT this FROM l WHERE this IN (SELECT loud(b.this) FROM b = l AS list) AS list", [2], 9),
-        ("SELECT (SELECT b.this + max((SELECT twice(c.this) FROM c = [a.this] AS list)) FROM b = l AS list)"
-         " FROM a = [1, 2] AS list", [[3, 4, 5], [5, 6, 7]], 2),
-        # A limit without an order stops early.
-        ("SELECT loud(this) FROM ten LIMIT 3 AS list", [0, 2, 4], 3),
-    ],
-)  # fmt: skip
-def test_how_often_functions_are_called(script: str, value: Any, calls: int) -> None:
+@each_row("queries/calls", "script", "told")
+def test_how_often_functions_are_called(script: str, told: str) -> None:
     functions = {
         "twice": lambda value: 2 * value, "loud": lambda value: 2 * value, "below": lambda n: list(range(n)),
         "draw": lambda: [1, 2], "add1": lambda a, b: [*b, a],
     }  # fmt: skip
     host = FakeHost(functions, {"loud": "volatile", "draw": "volatile"}, l=[1, 2, 3], ten=list(range(10)), empty=[])
     result = host.result(script)
-    assert result.value == value
-    assert sum(result.stats.calls.values()) == calls
+    assert (result.value, sum(result.stats.calls.values())) == ast.literal_eval(told)
 
 
 def test_a_text_is_read_once_per_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ import pytest
 from adapters import ArrayWorld
 from agreement import exact
 from click.testing import CliRunner
+from sessions import wrong_scripts
 from sqlglot import exp
 from sqlglot.errors import TokenError
 from sqlglot.generator import Generator
@@ -113,57 +114,16 @@ def test_groups_of_a_table_without_an_order(ss: ss2sql.Session) -> None:
     )
 
 
-# What could mean something else: expressions with the reason, and whole scripts with the place of the error.
-EXPRESSIONS_REFUSED = [
-    ("min(n.this, x.this)", "the kind of this value is not known"),
-    ("[] + l.this", "the kind of this value is not known"),
-    ("l.this OR b.this", "the truth of such a value is not the same"), ("t.this == n.this", "eq of such values"),
-    ("l.this < [1, 2]", "lt of such values"), ("n.this not in []", "not_in of such values"),
-    ("x.this in [0.5, 1]", "in of such values"), ("x.this in l.this", "in of such values"),
-    ("None in l.this", "in of such values"), ("n.this in (SELECT this FROM [1] AS list)", "a query inside"),
-    ("min(x.this, 2.5)", "min of such values"),
-    ("(n.this - 3) % 4611686018427387905", "mod of such values"), ("x.this % 2", "mod of such values"),
-    ("t.this[-1:2]", "slice of such values"), ("x.this ^ 2", "pow of such values"),
-    ("n.this ^ n.this", "pow of such values"), ("abs(b.this)", "abs of such values"),
-    ("-b.this", "neg of such values"), ("b.this / 2", "div of such values"), ("len(n.this)", "this may fail"),
-    ("IF(b.this; 1 / (n.this - 1), 2; 3)", "what stands before the last value of a branch may fail"),
-    ("l.this[-1]", "item of such values"), ("round(x.this)", "round is not known to other databases"),
-]  # fmt: skip
-REFUSED = [
-    *((f"SELECT {written} {FROM} AS rows", reason, None) for written, reason in EXPRESSIONS_REFUSED),
-    ("SELECT a FROM loose", "the rows of loose have no order but that of SQLite", None),
-    ("SELECT a FROM pairs", "the rows of pairs have no order but that of SQLite", None),
-    ("SELECT p FROM p = loose ORDER BY p.a", "have no type for it", None),
-    ("SELECT * FROM loose ORDER BY a", "have no type for it", None),
-    ("SELECT this FROM range(2000)", "this list is not known", None),
-    ("SELECT this FROM many", "only lists of up to 1,000 elements", None),
-    ("SELECT p FROM p = rows", "have no type for it", None),
-    ("SELECT count(*) FROM [1] GROUP BY this HAVING count(*)", "the truth of such a value", None),
-    ("SELECT x FROM scene", "worlds are read by Python", None),
-    ("known = [f(), 2]; SELECT this FROM known", "is not known", None),
-    ("SELECT n FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = n", "nothing runs them in postgres", 1),
-    ("SELECT round(this) FROM [1]", "round is not known to other databases", 8),
-    ("SELECT this FROM [1, 'a']", "the kind of this is not known", 18),
-    ("SELECT this / (this - 1) FROM [1, 2]", "this may fail", 13),
-    ("SELECT x.this FROM x = [1], y = [2] GROUP BY y.this", "GROUP BY that makes parts is no SQL", 46),
-    ("SELECT this FROM (SELECT n FROM [1] START WITH n = 0 CONNECT BY UNIQUE n = 1)", "a search in FROM", 18),
-    ("SELECT this FROM (SELECT this, 1 FROM [1] AS rows)", "the elements of this query are no rows", 18),
-    ("SELECT this FROM (SELECT this FROM [1] LIMIT 0 AS list)", "LIMIT of an inner query is a number above 0", 46),
-    ("SELECT count(*) FROM a = [1], b = [2] GROUP BY a.this", "groups of several sources have no order in SQL", 48),
-    ("SELECT a.this FROM a = [[1]], b = a.this", "what stands in FROM depends on another source", 31),
-    ("SELECT sum([this, 1]) FROM [1]", "sum is not known to other databases", 8),
-    ("SELECT average(this) FROM [1.5] GROUP BY 1", "average of such values is not the same everywhere", 8),
-]
-
-
-@pytest.mark.parametrize(("script", "reason", "column"), REFUSED)
-def test_what_is_refused(ss: ss2sql.Session, script: str, reason: str, column: int | None) -> None:
-    with pytest.raises(ss2sql.UnsupportedError) as caught:
-        in_dialect(ss, script, "postgres" if column else "duckdb")
-    assert reason in caught.value.message
+@pytest.mark.parametrize(("code", "words", "marked"), [*wrong_scripts("dialects")])
+def test_what_is_refused(ss: ss2sql.Session, code: str, words: list[str], marked: str) -> None:
+    before, *there = marked.split("«")
+    script = marked.replace("FROM samples", FROM).replace("«", "").replace("»", "")
+    with pytest.raises(ss2sql.UnsupportedError, match=code) as caught:
+        in_dialect(ss, script, "postgres" if there else "duckdb")
+    assert words[0] in caught.value.message
     assert caught.value.hints
     assert caught.value.span is not None
-    assert column in (None, caught.value.span.column)
+    assert not there or caught.value.span.start == len(before)
 
 
 @pytest.mark.parametrize(
