@@ -73,6 +73,7 @@ def test_an_index_that_is_tested_before(grid: list[list[int]], height: int, widt
 def test_the_type_of_an_index_or_a_literal_may_say_that_it_is_in_range() -> None:
     check_in_sql("SELECT grid[a.this][b.this % 3] FROM a = [0, 1], b = [0, 1, 2, 3, 4, -5] AS list;", grid=GRID)
     check_in_sql("SELECT values[a.this] FROM a = [0, 1] AS list;", values=[5, 7, 9])
+    assert " - 0" not in text_of("SELECT values[a.this] FROM a = [0, 1] AS list;", values=[1, 2])
     check_in_sql("SELECT [a.this, 1] IN [[0, 1], [1, 2]], [[4, 7], [9, 2]][a.this][1] FROM a = [0, 1] AS list;")
 
 

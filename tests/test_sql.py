@@ -14,6 +14,7 @@ from trees import calls_of
 import ss2sql
 from ss2sql.language.plan_traversal import format_plan
 from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.sqlite.interning import Interning
 
 
 def double(x):
@@ -178,3 +179,13 @@ def test_what_is_lowered_twice_is_not_lowered_anew_at_each_depth(ss: ss2sql.Sess
 
     compile_powers(1)
     assert calls_of(lambda: compile_powers(12)) < 8 * calls_of(lambda: compile_powers(4))
+
+
+def test_a_list_that_is_only_walked_is_no_value_as_a_whole(ss: ss2sql.Session, monkeypatch: Any) -> None:
+    encoded, encode = list[Any](), Interning.encode
+    monkeypatch.setattr(Interning, "encode", lambda pool, value: encoded.append(value) or encode(pool, value))
+    rows = [{"a": number} for number in range(3)]
+    assert ss.run("SELECT a FROM rows AS list", engine="database", rows=rows).value == [0, 1, 2]
+    assert rows not in encoded
+    assert ss.run("SELECT a FROM rows WHERE rows == [] AS list", engine="database", rows=rows).value == []
+    assert rows in encoded

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sql_calls import python_calls
 
 import ss2sql
 from ss2sql.errors import ExecutionError
@@ -145,6 +146,7 @@ def test_names_beyond_ascii_are_asked_in_blocks_too(ss: ss2sql.Session, world: H
 def test_items_of_lists_are_columns(ss: ss2sql.Session, world: Harbour, engine: Any) -> None:
     script = "SELECT pos[0], pos(this, 1), this.pos[2], boats.pos(this, 0) FROM boats WHERE pos(this)[0] > 1 AS rows;"
     query = ss.compile(script, engine=engine)
+    assert "item" not in python_calls(str(query.sql))
     assert query.run().value == [(k / 2, -k, 0, k / 2) for k in range(3, COUNT)]
     assert world.called == 0
     assert ss.run("SELECT pos(this, 2 - id) FROM boats LIMIT 3 AS list;", engine=engine).value == [0, -1, 1]

@@ -124,8 +124,8 @@ class FlatLowering:
     ) -> exp.Select:
         """The groups of rows with the columns of the numbered product `inner`."""
         label = self.needs.choose_label("product")
-        columns = [sql_builder.column(f"argument_{index}", label) for index in range(1, len(arguments) + 1)]
-        keys: list[Node] = [sql_builder.column(f"key_{index}", label) for index in range(1, len(query.group) + 1)]
+        columns = [sql_builder.column(f"argument_{index}", label) for index, _ in enumerate(arguments, 1)]
+        keys: list[Node] = [sql_builder.column(f"key_{index}", label) for index, _ in enumerate(query.group, 1)]
         known = [
             (node, self.expressions.write_aggregate(node, columns[arguments.index(node.argument)].copy()))
             for node in _find_aggregates(query)

@@ -167,5 +167,4 @@ def resolve_constant_string(node: plan.Eval, world: RewriteContext) -> plan.Expr
 
 def move_to_span(node: Any, span: Span) -> Any:
     """The node with everything in it at one place of the script, where its text stands."""
-    node = rebuild_node(node, lambda part: move_to_span(part, span))
-    return replace(node, span=span, place=span) if isinstance(node, plan.Call) else replace(node, span=span)
+    return replace(rebuild_node(node, lambda part: move_to_span(part, span)), span=span)

@@ -66,14 +66,14 @@ def make_conjunction(parts: list[plan.Expr], span: Span) -> plan.Expr:
     """The conjunction of expressions; of none: True."""
     if not parts:
         return make_constant(True, span)
-    return make_bool(parts[0]) if len(parts) == 1 else plan.And(tuple(parts), span=span)
+    return plan.And(tuple(parts), span=span)
 
 
 def make_disjunction(parts: list[plan.Expr], span: Span) -> plan.Expr:
     """The disjunction of expressions; of none: False."""
     if not parts:
         return make_constant(False, span)
-    return make_bool(parts[0]) if len(parts) == 1 else plan.Or(tuple(parts), span=span)
+    return plan.Or(tuple(parts), span=span)
 
 
 def make_call(name: str, *arguments: plan.Expr, span: Span) -> plan.Call:
