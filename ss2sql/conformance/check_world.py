@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 import warnings
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import field
 from math import dist, isclose
 from typing import Any
@@ -246,9 +247,14 @@ def check_world(
     return judge.report
 
 
-def _make_broken_rule(rule: str, table: str, error: Exception) -> BrokenRuleError:
-    text = error.message if isinstance(error, Error) else f"{type(error).__name__}: {error}"
-    return BrokenRuleError(rule, table, text)
+@contextmanager
+def _guard_rule(rule: str, table: str) -> Iterator[None]:
+    """Exceptions inside break a rule."""
+    try:
+        yield
+    except Exception as error:
+        text = error.message if isinstance(error, Error) else f"{type(error).__name__}: {error}"
+        raise BrokenRuleError(rule, table, text) from error
 
 
 class _Judge:
@@ -260,11 +266,9 @@ class _Judge:
         if world is None:
             raise BrokenRuleError("there is an adapter", type(source).__name__, "no adapter serves this type")
         self.world: World = world
-        try:
+        with _guard_rule("declarations hold together", type(world).__name__):
             get_world_tables(world)
             self.attached = AttachedWorld("world", world, lambda name, table: name)
-        except Exception as error:
-            raise _make_broken_rule("declarations hold together", type(world).__name__, error) from error
 
     # --- one rule after the other ----------------------------------------------------------------------
 
@@ -314,30 +318,23 @@ class _Judge:
         self.report.elements[table.name] = len(keys)
 
     def _list_keys(self, table: Table, where: Where) -> list[Any]:
-        try:
-            with CacheOfQuery(self.world, {}):
-                return list(table.keys(where))
-        except Exception as error:
-            raise _make_broken_rule("keys can be listed", table.name, error) from error
+        with _guard_rule("keys can be listed", table.name), CacheOfQuery(self.world, {}):
+            return list(table.keys(where))
 
     def _read_rows(self, table: Table, schema: Schema, keys: Sequence[Hashable]) -> list[dict[str, Any]]:
         """All columns of the elements with these keys, read anew."""
         reading = Reading(schema)
         reading.announced = keys
-        try:
+        with _guard_rule("values fit their columns", table.name):
             readers = {name: reading.make_reader(name) for name in schema.kinds}
             return [{name: read(key) for name, read in readers.items()} for key in keys]
-        except Exception as error:
-            raise _make_broken_rule("values fit their columns", table.name, error) from error
 
     def _check_blocks(self, table: Table, schema: Schema, keys: list[Any]) -> None:
         """Blocks, which queries use unchecked, are lists of tuples with values of the declared types."""
         for group in sorted(schema.blocks):
-            try:
+            with _guard_rule("blocks fit their columns", table.name):
                 found = list(getattr(table, group)(keys))
                 clean = [schema.convert_row(group, row) for row in found]
-            except Exception as error:
-                raise _make_broken_rule("blocks fit their columns", table.name, error) from error
             if len(found) != len(keys):
                 detail = f"{group} gives {len(found)} rows for {len(keys)} keys"
                 raise BrokenRuleError("blocks fit their columns", table.name, detail)
@@ -413,10 +410,8 @@ class _Judge:
             self.report.skipped.append(table.name)
         for arguments in calls:
             shown = f"{table.name}({', '.join(map(repr, arguments))})"
-            try:
+            with _guard_rule("table functions give rows that fit", shown):
                 rows, again = (Reading(schema, self._make_reading(schema)).call_function(arguments) for _ in range(2))
-            except Exception as error:
-                raise _make_broken_rule("table functions give rows that fit", shown, error) from error
             if rows != again:
                 raise BrokenRuleError("reading changes nothing", shown, f"it gives {rows}, then {again}")
             if schema.walked is not None:

@@ -23,7 +23,7 @@ from ss2sql.vtables.contract import (
     WorldFunction,
 )
 from ss2sql.vtables.reading import unwrap_element_key
-from ss2sql.vtables.schema import Schema, get_schema, get_world_tables, make_adapter_error
+from ss2sql.vtables.schema import AdapterGuard, Schema, get_schema, get_world_tables, make_adapter_error
 
 _OBJECT = Type(Kind.OBJECT)
 
@@ -76,12 +76,8 @@ class AttachedWorld:
 
     def read_time(self) -> Any:
         """The time of the world's clock. Raises ExecutionError X011 where that fails."""
-        try:
+        with AdapterGuard(self.principal.schema):
             return self.world.time
-        except Error:
-            raise
-        except Exception as error:
-            raise make_adapter_error(self.principal.schema, error) from error
 
     def get_declaration(self, name: str) -> WorldFunction:
         note = getattr(getattr(type(self.world), name, None), "__ss2sql__", None)
@@ -174,12 +170,8 @@ class WorldFunctions:
         method, world = owner.functions[name][0], owner.world
         try:
             with CacheOfQuery(world, self.memories.get_cache(world)):
-                try:
+                with AdapterGuard(owner.principal.schema):
                     world.check()
-                except Error:
-                    raise
-                except Exception as error:
-                    raise make_adapter_error(owner.principal.schema, error) from error
                 return method(*[unwrap_element_key(argument, world) for argument in arguments])
         except Error:
             raise
