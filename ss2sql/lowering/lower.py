@@ -124,7 +124,6 @@ def lower(
         applied=tuple(needs.applied),
         only_iterated=only_walked,
         truths=truths,
-        told_apart=frozenset(name for name in needs.calls if _are_arguments_identical(query, name)),
     )
 
 
@@ -151,12 +150,6 @@ def _is_condition(node: sql_builder.Node) -> bool:
     parent = node.parent
     condition = isinstance(parent, exp.If) and parent.this is node
     return condition or isinstance(parent, (exp.And, exp.Or, exp.Not, exp.Where, exp.Having))
-
-
-def _are_arguments_identical(query: plan.Query, name: str) -> bool:
-    """Whether equal arguments of a function are always the same value; 1.0 equals 1, but is another one."""
-    calls = [node for node in walk(query) if isinstance(node, plan.Call) and node.function.name == name]
-    return not any(argument.type.may_be(Kind.FLOAT) for call in calls for argument in call.arguments)
 
 
 def _find_iterated_parameters(select: exp.Select, needs: StatementNeeds) -> frozenset[str]:

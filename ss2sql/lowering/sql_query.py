@@ -177,7 +177,6 @@ class SqlQuery:
     applied: tuple[str, ...] = ()  # the rewrites that lowering has applied
     only_iterated: frozenset[str] = frozenset()  # parameters whose value nobody reads as a whole
     truths: frozenset[str] = frozenset()  # functions whose calls are conditions, see lower.py
-    told_apart: frozenset[str] = frozenset()  # functions whose equal arguments are the same ones
 
 
 # --- SQL text with what it needs beside it

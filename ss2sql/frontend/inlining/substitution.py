@@ -73,19 +73,16 @@ class Instance:
     """The expression for one call.
 
     `column` reads a column that an element certainly has. With a `limit`, numbers from outside the body are taken to
-    lie within -limit..limit; `limited` are those that needed it, those in `spared` are excluded. The caller
+    lie within -limit..limit; `limited` are those that needed it. The caller
     guarantees that the arguments fit the parameters.
     """
 
-    def __init__(
-        self, call: plan.Call, column: ColumnReader, limit: int | None = None, excluded: frozenset[int] = frozenset()
-    ) -> None:
+    def __init__(self, call: plan.Call, column: ColumnReader, limit: int | None = None) -> None:
         body: FunctionBody = call.function.body
         self.span: Span = call.span
         self.place: Span = call.place
         self.column = column
         self.limit = limit
-        self.spared = excluded
         self.limited: dict[int, plan.Expr] = {}
         self._own: dict[int, plan.Expr] = {}  # made from the body, kept alive because lookups go by identity
         names = (*body.parameters, *(name for name in body.defaults if name not in body.parameters))
@@ -102,7 +99,7 @@ class Instance:
     def infer_type(self, expr: plan.Expr) -> Type:
         """The type of an expression for numbers within the limit."""
         kind = expr.type
-        if self.limit is None or id(expr) in self._own or id(expr) in self.spared or kind.is_bounded(self.limit):
+        if self.limit is None or id(expr) in self._own or kind.is_bounded(self.limit):
             return kind
         if isinstance(expr, plan.Constant) or not kind.is_only(NUMBER):
             return kind
@@ -386,22 +383,11 @@ class Inliner:
         if not all(map(is_repeatable, call.arguments)):
             return None, None
         for limit in LIMITS:
-            instance = self._try_instance(call, limit, frozenset())
-            if instance is not None:
-                return limit, _choose_by_limit(call, self._find_least_limit(call, instance, limit), limit)
+            try:
+                return limit, _choose_by_limit(call, Instance(call, self._find_column, limit), limit)
+            except NotInlinable:
+                continue
         return None, None
-
-    def _try_instance(self, call: plan.Call, limit: int, excluded: frozenset[int]) -> Instance | None:
-        try:
-            return Instance(call, self._find_column, limit, excluded)
-        except NotInlinable:
-            return None
-
-    def _find_least_limit(self, call: plan.Call, instance: Instance, limit: int) -> Instance:
-        """The instance with the limit on as few numbers as possible."""
-        for key in list(instance.limited):
-            instance = self._try_instance(call, limit, instance.spared | {key}) or instance
-        return instance
 
     def _find_column(self, element: plan.Element, name: str) -> plan.Column | None:
         """The column of a row that certainly has it; always the same node, because limits go by identity."""

@@ -43,12 +43,11 @@ def fold_node(node: Any) -> Any:
             return _fold_call(node)
         case plan.And() | plan.Or():
             return _fold_connective(node)
-        case plan.Xor(left=left, right=right):
-            return _fold_exclusive(node, left, right)
         case plan.Not(operand=plan.Constant() as known):
             return make_constant(not is_true(known), node.span)
         case plan.If(condition=plan.Constant() as known):
-            return _keep_branch(node, node.then if is_true(known) else node.otherwise)
+            branch = node.then if is_true(known) else node.otherwise
+            return node if any(map(is_volatile, branch[:-1])) else branch[-1]
         case plan.MakeList(items=items) if all(isinstance(item, plan.Constant) for item in items):
             return _make_small_constant([item.value for item in items if isinstance(item, plan.Constant)], node)
         case plan.Query():
@@ -115,29 +114,10 @@ def _fold_connective(node: plan.And | plan.Or) -> plan.Expr:
     return node if len(parts) == len(node.parts) else replace(node, parts=tuple(parts))
 
 
-def _fold_exclusive(node: plan.Xor, left: plan.Expr, right: plan.Expr) -> plan.Expr:
-    for known, other in ((left, right), (right, left)):
-        if isinstance(known, plan.Constant):
-            turned = plan.Not(other, span=node.span) if is_true(known) else make_bool(other)
-            folded_turned: plan.Expr = fold_node(turned)
-            return folded_turned
-    return node
-
-
-def _keep_branch(node: plan.If, branch: tuple[plan.Expr, ...]) -> plan.Expr:
-    """The value of the branch that is always taken."""
-    return node if any(map(is_volatile, branch[:-1])) else branch[-1]
-
-
 def _drop_true_conditions(query: plan.Query) -> plan.Query:
     """The query without conditions that always hold. Without WHERE a search has other goals, so it keeps that."""
     if query.search is None and isinstance(query.where, plan.Constant) and is_true(query.where):
         query = replace(query, where=None)
-    if isinstance(query.having, plan.Constant) and is_true(query.having):
-        query = replace(query, having=None)
-    stop = query.search.stop if query.search is not None else None
-    if query.search is not None and isinstance(stop, plan.Constant) and not is_true(stop):
-        query = replace(query, search=replace(query.search, stop=None))
     return query
 
 

@@ -33,13 +33,14 @@ class CallMemo:
 
     1 and 1.0 are one key of a dict but two arguments of a function, and so are 0.0 and -0.0: where there are numbers
     among the arguments, `exact` keeps the result by marshal's bytes of them, where a look costs 0.2 us. Handles and
-    strings need no such care: their results are in `plain`, where it costs 0.1 us, and so are all where the types have
-    `told_apart` the arguments. `calls` counts real calls, `hits` answers from the memo. `failures` keeps what calls
-    have raised, by marshal's bytes: a statement that is run again must not call a second time. `elements` keeps the
-    lists of calls that stand in FROM, element by element, by marshal's bytes.
+    strings need no such care: their results are in `plain`, where it costs 0.1 us.
+
+    `calls` counts real calls, `hits` answers from the memo. `failures` keeps what calls have raised, by marshal's bytes:
+    a statement that is run again must not call a second time. `elements` keeps the lists of calls that stand in FROM,
+    element by element, by marshal's bytes.
     """
 
-    __slots__ = ("calls", "elements", "exact", "failures", "hits", "limit", "plain", "told_apart")
+    __slots__ = ("calls", "elements", "exact", "failures", "hits", "limit", "plain")
 
     def __init__(self, limit: int) -> None:
         self.plain: dict[Any, Any] = {}
@@ -49,18 +50,17 @@ class CallMemo:
         self.hits = 0
         self.calls = 0
         self.limit = limit
-        self.told_apart = False
 
     def begin_execution(self) -> tuple[Any, ...]:
         """Empties the memo for one more execution and gives what it held, for `end_execution`."""
-        outer = (self.plain, self.exact, self.elements, self.failures, self.calls, self.hits, self.told_apart)
+        outer = (self.plain, self.exact, self.elements, self.failures, self.calls, self.hits)
         self.plain, self.exact, self.elements, self.failures, self.calls, self.hits = {}, {}, {}, {}, 0, 0
         return outer
 
     def end_execution(self, outer: tuple[Any, ...]) -> tuple[int, int]:
         """Puts back what the memo held before, and gives the numbers of calls and of hits."""
         counts = self.calls, self.hits
-        self.plain, self.exact, self.elements, self.failures, self.calls, self.hits, self.told_apart = outer
+        self.plain, self.exact, self.elements, self.failures, self.calls, self.hits = outer
         return counts
 
     def keep_result(self, arguments: tuple[Any, ...], result: Any) -> None:
@@ -69,7 +69,7 @@ class CallMemo:
             if not self.limit:
                 return
             forget_older_half(plain if len(plain) > len(exact) else exact)
-        if result is not None and (self.told_apart or UNAMBIGUOUS_TYPES.issuperset(map(type, arguments))):
+        if result is not None and UNAMBIGUOUS_TYPES.issuperset(map(type, arguments)):
             plain[arguments] = result
         else:
             exact[marshal.dumps(arguments, 2)] = result

@@ -347,8 +347,6 @@ class Database:
     ) -> list[tuple[Row, Row]]:
         interning = execution.interning
         execution.book, execution.truths = lowered.bookkeeping, lowered.truths
-        for name in lowered.calls:
-            self.memos[name].told_apart = name in lowered.told_apart
         self.search.begin_search(interning.frozen, lowered.plain_keys, lowered.bookkeeping.keyed)
         if lowered.bookkeeping.compares_raw_rows and interning.pure:
             self.search.trust_plain_rows()
