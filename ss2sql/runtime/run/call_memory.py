@@ -35,7 +35,7 @@ class CallMemo:
     among the arguments, `exact` keeps the result by marshal's bytes of them, where a look costs 0.2 us. Handles and
     strings need no such care: their results are in `plain`, where it costs 0.1 us.
 
-    `calls` counts real calls, `hits` answers from the memo. `failures` keeps what calls have raised, by marshal's bytes:
+    `calls` counts real calls, `hits` answers of the memo. `failures` keeps what calls have raised, by marshal's bytes:
     a statement that is run again must not call a second time. `elements` keeps the lists of calls that stand in FROM,
     element by element, by marshal's bytes.
     """
