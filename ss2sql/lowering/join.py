@@ -331,8 +331,7 @@ class JoinBuilder:
             # After so many conditions SQLite asks `elements` again whether NULL equals its argument.
             rest = sql_builder.join_by_and(terms[MAX_TERMS:])
             terms[MAX_TERMS:] = [sql_builder.case([(rest, sql_builder.number(1))], sql_builder.number(0))]
-        walked = {label for label, table in self.selects.needs.worlds.items() if not table.schema.parameters}
-        return sql_builder.merge_into_between(terms, walked) if walked else terms
+        return terms
 
     def _materialize_source(self, source: plan.Source, item: Node) -> Node:
         """A source that is walked again and again: a copy of its list, if that stays the same for the statement."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
@@ -91,34 +91,6 @@ def join_by_and(parts: Sequence[Node]) -> Node:
     for part in parts[1:]:
         result = exp.And(this=result, expression=parenthesize(part, exp.Or))
     return result
-
-
-def merge_into_between(parts: Sequence[Node], labels: Collection[str]) -> list[Node]:
-    """`x >= a`, `x <= b` as `x BETWEEN a AND b`, for columns of these tables.
-
-    Both ends have to be known at the same time, for SQLite asks the two together.
-    """
-    result: list[Node] = []
-    for part in parts:
-        before = result[-1] if result else None
-        match before, part:
-            case exp.GTE(this=exp.Column() as column), exp.LTE(this=exp.Column() as same) if (
-                column == same and column.table in labels and _find_tables_read(before) == _find_tables_read(part)
-            ):
-                low, high = (_wrap_bound(side) for side in (before.expression, part.expression))
-                result[-1] = exp.Between(this=column, low=low, high=high)
-            case _:
-                result.append(part)
-    return result
-
-
-def _find_tables_read(node: Node) -> set[str]:
-    return {column.table for column in node.find_all(exp.Column)}
-
-
-def _wrap_bound(node: Node) -> Node:
-    """The node, in parentheses where BETWEEN could tear it apart."""
-    return node if isinstance(node, _SUMS + _PRODUCTS) else wrap_operand(node)
 
 
 def _group_operands(parts: Sequence[Node], join: Callable[[Sequence[Node]], Node]) -> Sequence[Node]:

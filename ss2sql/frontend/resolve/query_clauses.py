@@ -323,7 +323,7 @@ def _resolve_order_key(
     """A key of ORDER BY. Refuses a literal, which SQL takes for the number of a column."""
     key = written.expr
     if isinstance(key, ast.Literal):
-        shown = [_describe_column(column) for column in tree.columns]
+        shown = [_split_column_name(column)[0] or column.span.text for column in tree.columns]
         known = list(dict.fromkeys(name for source in scope.sources for name, _ in source.columns or ()))
         number = key.value if type(key.value) is int else 0
         if any(isinstance(column, ast.Star) for column in tree.columns):
@@ -352,11 +352,6 @@ def _check_once(resolver: Resolver, expr: plan.Expr, tree: ast.Expr, scope: Scop
                 f"put the query into FROM: SELECT * FROM (SELECT ...) {clause if clause != 'HAVING' else 'WHERE'} ..."
             )
             resolver.errors.append(ResolveError("R014", message, tree.span, (hint,)))
-
-
-def _describe_column(column: ast.Expr | ast.Named | ast.Star) -> str:
-    """The name of a column of SELECT in ORDER BY."""
-    return _split_column_name(column)[0] or column.span.text
 
 
 # --- representation ------------------------------------------------------------------------------------
