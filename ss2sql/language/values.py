@@ -27,7 +27,7 @@ from marshal import dumps, loads
 from typing import Any, Literal, TypeAlias
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.cancellation import iterate_checked
+from ss2sql.language.cancellation import deepen_stack, iterate_checked
 from ss2sql.language.conversion import DEPTH_LIMIT, UnreadableText
 from ss2sql.language.conversion import SCALARS as SCALARS
 from ss2sql.language.conversion import build_depth_error as build_depth_error
@@ -143,11 +143,11 @@ def make_hashable(value: Any) -> Hashable:
         return value  # type: ignore[no-any-return]
     if kind is list:
         try:
-            return _encode_list(value)
+            return _retry_with_stack(_encode_list, value)  # type: ignore[no-any-return]
         except ValueError:
             return list, *map(make_hashable, value)
         except RecursionError:
-            return _encode_deep_list(value)
+            raise build_depth_error("cannot compare") from None
     if kind is dict:
         return frozenset(zip(value, map(make_hashable, value.values()), strict=True))
     if kind is bytes:
@@ -164,17 +164,6 @@ class ListForm(bytes):
 def encode_list_form(value: list[Any]) -> ListForm:
     """What `make_hashable` gives for a list of numbers, text, None, and lists of such."""
     return ListForm(dumps(_unify_numbers(value), 2))
-
-
-def _encode_deep_list(value: list[Any]) -> bytes:
-    """The same of a list that is nested too deeply for Python's usual stack."""
-    from ss2sql.language.cancellation import deepen_stack  # rarely needed, and the package imports this module
-
-    try:
-        with deepen_stack(DEPTH_LIMIT // 20):  # two frames for a level, most of which the usual stack has
-            return _encode_list(value)
-    except RecursionError:
-        raise build_depth_error("cannot compare") from None
 
 
 def _encode_list(value: list[Any]) -> bytes:
@@ -261,8 +250,6 @@ def _retry_with_stack(work: Callable[[Any], Any], value: Any) -> Any:
     try:
         return work(value)
     except RecursionError:
-        from ss2sql.language.cancellation import deepen_stack  # rarely needed
-
         with deepen_stack(DEPTH_LIMIT // 10):  # two frames for a level
             return work(value)
 
