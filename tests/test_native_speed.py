@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections import Counter
 from collections.abc import Callable
 from functools import wraps
@@ -21,6 +22,35 @@ def test_equal_arguments_of_other_kinds_are_other_arguments(ss: ss2sql.Session, 
     result = ss.run(script, engine=engine, given=given)
     assert result.value == [(repr((value,)), repr((value,)), repr((value, [0]))) for value in given]
     assert result.stats.calls["told"] == 2 * 10
+
+
+def test_the_garbage_collector_pauses_for_a_second_where_no_foreign_code_runs(
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[bool] = []
+    check = Run.check
+
+    def note_collector(run: Run) -> None:
+        seen.append(gc.isenabled())
+        check(run)
+
+    monkeypatch.setattr(Run, "check", note_collector)
+    search = "SELECT n FROM [1] WHERE n == 9999 START WITH n = 0 CONNECT BY n = {} STOP WITH n == 9999"
+    ss.function("after", lambda n: (seen.append(gc.isenabled()), n + 1)[1])
+    assert len(ss.run(search.format("n + 1"), engine="native").value) == 1
+    assert False in seen
+    seen.clear()
+    ss.run(search.format("after(n)"), engine="native")
+    assert set(seen) == {True}
+    run = Run(ss.host)
+    with run.pause_collector():
+        run.collects_at -= 1.0
+        run.check()
+        assert gc.isenabled()
+    with run.pause_collector():
+        run.check()
+        assert not gc.isenabled()
+    assert gc.isenabled()
 
 
 STATES = 24

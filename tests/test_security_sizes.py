@@ -275,7 +275,7 @@ def test_where_python_has_no_memory_the_run_ends(monkeypatch: pytest.MonkeyPatch
     with ss2sql.connect() as session:
         result = session.run(f"{search} AS list")  # whose paths are made when they are read
         with monkeypatch.context() as patch:
-            patch.setattr(shape, "copy_rows_for_python", full)
+            patch.setattr(shape, "copy_for_python", full)
             assert refused(session, f"SELECT len(({search} GROUP BY n AS list)) FROM [1]", engine="native") == "T003"
             with pytest.raises(ss2sql.OutOfMemory):
                 result.value  # noqa: B018

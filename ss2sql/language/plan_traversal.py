@@ -217,6 +217,12 @@ def list_choices(call: plan.Call) -> tuple[plan.Expr, ...]:
             return several
 
 
+def may_run_foreign_code(root: Node) -> bool:
+    """Whether it calls functions of the user, or may call some, or reads a world, whose columns they are."""
+    foreign = (plan.Eval, plan.AssignLate, plan.WorldSource)
+    return any(isinstance(n, foreign) or (isinstance(n, plan.Call) and not n.function.builtin) for n in walk(root))
+
+
 def list_call_places(*roots: Node) -> dict[str, frozenset[tuple[int, int]]]:
     """Where each function of the user is called; empty where that is not known before the script runs."""
     found: dict[str, set[tuple[int, int]]] = {}

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error
 from ss2sql.language import plan
 from ss2sql.language.cancellation import deepen_stack
+from ss2sql.language.plan_traversal import may_run_foreign_code
 from ss2sql.language.rows import Rows
 from ss2sql.runtime.python.codegen_context import CodegenContext
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
@@ -40,6 +42,7 @@ class NativeQuery:
         self.query = query
         analysis = ExpressionAnalysis((query,))
         self.levels = analysis.levels
+        self._runs_foreign_code = may_run_foreign_code(query)
         with deepen_stack(self.levels):
             codegen = CodegenContext(query.span, analysis)
             codegen.by_level = query if by_level else None
@@ -87,7 +90,7 @@ class NativeQuery:
 
     def _run_with_location(self, run: Run, work: Callable[[], Any]) -> Any:
         try:
-            with deepen_stack(self.levels):
+            with deepen_stack(self.levels), nullcontext() if self._runs_foreign_code else run.pause_collector():
                 return work()
         except Exception as error:
             other = locate_in_script(error)

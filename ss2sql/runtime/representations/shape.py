@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from inspect import signature
 from itertools import chain
@@ -12,8 +12,8 @@ from ss2sql.errors import Error, RepresentationError, note_place
 from ss2sql.language import plan
 from ss2sql.language.cancellation import ITEMS_PER_CHECK, Check, iterate_with_check
 from ss2sql.language.conversion import format_value
-from ss2sql.language.rows import HIDDEN_COLUMNS_ATTRIBUTE, Row, Rows, Table, iterate_checked_paths
-from ss2sql.language.values import Opaque, convert_value, copy_for_python, copy_rows_for_python
+from ss2sql.language.rows import HIDDEN_COLUMNS_ATTRIBUTE, Path, Row, Rows, Table, iterate_checked_paths
+from ss2sql.language.values import Opaque, convert_value, copy_for_python
 from ss2sql.runtime import representations
 from ss2sql.runtime.run.run_state import pause_collector
 from ss2sql.runtime.run.search_paths import SearchPaths, measure_lengths
@@ -59,19 +59,27 @@ class Representations:
             return None
         sizes, size = ValueSizes(self.most), 0
 
-        def copy_rows(some: Sequence[Row]) -> list[Row]:
-            """Copies of rows, if there is room for them: until then rows may share their values."""
+        def copy_values(some: Sequence[Any]) -> list[Any]:
             nonlocal size
-            if check is None or len(some) <= ITEMS_PER_CHECK:
-                size = sizes.measure_rows(some, size)
-                return copy_rows_for_python(some)
-            own: list[Row] = []
-            for start in range(0, len(some), ITEMS_PER_CHECK):
-                portion = some[start : start + ITEMS_PER_CHECK]
-                size = sizes.measure_rows(portion, size)
-                own += copy_rows_for_python(portion)
+            size = sizes.measure_rows([some], size)
+            copies: list[Any] = copy_for_python(list(some))
+            if check is not None:
                 check()
-            return own
+            return copies
+
+        def copy_portions(some: Iterable[Path]) -> Iterator[Path]:
+            """Copies of rows, of paths, or of their cells, if there is room for them: until then they share values.
+
+            Some thousand cells at once: of paths with a dozen lists each takes 2 us, one by one 8.
+            """
+            for portion in _split_into_portions(some):
+                if len(portion) > 1:
+                    yield from copy_values(portion)
+                    continue
+                (long,) = portion
+                starts = range(0, len(long), ITEMS_PER_CHECK)
+                parts = (copy_values(long[start : start + ITEMS_PER_CHECK]) for start in starts)
+                yield type(long)(chain.from_iterable(parts))  # type: ignore[call-arg]
 
         def represent_paths(positions: Sequence[int] | None) -> Any:
             results: Sequence[Any] = rows.rows if rows.paths is None else rows.paths  # type: ignore[assignment]
@@ -84,24 +92,23 @@ class Representations:
             if rows.paths is None:
                 if form.name == "value" and self.is_built_in(form):
                     chosen = chosen[:1]
-                own = list(chosen) if rows.plain else copy_rows(chosen)
+                own = list(chosen if rows.plain else copy_portions(chosen))
                 return self._call_representation(form, rows.columns, own, arguments, named, check)
             if not (arguments or named or form.hidden) and self.is_built_in(form) and form.name in PATH_FORMS:
-                if rows.plain and form.name == "list":
+                if form.name == "list":
                     flat = (
                         chosen.iterate_cells()
                         if isinstance(chosen, SearchPaths)
                         else map(list, map(chain.from_iterable, chosen))
                     )
-                    return list(iterate_checked_paths(flat, check))
+                    return list(iterate_checked_paths(flat if rows.plain else copy_portions(flat), check))
                 represent, columns = representations.ALL[form.name], rows.columns
-                paths = chosen if rows.plain else map(copy_rows, chosen)
+                paths = chosen if rows.plain else copy_portions(chosen)
                 return [represent(Table(columns, path, check=check)) for path in iterate_checked_paths(paths, check)]
+            paths = map(list, chosen if rows.plain else copy_portions(chosen))
             return [
-                self._call_representation(
-                    form, rows.columns, list(path) if rows.plain else copy_rows(path), arguments, named, check
-                )
-                for path in iterate_checked_paths(chosen, check)
+                self._call_representation(form, rows.columns, path, arguments, named, check)
+                for path in iterate_checked_paths(paths, check)
             ]
 
         with pause_collector() if form.name in BUILT_IN_FORMS and self.is_built_in(form) else nullcontext():
@@ -230,6 +237,20 @@ def expand_stars(query: plan.Query, rows: Rows, check: Check | None = None) -> R
     """The rows of a query, with those columns taken apart that SELECT * could not know beforehand."""
     stars = frozenset(index for index, output in enumerate(query.columns) if output.star)
     return rows.expand_stars(stars, check) if stars else rows
+
+
+def _split_into_portions(some: Iterable[Path]) -> Iterator[list[Path]]:
+    """Lists of rows or paths with some thousand cells or rows together; one that has as many alone stands alone."""
+    portion: list[Path] = []
+    room = ITEMS_PER_CHECK
+    for one in some:
+        room -= len(one) + 1
+        if room < 0 and portion:
+            yield portion
+            portion, room = [], ITEMS_PER_CHECK - len(one) - 1
+        portion.append(one)
+    if portion:
+        yield portion
 
 
 def _make_group_key(value: Any, form: plan.Representation) -> Any:

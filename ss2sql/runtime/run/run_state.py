@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import field
+from math import inf
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeAlias, TypeVar
 
@@ -217,6 +218,7 @@ class Run:
     foreteller: Any = None  # has calls made by other processes, see runtime/parallel
     progress: Any = None
     graph: Any = None  # that MEMORIZE works on
+    collects_at: float = inf  # when the garbage collector, which pauses, has to go on
     by_level: Any = None  # counts the steps of a search by level
     trace: Any = None  # receives the events of the last statement's search
     call_places: Mapping[str, Places] = field(default_factory=dict)  # where the script calls functions of the user
@@ -243,7 +245,23 @@ class Run:
         self.check_steps()
         if self.progress is not None:
             self.progress.show_line()
+        if self.collects_at < time.monotonic():
+            gc.enable()
         self.bounds.check_bounds()
+
+    @contextmanager
+    def pause_collector(self) -> Iterator[None]:
+        """Pauses the garbage collector while nothing runs that could make cycles, but no longer than a second.
+
+        Other threads may need it. A full collection among the modules of ss2sql alone takes 15 ms.
+        """
+        if gc.isenabled():
+            self.collects_at = time.monotonic() + 1.0
+        try:
+            with pause_collector():
+                yield
+        finally:
+            self.collects_at = inf
 
     def get_variable(self, name: str) -> Any:
         """The value of a script variable or of a parameter of this run."""

@@ -40,7 +40,7 @@ MEASURED_FUNCTIONS = {
 }
 
 Measure = tuple[int, int]  # size and depth
-_NESTING = frozenset({list, dict})
+_NESTING = frozenset({list, tuple, dict})  # tuples are rows
 
 
 class ValueSizes:

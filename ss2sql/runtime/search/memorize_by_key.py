@@ -112,7 +112,7 @@ class KeyedMemorize:
 
     def _make_result(self, path: list[KeyedEdge], thaw: Thaw) -> Found:
         """The result, with the rows of this path; a step belongs to many paths."""
-        rows = list(thaw(edge.row for edge in path))
+        rows = list(thaw([edge.row for edge in path]))
         last = path[-1].last
         if self.shown is None:
             return rows, last
