@@ -91,6 +91,10 @@ def test_rows_of_a_table_without_numbers_come_by_its_key(ss: ss2sql.Session, fil
     write(file, "CREATE TABLE w(a, b, PRIMARY KEY (b DESC, a)) WITHOUT ROWID")
     write(file, "INSERT INTO w VALUES (1, 1), (2, 1), (1, 2)")
     assert ss.run("SELECT a, b FROM w AS rows;", engine=engine).value == [(1, 1), (2, 1), (1, 2)]
+    write(file, "CREATE TABLE x(a INTEGER PRIMARY KEY, b) WITHOUT ROWID; CREATE INDEX by_b ON x(b)")
+    write(file, "INSERT INTO x VALUES (1, 30), (2, 10), (3, 20)")
+    for script in ("SELECT b FROM (SELECT b FROM x) AS list", "SELECT x.b FROM [1], x AS list"):
+        assert ss.run(script, engine=engine).value == [30, 10, 20]
 
 
 # --- what cannot be read -------------------------------------------------------------------------------

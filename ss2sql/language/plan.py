@@ -27,7 +27,8 @@ class TableSource(Node):
     """A table or view of the database. `order` names what sorts it: `rowid`, primary key columns, or nothing (a view).
 
     `collated`: columns that SQLite would not compare byte by byte. `indexes`: (columns, index), "" for the primary key.
-    `texts_for_numbers`: columns of texts whose declared type makes SQLite read texts beside them as numbers.
+    `texts_for_numbers`: columns of texts whose declared type makes SQLite read texts beside them as numbers. `kept_by`:
+    the index that holds the rows of a table WITHOUT ROWID, where it has them in this order.
     """
 
     id: int
@@ -40,6 +41,7 @@ class TableSource(Node):
     texts_for_numbers: tuple[str, ...] = ()
     indexes: tuple[tuple[tuple[str, ...], str], ...] = ()
     indexed: bool = False  # SQLite may find its rows in another order
+    kept_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)

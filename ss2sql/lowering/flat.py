@@ -14,7 +14,7 @@ from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import EvaluationOrder
 from ss2sql.lowering.from_clause import open_sources
 from ss2sql.lowering.join import JoinBuilder
-from ss2sql.lowering.materialize import MaterializedTables
+from ss2sql.lowering.materialize import MaterializedTables, require_index
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_names import choose_column_names
 from ss2sql.lowering.sqlite_expressions import ExpressionLowering, SqlScope
@@ -78,7 +78,7 @@ class FlatLowering:
         return keys + [(key, False) for key in natural]
 
     def _scan_in_order(self, flat: JoinBuilder) -> None:
-        """Makes SQLite walk tables by their rowid.
+        """Makes SQLite walk tables in their own order.
 
         Among virtual tables an ORDER BY would make it sort the whole product, and evaluate rows that a LIMIT cuts off.
         """
@@ -89,7 +89,7 @@ class FlatLowering:
             if not isinstance(item, exp.Table) or isinstance(item.this, exp.Anonymous) or item.name in copies:
                 continue
             if not item.args.get("indexed"):  # an index that is named keeps the order
-                item.set("indexed", False)
+                require_index(item, self.tables[item.alias_or_name].kept_by)
 
     # --- grouped queries -------------------------------------------------------------------------------
 

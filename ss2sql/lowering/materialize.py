@@ -106,9 +106,14 @@ def require_ordered_index(item: exp.Table, source: plan.TableSource, keys: Colle
     """Has a table be read by an index that keeps its order, if columns that have to equal something have one."""
     for columns, index in source.indexes:
         if set(columns).issubset(keys):
-            item.set("indexed", sql_builder.identifier(index) if index else False)
+            require_index(item, index or source.kept_by)
             return True
     return False
+
+
+def require_index(item: exp.Table, index: str) -> None:
+    """Has a table be read by this index, or by none: of a table WITHOUT ROWID SQLite takes any where none is named."""
+    item.set("indexed", sql_builder.identifier(index) if index else False)
 
 
 def sort_by_row_number(label: str, position: str = "rowid") -> Node:

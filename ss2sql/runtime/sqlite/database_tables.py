@@ -334,9 +334,9 @@ class Tables:
         )
         indexed = any(origin != "pk" or not without_rowid for _, origin, _ in listed)
         whole = [(index, origin) for index, origin, partial in listed if not partial]
-        indexes = () if kind == "view" else self._find_indexes(schema, name, order, keys, whole)
+        indexes, kept_by = ((), "") if kind == "view" else self._find_indexes(schema, name, order, keys, whole)
         collated = self._find_collated_columns(schema, name, kind, columns)
-        source = plan.TableSource(0, name, schema, name, (), order, collated, (), indexes, indexed, span=None)  # type: ignore[arg-type]
+        source = plan.TableSource(0, name, schema, name, (), order, collated, (), indexes, indexed, kept_by, span=None)  # type: ignore[arg-type]
         led = {entry[0][0] for entry in indexes} - set(collated)
         rowid = {key for (key, *_), index in indexes if not index and not without_rowid}
         declared = tuple(TableColumn(c, words, c in led, c in rowid) for c, words, *_ in rows)
@@ -349,14 +349,15 @@ class Tables:
 
     def _find_indexes(
         self, schema: str, name: str, order: tuple[str, ...], keys: list[str], listed: list[tuple[str, str]]
-    ) -> tuple[tuple[tuple[str, ...], str], ...]:
-        """What finds the rows with one value of some columns and gives them in the order of the table.
+    ) -> tuple[tuple[tuple[tuple[str, ...], str], ...], str]:
+        """What finds the rows with one value of some columns and gives them in the order of the table; what keeps them.
 
         These are pairs of columns and index, the longest first. An index does so for all of its columns, for its
         entries end with what sorts the table. The index "" stands for the table itself. `listed` are all indexes that
         have every row, with their origins.
         """
         found: dict[tuple[str, ...], str] = {}
+        kept_by = ""
         if keys and order == tuple(keys):
             (kept,) = (index for index, origin in listed if origin == "pk")
             parts = self._list_index_columns(schema, kept)
@@ -365,14 +366,15 @@ class Tables:
                 found[tuple(keys)] = ""
             if parts[0][2] == "BINARY" and all(ascends[1:]):
                 found[(keys[0],)] = ""
-            listed = [row for row in listed if row[1] != "pk"] if all(ascends) else []
+            kept_by = kept if all(ascends) else ""
+            listed = [row for row in listed if row[1] != "pk"] if kept_by else []
         elif len(keys) == 1 and all(origin != "pk" for _, origin in listed):
             found[(keys[0],)] = ""  # a primary key that no index keeps is the rowid
         for index, _ in listed:
             parts = self._list_index_columns(schema, index)
             if all(column is not None and collation == "BINARY" for column, _, collation in parts):
                 found.setdefault(tuple(column for column, _, _ in parts), index)
-        return tuple(sorted(found.items(), key=lambda entry: -len(entry[0])))
+        return tuple(sorted(found.items(), key=lambda entry: -len(entry[0]))), kept_by
 
     def _list_index_columns(self, schema: str, index: str) -> list[tuple[Any, ...]]:
         """The columns of an index, each with whether it descends, and its collation."""
