@@ -6,8 +6,8 @@ from inspect import signature
 
 from writing import sentence, table
 
-from ss2sql.session.session_functions import list_columns
-from ss2sql.vtables.attached_worlds import AttachedTable, AttachedWorld
+from ss2sql.session.session_functions import describe_table_columns
+from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
 from ss2sql.vtables.contract import World
 
 
@@ -24,7 +24,7 @@ def declared(world: World) -> str:
     return "\n".join([*map(_table, attached.tables.values()), _functions(attached)])
 
 
-def _table(attached: AttachedTable) -> str:
+def _table(attached: AttachedWorldTable) -> str:
     schema = attached.schema
     title = f"space.{schema.signature}" if schema.parameters else attached.title
     head = f"### `FROM {title}`\n\n{sentence(attached.table.text)}"
@@ -32,7 +32,7 @@ def _table(attached: AttachedTable) -> str:
         return f"{head} The columns are those of `{schema.walked.name}`.\n"
     rows = (
         (f"`{name}`", kind.replace("|", "or"), unit, used and f"`{used}`", text)
-        for name, kind, unit, used, text in list_columns(attached)
+        for name, kind, unit, used, text in describe_table_columns(attached)
     )
     return f"{head}\n\n{table('column | type | unit | filter | meaning', rows)}\n"
 

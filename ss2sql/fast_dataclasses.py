@@ -27,15 +27,15 @@ def _build_class(cls: type, frozen: bool = False, eq: bool = True, repr: bool = 
     known = fields(made)
     methods: dict[str, Any] = {"__init__": _write_init(made, known, frozen)}
     if eq and "__eq__" not in own:
-        values = _write_values([one.name for one in known if one.compare])
-        methods["__eq__"] = _make_equality(values)
+        values = _write_field_values([one.name for one in known if one.compare])
+        methods["__eq__"] = _make_field_equality(values)
         if "__hash__" not in own:
             methods["__hash__"] = (lambda self: hash(values(self))) if frozen else None
     if repr and "__repr__" not in own:
         methods["__repr__"] = _make_repr([one.name for one in known if one.repr])
     if frozen:
-        methods["__setattr__"] = methods["__delattr__"] = _refuse_assignment
-        methods["__getstate__"], methods["__setstate__"] = _get_state, _set_state  # for pickle would set attributes
+        methods["__setattr__"] = methods["__delattr__"] = _refuse_field_assignment
+        methods["__getstate__"], methods["__setstate__"] = _get_fields, _set_fields  # for pickle would set attributes
     for name, method in methods.items():
         setattr(made, name, method)
     return made
@@ -82,14 +82,14 @@ class _Factory:
 _FACTORY = _Factory()
 
 
-def _write_values(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
+def _write_field_values(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
     """What gives the values of fields."""
     if len(names) > 1:
         return attrgetter(*names)
     return (lambda made: (getattr(made, names[0]),)) if names else (lambda made: ())
 
 
-def _make_equality(values: Callable[[Any], tuple[Any, ...]]) -> Callable[[Any, Any], bool]:
+def _make_field_equality(values: Callable[[Any], tuple[Any, ...]]) -> Callable[[Any, Any], bool]:
     def are_equal(self: Any, other: Any) -> bool:
         return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
 
@@ -103,14 +103,14 @@ def _make_repr(names: list[str]) -> Callable[[Any], str]:
     return format_repr
 
 
-def _refuse_assignment(self: Any, name: str, *value: Any) -> None:
+def _refuse_field_assignment(self: Any, name: str, *value: Any) -> None:
     raise FrozenInstanceError(f"cannot {'assign to' if value else 'delete'} field {name!r}")
 
 
-def _get_state(self: Any) -> list[Any]:
+def _get_fields(self: Any) -> list[Any]:
     return [getattr(self, one.name) for one in fields(self)]
 
 
-def _set_state(self: Any, state: list[Any]) -> None:
+def _set_fields(self: Any, state: list[Any]) -> None:
     for one, value in zip(fields(self), state, strict=True):
         object.__setattr__(self, one.name, value)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 @cache
-def find_file(package: str, name: str) -> Path:
+def find_package_file(package: str, name: str) -> Path:
     """The path of a data file; out of a zip file it is unpacked for the lifetime of this process."""
     unpacked = ExitStack()
     atexit.register(unpacked.close)

@@ -80,9 +80,9 @@ def staff(file: Path) -> Path:
 @pytest.fixture(scope="module")
 def simulation() -> Iterator[Any]:
     """PyBullet, once for a file of tests: each takes 29 MB that never come back."""
-    from ss2sql.vtables.pybullet.client import start_simulation
+    from ss2sql.vtables.pybullet.client import start_bullet
 
-    made = start_simulation()
+    made = start_bullet()
     yield made
     made.disconnect()
 

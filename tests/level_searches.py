@@ -18,7 +18,7 @@ from sessions import code_of
 from test_sheets import Row, load, shown, wanted
 
 import ss2sql
-from ss2sql.bench.results import compile_timed_statement
+from ss2sql.bench.results import compile_raced_statement
 from ss2sql.errors import Source
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
@@ -105,7 +105,7 @@ def outcome(case: ProgramCase, statement: ast.Query, engine: Any, timeout: float
     """The value, or the error; None where the engine refuses the search, or takes too long."""
     with session_for(case, session=own) as ss, contextlib.redirect_stdout(io.StringIO()):
         try:
-            return exact(compile_timed_statement(ss, statement, engine).run(timeout=timeout).value)
+            return exact(compile_raced_statement(ss, statement, engine).run(timeout=timeout).value)
         except (ss2sql.UnsupportedError, ss2sql.Timeout):
             return None
         except ss2sql.Error as error:

@@ -33,7 +33,7 @@ from ss2sql.results.plots import KINDS
 from ss2sql.runtime.representations import ALL
 from ss2sql.session.engines import ENGINES
 from ss2sql.session.session import OFF_SWITCHES
-from ss2sql.vtables import list_known_types
+from ss2sql.vtables import list_adapter_types
 
 FACTORY = """
 import os
@@ -240,7 +240,7 @@ def listed(*arguments: str) -> list[dict[str, Any]]:
 def test_lists_are_complete_and_show_one() -> None:
     strategies = {order.keyword for order in ORDERS.values()} | {guard.keyword for guard in REPEAT_RULES.values()}
     known = {"functions": WRITTEN, "representations": ALL, "strategies": strategies - {""} | {"(none)"},
-             "worlds": list_known_types(), "errors": CODES, "rewrites": OFF_SWITCHES}  # fmt: skip
+             "worlds": list_adapter_types(), "errors": CODES, "rewrites": OFF_SWITCHES}  # fmt: skip
     assert set(known) == set(TOPICS) == {entry["name"] for entry in listed()}
     for topic, names in known.items():
         assert {entry["name"] for entry in listed(topic)} == set(names)

@@ -73,9 +73,9 @@ if __name__ == "__main__":
     assert ss.eval("SELECT this + 1 FROM [1, 2] AS list;") == [2, 3]
     import sys
     assert "lark" not in sys.modules
-    from ss2sql.package_data import find_file
+    from ss2sql.package_data import find_package_file
     for package, name in (("ss2sql.scenes", "youbot.urdf"), ("ss2sql.runtime.parallel", "worker_process.py")):
-        assert find_file(package, name).is_file()
+        assert find_package_file(package, name).is_file()
     print("imported")
 """
 

@@ -14,9 +14,9 @@ from sessions import both, code_of, write
 
 import ss2sql
 from ss2sql.errors import Source
-from ss2sql.frontend.syntax.ast import collect_column_names
+from ss2sql.frontend.syntax.ast import collect_syntax_columns
 from ss2sql.frontend.syntax.parser import parse
-from ss2sql.language.kinds import Kind, Type, is_covering, type_of
+from ss2sql.language.kinds import Kind, Type, is_supertype, type_of
 from ss2sql.runtime.sqlite.column_types import STORED
 
 ENDLESS = "WITH RECURSIVE r(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM r) SELECT n FROM r"
@@ -176,7 +176,7 @@ def check_types(ss: ss2sql.Session, source: str) -> None:
             infinite = isinstance(value, float) and abs(value) == float("inf")
             if infinite and (source == "v" or known.may_be(Kind.STR)):
                 continue  # only in columns of numbers alone they are looked for
-            assert is_covering(known, Type(Kind.FLOAT | Kind.OBJECT) if infinite else type_of(value)), (
+            assert is_supertype(known, Type(Kind.FLOAT | Kind.OBJECT) if infinite else type_of(value)), (
                 name,
                 known,
                 value,
@@ -209,7 +209,7 @@ def test_a_row_that_breaks_what_is_known_is_found(ss: ss2sql.Session) -> None:
      ("SELECT count(*) FROM t GROUP BY 1;", {"t"})],
 )  # fmt: skip
 def test_names_that_may_be_columns(script: str, read: set[str] | None) -> None:
-    assert collect_column_names(parse(Source(script))) == read
+    assert collect_syntax_columns(parse(Source(script))) == read
 
 
 @both

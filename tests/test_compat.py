@@ -11,7 +11,7 @@ from sqlglot.generator import Generator
 import ss2sql
 import ss2sql.compat
 from ss2sql.cli.output import Count
-from ss2sql.lowering.sql_builder import SQLITE, _build_generator_class
+from ss2sql.lowering.sql_builder import SQLITE, _build_dialect_class
 
 # As printed, but for the first line, which was: import SelectScript, SelectScript.Interpreter
 STUB = '''
@@ -98,7 +98,7 @@ class Sqlglot30(SQLite.Generator):
 
 
 def test_sql_is_the_same_whichever_sqlglot_prints_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    _build_generator_class.cache_clear()
+    _build_dialect_class.cache_clear()
     monkeypatch.setattr(SQLite, "generator_class", Sqlglot30)
     name = exp.to_identifier
     one = exp.select(exp.NullSafeEQ(this=exp.column("a"), expression=exp.NullSafeNEQ(this=exp.null(), expression="b")))
@@ -108,7 +108,7 @@ def test_sql_is_the_same_whichever_sqlglot_prints_it(monkeypatch: pytest.MonkeyP
     try:
         assert " ".join(SQLITE.print_tree(tree).split()) == "WITH t(a) AS ( SELECT 1 ) SELECT a IS NULL IS NOT b FROM t"
     finally:
-        _build_generator_class.cache_clear()
+        _build_dialect_class.cache_clear()
 
 
 def test_the_command_line_needs_no_new_click() -> None:

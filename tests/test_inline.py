@@ -14,7 +14,7 @@ from purity_samples import Load, load
 from sessions import both
 
 import ss2sql
-from ss2sql.frontend.inlining.function_bodies import translate_function
+from ss2sql.frontend.inlining.function_bodies import translate_function_body
 from ss2sql.frontend.inlining.substitution import LIMITS, FunctionBody
 
 __all__ = ["load"]  # the fixture
@@ -173,7 +173,7 @@ def test_what_is_inlined_gives_what_the_function_gives(
     ],
 )  # fmt: skip
 def test_bodies_that_the_language_does_not_have(function: Callable[..., Any], reason: str) -> None:
-    found = translate_function(function)
+    found = translate_function_body(function)
     assert isinstance(found, str)
     assert reason in found
 
@@ -184,16 +184,16 @@ def test_bodies_that_the_language_does_not_have(function: Callable[..., Any], re
     ids=["many operators", "many conditions"],
 )
 def test_bodies_that_are_too_large(load: Load, text: str) -> None:
-    assert translate_function(load(f"def f(x):\n    {text}\n").f) == "is too long"
+    assert translate_function_body(load(f"def f(x):\n    {text}\n").f) == "is too long"
 
 
 def test_a_body_is_followed_as_deep_as_python_goes(load: Load) -> None:
     function = load("def f(x): return " + "abs(" * 150 + "x" + ")" * 150).f
-    assert isinstance(translate_function(function), FunctionBody)
+    assert isinstance(translate_function_body(function), FunctionBody)
     limit = sys.getrecursionlimit()
     sys.setrecursionlimit(len(inspect.stack()) + 200)
     try:
-        found = translate_function(function)
+        found = translate_function_body(function)
     finally:
         sys.setrecursionlimit(limit)
     assert found == "is nested too deeply to be followed"

@@ -247,7 +247,9 @@ def test_reading_a_large_table_to_compile_can_be_interrupted(file: Path, monkeyp
     with ss2sql.connect(file) as ss:
         read = Tables._find_indexes
         monkeypatch.setattr(Tables, "_find_indexes", lambda *arguments: ss.interrupt() or read(*arguments))
-        monkeypatch.setattr(column_types, "_find_bounds", None)  # kinds of values come first, in 60,000 steps of SQLite
+        monkeypatch.setattr(
+            column_types, "_find_sqlite_bounds", None
+        )  # kinds of values come first, in 60,000 steps of SQLite
         assert cancelled(ss, "SELECT n FROM big;").partial is None
         monkeypatch.undo()
         assert len(ss.run("SELECT n FROM big;")) == 20_000

@@ -24,7 +24,7 @@ from ss2sql.language.kinds import (
     Kind,
     Type,
     can_be_equal,
-    is_covering,
+    is_supertype,
     make_list_type,
     type_of,
     unite,
@@ -107,15 +107,15 @@ def test_very_deep_lists_have_a_type() -> None:
     for _ in range(500):
         value = [value, {"a": value}] if _ < 3 else [value]
     assert type_of(value).kinds is Kind.LIST
-    assert is_covering(unbounded(type_of(value)), type_of([]))
+    assert is_supertype(unbounded(type_of(value)), type_of([]))
 
 
 @given(VALUES)
 def test_a_type_covers_itself_and_anything_covers_it(value: Any) -> None:
     kind = type_of(value)
-    assert is_covering(kind, kind)
-    assert is_covering(ANY, kind)
-    assert is_covering(kind, NOTHING)
+    assert is_supertype(kind, kind)
+    assert is_supertype(ANY, kind)
+    assert is_supertype(kind, NOTHING)
     assert unite([kind, kind]) == kind
     assert unite([NOTHING, kind]) == unite([kind, NOTHING]) == kind
 
@@ -124,10 +124,10 @@ def test_a_type_covers_itself_and_anything_covers_it(value: Any) -> None:
 def test_a_union_covers_its_members(a: Any, b: Any, c: Any) -> None:
     first, second, third = map(type_of, (a, b, c))
     both = unite([first, second])
-    assert is_covering(both, first)
-    assert is_covering(both, second)
-    assert is_covering(unite([both, third]), both)
-    assert is_covering(unite([third, unite([second, first])]), both)
+    assert is_supertype(both, first)
+    assert is_supertype(both, second)
+    assert is_supertype(unite([both, third]), both)
+    assert is_supertype(unite([third, unite([second, first])]), both)
 
 
 @given(st.lists(ALIKE, max_size=4))
@@ -136,17 +136,17 @@ def test_the_type_of_a_list_covers_its_elements(values: list[Any]) -> None:
     assert kind.item is not None
     longer = Type(kind.kinds, item=kind.item, columns=kind.columns)  # of a list of any length
     for value in values:
-        assert is_covering(kind.item, type_of(value))
-        assert is_covering(longer, type_of([value])) or kind.columns != type_of([value]).columns
-    assert is_covering(longer, EMPTY)
-    assert is_covering(longer, kind)
+        assert is_supertype(kind.item, type_of(value))
+        assert is_supertype(longer, type_of([value])) or kind.columns != type_of([value]).columns
+    assert is_supertype(longer, EMPTY)
+    assert is_supertype(longer, kind)
     if kind.size is not None:
         assert kind.size == len(values)
-        assert not is_covering(kind, longer)
+        assert not is_supertype(kind, longer)
     if kind.positions is not None:
-        assert not is_covering(kind, longer)
-        assert not is_covering(kind, EMPTY)
-        assert all(is_covering(*pair) for pair in zip(kind.positions, map(type_of, values), strict=True))
+        assert not is_supertype(kind, longer)
+        assert not is_supertype(kind, EMPTY)
+        assert all(is_supertype(*pair) for pair in zip(kind.positions, map(type_of, values), strict=True))
         assert unite(kind.positions) == kind.item
         assert kind == make_list_type(kind.positions)
 
@@ -161,14 +161,14 @@ def test_types_that_do_not_cover() -> None:
         (type_of([{"a": 1}]), type_of([1])),
     ]  # fmt: skip
     for wide, narrow in pairs:
-        assert not is_covering(wide, narrow), (wide, narrow)
+        assert not is_supertype(wide, narrow), (wide, narrow)
 
 
 def test_unions_forget_what_one_side_does_not_know() -> None:
     both = unite([type_of([{"a": 1}]), type_of([{"b": "x"}])])  # a missing column may be None
     assert both.columns == (("a", number(1, 1, Kind.INT | Kind.NONE)), ("b", Type(Kind.STR | Kind.NONE)))
     assert unite([type_of([{"a": 1}]), EMPTY]) == type_of([{"a": 1}])
-    assert is_covering(type_of([{"a": 1}]), EMPTY)
+    assert is_supertype(type_of([{"a": 1}]), EMPTY)
     assert unite([number(1, 2), INT]) == INT
     assert unite([number(1, 2), STR]) == Type(Kind.INT | Kind.STR, 1, 2)
     assert unite([number(1, 2), Type(Kind.FLOAT, None, 5)]) == Type(Kind.INT | Kind.FLOAT, None, 5)

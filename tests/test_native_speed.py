@@ -161,7 +161,7 @@ def forgotten(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     """How many calls of each function are made without a memory."""
     counts: Counter[str] = Counter()
 
-    @wraps(single_calls.make_call_variants)
+    @wraps(single_calls.make_single_call_variants)
     def ways_to_call(run: Run, function: Any, *given: Any) -> Any:
         once, remembered, count = made(run, function, *given)
 
@@ -171,8 +171,8 @@ def forgotten(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
         return noted if once is not remembered else once, remembered, count
 
-    made = single_calls.make_call_variants
-    monkeypatch.setattr(single_calls, "make_call_variants", ways_to_call)
+    made = single_calls.make_single_call_variants
+    monkeypatch.setattr(single_calls, "make_single_call_variants", ways_to_call)
     return counts
 
 

@@ -23,7 +23,7 @@ from random_values import Thing
 
 import ss2sql
 from ss2sql.errors import ExecutionError
-from ss2sql.language.kinds import ANY, Kind, Type, is_covering, type_of, unite
+from ss2sql.language.kinds import ANY, Kind, Type, is_supertype, type_of, unite
 from ss2sql.language.operations import GROUPS
 from ss2sql.language.operations import WRITTEN as OPERATIONS
 
@@ -126,7 +126,7 @@ def judge(name: str, arguments: Any, types: list[Type]) -> None:
         assert row.can_fail(types), (name, arguments, types, found)
         return
     value = row.value(*arguments)
-    assert is_covering(row.result(types), type_of(value)), (name, arguments, value, row.result(types))
+    assert is_supertype(row.result(types), type_of(value)), (name, arguments, value, row.result(types))
     assert row.grows or size(value) <= sum(map(size, arguments)) + 8, (name, arguments, value)
 
 
@@ -151,7 +151,7 @@ def test_of_anything_the_type_covers_every_other(name: str) -> None:
     for count in arities(name):
         widest = OPERATIONS[name].result([ANY] * count)
         for values in COLUMNS.values():
-            assert is_covering(widest, OPERATIONS[name].result([unite(map(type_of, values))] * count)), (
+            assert is_supertype(widest, OPERATIONS[name].result([unite(map(type_of, values))] * count)), (
                 name,
                 values,
             )
@@ -299,7 +299,7 @@ def test_engines_aggregate_alike(name: str, column: str) -> None:
             else:
                 for group in groups.values():
                     one = type_of(row.aggregate_group(group))
-                    assert is_covering(row.type_of_group(kind), one), (name, group, kind)
+                    assert is_supertype(row.type_of_group(kind), one), (name, group, kind)
             session.attach("r", [[key, value] for key, group in groups.items() for value in group])
             for engine in ENGINES:
                 found = given_by(session, f"SELECT {call} FROM r GROUP BY this[0] AS list;", engine)
@@ -349,4 +349,4 @@ def test_duckdb_aggregates_alike(name: str, column: str) -> None:
 def test_what_is_shown_of_a_row_is_there() -> None:
     assert all(row.about and row.call.startswith((name, "a", "neg")) for name, row in OPERATIONS.items())
     assert all(row.example or row.volatility != "immutable" for row in OPERATIONS.values())
-    assert all(is_covering(row.type_of_group(Type(Kind.NONE)), type_of(row.nothing)) for row in GROUPS.values())
+    assert all(is_supertype(row.type_of_group(Type(Kind.NONE)), type_of(row.nothing)) for row in GROUPS.values())

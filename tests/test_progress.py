@@ -16,7 +16,7 @@ from ss2sql.runtime.run.run_state import GraphLevel, ResultSink, Run
 from ss2sql.runtime.run.search_paths import SearchPaths
 from ss2sql.runtime.search.search_run import RowGraph
 from ss2sql.session import execution, progress
-from ss2sql.session.progress import MAX_DEPTH_LOOKS, Progress, measure_depth
+from ss2sql.session.progress import MAX_DEPTH_LOOKS, Progress, measure_progress_depth
 
 SEARCH = "SELECT n FROM [1] WHERE n == 4 START WITH n = 1 CONNECT BY MEMORIZE 5 n = n + 1;"
 
@@ -159,7 +159,7 @@ def test_how_deep_a_search_of_the_database_is(steps: list[tuple[int, int]], dept
     """By the last result, or by the steps that are kept."""
     paths = SearchPaths(None, tuple, [(number, parent, "row") for number, parent in steps])
     assert (paths.measure_depth(100), paths.measure_depth(0)) == ((depth, True), (0, not steps))
-    assert measure_depth([0, *range(MAX_DEPTH_LOOKS + 4)]) == (MAX_DEPTH_LOOKS, False)
+    assert measure_progress_depth([0, *range(MAX_DEPTH_LOOKS + 4)]) == (MAX_DEPTH_LOOKS, False)
 
 
 @pytest.fixture

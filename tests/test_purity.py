@@ -210,8 +210,8 @@ def logged_length(value: list[object]) -> int:
 def test_what_was_replaced_before_it_was_looked_at_is_not_known() -> None:
     module = ModuleType("other")
     vars(module)["length"] = logged_length
-    name_bindings._declare(module, "length")
-    assert name_bindings.find_known(logged_length) is None
+    name_bindings._declare_pure(module, "length")
+    assert name_bindings.find_known_pure(logged_length) is None
 
 
 def test_what_is_replaced_is_noticed(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -18,7 +18,7 @@ from bullet_rooms import ENGINES, Counting, ball, box, furnish, jointed, live, m
 
 from ss2sql.scenes import Sensor, chaos
 from ss2sql.vtables.pybullet import PyBulletWorld
-from ss2sql.vtables.pybullet.client import start_simulation
+from ss2sql.vtables.pybullet.client import start_bullet
 
 
 @pytest.fixture
@@ -175,12 +175,12 @@ def test_only_what_is_read_is_asked_for(client: Any) -> None:
 
 
 def test_a_disconnected_client_says_so_even_if_its_number_lives_on() -> None:
-    gone = start_simulation()
+    gone = start_bullet()
     session = ss2sql.connect()
     session.attach("space", gone)
     number = gone._client
     gone.disconnect()
-    follower = start_simulation()
+    follower = start_bullet()
     try:
         assert follower._client == number
         ball(follower)

@@ -20,7 +20,7 @@ from strategy_laws import broken_law
 import ss2sql
 from ss2sql.bench import BenchRules, StatementRuns, make_runs, parse_strategy
 from ss2sql.bench import compare as deciding
-from ss2sql.bench.compare import Answer, Verdict, compare_answers, compare_group_rows, find_reason_runs_may_differ
+from ss2sql.bench.compare import Answer, Verdict, compare_answer_groups, compare_answers, find_reason_answers_differ
 from ss2sql.bench.strategies import list_strategies
 from ss2sql.errors import Source
 from ss2sql.frontend.syntax import ast
@@ -120,9 +120,9 @@ def test_what_clauses_read_and_select_does_not_name(script: str, missing: set[st
 
 
 def test_whims() -> None:
-    assert find_reason_runs_may_differ(query("SELECT this FROM [1] WHERE roll() < 1")) == "roll is volatile"
-    assert find_reason_runs_may_differ(query("SELECT this FROM [1] WHERE (n = this) > 0")) == "it assigns n"
-    assert find_reason_runs_may_differ(query("SELECT this FROM [1]")) is None
+    assert find_reason_answers_differ(query("SELECT this FROM [1] WHERE roll() < 1")) == "roll is volatile"
+    assert find_reason_answers_differ(query("SELECT this FROM [1] WHERE (n = this) > 0")) == "it assigns n"
+    assert find_reason_answers_differ(query("SELECT this FROM [1]")) is None
 
 
 def answer(options: str, *paths: str, cut: bool = False) -> Answer:
@@ -193,10 +193,10 @@ def test_forbidden_differences(one: Answer, other: Answer, unnamed: tuple[str, .
 
 
 def test_rows_of_groups() -> None:
-    assert compare_group_rows([("a", 1)], [("a", 1)]).words == "same"
-    assert compare_group_rows([("a", 1), ("b", 2)], [("b", 2), ("a", 1)]).words == "same, other order"
-    assert compare_group_rows([("a", 1)], [("a", 2)]).forbidden
-    assert not compare_group_rows([("a", 0.1)], [("a", 0.2)]).forbidden
+    assert compare_answer_groups([("a", 1)], [("a", 1)]).words == "same"
+    assert compare_answer_groups([("a", 1), ("b", 2)], [("b", 2), ("a", 1)]).words == "same, other order"
+    assert compare_answer_groups([("a", 1)], [("a", 2)]).forbidden
+    assert not compare_answer_groups([("a", 0.1)], [("a", 0.2)]).forbidden
 
 
 def raced(ss: ss2sql.Session, script: str, rules: BenchRules = QUICK) -> list[StatementRuns]:

@@ -21,7 +21,7 @@ from ss2sql.cli import main
 from ss2sql.shell import shell as pipes
 from ss2sql.shell.dot_commands import COMMANDS, SETTINGS, Settings
 from ss2sql.shell.shell import Shell, run_piped
-from ss2sql.shell.statement_splitter import is_input_ready, split_statements
+from ss2sql.shell.statement_splitter import is_typed_input_ready, split_statements
 
 ENDLESS = command_lines.ENDLESS + ";"
 FUNCTIONS = '''
@@ -82,7 +82,7 @@ def test_typed_text_is_cut_into_statements_and_commands(typed: str, expected: li
      ("x = 'a\\", False), ("x = 'a\\\nb';", True), ("IF(a; b", False), ("1;\n.tables", True), ("1\n\n", False)],
 )  # fmt: skip
 def test_when_enter_runs_what_was_typed(typed: str, ready: bool) -> None:
-    assert is_input_ready(typed) is ready
+    assert is_typed_input_ready(typed) is ready
 
 
 def test_results_are_tables_and_assignments_a_line_beside_them(shell: Shell, capsys) -> None:

@@ -11,7 +11,7 @@ from sessions import write
 
 import ss2sql
 from ss2sql.editor.keywords import keywords
-from ss2sql.shell.completion import Suggestion, find_signature, suggest_completions
+from ss2sql.shell.completion import Suggestion, find_signature_at_cursor, suggest_completions
 from ss2sql.shell.dot_commands import COMMANDS
 from ss2sql.shell.symbols import SymbolTable
 
@@ -140,7 +140,7 @@ def test_any_cut_of_a_script_can_be_completed(known: SymbolTable) -> None:
     for cursor in range(len(script) + 1):
         suggest_completions(script, cursor, known)
         suggest_completions(script[:cursor], cursor, known)
-        find_signature(script[:cursor], cursor, known)
+        find_signature_at_cursor(script[:cursor], cursor, known)
 
 
 @pytest.mark.parametrize(
@@ -153,5 +153,5 @@ def test_any_cut_of_a_script_can_be_completed(known: SymbolTable) -> None:
 )  # fmt: skip
 def test_the_call_around_the_cursor(marked: str, expected: tuple[str, int] | None, known: SymbolTable) -> None:
     cursor = marked.index("|")
-    around = find_signature(marked.replace("|", "", 1), cursor, known)
+    around = find_signature_at_cursor(marked.replace("|", "", 1), cursor, known)
     assert (around and (around[0].call, around[1])) == expected

@@ -28,7 +28,7 @@ from prompt_toolkit.history import FileHistory
 from prompt_toolkit.input import PipeInput, create_pipe_input
 from prompt_toolkit.output import DummyOutput
 
-from ss2sql.shell.terminal import ShellLexer, Terminal, _SelectiveHistory
+from ss2sql.shell.terminal import ShellLexer, Terminal, _ShellHistory
 
 ENTER, TAB, CTRL_C, CTRL_D, UP, ESCAPE = "\r", "\t", "\x03", "\x04", "\x1b[A", "\x1b"
 
@@ -206,7 +206,7 @@ def test_the_history_is_for_its_owner_alone(folder: Path, monkeypatch) -> None:
         os.umask(before)
     assert path == folder / "state" / "ss2sql" / "history"
     assert (stat.S_IMODE(path.stat().st_mode), stat.S_IMODE(path.parent.stat().st_mode)) == (0o600, 0o700)
-    assert list(_SelectiveHistory(str(path.parent)).load_history_strings()) == []  # nothing where it cannot be read
+    assert list(_ShellHistory(str(path.parent)).load_history_strings()) == []  # nothing where it cannot be read
     path.chmod(0o644)
     assert stat.S_IMODE(open_history_file().stat().st_mode) == 0o600
     path.unlink()  # it follows no link

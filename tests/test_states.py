@@ -13,7 +13,7 @@ from programs.drawn import amount, drawn
 
 import ss2sql
 from ss2sql.frontend.resolve.state_types import STEPS
-from ss2sql.language.kinds import Kind, Type, is_covering, type_of
+from ss2sql.language.kinds import Kind, Type, is_supertype, type_of
 from ss2sql.language.plan_traversal import format_type
 
 MOVES = [[-1, 0, 1.5], [1, 0, 1], [2, -3, 0.5]]
@@ -104,4 +104,4 @@ def test_every_state_keeps_to_its_type(data: st.DataObject) -> None:
         return
     for row in (row for path in paths for row in path):
         for name, value in row.items():
-            assert is_covering(types[name], type_of(value)), (script, name, value, shown(types[name]))
+            assert is_supertype(types[name], type_of(value)), (script, name, value, shown(types[name]))

@@ -32,7 +32,7 @@ from ss2sql.language.values import (
     format_value,
     get_truth,
     make_hashable,
-    sort_rows,
+    order_rows,
 )
 from ss2sql.runtime.sqlite.interning import Interning
 
@@ -176,7 +176,7 @@ def test_other_kinds_have_no_order(left: Any, right: Any) -> None:
 def test_what_is_without_order_in_a_list_is_named() -> None:
     error = failure(lt, [1, ["a"]], [1.0, [2]])
     assert error.message == "cannot compare [1, ['a']] < [1.0, [2]], because of 'a' and 2"
-    assert failure(sort_rows, "ab", [([1],), (["a"],)], (False,)).message.startswith("cannot order ")
+    assert failure(order_rows, "ab", [([1],), (["a"],)], (False,)).message.startswith("cannot order ")
     assert "None" in failure(ge, None, 1).hints[0]
 
 

@@ -17,7 +17,7 @@ from bullet_rooms import ENGINES, ball
 from sessions import wrong_scripts
 
 from ss2sql import scenes
-from ss2sql.vtables.pybullet.client import start_simulation
+from ss2sql.vtables.pybullet.client import start_bullet
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def ss(ss: ss2sql.Session, client: Any) -> ss2sql.Session:
 @pytest.fixture(scope="module")
 def cut_off() -> Iterator[ss2sql.Session]:
     """A session whose `space` is disconnected, with a body of it in `kept`."""
-    gone = start_simulation()
+    gone = start_bullet()
     ball(gone)
     with ss2sql.connect() as session:
         session.attach("space", gone)

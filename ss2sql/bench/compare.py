@@ -9,14 +9,14 @@ from functools import cached_property
 from typing import Any, TypeAlias
 
 from ss2sql.bench.results import BenchResult
-from ss2sql.bench.strategies import Strategy
+from ss2sql.bench.strategies import RacedStrategy
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row
 from ss2sql.language.step_identity import describe_unnamed
 from ss2sql.language.values import make_hashable
-from ss2sql.results import count_words, get_paths
+from ss2sql.results import count_words, get_result_paths
 from ss2sql.results.result import Result
 
 Path: TypeAlias = tuple[tuple[Hashable, ...], ...]
@@ -39,7 +39,7 @@ REORDERED = Verdict("same, other order", same=True)
 class Answer:
     """The paths that a strategy has found. `cut`: there may be more than these."""
 
-    strategy: Strategy
+    strategy: RacedStrategy
     rows: Sequence[Sequence[Sequence[Any]]]
     cut: bool = False
 
@@ -81,7 +81,7 @@ def compare_answers(own: Answer, other: Answer, unnamed: Sequence[str]) -> Verdi
     return Verdict(_describe_difference(own, other))
 
 
-def compare_group_rows(own: Sequence[Sequence[Any]], other: Sequence[Sequence[Any]]) -> Verdict:
+def compare_answer_groups(own: Sequence[Sequence[Any]], other: Sequence[Sequence[Any]]) -> Verdict:
     """The verdict on rows of groups from another order of the same search, on which sums of floats may depend."""
     one, two = ([tuple(map(make_hashable, row)) for row in rows] for rows in (own, other))
     if one == two:
@@ -105,7 +105,7 @@ def _describe_difference(own: Answer, other: Answer) -> str:
     return f"{there:,} of the {here:,}, {why.get(other.strategy.repeats, 'none of probability 0')}"
 
 
-def find_reason_runs_may_differ(query: plan.Query) -> str | None:
+def find_reason_answers_differ(query: plan.Query) -> str | None:
     for node in walk(query):
         match node:
             case plan.Call(function=function) if function.volatility == "volatile":
@@ -124,7 +124,7 @@ AS_WRITTEN, REFERENCE = "as written", "the measure of the others"
 class FinishedRun:
     """The outcome of a strategy on an engine: the result, or its error as text. `query` is its plan."""
 
-    strategy: Strategy
+    strategy: RacedStrategy
     cell: BenchResult
     query: plan.Query | None
     result: Result | None
@@ -133,7 +133,7 @@ class FinishedRun:
     @property
     def answer(self) -> Answer | None:
         """The paths of a search; None of anything else."""
-        paths = None if self.result is None else get_paths(self.result)
+        paths = None if self.result is None else get_result_paths(self.result)
         if self.result is None or paths is None or self.query is None or self.query.search is None:
             return None
         search = self.query.search
@@ -160,7 +160,7 @@ class Comparer:
         searched = query is not None and query.search is not None
         return cls(
             own,
-            find_reason_runs_may_differ(query) if query else None,
+            find_reason_answers_differ(query) if query else None,
             describe_unnamed(query) if query and searched else (),
         )
 
@@ -194,7 +194,7 @@ class Comparer:
             self.reference, self._answer = finished, answer
             return Verdict(AS_WRITTEN if finished.cell.strategy == self.own else REFERENCE, same=True)
         if answer is None or self._answer is None:
-            return compare_group_rows(list(self.reference.result), list(finished.result))
+            return compare_answer_groups(list(self.reference.result), list(finished.result))
         return compare_answers(self._answer, answer, self.unnamed)
 
 

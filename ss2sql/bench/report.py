@@ -22,13 +22,13 @@ if TYPE_CHECKING:
 MOST_TEXT = 90  # characters of a statement above its table
 
 
-def format_title(runs: StatementRuns) -> str:
+def format_race_title(runs: StatementRuns) -> str:
     """The place and the beginning of the statement."""
     text = runs.text if len(runs.text) <= MOST_TEXT else runs.text[: MOST_TEXT - 3] + "..."
     return f"{runs.tree.span.place}  {text}"
 
 
-def compute_ratios(results: Sequence[BenchResult]) -> list[float | None]:
+def compute_timing_ratios(results: Sequence[BenchResult]) -> list[float | None]:
     fastest = min((result.best for result in results if result.best is not None), default=None)
     return [result.best / fastest if result.best is not None and fastest else None for result in results]
 
@@ -47,17 +47,17 @@ def print_runs(runs: StatementRuns, settings: BenchRules, console: Console) -> N
         table.add_column(head, justify="left" if number < 2 else "right", no_wrap=number > 0)
     table.add_column("answer", min_width=12)
     before = None
-    for number, (result, ratio) in enumerate(zip(runs.cells, compute_ratios(runs.cells), strict=True)):
+    for number, (result, ratio) in enumerate(zip(runs.cells, compute_timing_ratios(runs.cells), strict=True)):
         name = "" if result.strategy == before else result.strategy
         style = "bold red" if result.forbidden else "dim" if result.missing else ""
         answer = _format_answer(result, None if name else runs.cells[number - 1])
         table.add_row(
-            *map(Text, (name, result.engine, *_format_figures(result, ratio, settings.memory), answer)), style=style
+            *map(Text, (name, result.engine, *_format_timings(result, ratio, settings.memory), answer)), style=style
         )
         before = result.strategy
-    console.print(format_title(runs), markup=False, highlight=False, no_wrap=True, overflow="ellipsis")
+    console.print(format_race_title(runs), markup=False, highlight=False, no_wrap=True, overflow="ellipsis")
     console.print(table)
-    for line in (*_describe_fastest(runs), *_list_reasons(runs.cells), *runs.notes):
+    for line in (*_describe_fastest(runs), *_list_skipped_runs(runs.cells), *runs.notes):
         console.print(line, markup=False, highlight=False)
 
 
@@ -78,7 +78,7 @@ def _describe_fastest(runs: StatementRuns) -> list[str]:
     return [f"Fastest with the same answer: {winner.name}{gain}."]
 
 
-def _list_reasons(results: Sequence[BenchResult]) -> list[str]:
+def _list_skipped_runs(results: Sequence[BenchResult]) -> list[str]:
     places: dict[str, list[str]] = {}
     for result in results:
         if result.missing is not None:
@@ -86,7 +86,7 @@ def _list_reasons(results: Sequence[BenchResult]) -> list[str]:
     return [f"Not run: {', '.join(found)}: {reason}." for reason, found in places.items()]
 
 
-def _format_figures(result: BenchResult, ratio: float | None, memory: bool) -> list[str]:
+def _format_timings(result: BenchResult, ratio: float | None, memory: bool) -> list[str]:
     if result.best is None or result.middle is None or ratio is None:
         return [""] * (7 if memory else 6)
     rows = result.rows if result.paths is None else result.paths
@@ -113,7 +113,7 @@ def format_milliseconds(seconds: float) -> str:
     return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}" if value >= 0.01 else f"{value:.4f}"
 
 
-def collect_measurements(all_runs: Sequence[StatementRuns], settings: BenchRules) -> dict[str, Any]:
+def collect_race_report(all_runs: Sequence[StatementRuns], settings: BenchRules) -> dict[str, Any]:
     from ss2sql import __version__
 
     machine = {
@@ -128,7 +128,7 @@ def collect_measurements(all_runs: Sequence[StatementRuns], settings: BenchRules
             "notes": runs.notes,
             "cells": [
                 result.as_dict() | {"ratio": ratio}
-                for result, ratio in zip(runs.cells, compute_ratios(runs.cells), strict=True)
+                for result, ratio in zip(runs.cells, compute_timing_ratios(runs.cells), strict=True)
             ],
         }
         for runs in all_runs
@@ -152,13 +152,13 @@ def draw_chart(all_runs: Sequence[StatementRuns], path: Path) -> None:
         len(raced), 1, figsize=(10, sum(heights)), height_ratios=heights, layout="constrained", squeeze=False
     )
     for runs, (field,) in zip(raced, fields, strict=True):
-        _draw_statement_bars(runs, field)
-    _draw_legend([result for runs in raced for result in runs.cells], figure)
+        _draw_timing_bars(runs, field)
+    _draw_timing_legend([result for runs in raced for result in runs.cells], figure)
     figure.savefig(path, dpi=150)
     pyplot.close(figure)
 
 
-def _draw_statement_bars(runs: StatementRuns, field: Any) -> None:
+def _draw_timing_bars(runs: StatementRuns, field: Any) -> None:
     places, marks = _place_bars(runs.cells)
     times = [result.best for result in runs.cells if result.best is not None]
     wide = bool(times) and max(times) > WIDE * min(times)
@@ -184,7 +184,7 @@ def _draw_statement_bars(runs: StatementRuns, field: Any) -> None:
     field.set_ylim(max(places) + 0.8, min(places) - 0.8)
     field.set_xlim(left=left or None, right=max(times, default=1) * 1000 * (30 if wide else 1.6))
     field.set_xlabel("milliseconds of the best run" + (", logarithmic" if wide else ""))
-    field.set_title(shorten_plot_label(format_title(runs), 90), fontsize=10, loc="left")
+    field.set_title(shorten_plot_label(format_race_title(runs), 90), fontsize=10, loc="left")
     hide_spines(field)
     field.tick_params(axis="y", length=0)
 
@@ -201,7 +201,7 @@ def _place_bars(results: Sequence[BenchResult]) -> tuple[list[float], list[tuple
     return places, [(sum(found) / len(found), shorten_plot_label(name, 34)) for name, found in of.items()]
 
 
-def _draw_legend(results: Sequence[BenchResult], figure: Any) -> None:
+def _draw_timing_legend(results: Sequence[BenchResult], figure: Any) -> None:
     from matplotlib.patches import Patch
 
     engines = dict.fromkeys(result.engine for result in results if result.best is not None)

@@ -74,7 +74,7 @@ class BenchResult:
 
 
 # --- times one compiled statement
-def compile_timed_statement(session: Session, statement: ast.Expr, engine: Engine) -> Query:
+def compile_raced_statement(session: Session, statement: ast.Expr, engine: Engine) -> Query:
     """One statement, compiled for an engine. Raises the errors of compilation, such as UnsupportedError."""
     tree = ast.Script((statement,), span=statement.span)
     program = retry_with_stack(lambda: resolve(tree, session.host.make_catalog()))
@@ -102,7 +102,7 @@ def time_statement(session: Session, query: Query, settings: BenchRules, cell: B
             spent += seconds
     if settings.memory:
         variables.restore_values()
-        cell.memory = _measure_memory(query, settings)
+        cell.memory = _measure_raced_memory(query, settings)
     stats = first.stats
     cell.steps, cell.calls = stats.generated, dict(stats.calls)
     return first
@@ -117,7 +117,7 @@ def _run_once(query: Query, settings: BenchRules) -> tuple[Result, float]:
         return result, time.perf_counter() - started
 
 
-def _measure_memory(query: Query, settings: BenchRules) -> int:
+def _measure_raced_memory(query: Query, settings: BenchRules) -> int:
     """The peak memory of a run in bytes, the largest of Python's and SQLite's each."""
     apsw.memory_high_water(True)
     before = apsw.memory_used()

@@ -8,8 +8,8 @@ from dataclasses import field, replace
 from typing import Any
 
 from ss2sql.bench.compare import Comparer, FinishedRun
-from ss2sql.bench.results import BenchResult, BenchRules, compile_timed_statement, time_statement
-from ss2sql.bench.strategies import Strategy, list_strategies, parse_strategy
+from ss2sql.bench.results import BenchResult, BenchRules, compile_raced_statement, time_statement
+from ss2sql.bench.strategies import RacedStrategy, list_strategies, parse_strategy
 from ss2sql.errors import Cancelled, Error, OutOfSteps, SessionError, Source, Stopped, Timeout, UnsupportedError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.resolver import resolve
@@ -18,7 +18,7 @@ from ss2sql.frontend.syntax.parser import parse
 from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.plan_traversal import walk
-from ss2sql.results import get_paths
+from ss2sql.results import get_result_paths
 from ss2sql.session.session import Session
 
 NO_SEARCH = ""  # in place of a strategy
@@ -52,10 +52,10 @@ class StatementRuns:
     def run_strategies(self) -> Iterator[BenchResult]:
         """Runs strategies on engines; yields each result twice, at its start and at its end."""
         search = self.search
-        own = Strategy(search.options if search else ())
+        own = RacedStrategy(search.options if search else ())
         name = own.name if search else NO_SEARCH
         comparer = Comparer.for_query(
-            _find_statement_query(compile_timed_statement(self.session, self.tree, "auto").plan.statements[0].expr),
+            _find_raced_query(compile_raced_statement(self.session, self.tree, "auto").plan.statements[0].expr),
             name,
         )
         yield from self._run_strategy(own, name, comparer)
@@ -65,19 +65,19 @@ class StatementRuns:
             yield from self._run_strategy(strategy, strategy.name, comparer)
         self._add_notes(own, comparer)
 
-    def _list_other_strategies(self, search: ast.Query, own: Strategy, comparer: Comparer) -> list[Strategy]:
+    def _list_other_strategies(self, search: ast.Query, own: RacedStrategy, comparer: Comparer) -> list[RacedStrategy]:
         """The strategies beside the script's own, whose longest path bounds MEMORIZE."""
         first = comparer.reference
-        paths = get_paths(first.result) if first is not None and first.result is not None else None
+        paths = get_result_paths(first.result) if first is not None and first.result is not None else None
         longest = max(map(len, paths), default=None) if paths is not None else None
-        found: dict[str, Strategy] = {}
+        found: dict[str, RacedStrategy] = {}
         for text in self.rules.strategies:
             suited = list_strategies(search, longest) if text == "all" else [parse_strategy(text, search.options)]
             found.update((strategy.name, strategy) for strategy in suited)
         found.pop(own.name, None)
         return list(found.values())
 
-    def _add_notes(self, own: Strategy, comparer: Comparer) -> None:
+    def _add_notes(self, own: RacedStrategy, comparer: Comparer) -> None:
         self.reference = None if comparer.reference is None else comparer.reference.cell.strategy
         if self.reference not in (None, own.name):
             self.notes.append(
@@ -89,7 +89,7 @@ class StatementRuns:
                 "all that STOP WITH, WHERE and CONNECT BY read."
             )
 
-    def _run_strategy(self, strategy: Strategy, name: str, comparer: Comparer) -> Iterator[BenchResult]:
+    def _run_strategy(self, strategy: RacedStrategy, name: str, comparer: Comparer) -> Iterator[BenchResult]:
         for engine in self.rules.engines:
             cell = BenchResult(name, engine)
             yield cell
@@ -99,12 +99,12 @@ class StatementRuns:
                 comparer.record_verdict(finished)
             yield cell
 
-    def _run_on_engine(self, strategy: Strategy, cell: BenchResult, comparer: Comparer) -> FinishedRun | None:
+    def _run_on_engine(self, strategy: RacedStrategy, cell: BenchResult, comparer: Comparer) -> FinishedRun | None:
         """Runs a strategy on an engine and records the reason for a missing answer. Raises the script's first error."""
         engine: Any = cell.engine
         try:
             started = time.perf_counter()
-            query = compile_timed_statement(self.session, self._build_variant(strategy), engine)
+            query = compile_raced_statement(self.session, self._build_variant(strategy), engine)
             cell.compile_seconds = time.perf_counter() - started
             result = time_statement(self.session, query, self.rules, cell)
         except UnsupportedError as error:
@@ -114,7 +114,7 @@ class StatementRuns:
             raise
         except Stopped as stopped:
             cell.seconds.clear()
-            paths = get_paths(stopped.partial) if stopped.partial is not None else None
+            paths = get_result_paths(stopped.partial) if stopped.partial is not None else None
             cell.missing = self._name_limit(stopped) + (f", {len(paths):,} paths by then" if paths else "")
         except Exception as error:
             if comparer.reference is None and cell.strategy == self.cells[0].strategy:
@@ -123,9 +123,9 @@ class StatementRuns:
             cell.missing = f"{kind}: {error.message if isinstance(error, Error) else error}"
             return FinishedRun(strategy, cell, None, None, kind)
         else:
-            paths = get_paths(result)
+            paths = get_result_paths(result)
             cell.paths, cell.rows = None if paths is None else len(paths), len(result)
-            return FinishedRun(strategy, cell, _find_statement_query(query.plan.statements[0].expr), result)
+            return FinishedRun(strategy, cell, _find_raced_query(query.plan.statements[0].expr), result)
         return None
 
     def _name_limit(self, stopped: Stopped) -> str:
@@ -135,7 +135,7 @@ class StatementRuns:
             return f"over {self.session.host.limits.max_steps:,} steps"
         return "out of memory"
 
-    def _build_variant(self, strategy: Strategy) -> ast.Expr:
+    def _build_variant(self, strategy: RacedStrategy) -> ast.Expr:
         search, tree = self.search, self.tree
         if search is None:
             return tree
@@ -143,7 +143,7 @@ class StatementRuns:
         return replace(tree, value=changed) if isinstance(tree, ast.Assign) else changed
 
 
-def _find_statement_query(expr: plan.Expr) -> plan.Query | None:
+def _find_raced_query(expr: plan.Expr) -> plan.Query | None:
     """The query of a statement, perhaps assigned to a variable."""
     value = expr.value if isinstance(expr, plan.Assign) else expr
     return value.query if isinstance(value, plan.Subquery) else None
@@ -161,20 +161,20 @@ def make_runs(session: Session, source: Source, rules: BenchRules) -> Iterator[S
     for number, statement in enumerate(tree.statements[: raced[-1] + 1]):
         if number in raced:
             runs = StatementRuns(session, rules, statement)
-            if runs.search is None and _contains_kind(program.statements[number].expr, plan.Search):
+            if runs.search is None and _has_raced_part(program.statements[number].expr, plan.Search):
                 runs.notes.append("the search stands inside of another expression, so only the engines are raced.")
             yield runs
         if number < raced[-1]:
-            compile_timed_statement(session, statement, "auto").run()
+            compile_raced_statement(session, statement, "auto").run()
 
 
 def _select_searches(statements: Sequence[plan.Expr]) -> list[int]:
     for kind in (plan.Search, plan.Query):
-        found = [number for number, expr in enumerate(statements) if _contains_kind(expr, kind)]
+        found = [number for number, expr in enumerate(statements) if _has_raced_part(expr, kind)]
         if found:
             return found if kind is plan.Search else found[-1:]
     raise SessionError("S002", "the script has no query", hints=("bench races queries, searches above all",))
 
 
-def _contains_kind(expr: plan.Expr, kind: type) -> bool:
+def _has_raced_part(expr: plan.Expr, kind: type) -> bool:
     return any(isinstance(node, kind) for node in walk(expr))

@@ -15,7 +15,7 @@ QUERY_FRAME = ("SELECT this FROM [] START WITH x = 0 CONNECT BY ", " x = 0;")
 
 
 @dataclass(frozen=True, slots=True)
-class Strategy:
+class RacedStrategy:
     """Options of CONNECT BY, those that bound the results included."""
 
     options: tuple[ast.Option, ...]
@@ -41,10 +41,10 @@ class Strategy:
         usual = "BREADTH FIRST" if self.repeats == "UNIQUE" else "DEPTH FIRST"
         words = [] if self.order in WEIGHTS or (self.repeats and self.order == usual) else [self.order]
         chosen = map(self.find_option, (*WEIGHTS, "HEURISTIC", self.repeats, "MAXIMUM"))
-        return " ".join([*words, *(_format_search_option(option) for option in chosen if option)])
+        return " ".join([*words, *(_format_raced_option(option) for option in chosen if option)])
 
 
-def _format_search_option(option: ast.Option) -> str:
+def _format_raced_option(option: ast.Option) -> str:
     if option.argument is None:
         return option.keyword
     argument = option.argument
@@ -53,28 +53,30 @@ def _format_search_option(option: ast.Option) -> str:
     return f"{option.keyword} {' '.join(argument.span.text.split())}"
 
 
-def list_strategies(query: ast.Query, longest: int | None) -> list[Strategy]:
+def list_strategies(query: ast.Query, longest: int | None) -> list[RacedStrategy]:
     """The other strategies that keep the meaning of a search.
 
     A search with repeated rows also runs without them, and with each row once; a search without repeated rows keeps its
     rule. A cost or probability stays where the results are cut, since it chooses them. `longest` is the number of steps
     of the longest path that the search's own strategy has found, which bounds MEMORIZE; None if unknown.
     """
-    own = Strategy(query.options)
-    found: list[Strategy] = []
-    for rule in _list_repeats_rules(own, bool(query.group)):
-        for order in _list_orders(query, own):
+    own = RacedStrategy(query.options)
+    found: list[RacedStrategy] = []
+    for rule in _list_raced_repeats(own, bool(query.group)):
+        for order in _list_raced_orders(query, own):
             if rule == "MEMORIZE":
                 if order and order[0].keyword not in WEIGHTS:
                     continue
                 order = tuple(option for option in order if option.keyword != "HEURISTIC")
-            found.append(Strategy((*order, *_make_repeats_options(query, own, rule, longest), *_find_maximum(own))))
+            found.append(
+                RacedStrategy((*order, *_make_repeats_options(query, own, rule, longest), *_find_raced_maximum(own)))
+            )
     by_name = {strategy.name: strategy for strategy in found}
     by_name.pop(own.name, None)
     return list(by_name.values())
 
 
-def _list_orders(query: ast.Query, own: Strategy) -> Iterator[tuple[ast.Option, ...]]:
+def _list_raced_orders(query: ast.Query, own: RacedStrategy) -> Iterator[tuple[ast.Option, ...]]:
     weight = own.find_option("COST") or own.find_option("PROBABILITY")
     heuristic = own.find_option("HEURISTIC")
     if weight is not None:
@@ -88,7 +90,7 @@ def _list_orders(query: ast.Query, own: Strategy) -> Iterator[tuple[ast.Option, 
     yield (ast.Option("BREADTH FIRST", None, span=query.span),)
 
 
-def _list_repeats_rules(own: Strategy, grouped: bool) -> tuple[str, ...]:
+def _list_raced_repeats(own: RacedStrategy, grouped: bool) -> tuple[str, ...]:
     if grouped:
         return (own.repeats,)
     if own.repeats == "MEMORIZE":
@@ -99,7 +101,9 @@ def _list_repeats_rules(own: Strategy, grouped: bool) -> tuple[str, ...]:
     )
 
 
-def _make_repeats_options(query: ast.Query, own: Strategy, rule: str, longest: int | None) -> tuple[ast.Option, ...]:
+def _make_repeats_options(
+    query: ast.Query, own: RacedStrategy, rule: str, longest: int | None
+) -> tuple[ast.Option, ...]:
     if not rule:
         return ()
     written = own.find_option(rule)
@@ -111,12 +115,12 @@ def _make_repeats_options(query: ast.Query, own: Strategy, rule: str, longest: i
     return (ast.Option(rule, bound, span=query.span),)
 
 
-def _find_maximum(own: Strategy) -> tuple[ast.Option, ...]:
+def _find_raced_maximum(own: RacedStrategy) -> tuple[ast.Option, ...]:
     option = own.find_option("MAXIMUM")
     return () if option is None else (option,)
 
 
-def parse_strategy(text: str, own: Sequence[ast.Option]) -> Strategy:
+def parse_strategy(text: str, own: Sequence[ast.Option]) -> RacedStrategy:
     """The strategy that a user has written, `UNIQUE COST km`; the script's MAXIMUM stays unless it names one.
 
     Raises ParseError, and SessionError S002 for text with more than options in it.
@@ -128,5 +132,5 @@ def parse_strategy(text: str, own: Sequence[ast.Option]) -> Strategy:
         raise SessionError("S002", f"{text!r} is more than options of CONNECT BY", hints=("write UNIQUE, or COST km",))
     options = statement.options
     if not any(option.keyword == "MAXIMUM" for option in options):
-        options += _find_maximum(Strategy(tuple(own)))
-    return Strategy(options)
+        options += _find_raced_maximum(RacedStrategy(tuple(own)))
+    return RacedStrategy(options)

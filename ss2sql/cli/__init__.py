@@ -74,7 +74,7 @@ class Commands(click.Group):
     def main(self, args: Sequence[str] | None = None, *others: Any, **named: Any) -> Any:
         """Runs a command line and ends the process, with the exit codes and the messages of `exit_codes`."""
         arguments = list(sys.argv[1:] if args is None else args)
-        _open_streams()
+        _open_standard_streams()
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")  # what an encoding lacks is written as an escape
@@ -100,7 +100,7 @@ class Commands(click.Group):
         sys.exit(code if isinstance(code, int) else 0)
 
 
-def _open_streams() -> None:
+def _open_standard_streams() -> None:
     """Replaces each standard stream that is closed, by `<&-` or `>&-`.
 
     Reading from it and writing to it fails, as with any broken stream, and no file that is opened later gets its

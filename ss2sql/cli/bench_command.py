@@ -16,7 +16,7 @@ from ss2sql.cli.output import (
     check_output_folder,
     end_with_message,
     exit_with_code_on_error,
-    make_console,
+    make_output_console,
     make_output_error,
     mark_user_errors,
     print_line,
@@ -32,7 +32,9 @@ ALL = "all"
 ENGINES = {"all": ("database", "native"), "database": ("database",), "native": ("native",)}
 
 
-def _check_strategies(context: click.Context, parameter: click.Parameter, value: tuple[str, ...]) -> tuple[str, ...]:
+def _check_strategy_option(
+    context: click.Context, parameter: click.Parameter, value: tuple[str, ...]
+) -> tuple[str, ...]:
     for text in value:
         if text.lower() != ALL:
             from ss2sql.bench import parse_strategy
@@ -54,7 +56,7 @@ def _check_strategies(context: click.Context, parameter: click.Parameter, value:
     default=(ALL,),
     show_default=True,
     metavar="OPTIONS",
-    callback=_check_strategies,
+    callback=_check_strategy_option,
     help="Options of CONNECT BY in place of the script's: 'UNIQUE', 'COST km'. As often as you like.",
 )
 @click.option("--repeat", type=click.IntRange(min=1), default=5, show_default=True, help="Runs after a first one.")
@@ -99,7 +101,7 @@ def bench_command(
                 break
             if run:
                 print_line("")
-            with _print_bench_table(runs, settings), mark_user_errors():
+            with _print_command_table(runs, settings), mark_user_errors():
                 _run_heat(runs)
             run.append(runs)
     _write_files(run, settings, json_file, plot_file)
@@ -107,7 +109,7 @@ def bench_command(
 
 
 @contextmanager
-def _print_bench_table(runs: StatementRuns, settings: BenchRules) -> Iterator[None]:
+def _print_command_table(runs: StatementRuns, settings: BenchRules) -> Iterator[None]:
     """Prints the table of a statement at the end, also after an interruption."""
     from ss2sql.bench import print_runs
 
@@ -115,7 +117,7 @@ def _print_bench_table(runs: StatementRuns, settings: BenchRules) -> Iterator[No
         yield
     finally:
         if runs.cells:
-            print_runs(runs, settings, make_console())
+            print_runs(runs, settings, make_output_console())
 
 
 def _run_heat(runs: StatementRuns) -> None:
@@ -135,7 +137,7 @@ def _run_heat(runs: StatementRuns) -> None:
 def _write_files(
     run: Sequence[StatementRuns], settings: BenchRules, json_file: Path | None, plot_file: Path | None
 ) -> None:
-    from ss2sql.bench import collect_measurements, draw_chart
+    from ss2sql.bench import collect_race_report, draw_chart
 
     for path in (json_file, plot_file):
         if path is None:
@@ -143,7 +145,7 @@ def _write_files(
         try:
             if path is json_file:
                 path.write_text(
-                    json.dumps(collect_measurements(run, settings), indent=2, default=repr) + "\n", encoding="utf-8"
+                    json.dumps(collect_race_report(run, settings), indent=2, default=repr) + "\n", encoding="utf-8"
                 )
             else:
                 draw_chart(run, path)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import click
 
-from ss2sql.cli.output import exit_with_code_on_error, make_console, print_line
+from ss2sql.cli.output import exit_with_code_on_error, make_output_console, print_line
 from ss2sql.cli.script_options import NO_INPUTS, ScriptInputs, add_uses_options
 from ss2sql.errors import CODES, suggest_names
 
@@ -42,8 +42,8 @@ def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> Iterator[Entry]:
 
             with inputs.open_session() as session:
                 own = {**session.host.world_functions, **session.host.functions}
-            yield from map(_describe_registered, own.values())
-            yield from (_describe_built_in(entry) for name, entry in WRITTEN.items() if name not in own)
+            yield from map(_make_registered_entry, own.values())
+            yield from (_make_built_in_entry(entry) for name, entry in WRITTEN.items() if name not in own)
         case "representations":
             from ss2sql.session.session_functions import describe_representation
 
@@ -59,9 +59,9 @@ def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> Iterator[Entry]:
                 engine = "any" if rule.lowered else "native"
                 yield {"name": rule.keyword or "(none)", "decides": "repeats", "engine": engine, "text": rule.promise}
         case "worlds":
-            from ss2sql.vtables import list_known_types
+            from ss2sql.vtables import list_adapter_types
 
-            for name in list_known_types():
+            for name in list_adapter_types():
                 package = name.partition(".")[0]
                 needed = "pybullet" if package == "ss2sql" else package.removesuffix("_utils").removesuffix("_int")
                 yield {"name": name, "text": f"{needed}, {'installed' if find_spec(needed) else 'not installed'}"}
@@ -73,13 +73,13 @@ def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> Iterator[Entry]:
             yield from ({"name": name, "text": text} for name, text in OFF_SWITCHES.items())
 
 
-def _describe_built_in(row: Operation) -> Entry:
+def _make_built_in_entry(row: Operation) -> Entry:
     least, most = row.arity
     arguments = f"{least}" if least == most else f"{least} or more" if most is None else f"{least} to {most}"
     return {"name": row.name, "arguments": arguments, "volatility": row.volatility, "text": row.about}
 
 
-def _describe_registered(entry: UserFunction) -> Entry:
+def _make_registered_entry(entry: UserFunction) -> Entry:
     from ss2sql.session.session_functions import take_first_line
 
     text = take_first_line(entry.function.__doc__)
@@ -89,7 +89,9 @@ def _describe_registered(entry: UserFunction) -> Entry:
     return {"name": entry.name, "arguments": arguments, "volatility": entry.volatility, "text": descriptions}
 
 
-def _complete_name(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[CompletionItem]:
+def _complete_list_argument(
+    context: click.Context, parameter: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
     """Names of the topic with this prefix, without running the user's code."""
     from click.shell_completion import CompletionItem
 
@@ -105,7 +107,7 @@ def _complete_name(context: click.Context, parameter: click.Parameter, incomplet
 
 @click.command("list")
 @click.argument("topic", required=False, type=click.Choice(tuple(TOPICS)), metavar="[TOPIC]")
-@click.argument("words", nargs=-1, metavar="[NAME]", shell_complete=_complete_name)
+@click.argument("words", nargs=-1, metavar="[NAME]", shell_complete=_complete_list_argument)
 @add_uses_options
 @click.option("--format", "form", type=click.Choice(("table", "json")), default="table", show_default=True,
               help="How the list is printed.")  # fmt: skip
@@ -123,7 +125,7 @@ def list_command(topic: str | None, words: tuple[str, ...], inputs: ScriptInputs
     if topic is None:
         entries: list[Entry] = [{"name": word, "text": text} for word, text in TOPICS.items()]
     else:
-        entries = _select_named(list(list_topic(topic, inputs)), name, topic)
+        entries = _select_entries(list(list_topic(topic, inputs)), name, topic)
     if form == "json":
         print_line(json.dumps(entries, ensure_ascii=False, indent=2))
     elif name is not None:
@@ -133,7 +135,7 @@ def list_command(topic: str | None, words: tuple[str, ...], inputs: ScriptInputs
         _print_entries(entries)
 
 
-def _select_named(entries: list[Entry], name: str | None, topic: str) -> list[Entry]:
+def _select_entries(entries: list[Entry], name: str | None, topic: str) -> list[Entry]:
     if name is None:
         return entries
     found = [entry for entry in entries if entry["name"].lower() == name.lower()]
@@ -162,7 +164,7 @@ def _print_entries(entries: Sequence[Entry]) -> None:
             table.add_column(key, no_wrap=key != "text", header_style="bold", style="cyan" if key == "name" else "")
         for entry in entries:
             table.add_row(*(Text(entry[key]) for key in keys))
-        make_console().print(table)
+        make_output_console().print(table)
         return
     rows = [dict(zip(keys, keys, strict=True)), *entries]
     widths = {key: max(len(row[key]) for row in rows) for key in keys}

@@ -25,7 +25,7 @@ ERROR_FORMATS = ("text", "json")
 AS_JSON = "ss2sql.errors as JSON"  # a key of the context's `meta`
 
 
-def _note_format(context: click.Context, parameter: click.Parameter, value: str) -> None:
+def _store_format_option(context: click.Context, parameter: click.Parameter, value: str) -> None:
     context.meta[AS_JSON] = value == "json"
 
 
@@ -35,7 +35,7 @@ def _store_color_option(context: click.Context, parameter: click.Parameter, valu
 
 COMMON_OPTIONS = (
     click.option("--error-format", type=click.Choice(ERROR_FORMATS), default="text", show_default=True, is_eager=True,
-                 expose_value=False, callback=_note_format,
+                 expose_value=False, callback=_store_format_option,
                  help="Errors as text, or as JSON with one object on each line."),
     click.option("--color/--no-color", default=None, is_eager=True, expose_value=False, callback=_store_color_option,
                  help="Whether there are colors; else they are for terminals, unless NO_COLOR is set."),
@@ -78,7 +78,7 @@ class UserError(Exception):
 
     def as_dict(self) -> dict[str, Any]:
         """The same keys as for errors of scripts, with the place in the user's file."""
-        place = dict.fromkeys(PLACE) if self.frame is None else _find_user_line(self.frame)
+        place = dict.fromkeys(PLACE) if self.frame is None else _locate_printed_error(self.frame)
         message = f"{type(self.error).__name__}: {self.error}"
         return _make_error_json("exception", message, place, notes=getattr(self.error, "__notes__", []))
 
@@ -94,7 +94,7 @@ def mark_user_errors() -> Iterator[None]:
         raise UserError(error) from None
 
 
-def _find_user_line(frame: traceback.FrameSummary) -> dict[str, Any]:
+def _locate_printed_error(frame: traceback.FrameSummary) -> dict[str, Any]:
     columns = (frame.colno, frame.end_colno)
     column, end_column = (None if number is None else number + 1 for number in columns)
     line = frame.lineno
@@ -128,17 +128,17 @@ def _end_with_error(error: Error) -> NoReturn:
     respell_hints(error, SPELLED_FOR_COMMANDS)
     if writes_json():
         for one in error.errors:
-            found = {"found": _describe_partial(error)} if isinstance(error, Stopped) else {}
+            found = {"found": _measure_partial_output(error)} if isinstance(error, Stopped) else {}
             _print_to_stderr(json.dumps({**one.as_dict(), **found}, ensure_ascii=False))
         sys.exit(code)
     if isinstance(error, Cancelled):
-        _print_to_stderr(f"cancelled{_count_found(error)}")
+        _print_to_stderr(f"cancelled{_format_partial_output(error)}")
     else:
-        _print_to_stderr(f"{render_all(error, wants_color(sys.stderr))}{describe_found(error)}")
+        _print_to_stderr(f"{render_all(error, wants_color(sys.stderr))}{describe_partial_output(error)}")
     sys.exit(code)
 
 
-def _describe_partial(stopped: Stopped) -> dict[str, int] | None:
+def _measure_partial_output(stopped: Stopped) -> dict[str, int] | None:
     """The size of the partial result of a run that ended early; None where there is nothing to print."""
     if stopped.partial is None:
         return None
@@ -146,17 +146,17 @@ def _describe_partial(stopped: Stopped) -> dict[str, int] | None:
     return {"paths": paths} if paths else {"rows": len(stopped.partial)}
 
 
-def _count_found(stopped: Stopped) -> str:
-    found = _describe_partial(stopped)
+def _format_partial_output(stopped: Stopped) -> str:
+    found = _measure_partial_output(stopped)
     if found is None:
         return ""
     ((unit, number),) = found.items()
     return f"; {number:,} {unit[:-1] if number == 1 else unit} had been found" if number else "; nothing had been found"
 
 
-def describe_found(error: Error) -> str:
+def describe_partial_output(error: Error) -> str:
     """The line after the message of a run that ended early: the size of its partial result."""
-    counted = _count_found(error) if isinstance(error, Stopped) else ""
+    counted = _format_partial_output(error) if isinstance(error, Stopped) else ""
     return counted and f"\nbroken off{counted}"
 
 
@@ -330,9 +330,9 @@ def make_output_error(path: Path, error: OSError) -> SessionError:
 
 
 def describe_output_size(result: Result) -> str:
-    from ss2sql.results import count_words, get_paths
+    from ss2sql.results import count_words, get_result_paths
 
-    paths, rows = get_paths(result), count_words(len(result), "row")
+    paths, rows = get_result_paths(result), count_words(len(result), "row")
     return rows if paths is None else f"{count_words(len(paths), 'path')}, {rows}"
 
 
@@ -340,7 +340,7 @@ def print_line(text: str) -> None:
     click.echo(escape_controls(text))
 
 
-def make_console() -> Console:
+def make_output_console() -> Console:
     """The console for tables on stdout, with colors where these are wanted."""
     from rich.console import Console
 
@@ -351,10 +351,10 @@ def make_console() -> Console:
 
 def _print_result(result: Result, form: str, shown: int) -> None:
     if form == "table":
-        _print_table(result, shown, make_console())
+        _print_table(result, shown, make_output_console())
         return
     sys.stdout.flush()
-    left = memoryview(_encode_result(result, form, stream=True))
+    left = memoryview(_encode_output(result, form, stream=True))
     while left:  # a stream without a buffer, as under PYTHONUNBUFFERED, may take a part only
         left = left[sys.stdout.buffer.write(left) :]
     sys.stdout.buffer.flush()
@@ -370,7 +370,7 @@ def _print_table(result: Result, shown: int, target: Console) -> None:
         print_result(result, shown, target, noted=False)  # notes go to stderr
 
 
-def _encode_result(result: Result, form: str, stream: bool) -> bytes:
+def _encode_output(result: Result, form: str, stream: bool) -> bytes:
     """Writes a result in a data format for other programs, always in UTF-8."""
     if form == "json":
         return _encode_for_stdout(f"{result.json()}\n")
@@ -394,7 +394,7 @@ def _encode_for_stdout(text: str) -> bytes:
 
 def _write_file(result: Result, form: str, path: Path, shown: int) -> None:
     if form != "table":
-        path.write_bytes(_encode_result(result, form, stream=path.suffix.lower() == ".arrows"))
+        path.write_bytes(_encode_output(result, form, stream=path.suffix.lower() == ".arrows"))
         return
     from rich.console import Console
 

@@ -30,7 +30,7 @@ from ss2sql.errors import Source, Stopped, WorkersWarning, require_package
 from ss2sql.language.plan import Representation
 from ss2sql.language.plan_traversal import format_plan
 from ss2sql.results.watching.search_trace import MOST_EVENTS
-from ss2sql.runtime.run.search_paths import measure_lengths
+from ss2sql.runtime.run.search_paths import measure_path_lengths
 
 if TYPE_CHECKING:
     from ss2sql.results.explain.explanation import Explanation
@@ -106,7 +106,7 @@ def build_partial_output(session: Session, found: Result) -> Result:
     answer, shapes = found.answer, session.host.shapes
     rows = replace(answer.rows, hidden=0)
     if rows.paths is not None:
-        ends = accumulate(measure_lengths(rows.paths))
+        ends = accumulate(measure_path_lengths(rows.paths))
         most = sum(1 for _ in takewhile(lambda end: end <= MOST_BROKEN_OFF, ends))
         if most < len(rows.paths):
             print_note(f"the first {most:,} of {len(rows.paths):,} paths:")
@@ -174,7 +174,7 @@ def _check_picture_path(context: click.Context, parameter: click.Parameter, valu
     return value
 
 
-def _check_picture_size(
+def _check_size_option(
     context: click.Context, parameter: click.Parameter, value: str | None
 ) -> tuple[float, float] | None:
     if value is None:
@@ -196,7 +196,7 @@ def _check_picture_size(
 @click.option("--kind", type=click.Choice(KINDS), default="auto", show_default=True, help="What is drawn.")
 @click.option("--title", help="The title; else what was counted.")
 @click.option("--most", type=click.IntRange(min=1), help="At most so many paths or bars.")
-@click.option("--size", callback=_check_picture_size, metavar="WIDTHxHEIGHT", help="The size in inches, such as 8x5.")
+@click.option("--size", callback=_check_size_option, metavar="WIDTHxHEIGHT", help="The size in inches, such as 8x5.")
 @add_run_options
 @exit_with_code_on_error
 def plot_command(
@@ -282,7 +282,7 @@ def play_command(
 STAGES = ("ast", "plan", "sql")
 
 
-def _check_dialect(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
+def _check_dialect_option(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
     if value is None:
         return None
     from ss2sql.lowering.sql_builder import DIALECTS
@@ -292,7 +292,7 @@ def _check_dialect(context: click.Context, parameter: click.Parameter, value: st
     return value
 
 
-def _complete_dialect(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+def _complete_dialect_option(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
     from ss2sql.lowering.sql_builder import DIALECTS
 
     return [name for name in DIALECTS if name.startswith(incomplete)]
@@ -304,8 +304,8 @@ def _complete_dialect(context: click.Context, parameter: click.Parameter, incomp
               help="The syntax tree, the plan, or SQL.")  # fmt: skip
 @click.option(
     "--dialect",
-    callback=_check_dialect,
-    shell_complete=_complete_dialect,
+    callback=_check_dialect_option,
+    shell_complete=_complete_dialect_option,
     metavar="NAME",
     help="The dialect of the SQL.  [default: sqlite]",
 )

@@ -85,7 +85,7 @@ class ScriptInputs:
     def script(self) -> str | Path | Source:
         """The script; standard input is read each time."""
         if (self.file is None) == (self.text is None):
-            raise click.UsageError("give a script: a FILE, - for standard input, or -e TEXT", _get_context())
+            raise click.UsageError("give a script: a FILE, - for standard input, or -e TEXT", _get_click_context())
         if self.text is not None:
             return self.text
         assert self.file is not None
@@ -130,20 +130,20 @@ NO_INPUTS = ScriptInputs()
 
 def add_script_options(command: F) -> F:
     """Adds the options for a script and what it may use; the command takes them as `given`."""
-    return _gather_inputs(SCRIPT_OPTIONS, command)
+    return _add_input_options(SCRIPT_OPTIONS, command)
 
 
 def add_uses_options(command: F) -> F:
     """Adds the options for what scripts may use, without a script."""
-    return _gather_inputs(USES_OPTIONS, command)
+    return _add_input_options(USES_OPTIONS, command)
 
 
 def add_session_options(command: F) -> F:
     """Adds the options for what scripts may use and for parameters, where the scripts come later."""
-    return _gather_inputs((*USES_OPTIONS, PARAMETER, *LIMITS), command)
+    return _add_input_options((*USES_OPTIONS, PARAMETER, *LIMITS), command)
 
 
-def _gather_inputs(options: tuple[Callable[[F], F], ...], command: F) -> F:
+def _add_input_options(options: tuple[Callable[[F], F], ...], command: F) -> F:
     @wraps(command)
     def run_with_inputs(**values: Any) -> Any:
         own = {field.name: values.pop(field.name) for field in fields(ScriptInputs) if field.name in values}
@@ -185,7 +185,7 @@ def register_file(session: Session, path: Path) -> list[str]:
     return list(found)
 
 
-def _get_context() -> click.Context | None:
+def _get_click_context() -> click.Context | None:
     return click.get_current_context(silent=True)
 
 
@@ -198,7 +198,7 @@ def parse_attachment(text: str) -> tuple[str, Path]:
     """The value of `--attach`: the name of a file in scripts, and its path."""
     name, _, path = text.partition("=")
     if not name or not path:
-        raise click.UsageError(f"--attach takes NAME=FILE, not {text}", _get_context())
+        raise click.UsageError(f"--attach takes NAME=FILE, not {text}", _get_click_context())
     return name, Path(path)
 
 
@@ -218,20 +218,20 @@ class _ObjectReference:
 
 def parse_world(text: str) -> tuple[str, Any]:
     name, _, rest = text.partition("=")
-    place = _parse_reference(rest)
+    place = _parse_world_option(rest)
     if not name or place is None:
         message = f"--world takes NAME=MODULE:OBJECT or NAME=MODULE:FACTORY(ARGUMENTS), not {text}"
-        raise click.UsageError(message, _get_context())
+        raise click.UsageError(message, _get_click_context())
     if os.getcwd() not in sys.path:
         sys.path.insert(0, os.getcwd())
-    found = _find_object(place, text)
+    found = _find_world_option(place, text)
     if not (place.called or inspect.isroutine(found) or isinstance(found, (type, partial))):
         return name, found
     with mark_user_errors(), redirect_output():
         return name, found(*place.arguments, **dict(place.named))
 
 
-def _parse_reference(text: str) -> _ObjectReference | None:
+def _parse_world_option(text: str) -> _ObjectReference | None:
     """The parts of `MODULE:OBJECT`, with Python literals as arguments; None for other strings."""
     module, _, wanted = text.partition(":")
     try:
@@ -247,7 +247,7 @@ def _parse_reference(text: str) -> _ObjectReference | None:
     return _ObjectReference(module, tuple(names), arguments, named, call is not None)
 
 
-def _find_object(place: _ObjectReference, text: str) -> Any:
+def _find_world_option(place: _ObjectReference, text: str) -> Any:
     """The object of the names. Raises SessionError S002 for a missing one."""
     found = _load_module(place.module, text)
     for name in place.names:
@@ -257,7 +257,7 @@ def _find_object(place: _ObjectReference, text: str) -> Any:
             raise
         except AttributeError as error:
             hints = suggest_names(name, (word for word in dir(found) if not word.startswith("_")))
-            raise _make_missing_error(text, error, hints) from error
+            raise _make_world_option_error(text, error, hints) from error
     return found
 
 
@@ -269,10 +269,10 @@ def _load_module(name: str, text: str) -> Any:
         try:
             return importlib.import_module(name)
         except ImportError as error:
-            raise _make_missing_error(text, error) from error
+            raise _make_world_option_error(text, error) from error
 
 
-def _make_missing_error(text: str, error: Exception, hints: tuple[str, ...] = ()) -> SessionError:
+def _make_world_option_error(text: str, error: Exception, hints: tuple[str, ...] = ()) -> SessionError:
     return SessionError("S002", f"the world {text} cannot be found: {error}", hints=hints)
 
 

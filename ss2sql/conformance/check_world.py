@@ -18,9 +18,9 @@ from ss2sql.errors import Error
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import Kind
 from ss2sql.vtables import find_adapter
-from ss2sql.vtables.attached_worlds import AttachedTable, AttachedWorld
+from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
 from ss2sql.vtables.contract import CacheOfQuery, Column, Gone, Table, TableFunction, Where, World
-from ss2sql.vtables.reading import Reading, merge_demands, unwrap_element_key
+from ss2sql.vtables.reading import Reading, merge_column_demands, unwrap_world_key
 from ss2sql.vtables.schema import Schema, get_schema, get_world_tables
 
 Outcome = tuple[str, Any]
@@ -72,11 +72,11 @@ class QueryGenerator:
         try:
             if self._compiled[0] != text:  # both engines share one compilation
                 self._compiled = text, self.session.compile(text)
-            return "value", tag_with_types(self._compiled[1].run(engine=engine).value)
+            return "value", tag_checked_value(self._compiled[1].run(engine=engine).value)
         except Error as error:
             return "error", error.code if error.code != "X011" else f"{error.code} {error.message}"
 
-    def find_missing_arguments_code(self, table: AttachedTable) -> str:
+    def find_missing_arguments_code(self, table: AttachedWorldTable) -> str:
         """The code of the error for a table function without its arguments."""
         kind, found = self.find_outcome(f"SELECT this FROM world.{table.table.name}() AS list;", "native")
         return str(found) if kind == "error" else "missing"
@@ -102,9 +102,9 @@ class QueryGenerator:
         order = self._make_order(named)
         limit = f" LIMIT {dice.randint(1, 5)}" if dice.random() < 0.2 else ""
         start, end = f"SELECT {', '.join(columns)} FROM ", f"{where}{order}{limit} AS rows;"
-        made = [_write_query(sources, start, end)]
+        made = [_write_checked_query(sources, start, end)]
         if len(sources) > 1:
-            made.append(_write_query(sources[::-1], start, end))
+            made.append(_write_checked_query(sources[::-1], start, end))
             dice.shuffle(made)
         script, *self._turned = made
         return script
@@ -155,10 +155,10 @@ class QueryGenerator:
             value += self.dice.choice((-1.0, 1.0)) * self.dice.random()
         if type(value) is int and self.dice.random() < 0.2:
             value += self.dice.choice((-1, 1, 0.5))
-        return write_literal(value)
+        return write_checked_literal(value)
 
 
-def _write_query(sources: Sequence[tuple[str, TableCopy | None]], start: str, end: str) -> QueryPair:
+def _write_checked_query(sources: Sequence[tuple[str, TableCopy | None]], start: str, end: str) -> QueryPair:
     """A query over these sources, as scripts for the world and for its copies."""
     table = next(copy.title for _, copy in sources if copy is not None)
     items = [(name, copy.title if copy else "numbers", copy.name if copy else "numbers") for name, copy in sources]
@@ -171,7 +171,7 @@ _TEXT = Kind.STR
 _TURNED = {"==": "==", "!=": "!=", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
 
 
-def write_literal(value: Any) -> str:
+def write_checked_literal(value: Any) -> str:
     """A scalar as scripts write it."""
     if isinstance(value, str):
         escaped = "".join(c if c.isprintable() and c not in "\\'" else f"\\U{ord(c):08x}" for c in value)
@@ -180,12 +180,12 @@ def write_literal(value: Any) -> str:
     return f"({text})" if text.startswith("-") else text
 
 
-def tag_with_types(value: Any) -> Any:
+def tag_checked_value(value: Any) -> Any:
     """A value that equals another only if the types are equal as well."""
     if isinstance(value, (list, tuple)):
-        return (type(value).__name__, *map(tag_with_types, value))
+        return (type(value).__name__, *map(tag_checked_value, value))
     if isinstance(value, dict):
-        return ("dict", *((name, tag_with_types(part)) for name, part in value.items()))
+        return ("dict", *((name, tag_checked_value(part)) for name, part in value.items()))
     return type(value).__name__, repr(value) if isinstance(value, float) else value
 
 
@@ -366,7 +366,7 @@ class _Judge:
             if isinstance(value, float) and self.dice.random() < 0.3:
                 value += self.dice.choice((-1.0, 1.0)) * self.dice.random()
             demands.append(((name, self.dice.choice(operators)), value))
-        where = merge_demands(demands, schema)
+        where = merge_column_demands(demands, schema)
         found = self._list_keys(table, where)
         conditions = ", ".join(f"{name} {operator} {value!r}" for (name, operator), value in demands)
         selected = set(found)
@@ -451,8 +451,8 @@ class _Judge:
                     continue
                 try:
                     one, other = (
-                        method(unwrap_element_key(element, self.world)),
-                        method(unwrap_element_key(element, self.world)),
+                        method(unwrap_world_key(element, self.world)),
+                        method(unwrap_world_key(element, self.world)),
                     )
                 except TypeError:
                     continue  # its argument is no element
@@ -461,14 +461,14 @@ class _Judge:
                     raise BrokenRuleError("functions keep what they declare", principal.table.name, detail)
                 if self.attached.get_declaration(name).indexed:
                     column = principal.schema.read_value(key, name)
-                    items = [method(unwrap_element_key(element, self.world), index) for index in range(len(column))]
+                    items = [method(unwrap_world_key(element, self.world), index) for index in range(len(column))]
                     if not one == items == column:
                         detail = f"{name}({element!r}) is {one!r} and {items!r} by index, the column {column!r}"
                         raise BrokenRuleError("functions keep what they declare", principal.table.name, detail)
 
     # --- queries ---------------------------------------------------------------------------------------
 
-    def copy_tables(self) -> list[tuple[AttachedTable, TableCopy]]:
+    def copy_tables(self) -> list[tuple[AttachedWorldTable, TableCopy]]:
         """The tables with keys as plain lists of dicts."""
         found = []
         for table in self.attached.tables.values():
@@ -487,7 +487,7 @@ class _Judge:
             for engine in ("database", "native"):
                 found = questions.find_outcome(script.text, engine)
                 if found != expected:
-                    detail = f"on the {engine} engine it gives {_shorten(found)}, the copy {_shorten(expected)}"
+                    detail = f"on the {engine} engine it gives {_cut_outcome(found)}, the copy {_cut_outcome(expected)}"
                     raise BrokenRuleError("queries see what is there", script.table, detail, script.text)
             self.report.queries += 1
         for table in self.attached.tables.values():
@@ -524,6 +524,6 @@ class _Judge:
 _PLAIN = Kind.NONE | Kind.BOOL | Kind.INT | Kind.FLOAT | Kind.STR
 
 
-def _shorten(outcome: object) -> str:
+def _cut_outcome(outcome: object) -> str:
     text = repr(outcome)
     return text if len(text) <= 600 else text[:597] + "..."

@@ -22,8 +22,8 @@ from ss2sql.errors.exceptions import Timeout as Timeout
 from ss2sql.errors.exceptions import UnsupportedError as UnsupportedError
 from ss2sql.errors.exceptions import WorkersWarning as WorkersWarning
 from ss2sql.errors.exceptions import combine_errors as combine_errors
-from ss2sql.errors.exceptions import note_once as note_once
-from ss2sql.errors.exceptions import note_place as note_place
+from ss2sql.errors.exceptions import note_on_exception as note_on_exception
+from ss2sql.errors.exceptions import note_place_on_exception as note_place_on_exception
 from ss2sql.errors.exceptions import render_all as render_all
 from ss2sql.errors.exceptions import render_error as render_error
 from ss2sql.errors.exceptions import require_package as require_package

@@ -123,7 +123,7 @@ def render_error(error: Error, color: bool = False) -> str:
     if error.span is not None:
         own = _Mark(error.span, "^", RED)
         page.add_place(own)
-        beside = [mark for mark in marks if _stands_beside(mark, own)]
+        beside = [mark for mark in marks if _can_mark_together(mark, own)]
         page.show_mark(own, beside)
         marks = [mark for mark in marks if mark not in beside]
     for mark in marks:
@@ -147,19 +147,19 @@ class _Mark:
     label: str = ""
 
 
-def _stands_beside(one: _Mark, other: _Mark) -> bool:
+def _can_mark_together(one: _Mark, other: _Mark) -> bool:
     """Whether both can be marked below the same line: they are on it, apart, and close to each other."""
     first, second = sorted((one.span, other.span), key=lambda span: span.start)
     return (
         first.source is second.source
-        and first.line == _find_last_line(first) == second.line == _find_last_line(second)
+        and first.line == _find_last_marked_line(first) == second.line == _find_last_marked_line(second)
         and max(first.end, first.start + 1) <= second.start
         and first.column > second.column - BEFORE
         and second.column < first.column + BEFORE
     )
 
 
-def _find_last_line(span: Span) -> int:
+def _find_last_marked_line(span: Span) -> int:
     return span.source.find_line_column(max(span.start, span.end - 1))[0]
 
 
@@ -190,7 +190,7 @@ class _Page:
     def show_mark(self, mark: _Mark, beside: list[_Mark] | None = None) -> None:
         """The line or lines of a mark, with the mark and those beside it."""
         self.add_line("")
-        if _find_last_line(mark.span) > mark.span.line:
+        if _find_last_marked_line(mark.span) > mark.span.line:
             self._show_stretch(mark)
         else:
             self._show_line(mark, beside or [])
@@ -227,7 +227,7 @@ class _Page:
     def _show_stretch(self, mark: _Mark) -> None:
         """Several lines, with a bar on their left from the first character to the last."""
         span, source = mark.span, mark.span.source
-        first, last = span.line, _find_last_line(span)
+        first, last = span.line, _find_last_marked_line(span)
         bar = self.color_text(mark.style, "|")
         cut = _ShownLine(source.get_line(first), span.column - 1)
         if source.get_line(first)[: span.column - 1].strip():
@@ -459,7 +459,7 @@ def suggest_names(name: str, known: Iterable[str]) -> tuple[str, ...]:
     """Hints with the closest known names, or with all names where there are few."""
     names = sorted(set(known))
     if twins := [one for one in names if one != name and normalize("NFKC", one) == normalize("NFKC", name)]:
-        return tuple(f"did you mean '{one}', which is written with {_spell_code_points(one)}?" for one in twins)
+        return tuple(f"did you mean '{one}', which is written with {_spell_hint_code_points(one)}?" for one in twins)
     if close := suggest_similar(name, names):
         return ("did you mean " + " or ".join(f"'{one}'" for one in close) + "?",)
     if 0 < len(names) <= FEW:
@@ -467,7 +467,7 @@ def suggest_names(name: str, known: Iterable[str]) -> tuple[str, ...]:
     return ()
 
 
-def _spell_code_points(name: str) -> str:
+def _spell_hint_code_points(name: str) -> str:
     """A name with the code points of its characters beyond ASCII, for names that look the same."""
     return ", ".join(f"U+{ord(char):04X}" if not char.isascii() else char for char in name)
 
@@ -480,7 +480,7 @@ def respell_hints(error: Error, spellings: Spellings) -> None:
 
 
 # --- the note on a user's exception with the place in the script; type and traceback stay
-def note_place(
+def note_place_on_exception(
     exception: BaseException, called: str, spans: Sequence[Span], kind: str = "function", evals: Sequence[Span] = ()
 ) -> None:
     """Adds to a user's exception, once, the note with the function that raised it and its place in the script.
@@ -493,13 +493,13 @@ def note_place(
         evals: the places of the `eval` calls whose strings contain the call, the innermost first.
     """
     places = ", ".join(dict.fromkeys(span.place for span in spans)) or "<script>"
-    lines = [f"raised by the {kind} '{called}', called at {places}", *_show_script_lines(spans)]
+    lines = [f"raised by the {kind} '{called}', called at {places}", *_show_marked_lines(spans)]
     for span in evals:
-        lines += [f"in the text that eval reads at {span.place}", *_show_script_lines([span])]
-    note_once(exception, "\n".join(lines))
+        lines += [f"in the text that eval reads at {span.place}", *_show_marked_lines([span])]
+    note_on_exception(exception, "\n".join(lines))
 
 
-def note_once(exception: BaseException, note: str) -> None:
+def note_on_exception(exception: BaseException, note: str) -> None:
     """Adds the note, unless the exception already has a more precise one."""
     if getattr(exception, "_ss2sql_noted", False):
         return
@@ -510,6 +510,6 @@ def note_once(exception: BaseException, note: str) -> None:
         return  # exceptions with __slots__ cannot be marked and may get a second note
 
 
-def _show_script_lines(spans: Sequence[Span]) -> list[str]:
+def _show_marked_lines(spans: Sequence[Span]) -> list[str]:
     lines = dict.fromkeys((span.source, span.line) for span in spans)
     return [f"  {number} | {source.get_line(number)}" for source, number in lines]

@@ -77,7 +77,7 @@ def make_user_function(
     Raises SessionError S002 for a name or a signature that scripts could not use.
     """
     if not isinstance(name, str) or name not in OPERATIONS:  # `in` is the name of an operator
-        check_function_name(name)
+        check_user_function_name(name)
     if not callable(function):
         hint = f"give the function without calling it; a value is given by session.set('{name}', value)"
         raise SessionError("S002", f"'{name}' is a {type(function).__name__}, not a function", hints=(hint,))
@@ -119,9 +119,9 @@ def _find_inlinable_body(
         return "stands in for a built-in function"
     if has_inverse or vectorized:
         return "has an inverse" if has_inverse else "takes arrays"
-    from ss2sql.frontend.inlining.function_bodies import translate_function
+    from ss2sql.frontend.inlining.function_bodies import translate_function_body
 
-    return translate_function(function)
+    return translate_function_body(function)
 
 
 def check_is_string(name: Any) -> None:
@@ -130,7 +130,7 @@ def check_is_string(name: Any) -> None:
         raise SessionError("S002", f"a name is a text, not {type(name).__name__}", hints=("put it into quotes",))
 
 
-def check_function_name(name: str) -> None:
+def check_user_function_name(name: str) -> None:
     """Raises SessionError S002 if scripts could not use the name."""
     check_is_string(name)
     if not name.isidentifier():

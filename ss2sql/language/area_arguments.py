@@ -37,7 +37,7 @@ def check_numbers(form: str, what: str, value: Any, count: int) -> list[float]:
     return [check_number(form, what, part) for part in value]
 
 
-def check_cells(form: str, columns: float, rows: float) -> None:
+def check_area_cells(form: str, columns: float, rows: float) -> None:
     """Raises where a grid would be too large."""
     if columns * rows > MAX_CELLS:
         hint = f"choose larger cells: {MAX_CELLS:,} are possible"

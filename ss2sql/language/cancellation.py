@@ -47,10 +47,10 @@ def iterate_with_check(items: Iterable[T], check: Check | None) -> Iterable[T]:
     """The items, with this check after every few thousand, if there is one."""
     if check is None or (isinstance(items, (list, tuple)) and len(items) <= ITEMS_PER_CHECK):
         return items
-    return chain.from_iterable(_iterate_portions(iter(items), check))
+    return chain.from_iterable(_iterate_with_check(iter(items), check))
 
 
-def _iterate_portions(items: Iterator[T], check: Check) -> Iterator[list[T]]:
+def _iterate_with_check(items: Iterator[T], check: Check) -> Iterator[list[T]]:
     while portion := list(islice(items, ITEMS_PER_CHECK)):
         yield portion
         check()

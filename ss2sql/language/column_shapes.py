@@ -52,25 +52,25 @@ SCALARS: dict[type, Scalar] = {
 PLAN = ((Kind.BOOL, BOOL), (Kind.INT, INT), (Kind.NUMBER & ~Kind.BOOL, FLOAT), (Kind.STR, STR))
 
 
-def find_column_shape(values: Sequence[Any], promised: Type | None = None) -> Shape:
+def infer_column_shape(values: Sequence[Any], promised: Type | None = None) -> Shape:
     """The common shape of the values of a column; `promised` is the plan's type."""
     found = _find_values_shape(values)
-    return found if promised is None else fill_from_plan(found, promised)
+    return found if promised is None else infer_missing_shape(found, promised)
 
 
-def fill_from_plan(found: Shape, promised: Type) -> Shape:
+def infer_missing_shape(found: Shape, promised: Type) -> Shape:
     """The shape found, completed by the plan's type where no values were."""
-    return _fill_shape(found, _convert_type(promised))
+    return _fill_shape(found, _infer_shape_of_type(promised))
 
 
 def _find_values_shape(values: Sequence[Any]) -> Shape:
     found: Shape = NONE
     for kind in dict.fromkeys(map(type, values)):
-        found = merge_shapes(found, _find_kind_shape(kind, values))
+        found = merge_shapes(found, _infer_kind_shape(kind, values))
     return found
 
 
-def _find_kind_shape(kind: type, values: Sequence[Any]) -> Shape:
+def _infer_kind_shape(kind: type, values: Sequence[Any]) -> Shape:
     """The shape of those of the values that are of one Python type."""
     if kind is type(None):
         return NONE
@@ -118,15 +118,15 @@ def merge_shapes(left: Shape, right: Shape) -> Shape:
             return ANY
 
 
-def _convert_type(promised: Type) -> Shape:
+def _infer_shape_of_type(promised: Type) -> Shape:
     """The shape of all values of a type, NONE where the type does not say it."""
     kinds = promised.kinds & ~Kind.NONE
     if not kinds:
         return NONE
     if kinds == Kind.LIST:
-        return ListOf(NONE if promised.item is None else _convert_type(promised.item))
+        return ListOf(NONE if promised.item is None else _infer_shape_of_type(promised.item))
     if kinds == Kind.DICT and promised.columns:
-        return Struct(tuple((name, _convert_type(column)) for name, column in promised.columns))
+        return Struct(tuple((name, _infer_shape_of_type(column)) for name, column in promised.columns))
     return next((shape for wide, shape in PLAN if kinds | wide == wide), NONE)
 
 
@@ -155,7 +155,7 @@ def is_untyped(shape: Shape) -> bool:
             return shape == ANY
 
 
-def convert_shape_floats(value: Any, shape: Shape) -> Any:
+def convert_value_to_shape(value: Any, shape: Shape) -> Any:
     """The value with whole numbers as floats where its shape is float, for libraries that do not convert."""
     match shape:
         case _ if value is None:
@@ -163,9 +163,9 @@ def convert_shape_floats(value: Any, shape: Shape) -> Any:
         case Scalar("float"):
             return float(value)
         case ListOf(item):
-            return [convert_shape_floats(part, item) for part in value]
+            return [convert_value_to_shape(part, item) for part in value]
         case Struct(fields):
-            return {name: convert_shape_floats(value.get(name), field) for name, field in fields}
+            return {name: convert_value_to_shape(value.get(name), field) for name, field in fields}
         case _:
             return value
 
@@ -205,11 +205,11 @@ class ColumnShape:
 
 
 def infer_shape(values: Sequence[Any]) -> ColumnShape:
-    found = find_column_shape(values)
+    found = infer_column_shape(values)
     there = [value for value in values if value is not None]
     if not is_untyped(found) or not there:
         return ColumnShape(found, format_value(there[0]) if there else None)
-    each = (ColumnShape(find_column_shape([value]), format_value(value)) for value in there)
+    each = (ColumnShape(infer_column_shape([value]), format_value(value)) for value in there)
     return reduce(ColumnShape.merge_shapes, each)
 
 

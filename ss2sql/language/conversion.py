@@ -24,11 +24,11 @@ DEPTH_LIMIT = 500
 
 def format_value(value: Any, limit: int = 60) -> str:
     """The value as the language writes it; longer than `limit` characters, it is cut with `...`."""
-    text = _write_value(value, limit)
+    text = _write_value_text(value, limit)
     return text if len(text) <= limit else text[: limit - 3] + "..."
 
 
-def _write_value(value: Any, room: int) -> str:
+def _write_value_text(value: Any, room: int) -> str:
     """The text of a value; once it is longer than `room` it may be broken off anywhere."""
     if room <= 0:
         return "..."
@@ -44,9 +44,9 @@ def _write_value(value: Any, room: int) -> str:
         for item in value:
             text += ", " if len(text) > 1 else ""
             if kind is dict:
-                text += _write_value(item, room - len(text)) + ": "
+                text += _write_value_text(item, room - len(text)) + ": "
                 item = value[item]
-            text += _write_value(item, room - len(text))
+            text += _write_value_text(item, room - len(text))
             if len(text) > room:
                 break
         return text + ("]" if kind is list else "}")
@@ -211,14 +211,14 @@ def convert_value(value: Any, giver: str, named: bool = False) -> Any:
     if kind is float and isfinite(value):
         return value
     try:
-        return value if _is_clean(value, 0) else _convert_value(value, 0, named)
+        return value if _is_clean_value(value, 0) else _convert_value(value, 0, named)
     except _RefusedValue as refused:
-        raise refused.make_error(_name_subject(giver)) from None
+        raise refused.make_error(_name_value_giver(giver)) from None
     except (_TooDeep, RecursionError):
-        raise build_depth_error(_name_subject(giver)) from None
+        raise build_depth_error(_name_value_giver(giver)) from None
 
 
-def is_read_once(value: Any) -> bool:
+def is_iterator_value(value: Any) -> bool:
     """Whether a value is an iterator, which becomes a list: not an open file, nor a stream of Arrow data, a frame."""
     return isinstance(value, Iterator) and not isinstance(value, IOBase) and not hasattr(value, "__arrow_c_stream__")
 
@@ -239,7 +239,7 @@ def is_finite(value: list[Any], marshalled: bytes) -> bool:
         return not _find_suspect_bytes(marshalled)
 
 
-def is_shallow_scalar_list(value: list[Any] | tuple[Any, ...]) -> bool:
+def is_shallow_list_value(value: list[Any] | tuple[Any, ...]) -> bool:
     """Whether a list or tuple consists of scalars, and of lists and tuples of scalars.
 
     Marshal must see no more than that before a value has been normalised: of a NumPy scalar it would write
@@ -257,7 +257,7 @@ def is_shallow_scalar_list(value: list[Any] | tuple[Any, ...]) -> bool:
     return True
 
 
-def _name_subject(giver: str) -> str:
+def _name_value_giver(giver: str) -> str:
     return f"{giver} {'returned' if giver.startswith('the function') else 'holds'}"
 
 
@@ -283,38 +283,38 @@ class _RefusedValue(Exception):  # noqa: N818 - never leaves this module
 # --- values that are clean already ---------------------------------------------------------------------
 
 
-def _is_clean(value: Any, depth: int) -> bool:
+def _is_clean_value(value: Any, depth: int) -> bool:
     """Whether `value` is a list or dict of plain values, all the way down."""
     kind = type(value)
     if kind is dict:
-        return set(map(type, value)) <= {str} and _are_clean(list(value.values()), depth)
-    return kind is list and _are_clean(value, depth)
+        return set(map(type, value)) <= {str} and _are_clean_values(list(value.values()), depth)
+    return kind is list and _are_clean_values(value, depth)
 
 
-def _are_clean(items: list[Any], depth: int) -> bool:
+def _are_clean_values(items: list[Any], depth: int) -> bool:
     """Whether the items of a list or dict at this depth are clean, without a look at each where they are alike."""
     kinds = set(map(type, items))
     if kinds <= SCALARS:
-        return _are_numbers_allowed(items, kinds)
+        return _are_number_values_valid(items, kinds)
     if depth + 1 >= DEPTH_LIMIT:
         return False
     if kinds == {list}:
         inner = list(chain.from_iterable(items))
         inner_kinds = set(map(type, inner))
         if inner_kinds <= SCALARS:
-            return _are_numbers_allowed(inner, inner_kinds)
+            return _are_number_values_valid(inner, inner_kinds)
     for item in items:
         kind = type(item)
         if kind is dict:
-            clean = set(map(type, item)) <= {str} and _are_clean(list(item.values()), depth + 1)
+            clean = set(map(type, item)) <= {str} and _are_clean_values(list(item.values()), depth + 1)
         else:
-            clean = kind in SCALARS or (kind is list and _are_clean(item, depth + 1))
+            clean = kind in SCALARS or (kind is list and _are_clean_values(item, depth + 1))
         if not clean:
             return False
-    return _are_numbers_allowed(items, kinds)
+    return _are_number_values_valid(items, kinds)
 
 
-def _are_numbers_allowed(items: list[Any], kinds: set[type]) -> bool:
+def _are_number_values_valid(items: list[Any], kinds: set[type]) -> bool:
     """Whether the numbers among the items, whose types are `kinds`, are allowed."""
     if int in kinds:
         integers = items if len(kinds) == 1 else [item for item in items if type(item) is int]
@@ -333,9 +333,9 @@ def _convert_value(value: Any, depth: int, named: bool) -> Any:
     if value is None or isinstance(value, bool):
         return value
     if isinstance(value, int):
-        return _convert_integer(value)
+        return _convert_integer_value(value)
     if isinstance(value, float):
-        return _convert_float(value)
+        return _convert_float_value(value)
     if isinstance(value, str):
         return str.__str__(value)
     if isinstance(value, _CONTAINERS) and depth >= DEPTH_LIMIT:
@@ -360,19 +360,21 @@ def _convert_value(value: Any, depth: int, named: bool) -> Any:
         mapping = {}
         for key, item in dict(value).items():
             try:
-                mapping[_convert_key(_convert_value(key, depth + 1, False))] = _convert_value(item, depth + 1, named)
+                mapping[_convert_dict_key_value(_convert_value(key, depth + 1, False))] = _convert_value(
+                    item, depth + 1, named
+                )
             except _RefusedValue as refused:
                 refused.path.append(f"[{format_value(key)}]")
                 raise
         return mapping
     if isinstance(value, complex):
         raise _RefusedValue(f"the complex number {value}", "give its parts, for example [z.real, z.imag]")
-    if is_read_once(value):
+    if is_iterator_value(value):
         return _convert_value(list(value), depth, named)
     return _convert_numpy(value, depth, named)
 
 
-def _convert_integer(value: int) -> int:
+def _convert_integer_value(value: int) -> int:
     value = int.__index__(value)
     if INT_MIN <= value <= INT_MAX:
         return value
@@ -380,7 +382,7 @@ def _convert_integer(value: int) -> int:
     raise _RefusedValue(format_value(value), hint, ", which does not fit into 64 bits")
 
 
-def _convert_float(value: float) -> float:
+def _convert_float_value(value: float) -> float:
     value = float.__float__(value)
     if isfinite(value):
         return value
@@ -395,13 +397,13 @@ def _convert_tuples(value: Iterable[Any], depth: int) -> list[Any] | None:
     kinds = set(map(type, value))
     if kinds <= {tuple, list}:
         inner = list(chain.from_iterable(value))
-        return list(map(list, value)) if _are_clean_scalars(inner) else None
-    return list(value) if _are_clean_scalars(list(value)) else None
+        return list(map(list, value)) if _are_clean_scalar_values(inner) else None
+    return list(value) if _are_clean_scalar_values(list(value)) else None
 
 
-def _are_clean_scalars(items: list[Any]) -> bool:
+def _are_clean_scalar_values(items: list[Any]) -> bool:
     kinds = set(map(type, items))
-    return kinds <= SCALARS and _are_numbers_allowed(items, kinds)
+    return kinds <= SCALARS and _are_number_values_valid(items, kinds)
 
 
 def _sort_set_elements(items: list[Any]) -> list[Any]:
@@ -415,10 +417,10 @@ def _sort_set_elements(items: list[Any]) -> list[Any]:
         return items
 
 
-def _convert_key(value: Any) -> Any:
+def _convert_dict_key_value(value: Any) -> Any:
     """A value as a key of a dict: lists become tuples again."""
     if isinstance(value, list):
-        return tuple(map(_convert_key, value))
+        return tuple(map(_convert_dict_key_value, value))
     return Opaque(value) if isinstance(value, dict) else value
 
 
@@ -432,11 +434,11 @@ def _convert_numpy(value: Any, depth: int, named: bool) -> Any:
             return _wrap_object(value)
         return _wrap_object(value[()]) if value.ndim == 0 else _convert_value(list(value), depth, named)
     if isinstance(value, numpy.longdouble):
-        return _convert_float(float(value))
+        return _convert_float_value(float(value))
     if isinstance(value, numpy.clongdouble):
         return _convert_value(complex(value), depth, named)
     items = value.tolist()
-    return items if _is_clean(items, depth) else _convert_value(items, depth, named)
+    return items if _is_clean_value(items, depth) else _convert_value(items, depth, named)
 
 
 def _wrap_object(value: Any) -> Any:

@@ -30,7 +30,7 @@ def find_file_ending(source: Any) -> str | None:
     return known if known in READ_IN_PYTHON or known in ATTACHED else None
 
 
-def suggest_cure(path: str, name: str) -> str:
+def suggest_source(path: str, name: str) -> str:
     """The hint for a file: how it becomes a source."""
     ending = find_file_ending(path)
     if ending is None or ending in ATTACHED:

@@ -152,11 +152,11 @@ def _unite_pair(a: Type, b: Type) -> Type:
     else:
         low, high = (a.low, a.high) if numeric_a else (b.low, b.high)
     positions = _unite_positions(a, b)
-    length = _find_common_length(a, b) if positions is None else None
-    return Type(a.kinds | b.kinds, low, high, _unite_items(a, b), _unite_columns(a, b), positions, length)
+    length = _unite_lengths(a, b) if positions is None else None
+    return Type(a.kinds | b.kinds, low, high, _unite_element_types(a, b), _unite_columns(a, b), positions, length)
 
 
-def _unite_items(a: Type, b: Type) -> Type | None:
+def _unite_element_types(a: Type, b: Type) -> Type | None:
     lists = [t.item for t in (a, b) if t.may_be(Kind.LIST)]
     known = [item for item in lists if item is not None]
     return unite(known) if lists and len(known) == len(lists) else None
@@ -173,7 +173,7 @@ def _unite_positions(a: Type, b: Type) -> tuple[Type, ...] | None:
             return None
 
 
-def _find_common_length(a: Type, b: Type) -> int | None:
+def _unite_lengths(a: Type, b: Type) -> int | None:
     sizes = {t.size for t in (a, b) if t.may_be(Kind.LIST)}
     return sizes.pop() if len(sizes) == 1 else None
 
@@ -217,14 +217,14 @@ def make_list_type(types: Sequence[Type]) -> Type:
     """The type of a list whose elements have these types, one by one; it has columns if all of them may have some."""
     item = unite(types)
     columns = item.columns if types and all(one.may_be(Kind.DICT | Kind.OBJECT) for one in types) else ()
-    return Type(Kind.LIST, item=item, columns=columns, positions=_keep_position_types(types, item))
+    return Type(Kind.LIST, item=item, columns=columns, positions=_unite_position_types(types, item))
 
 
-def _keep_position_types(types: Sequence[Type], item: Type) -> tuple[Type, ...] | None:
+def _unite_position_types(types: Sequence[Type], item: Type) -> tuple[Type, ...] | None:
     return tuple(types) if 0 < len(types) <= _POSITIONS and item.is_only(SCALAR) else None
 
 
-def _choose_length(length: int, item: Type, positions: tuple[Type, ...] | None) -> int | None:
+def _choose_type_length(length: int, item: Type, positions: tuple[Type, ...] | None) -> int | None:
     """The length to record in a list's type; None for a list of dicts, a table whose rows come and go."""
     return length if length and positions is None and item.is_only(SCALAR | Kind.LIST) else None
 
@@ -250,17 +250,17 @@ def limit_type_depth(t: Type, detail: int = _DETAIL) -> Type:
     return replace(t, item=item, columns=columns)
 
 
-def is_covering(wide: Type, narrow: Type) -> bool:
+def is_supertype(wide: Type, narrow: Type) -> bool:
     """Whether every value of `narrow` also belongs to `wide`, so that a plan made for `wide` fits `narrow`."""
     return _unite_pair(wide, narrow) == wide
 
 
 def type_of(value: Any) -> Type:
     """The exact type of a value; lists are read whole, plain ones at the speed of C."""
-    return _type_of(value, _DETAIL)
+    return _infer_type(value, _DETAIL)
 
 
-def _type_of(value: Any, detail: int) -> Type:
+def _infer_type(value: Any, detail: int) -> Type:
     match value:
         case None:
             return NONE
@@ -273,20 +273,22 @@ def _type_of(value: Any, detail: int) -> Type:
         case str():
             return STR if is_encodable(value) else UNENCODABLE
         case list() if detail:
-            item = _type_of_items(value, detail - 1)
-            positions = _keep_position_types([_type_of(part, 0) for part in value[: _POSITIONS + 1]], item)
-            columns = _collect_columns(value, detail - 1)
-            return Type(Kind.LIST, None, None, item, columns, positions, _choose_length(len(value), item, positions))
+            item = _infer_element_type(value, detail - 1)
+            positions = _unite_position_types([_infer_type(part, 0) for part in value[: _POSITIONS + 1]], item)
+            columns = _infer_column_types(value, detail - 1)
+            return Type(
+                Kind.LIST, None, None, item, columns, positions, _choose_type_length(len(value), item, positions)
+            )
         case list():
             return LIST
         case dict() if detail:
-            return Type(Kind.DICT, columns=_collect_columns([value], detail - 1))
+            return Type(Kind.DICT, columns=_infer_column_types([value], detail - 1))
         case dict():
             return Type(Kind.DICT)
         case Typed(type=known):
             return known
         case _:
-            return Type(Kind.OBJECT, columns=_collect_columns([value], 0))
+            return Type(Kind.OBJECT, columns=_infer_column_types([value], 0))
 
 
 # Modules whose objects are scalar values: equal only within their type, and without columns.
@@ -313,23 +315,23 @@ _SCALARS: dict[type, Kind] = {NoneType: Kind.NONE, bool: Kind.BOOL, int: Kind.IN
 _WITHOUT_COLUMNS = {*_SCALARS, list, bytes}
 
 
-def _type_of_items(items: Sequence[Any], detail: int) -> Type:
+def _infer_element_type(items: Sequence[Any], detail: int) -> Type:
     """The union of the types of `items`; items of one plain kind are described at once."""
     classes = set(map(type, items))
     if classes == {list} and detail:
         inner = list(chain.from_iterable(items))
         if set(map(type, inner)) <= _SCALARS.keys():
-            types = _list_position_types(items, inner, detail - 1)
-            item = unite(types) if types else _type_of_items(inner, detail - 1)
-            positions = _keep_position_types(types, item)
-            length = _choose_length(len(items[0]), item, positions) if len(set(map(len, items))) == 1 else None
+            types = _infer_position_types(items, inner, detail - 1)
+            item = unite(types) if types else _infer_element_type(inner, detail - 1)
+            positions = _unite_position_types(types, item)
+            length = _choose_type_length(len(items[0]), item, positions) if len(set(map(len, items))) == 1 else None
             return Type(Kind.LIST, item=item, columns=(), positions=positions, length=length)
     if classes == {dict} and detail:
-        return Type(Kind.DICT, columns=_collect_columns(items, detail - 1))
+        return Type(Kind.DICT, columns=_infer_column_types(items, detail - 1))
     if items and not classes & _WITHOUT_COLUMNS and dict not in classes:
-        return Type(Kind.OBJECT, columns=_collect_columns(items, 0))
+        return Type(Kind.OBJECT, columns=_infer_column_types(items, 0))
     if not classes <= _SCALARS.keys():
-        return unite(_type_of(item, detail) for item in items)
+        return unite(_infer_type(item, detail) for item in items)
     kinds = reduce(Kind.__or__, (_SCALARS[c] for c in classes), Kind(0))
     if str in classes and not is_encodable("".join(item for item in items if type(item) is str)):
         kinds |= Kind.OBJECT
@@ -341,7 +343,7 @@ def _type_of_items(items: Sequence[Any], detail: int) -> Type:
     return Type(kinds, +min(numbers), +max(numbers))  # + makes 0 and 1 of bools
 
 
-def _list_position_types(items: Sequence[list[Any]], inner: list[Any], detail: int) -> list[Type]:
+def _infer_position_types(items: Sequence[list[Any]], inner: list[Any], detail: int) -> list[Type]:
     """The types of the elements of short lists, one by one; empty where the lists differ in length.
 
     `inner` are the elements of all lists in a row. Slices of it take a third of the time of `zip` over the lists,
@@ -350,7 +352,7 @@ def _list_position_types(items: Sequence[list[Any]], inner: list[Any], detail: i
     width = len(items[0])
     if width > _POSITIONS or set(map(len, items)) != {width}:
         return []
-    return [_type_of_items(inner[position::width], detail) for position in range(width)]
+    return [_infer_element_type(inner[position::width], detail) for position in range(width)]
 
 
 def is_encodable(text: str) -> bool:
@@ -364,12 +366,12 @@ def is_encodable(text: str) -> bool:
     return True
 
 
-def _collect_columns(items: Sequence[Any], detail: int) -> tuple[tuple[str, Type], ...]:
+def _infer_column_types(items: Sequence[Any], detail: int) -> tuple[tuple[str, Type], ...]:
     """The columns of a list of dicts and objects: keys and attributes, by first appearance; missing values are None."""
     classes = set(map(type, items))
     if classes == {dict}:
         names = {key: None for item in items for key in item if isinstance(key, str)}
-        return tuple((name, _type_of_items([item.get(name) for item in items], detail)) for name in names)
+        return tuple((name, _infer_element_type([item.get(name) for item in items], detail)) for name in names)
     if not items or classes & _WITHOUT_COLUMNS:
         return ()
     known = dict.fromkeys(tuple(item) if type(item) is dict else list_attributes(item) for item in items)
@@ -380,7 +382,7 @@ def list_attributes(value: Any) -> tuple[str, ...]:
     """The public data attributes of an object: no methods, no properties, no names with an underscore in front."""
     owner = value.object if type(value) is Opaque else value
     kind: Any = type(owner)
-    declared = _list_declared_names(kind)
+    declared = _infer_declared_fields(kind)
     if declared is None:
         return ()
     held = getattr(owner, "__dict__", ())
@@ -388,7 +390,7 @@ def list_attributes(value: Any) -> tuple[str, ...]:
 
 
 @lru_cache(1000)
-def _list_declared_names(kind: type) -> tuple[str, ...] | None:
+def _infer_declared_fields(kind: type) -> tuple[str, ...] | None:
     """The fields and slots of a type's objects; None where these have no data attributes."""
     if issubclass(kind, _WITHOUT_ATTRIBUTES) or kind.__module__ in VALUE_MODULES:
         return None

@@ -26,11 +26,11 @@ def compare_values(left: Any, right: Any, symbol: str = "and") -> int:
     Raises:
         ExecutionError: X001 where the values have no order.
     """
-    left, right = find_deciding_pair(left, right, symbol)
+    left, right = find_ordering_pair(left, right, symbol)
     return int(left > right) - int(left < right)
 
 
-def find_deciding_pair(left: Any, right: Any, symbol: str) -> tuple[Any, Any]:
+def find_ordering_pair(left: Any, right: Any, symbol: str) -> tuple[Any, Any]:
     """Two numbers or two strings that are ordered as the values are: of lists, the first elements that differ."""
     first, second = left, right
     while True:
@@ -90,11 +90,11 @@ def sort_values(values: Sequence[Any], descending: bool = False) -> list[Any]:
     Raises:
         ExecutionError: X001 where two of them have no order, None included.
     """
-    key = None if _can_python_sort(set(map(type, values))) else make_checked_order(compare_values)
+    key = None if _can_python_order_types(set(map(type, values))) else make_checked_order(compare_values)
     return sorted(values, key=key, reverse=descending)
 
 
-def sort_rows(rows: Sequence[_Row], keys: Sequence[Sequence[Any]], descending: Sequence[bool]) -> list[_Row]:
+def order_rows(rows: Sequence[_Row], keys: Sequence[Sequence[Any]], descending: Sequence[bool]) -> list[_Row]:
     """The rows sorted by their keys, as ORDER BY does it; rows with equal keys stay in their order.
 
     Args:
@@ -109,13 +109,13 @@ def sort_rows(rows: Sequence[_Row], keys: Sequence[Sequence[Any]], descending: S
         ExecutionError: X001 where two values that decide have no order.
     """
     columns = [[key[position] for key in keys] for position in range(len(descending))]
-    return [rows[index] for index in sort_positions(len(rows), columns, descending)]
+    return [rows[index] for index in order_positions(len(rows), columns, descending)]
 
 
-def sort_positions(
+def order_positions(
     count: int, columns: Sequence[Sequence[Any]], descending: Sequence[bool], limit: int | None = None
 ) -> list[int]:
-    """The places of `count` rows in the order of `sort_rows`, given the columns of their keys.
+    """The places of `count` rows in the order of `order_rows`, given the columns of their keys.
 
     With a `limit` there may be fewer, but not less than that: the first of 10,000 takes a quarter of the time of all.
     """
@@ -123,22 +123,22 @@ def sort_positions(
         limit is not None
         and len(columns) == 1
         and 0 < limit * 8 <= count
-        and _can_python_sort(set(map(type, columns[0])))
+        and _can_python_order_types(set(map(type, columns[0])))
     ):
         if limit == 1:
             return [columns[0].index((max if descending[0] else min)(columns[0]))]
         return (nlargest if descending[0] else nsmallest)(limit, range(count), columns[0].__getitem__)
     order = list(range(count))
     # One key alone is compared below, which takes 0.7 of the time of this.
-    if len(columns) > 1 and not all(_can_python_sort(set(map(type, column)) - {NoneType}) for column in columns):
-        order.sort(key=make_checked_order(_make_key_comparison(columns, descending)))
+    if len(columns) > 1 and not all(_can_python_order_types(set(map(type, column)) - {NoneType}) for column in columns):
+        order.sort(key=make_checked_order(_compare_sort_values(columns, descending)))
         return order
     for column, reverse in zip(reversed(columns), reversed(descending), strict=True):
         values: Sequence[Any] = column
         kinds = set(map(type, values))
         absent = NoneType in kinds
         kinds.discard(NoneType)
-        if not _can_python_sort(kinds):
+        if not _can_python_order_types(kinds):
             key = make_checked_order(compare_values)
             values = [None if value is None else key(value) for value in values]
         if absent:
@@ -147,7 +147,7 @@ def sort_positions(
     return order
 
 
-def _make_key_comparison(columns: Sequence[Sequence[Any]], descending: Sequence[bool]) -> Callable[[int, int], int]:
+def _compare_sort_values(columns: Sequence[Sequence[Any]], descending: Sequence[bool]) -> Callable[[int, int], int]:
     """What compares two rows, given by their places. A key is compared only where those before it are equal."""
 
     def compare_keys(one: int, other: int) -> int:
@@ -164,7 +164,7 @@ def _make_key_comparison(columns: Sequence[Sequence[Any]], descending: Sequence[
     return compare_keys
 
 
-def _can_python_sort(kinds: set[type]) -> bool:
+def _can_python_order_types(kinds: set[type]) -> bool:
     """Whether Python's own order of values of these types is the language's."""
     return kinds <= NUMBERS or kinds == {str}
 

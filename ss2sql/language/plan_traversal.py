@@ -23,12 +23,12 @@ _PLAIN = frozenset({"span", "place", "type", "scope", "literal", "name", "elemen
 def list_parts(node: Node) -> Iterator[Node]:
     """The plan nodes directly inside a node, in the order of its fields; nested queries are nodes, too."""
     found: list[Node] = []
-    for name in _list_node_fields(type(node)):
+    for name in _list_plan_fields(type(node)):
         _collect_nodes(getattr(node, name), found)
     return iter(found)
 
 
-def _list_node_fields(kind: Any) -> tuple[str, ...]:
+def _list_plan_fields(kind: Any) -> tuple[str, ...]:
     """The fields of a class that may hold nodes; cached by class."""
     names = _fields.get(kind)
     if names is None:
@@ -41,11 +41,11 @@ def _collect_nodes(value: Any, found: list[Node]) -> None:
     if isinstance(value, tuple):
         for item in value:
             _collect_nodes(item, found)
-    elif _is_node(value):
+    elif _is_plan_node(value):
         found.append(value)
 
 
-def _is_node(value: Any) -> bool:
+def _is_plan_node(value: Any) -> bool:
     kind = type(value)
     known = _kinds.get(kind)
     if known is None:
@@ -74,7 +74,7 @@ def walk_own(node: Node) -> Iterator[Node]:
 def rebuild_node(expr: E, change: Callable[[Node], Node]) -> E:
     """The same node with `change` applied to every node directly inside it."""
     changed = {}
-    for name in _list_node_fields(type(expr)):
+    for name in _list_plan_fields(type(expr)):
         before = getattr(expr, name)
         after = _map_value(before, change)
         if after is not before:
@@ -86,7 +86,7 @@ def _map_value(value: Any, change: Callable[[Node], Node]) -> Any:
     if isinstance(value, tuple):
         items = tuple(_map_value(item, change) for item in value)
         return items if any(a is not b for a, b in zip(items, value, strict=True)) else value
-    return change(value) if _is_node(value) else value
+    return change(value) if _is_plan_node(value) else value
 
 
 def split_and(condition: plan.Expr | None) -> tuple[plan.Expr, ...]:
@@ -180,7 +180,7 @@ def has_query(node: Node) -> bool:
     return any(isinstance(part, plan.Subquery) for part in walk(node))
 
 
-def list_functions(node: Node) -> Iterator[plan.Function]:
+def list_plan_functions(node: Node) -> Iterator[plan.Function]:
     """The functions that the node calls, in the order of its text."""
     for part in walk(node):
         if isinstance(part, plan.Call):
@@ -206,7 +206,7 @@ def can_fail(node: Node) -> bool:
     )
 
 
-def list_choices(call: plan.Call) -> tuple[plan.Expr, ...]:
+def list_plan_choices(call: plan.Call) -> tuple[plan.Expr, ...]:
     """The candidates of `min` or `max`: its arguments or the items of a list literal; none for another list."""
     match call.arguments:
         case (plan.MakeList(items=items),):
@@ -223,7 +223,7 @@ def may_run_foreign_code(root: Node) -> bool:
     return any(isinstance(n, foreign) or (isinstance(n, plan.Call) and not n.function.builtin) for n in walk(root))
 
 
-def list_call_places(*roots: Node) -> dict[str, frozenset[tuple[int, int]]]:
+def list_plan_calls(*roots: Node) -> dict[str, frozenset[tuple[int, int]]]:
     """Where each function of the user is called; empty where that is not known before the script runs."""
     found: dict[str, set[tuple[int, int]]] = {}
     for root in roots:
@@ -341,11 +341,11 @@ def _list_parts(node: Any) -> Iterator[tuple[str, Any]]:
             continue
         if isinstance(value, tuple):
             for item in value:
-                if is_dataclass(item) or (isinstance(item, tuple) and len(item) == 2 and _is_named(item)):
+                if is_dataclass(item) or (isinstance(item, tuple) and len(item) == 2 and _is_named_plan_node(item)):
                     yield field.name, item
         elif is_dataclass(value):
             yield field.name, value
 
 
-def _is_named(pair: tuple[Any, Any]) -> bool:
+def _is_named_plan_node(pair: tuple[Any, Any]) -> bool:
     return isinstance(pair[0], str) and is_dataclass(pair[1]) and not isinstance(pair[1], Type)

@@ -140,14 +140,14 @@ def _iterate_checked_paths(paths: Iterable[Path], check: Check) -> Iterator[Path
             check()
 
 
-def iterate_within_limit(rows: Iterable[Row], most: int) -> Iterator[Row]:
+def iterate_limited_rows(rows: Iterable[Row], most: int) -> Iterator[Row]:
     """The rows; raises ExecutionError X010 at the first one beyond `most`."""
     for number, row in enumerate(rows, 1):
-        check_room(number, most)
+        check_row_limit(number, most)
         yield row
 
 
-def check_room(number: int, most: int | None) -> None:
+def check_row_limit(number: int, most: int | None) -> None:
     """Raises ExecutionError X010 for more results than `most`."""
     if most is not None and number > most:
         raise build_row_limit_error(most)

@@ -32,17 +32,19 @@ def find_unnamed(query: plan.Query) -> UnnamedRead:
     assert search is not None
     substitute = list(_split_condition(search.made, True)) if search.first is None else []
     going, goals = [*substitute, *_split_condition(search.stop, False)], list(_split_condition(query.where, True))
-    tests = {_normalize_condition(*goal) for goal in (*goals, *substitute)}
-    sure = going if query.where is None else [one for one in going if _normalize_condition(*one) in tests]
-    known = {_normalize_condition(*one) for one in sure}
+    tests = {_normalize_plan_condition(*goal) for goal in (*goals, *substitute)}
+    sure = going if query.where is None else [one for one in going if _normalize_plan_condition(*one) in tests]
+    known = {_normalize_plan_condition(*one) for one in sure}
     shown = query.rows if query.aggregated else tuple(out.expr for out in query.columns)
     known_values = _add_equal_values(_list_told_values(search.key or shown), sure)
-    reader = _ReadCollector(query)
+    reader = _StepIdentityReads(query)
     reader.collect_reads(
-        "STOP WITH", (expr for expr, truth in going if _normalize_condition(expr, truth) not in known), known_values
+        "STOP WITH",
+        (expr for expr, truth in going if _normalize_plan_condition(expr, truth) not in known),
+        known_values,
     )
     reader.collect_reads(
-        "WHERE", (expr for expr, truth in goals if _normalize_condition(expr, truth) not in known), known_values
+        "WHERE", (expr for expr, truth in goals if _normalize_plan_condition(expr, truth) not in known), known_values
     )
     known_values = _add_equal_values(known_values, going)  # a step that stops has no next state
     for name, expr in search.connect:
@@ -82,7 +84,7 @@ def split_stop_conditions(query: plan.Query) -> Iterator[plan.Expr]:
     return (expr for expr, truth in _split_condition(query.search.stop, False) if not truth)
 
 
-class _ReadCollector:
+class _StepIdentityReads:
     """Collects what clauses read of the elements and of variables that change."""
 
     def __init__(self, query: plan.Query) -> None:
@@ -133,7 +135,7 @@ def _split_condition(condition: plan.Expr | None, truth: bool) -> Iterator[Condi
             yield condition, truth
 
 
-def _normalize_condition(condition: plan.Expr, truth: bool) -> Hashable:
+def _normalize_plan_condition(condition: plan.Expr, truth: bool) -> Hashable:
     """A canonical form: equal for `a == b` and for the opposite of `b != a`."""
     if is_volatile(condition):
         return id(condition)

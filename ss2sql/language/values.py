@@ -38,8 +38,8 @@ from ss2sql.language.kinds import INT_MIN, SCALAR, Kind, Type
 from ss2sql.language.kinds import Opaque as Opaque
 from ss2sql.language.ordering import NUMBERS as NUMBERS
 from ss2sql.language.ordering import compare_values as compare_values
-from ss2sql.language.ordering import sort_positions as sort_positions
-from ss2sql.language.ordering import sort_rows as sort_rows
+from ss2sql.language.ordering import order_positions as order_positions
+from ss2sql.language.ordering import order_rows as order_rows
 
 WRAPPED_TYPES = frozenset({Opaque, UnreadableText})
 
@@ -66,7 +66,7 @@ def copy_for_python(value: Any) -> Any:
         try:
             return loads(dumps(value, 2))
         except ValueError:  # there are objects inside
-            return _unwrap_objects(value)
+            return _unwrap_object_values(value)
     return value.object if kind in WRAPPED_TYPES else value
 
 
@@ -95,12 +95,12 @@ def _copy_nested(value: Any, known: dict[int, Any]) -> Any:
     return known[id(value)]
 
 
-def _unwrap_objects(value: Any) -> Any:
+def _unwrap_object_values(value: Any) -> Any:
     kind = type(value)
     if kind is list or kind is tuple:
-        return kind(map(_unwrap_objects, value))
+        return kind(map(_unwrap_object_values, value))
     if kind is dict:
-        return dict(zip(map(_unwrap_objects, value), map(_unwrap_objects, value.values()), strict=True))
+        return dict(zip(map(_unwrap_object_values, value), map(_unwrap_object_values, value.values()), strict=True))
     return value.object if kind in WRAPPED_TYPES else value
 
 
@@ -136,7 +136,7 @@ def make_hashable(value: Any) -> Hashable:
         return value  # type: ignore[no-any-return]
     if kind is list:
         try:
-            return _retry_with_stack(_encode_list, value)  # type: ignore[no-any-return]
+            return _retry_with_stack(_encode_value_list, value)  # type: ignore[no-any-return]
         except ValueError:
             return list, *map(make_hashable, value)
         except RecursionError:
@@ -154,12 +154,12 @@ class ListForm(bytes):
     __slots__ = ()
 
 
-def encode_list_form(value: list[Any]) -> ListForm:
+def encode_list_value(value: list[Any]) -> ListForm:
     """What `make_hashable` gives for a list of numbers, text, None, and lists of such."""
     return ListForm(dumps(_unify_numbers(value), 2))
 
 
-def _encode_list(value: list[Any]) -> bytes:
+def _encode_value_list(value: list[Any]) -> bytes:
     """The bytes of a list, the same for equal lists. ValueError: there are dicts or objects inside."""
     marshalled = dumps(value, 2)
     return dumps(_unify_numbers(value), 2) if find_several_forms(marshalled) else marshalled
@@ -282,16 +282,16 @@ FREEZERS: dict[Shape, Callable[[Any], Any]] = {
 }
 
 
-def choose_shape(known: Type) -> Shape:
+def choose_frozen_shape(known: Type) -> Shape:
     """The shape that values of this type have, or most of them."""
     if known.is_only(SCALAR):
         return "scalar"
-    if is_flat_list(known):
+    if is_flat_list_type(known):
         return "flat"
-    return "nested" if known.is_only(Kind.LIST) and known.item is not None and is_flat_list(known.item) else "any"
+    return "nested" if known.is_only(Kind.LIST) and known.item is not None and is_flat_list_type(known.item) else "any"
 
 
-def is_flat_list(known: Type) -> bool:
+def is_flat_list_type(known: Type) -> bool:
     """Whether values of this type are lists of scalars."""
     return known.is_only(Kind.LIST) and known.item is not None and known.item.is_only(SCALAR)
 

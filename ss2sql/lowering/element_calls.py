@@ -22,7 +22,7 @@ from ss2sql.language.plan_traversal import has_query, list_sources, list_states,
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.search_step import find_certain_parts
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import choose_column_names, choose_free_name
+from ss2sql.lowering.sql_names import choose_free_name, choose_sql_names
 from ss2sql.lowering.sql_query import ElementCall, ListTable
 from ss2sql.lowering.sqlite_expressions import SqlScope
 
@@ -104,7 +104,7 @@ def add_call_columns(
     assert isinstance(source, plan.ValueSource)
     assert isinstance(item, exp.Table)
     columns = tuple(name for name, _ in source.columns or ())
-    taken = {"this", *(name.lower() for name in choose_column_names(columns).values())}
+    taken = {"this", *(name.lower() for name in choose_sql_names(columns).values())}
     shared: list[plan.Expr] = []
     made: list[ElementCall] = []
     for call in calls:

@@ -184,9 +184,9 @@ def _has_one_form(kind: Type) -> bool:
 
 def _is_bound_beforehand(expr: plan.Expr) -> bool:
     """Whether the value is bound before the statement runs."""
-    from ss2sql.lowering.sqlite_expressions import is_run_constant
+    from ss2sql.lowering.sqlite_expressions import is_sql_constant
 
-    return isinstance(expr, (plan.Constant, plan.Variable)) or (is_run_constant(expr) and not can_fail(expr))
+    return isinstance(expr, (plan.Constant, plan.Variable)) or (is_sql_constant(expr) and not can_fail(expr))
 
 
 def _lower_handle_comparison(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:

@@ -27,12 +27,12 @@ from ss2sql.language.plan_traversal import (
     can_fail,
     has_query,
     is_volatile,
-    list_functions,
+    list_plan_functions,
     list_sources,
     list_states,
     walk,
 )
-from ss2sql.lowering.sqlite_expressions import is_run_constant
+from ss2sql.lowering.sqlite_expressions import is_sql_constant
 from ss2sql.lowering.sqlite_forms import have_same_storage_class
 
 INDEXABLE_OPERATORS = frozenset({"item", "slice", "add", "sub", "mul", "div", "mod", "pow", "neg"})
@@ -87,7 +87,7 @@ def is_worth_materializing(source: plan.Source) -> bool:
     """Whether a copy of the source serves the whole statement, and is worth its index."""
     return (
         isinstance(source, plan.ValueSource)
-        and is_run_constant(source.value)
+        and is_sql_constant(source.value)
         and (source.value.type.size or MIN_INDEXED_LENGTH) >= MIN_INDEXED_LENGTH
     )
 
@@ -101,7 +101,7 @@ def _can_be_key(query: plan.Query, source: int, expr: plan.Expr, other: plan.Exp
         return False
     if has_query(expr):
         return False
-    return not can_end_early(query) or all(function.builtin for function in list_functions(expr))
+    return not can_end_early(query) or all(function.builtin for function in list_plan_functions(expr))
 
 
 def _find_key_after_guards(

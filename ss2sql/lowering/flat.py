@@ -12,11 +12,11 @@ from ss2sql.language.kinds import Kind, Type, is_flag
 from ss2sql.language.plan_traversal import list_sources, split_and, walk_own
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import EvaluationOrder
-from ss2sql.lowering.from_clause import open_sources
+from ss2sql.lowering.from_clause import lower_sources
 from ss2sql.lowering.join import JoinBuilder
 from ss2sql.lowering.materialize import MaterializedTables, require_index
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import choose_column_names
+from ss2sql.lowering.sql_names import choose_sql_names
 from ss2sql.lowering.sqlite_expressions import ExpressionLowering, SqlScope
 from ss2sql.lowering.statement_needs import StatementNeeds
 
@@ -56,7 +56,7 @@ class FlatLowering:
         return [self.expressions.lower_condition(part, scope) for part in split_and(where)]
 
     def lower_from_and_where(self, query: plan.Query, scope: SqlScope) -> JoinBuilder:
-        opened, inner = open_sources(self, query.sources, scope)
+        opened, inner = lower_sources(self, query.sources, scope)
         tables = any(isinstance(source, plan.TableSource) for source in _find_all_sources(query))
         disabled = self.needs.disabled
         looks_up = self.copies is not None and "lookup" not in disabled
@@ -98,7 +98,7 @@ class FlatLowering:
         flat = self.lower_from_and_where(query, scope)
         where = sql_builder.conjunction(flat.terms)
         first = flat.natural_order
-        if (not query.group or (first is not None and len(first) == 1)) and not _needs_numbers(query):
+        if (not query.group or (first is not None and len(first) == 1)) and not _needs_sql_row_inputs(query):
             keys = [self.expressions.lower_expr(key, flat.scope) for key in query.group]
             number = first[0] if query.group and first else sql_builder.null()
             return self._write_groups(query, flat.scope, flat.items, where, keys, number, names)
@@ -108,9 +108,9 @@ class FlatLowering:
         self, query: plan.Query, flat: JoinBuilder, where: Node | None, names: list[str | None]
     ) -> exp.Select:
         """Groups of a product: its rows are numbered first, so that groups can be sorted by first appearance."""
-        arguments = tuple(dict.fromkeys(find_aggregate_inputs(query)))
+        arguments = tuple(dict.fromkeys(lower_aggregate_inputs(query)))
         inner = self._number_product_rows(
-            flat, select_group_inputs(self, arguments, query.group, flat.scope, False), where
+            flat, lower_group_inputs(self, arguments, query.group, flat.scope, False), where
         )
         return self.group_numbered_rows(query, inner, arguments, flat.scope, names)
 
@@ -144,7 +144,7 @@ class FlatLowering:
                 flat.items,
                 where,
                 (),
-                sql_builder.build_unlimited(),
+                sql_builder.build_sql_no_limit(),
             )
         number = sql_builder.row_number([(key, False) for key in natural])
         return sql_builder.select([*outputs, sql_builder.alias(number, "position")], flat.items, where)
@@ -199,10 +199,10 @@ class FlatLowering:
 
     def lower_derived(self, query: plan.Query, scope: SqlScope) -> exp.Select:
         """The query as a derived table, its columns under the names of sql_names."""
-        names = choose_column_names(tuple(output.name for output in query.columns))
+        names = choose_sql_names(tuple(output.name for output in query.columns))
         select = self.lower_rows(query, scope, list(names.values()))
         if select.args.get("limit") is None:
-            sql_builder.sort_query(select, (), sql_builder.build_unlimited())
+            sql_builder.sort_query(select, (), sql_builder.build_sql_no_limit())
         return select
 
     def lower_subquery(self, query: plan.Query, scope: SqlScope) -> Node:
@@ -230,7 +230,7 @@ class FlatLowering:
         select = self.lower_derived(query, scope)
         columns: list[Node] = []
         for output, name_ in zip(
-            query.columns, choose_column_names(tuple(o.name for o in query.columns)).values(), strict=True
+            query.columns, choose_sql_names(tuple(o.name for o in query.columns)).values(), strict=True
         ):
             node: Node = sql_builder.column(name_, label)
             columns.append(self.expressions.box_flag(node) if is_flag(output.expr.type) else node)
@@ -262,16 +262,16 @@ def _find_all_sources(query: plan.Query) -> list[plan.Source]:
     return found
 
 
-def _needs_numbers(query: plan.Query) -> bool:
+def _needs_sql_row_inputs(query: plan.Query) -> bool:
     """Whether an aggregate's argument has to be evaluated for each row before the groups are made.
 
     An argument without a column of the query itself would make SQL take the aggregate for one of an outer query.
     """
     own = {source.id for source in query.sources}
-    return any(not list_sources(argument) & own for argument in find_aggregate_inputs(query))
+    return any(not list_sources(argument) & own for argument in lower_aggregate_inputs(query))
 
 
-def select_group_inputs(
+def lower_group_inputs(
     selects: FlatLowering,
     arguments: Sequence[plan.Expr],
     keys: Sequence[plan.Expr],
@@ -285,7 +285,7 @@ def select_group_inputs(
     return [*shown, sql_builder.alias(sql_builder.call("next_position"), "position")] if position else shown
 
 
-def find_aggregate_inputs(query: plan.Query) -> list[plan.Expr]:
+def lower_aggregate_inputs(query: plan.Query) -> list[plan.Expr]:
     """What the aggregates are fed with, row by row."""
     return [node.argument for node in _find_aggregates(query) if node.argument is not None]
 

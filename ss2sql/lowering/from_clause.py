@@ -18,9 +18,9 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, is_flag
 from ss2sql.language.plan_traversal import can_fail, can_vary_with, list_inside, list_sources, list_states, split_and
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.materialize import add_row_numbers, build_materialized_cte, sort_by_row_number
+from ss2sql.lowering.materialize import add_sql_row_numbers, build_materialized_cte, sort_sql_by_row_number
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import ROW_NUMBER, choose_column_names
+from ss2sql.lowering.sql_names import ROW_NUMBER, choose_sql_names
 from ss2sql.lowering.sql_query import ListTable
 from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
 
@@ -44,7 +44,7 @@ class FromItem:
     on: tuple[Node, ...] | None = None
 
 
-def open_sources(
+def lower_sources(
     selects: FlatLowering, sources: tuple[plan.Source, ...], scope: SqlScope, search: int | None = None
 ) -> tuple[list[FromItem], SqlScope]:
     """All sources of a query, from left to right, each in the sight of those before it.
@@ -54,46 +54,46 @@ def open_sources(
     siblings: set[int] = set()
     opened: list[FromItem] = []
     for source in sources:
-        part = open_source(selects, source, scope, siblings, search)
+        part = lower_source(selects, source, scope, siblings, search)
         scope = scope.with_source(source.id, part.reader)
         siblings.add(source.id)
         opened.append(part)
     return opened, scope
 
 
-def open_source(
+def lower_source(
     selects: FlatLowering, source: plan.Source, scope: SqlScope, siblings: set[int], search: int | None
 ) -> FromItem:
     match source:
         case plan.TableSource():
-            return _open_table(selects, source)
+            return _lower_table(selects, source)
         case plan.ValueSource(value=value):
             lowered = selects.expressions.lower_value(value, scope)
-            return _open_function(selects, source, lowered) or _open_list_elements(selects, source, lowered)
+            return _lower_function_source(selects, source, lowered) or _lower_list_elements(selects, source, lowered)
         case plan.QuerySource(optional=True):
-            return _open_left_joined(selects, source, scope, siblings)
+            return _lower_left_join(selects, source, scope, siblings)
         case plan.QuerySource(query=query):
-            if _can_join(query) and not (search is None and _reads_only_outer_rows(query, siblings)):
-                return _open_joined(selects, source, scope, siblings, search)
+            if _can_lower_into_join(query) and not (search is None and _reads_only_outer_rows(query, siblings)):
+                return _lower_joined_query(selects, source, scope, siblings, search)
             lateral = can_vary_with(query, siblings, search)
             whole = search is not None
             outside = list_sources(query) - list_inside(query) or list_states(query)
             apart = not lateral and not (whole and outside)
             if apart and query.representation.name == "dict" and (not query.group or query.aggregated):
-                return _open_derived(selects, source, scope, whole)
-            return _open_list_elements(
+                return _lower_derived_table(selects, source, scope, whole)
+            return _lower_list_elements(
                 selects, source, selects.lower_subquery(query, replace(scope, again=scope.again or lateral))
             )
         case plan.WorldSource():
-            return _open_world(selects, source, scope)
+            return _lower_world(selects, source, scope)
         case _:
             assert_never(source)
 
 
-def _open_table(selects: FlatLowering, source: plan.TableSource) -> FromItem:
+def _lower_table(selects: FlatLowering, source: plan.TableSource) -> FromItem:
     label = selects.needs.choose_label(source.name)
     selects.tables[label] = source
-    schema = None if source.schema == "main" and not sql_builder.can_need_schema(source.table) else source.schema
+    schema = None if source.schema == "main" and not sql_builder.can_need_sql_schema(source.table) else source.schema
     columns: dict[str, Node] = {name: sql_builder.column(name, label) for name, _ in source.columns}
     for name in source.collated:
         columns[name] = exp.Collate(this=columns[name], expression=exp.Var(this="BINARY"))
@@ -101,13 +101,13 @@ def _open_table(selects: FlatLowering, source: plan.TableSource) -> FromItem:
     def read_column(expr: plan.Element | plan.Column) -> Node:
         if isinstance(expr, plan.Column):
             return columns[expr.name].copy()
-        return build_record({name: node.copy() for name, node in columns.items()})
+        return lower_record({name: node.copy() for name, node in columns.items()})
 
     order = tuple(sql_builder.column(name, label) for name in source.order)
     return FromItem((sql_builder.table(source.table, label, schema),), read_column, order, next(iter(columns.values())))
 
 
-def _open_function(selects: FlatLowering, source: plan.ValueSource, value: Node) -> FromItem | None:
+def _lower_function_source(selects: FlatLowering, source: plan.ValueSource, value: Node) -> FromItem | None:
     """A source that calls a function of the user once per row, such as `neighbours(node)`, as a table of its own."""
     call = source.value
     if not isinstance(call, plan.Call) or not isinstance(value, exp.Anonymous) or source.columns:
@@ -116,21 +116,21 @@ def _open_function(selects: FlatLowering, source: plan.ValueSource, value: Node)
     if function.builtin or function.vectorized or function.of_world or not (list_sources(call) or list_states(call)):
         return None
     module = selects.needs.name_list_table(ListTable((), function=function.name, arity=len(value.expressions)))
-    return None if module is None else _open_walk(selects, source, module, value.expressions)
+    return None if module is None else _lower_elements_walk(selects, source, module, value.expressions)
 
 
-def _open_list_elements(selects: FlatLowering, source: plan.ValueSource | plan.QuerySource, value: Node) -> FromItem:
+def _lower_list_elements(selects: FlatLowering, source: plan.ValueSource | plan.QuerySource, value: Node) -> FromItem:
     if isinstance(value, exp.Placeholder):
         selects.needs.walked[source.id] = value.name
     module = selects.needs.name_elements_table(tuple(name for name, _ in source.columns or ()))
-    return _open_walk(selects, source, module, [value])
+    return _lower_elements_walk(selects, source, module, [value])
 
 
-def _open_walk(
+def _lower_elements_walk(
     selects: FlatLowering, source: plan.ValueSource | plan.QuerySource, module: str, arguments: list[Node]
 ) -> FromItem:
     """The elements that a virtual table walks for its arguments."""
-    names = choose_column_names(tuple(name for name, _ in source.columns or ()))
+    names = choose_sql_names(tuple(name for name, _ in source.columns or ()))
     label = selects.needs.choose_label(source.name)
 
     def read_element(expr: plan.Element | plan.Column) -> Node:
@@ -148,10 +148,10 @@ def _open_walk(
     return FromItem((item,), read_element, (sql_builder.column("rowid", label),), witness)
 
 
-def _open_world(selects: FlatLowering, source: plan.WorldSource, scope: SqlScope) -> FromItem:
+def _lower_world(selects: FlatLowering, source: plan.WorldSource, scope: SqlScope) -> FromItem:
     """A table of a world, or one of its table functions; it is walked in its own order."""
     label = selects.needs.choose_label(source.name)
-    names = choose_column_names(tuple(name for name, _ in source.columns))
+    names = choose_sql_names(tuple(name for name, _ in source.columns))
     selects.needs.worlds[label] = source.table
 
     def read_column(expr: plan.Element | plan.Column) -> Node:
@@ -166,14 +166,14 @@ def _open_world(selects: FlatLowering, source: plan.WorldSource, scope: SqlScope
     )
 
 
-def build_record(columns: dict[str, Node]) -> Node:
+def lower_record(columns: dict[str, Node]) -> Node:
     arguments: list[Node] = []
     for name, node in columns.items():
         arguments += [sql_builder.string(name), node]
     return sql_builder.call("record", *arguments)
 
 
-def _can_join(query: plan.Query) -> bool:
+def _can_lower_into_join(query: plan.Query) -> bool:
     """Whether a query in FROM may be merged with the one around it: nothing but a product, filters and columns."""
     plain = not (query.search or query.grouped or query.order or query.limit or query.having)
     if not plain or query.representation.name != "dict" or any(output.label for output in query.columns):
@@ -193,7 +193,7 @@ def _reads_only_outer_rows(query: plan.Query, siblings: set[int]) -> bool:
     return any((list_sources(expr) or list_states(expr)) and not list_sources(expr) & own for expr in exprs)
 
 
-def _open_joined(
+def _lower_joined_query(
     selects: FlatLowering, source: plan.QuerySource, scope: SqlScope, siblings: set[int], search: int | None
 ) -> FromItem:
     """The sources and conditions of a simple query, joined with those of the query around it."""
@@ -202,18 +202,18 @@ def _open_joined(
     order: list[Node] = []
     inner = scope
     for part in query.sources:
-        opened = open_source(selects, part, inner, siblings, search)
+        opened = lower_source(selects, part, inner, siblings, search)
         inner = inner.with_source(part.id, opened.reader)
         items.extend(opened.items)
         order.extend(opened.order)
     conditions = selects.lower_where(query.where, inner)
-    reader = make_column_reader(
+    reader = make_sql_column_reader(
         selects, query, {o.name: selects.expressions.lower_expr(o.expr, inner) for o in query.columns}
     )
     return FromItem(tuple(items), reader, tuple(order), opened.witness_column, tuple(conditions))
 
 
-def _read_through_query(opened: FromItem, query: plan.Query) -> Reader:
+def _lower_query_elements(opened: FromItem, query: plan.Query) -> Reader:
     """Reads the elements of a query that are those of its only source."""
     source = query.sources[0]
     kinds = dict(source.columns or ())
@@ -227,19 +227,19 @@ def _read_through_query(opened: FromItem, query: plan.Query) -> Reader:
     return read_output
 
 
-def _open_left_joined(selects: FlatLowering, source: plan.QuerySource, scope: SqlScope, siblings: set[int]) -> FromItem:
+def _lower_left_join(selects: FlatLowering, source: plan.QuerySource, scope: SqlScope, siblings: set[int]) -> FromItem:
     """The right side of a LEFT JOIN. A number of its rows is needed, which says whether there is one."""
     query = source.query
     (inner,) = query.sources
     rows = isinstance(inner, plan.QuerySource) and inner.query.representation.name == "dict"
     if isinstance(inner, plan.QuerySource) and rows and not can_vary_with(inner.query, siblings, None):
-        part = _open_numbered(selects, _open_derived(selects, inner, scope, False), inner)
+        part = _lower_numbered_rows(selects, _lower_derived_table(selects, inner, scope, False), inner)
     else:
-        part = open_source(selects, inner, scope, siblings, None)
-        part = part if part.order else _open_numbered(selects, part, inner)
+        part = lower_source(selects, inner, scope, siblings, None)
+        part = part if part.order else _lower_numbered_rows(selects, part, inner)
     here = scope.with_source(inner.id, part.reader)
     on = [selects.expressions.lower_and(split_and(query.where), here)] if query.where is not None else []
-    plain, number = _read_through_query(part, query), part.order[-1]
+    plain, number = _lower_query_elements(part, query), part.order[-1]
     element, kinds = query.columns[0].expr.type, dict(inner.columns or ())
 
     def read_or_null(expr: plan.Element | plan.Column) -> Node:
@@ -253,7 +253,7 @@ def _open_left_joined(selects: FlatLowering, source: plan.QuerySource, scope: Sq
     return FromItem(part.items, read_or_null, part.order, part.witness_column, (), (*part.conditions, *on))
 
 
-def _open_numbered(selects: FlatLowering, part: FromItem, source: plan.Source) -> FromItem:
+def _lower_numbered_rows(selects: FlatLowering, part: FromItem, source: plan.Source) -> FromItem:
     """A view, or a query, with the numbers of its rows, which keep their order where SQLite makes an index on them."""
     (item,) = part.items
     if not isinstance(item, exp.Subquery):
@@ -261,15 +261,15 @@ def _open_numbered(selects: FlatLowering, part: FromItem, source: plan.Source) -
         read = (part.reader(plan.Column(source.id, name, kind, span=source.span)) for name, kind in kinds)
         columns = [column for node in read for column in node.find_all(exp.Column)]  # each without its collation
         item = sql_builder.derived(
-            sql_builder.select(columns, [item], None, (), sql_builder.build_unlimited()), item.alias_or_name
+            sql_builder.select(columns, [item], None, (), sql_builder.build_sql_no_limit()), item.alias_or_name
         )
     label = item.alias_or_name
-    item.set("this", add_row_numbers(item.this, label))
+    item.set("this", add_sql_row_numbers(item.this, label))
     number = sql_builder.column(item.this.expressions[0].alias, label)
-    return FromItem((item,), part.reader, (number,), number, (sort_by_row_number(label, number.name),))
+    return FromItem((item,), part.reader, (number,), number, (sort_sql_by_row_number(label, number.name),))
 
 
-def _open_derived(selects: FlatLowering, source: plan.QuerySource, scope: SqlScope, whole: bool) -> FromItem:
+def _lower_derived_table(selects: FlatLowering, source: plan.QuerySource, scope: SqlScope, whole: bool) -> FromItem:
     """`(SELECT ... LIMIT -1) AS name`, which the limit keeps apart, and its order with it; or a table of WITH."""
     query, needs = source.query, selects.needs
     label = needs.choose_label(source.name)
@@ -282,12 +282,12 @@ def _open_derived(selects: FlatLowering, source: plan.QuerySource, scope: SqlSco
         item: Node = sql_builder.table(needs.materialized_ctes[source.id].alias, label)
     else:
         item = sql_builder.derived(selects.lower_derived(query, scope), label)
-    names = choose_column_names(tuple(output.name for output in query.columns))
+    names = choose_sql_names(tuple(output.name for output in query.columns))
     columns: dict[str, Node] = {name: sql_builder.column(short, label) for name, short in names.items()}
-    return FromItem((item,), make_column_reader(selects, query, columns), (), next(iter(columns.values())))
+    return FromItem((item,), make_sql_column_reader(selects, query, columns), (), next(iter(columns.values())))
 
 
-def make_column_reader(selects: FlatLowering, query: plan.Query, columns: dict[str, Node]) -> Reader:
+def make_sql_column_reader(selects: FlatLowering, query: plan.Query, columns: dict[str, Node]) -> Reader:
     """Reads the rows of a query by the columns that its outputs have become."""
     types = {output.name: output.expr.type for output in query.columns}
 
@@ -298,6 +298,6 @@ def make_column_reader(selects: FlatLowering, query: plan.Query, columns: dict[s
             name: selects.expressions.box_flag(node.copy()) if is_flag(types[name]) else node.copy()
             for name, node in columns.items()
         }
-        return build_record(boxed)
+        return lower_record(boxed)
 
     return read_column

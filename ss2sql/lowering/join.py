@@ -29,13 +29,13 @@ from ss2sql.lowering.evaluation_order import MIN_INDEXED_LENGTH, Condition, Eval
 from ss2sql.lowering.from_clause import FromItem
 from ss2sql.lowering.materialize import (
     find_equality_columns,
-    number_indexed_rows,
-    require_ordered_index,
-    sort_by_row_number,
+    number_sql_rows,
+    require_sql_index_order,
+    sort_sql_by_row_number,
     strip_affinity,
 )
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import choose_column_names, choose_free_name
+from ss2sql.lowering.sql_names import choose_free_name, choose_sql_names
 from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
 
 if TYPE_CHECKING:
@@ -184,7 +184,7 @@ class JoinBuilder:
         """A table of what is joined so far, which is all that is joined then."""
         where = sql_builder.conjunction(self._write_where())
         labels = frozenset(item.alias_or_name for item in self.items)
-        select = sql_builder.select([], self.items, where, order, sql_builder.build_unlimited())
+        select = sql_builder.select([], self.items, where, order, sql_builder.build_sql_no_limit())
         table = DerivedTable(select, self.selects.needs.choose_label(name), labels)
         self.items, self.terms = [sql_builder.derived(select, table.label)], []
         return table
@@ -223,7 +223,7 @@ class JoinBuilder:
         known = self.keys.setdefault(source.id, {})
         if key not in known:
             columns = source.columns if isinstance(source, plan.ValueSource) else ()
-            taken = {"this", "rowid", *choose_column_names(tuple(name for name, _ in columns or ())).values()}
+            taken = {"this", "rowid", *choose_sql_names(tuple(name for name, _ in columns or ())).values()}
             known[key] = choose_free_name(key.name, taken | {name.lower() for name in known.values()})
 
     def _write_key_equality(self, label: str, key: ExpressionKey, name: str) -> Node:
@@ -318,7 +318,7 @@ class JoinBuilder:
     def _write_where(self) -> list[Node]:
         """The terms of WHERE, so written that SQLite keeps the order of rows."""
         terms = [part for term in self.terms for part in (term.flatten() if isinstance(term, exp.And) else (term,))]
-        terms += number_indexed_rows(self.items, terms, self.selects.needs.materialized_ctes.values())
+        terms += number_sql_rows(self.items, terms, self.selects.needs.materialized_ctes.values())
         if self.optional:
             # Else SQLite sees where None cannot meet a term, makes a plain join of it, and changes the order of rows.
             terms = [
@@ -365,7 +365,7 @@ class JoinBuilder:
         match source:
             case plan.TableSource() if not all(isinstance(one, plan.TableSource) for one in self.query.sources):
                 # Beside lists it is walked in its order.
-                if require_ordered_index(item, source, keys):
+                if require_sql_index_order(item, source, keys):
                     needs.applied["lookup"] = None
                     return item
                 if source.order != ("rowid",):
@@ -375,12 +375,12 @@ class JoinBuilder:
                 if (value.type.size or MIN_INDEXED_LENGTH) < MIN_INDEXED_LENGTH:
                     return None
                 name = f"{label}_once"
-                columns = ("this", *choose_column_names(tuple(name for name, _ in source.columns or ())).values())
+                columns = ("this", *choose_sql_names(tuple(name for name, _ in source.columns or ())).values())
                 strip_affinity(conditions, label, self.selects.tables)
                 computed = [self._write_key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
             case _:
                 return None
-        ordered = sort_by_row_number(label)
+        ordered = sort_sql_by_row_number(label)
         self.ordering.append(ordered)
         terms.append(ordered)
         needs.applied["lookup"] = None
@@ -412,7 +412,7 @@ def _can_be_none(source: plan.Source) -> bool:
 
 def _wrap_disjunction(term: Node) -> Node:
     """`(a OR b) IS TRUE`: SQLite would walk a world's table once for each part, and put its rows out of order."""
-    return exp.Is(this=sql_builder.parenthesize(term, exp.Or), expression=exp.true())
+    return exp.Is(this=sql_builder.parenthesize_sql(term, exp.Or), expression=exp.true())
 
 
 def _choose_column_name(expr: plan.Expr) -> str:

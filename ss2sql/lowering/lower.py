@@ -19,7 +19,7 @@ from ss2sql.lowering.sql_query import Bookkeeping, OutputColumn, SqlQuery
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.sqlite_forms import strip_numeric_affinity
 from ss2sql.lowering.statement_needs import StatementNeeds
-from ss2sql.lowering.union_branches import replace_items_by_columns
+from ss2sql.lowering.union_branches import replace_elements_by_columns
 from ss2sql.lowering.unsupported import check_supported
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, LateColumns, find_late_columns, plan_late_columns, plan_snapshot
 
@@ -45,7 +45,7 @@ def lower(
     check_supported(query)
     needs = StatementNeeds(function_names, by_value=by_value, disabled=disabled)
     if "positions" not in disabled:
-        query, needs.written = replace_items_by_columns(query)
+        query, needs.written = replace_elements_by_columns(query)
         if needs.written is not None:
             needs.applied["positions"] = None
     selects = FlatLowering(needs)
@@ -60,7 +60,7 @@ def lower(
         if query.aggregated:
             is_sorted = is_limited = True
             select = sql_builder.sort_query(
-                search.group_results(select, _choose_column_names(query)), (), *needs.bind_limits(query)
+                search.group_results(select, _name_sql_columns(query)), (), *needs.bind_limits(query)
             )
         # Of tables' BLOBs, and of bools that SQL makes, the interning hears nothing.
         quiet = any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in walk(query))
@@ -72,7 +72,7 @@ def lower(
     elif query.aggregated:
         is_sorted, is_limited = True, _can_limit_in_sql(query)
         select = selects.lower_rows(
-            query if is_limited else replace(query, limit=None, offset=None), SqlScope(), _choose_column_names(query)
+            query if is_limited else replace(query, limit=None, offset=None), SqlScope(), _name_sql_columns(query)
         )
         keys, orders = (), ()
     else:
@@ -80,7 +80,7 @@ def lower(
         order = selects.lower_order(query, flat)
         keys = query.group
         orders = query.order if order is None else ()
-        outputs = selects.lower_columns(query, flat.scope, _choose_column_names(query))
+        outputs = selects.lower_columns(query, flat.scope, _name_sql_columns(query))
         outputs += [selects.expressions.lower_expr(key, flat.scope) for key in keys]
         outputs += [selects.expressions.lower_expr(key.expr, flat.scope) for key in orders]
         is_sorted, is_limited = order is not None, order is not None and _can_limit_in_sql(query)
@@ -91,7 +91,7 @@ def lower(
     read_late: LateColumns | None = None
     if shown_late:
         select = sql_builder.replace_outputs(
-            select, [_build_key_column(query, key, node) for key, node in shown_late.items()]
+            select, [_lower_key_column(query, key, node) for key, node in shown_late.items()]
         )
         read_late = plan_late_columns(query, tuple(shown_late))
         needs.applied["late"] = None
@@ -100,17 +100,17 @@ def lower(
     ):
         select.set("with_", exp.With(expressions=tables))
     strip_numeric_affinity(select, selects.tables.values())
-    truths = frozenset[str]() if by_value else _strip_truth_calls(select, needs)
+    truths = frozenset[str]() if by_value else _strip_sql_truth(select, needs)
     columns = [output.expr for output in query.columns]
     compared = (query.search.key if query.search else ()) or query.rows or columns
-    only_walked = frozenset[str]() if query.search is not None else _find_iterated_parameters(select, needs)
+    only_walked = frozenset[str]() if query.search is not None else _find_walked_sql_parameters(select, needs)
     return SqlQuery(
         query,
         dialect.print_tree(select),
         tuple(needs.parameters.values()),
-        _describe_columns(columns),
-        _describe_columns(keys),
-        _describe_columns([key.expr for key in orders]),
+        _describe_sql_columns(columns),
+        _describe_sql_columns(keys),
+        _describe_sql_columns([key.expr for key in orders]),
         is_sorted,
         is_limited,
         {name: tuple(sorted(spans, key=lambda span: span.start)) for name, spans in needs.calls.items()},
@@ -127,7 +127,7 @@ def lower(
     )
 
 
-def _strip_truth_calls(select: exp.Select, needs: StatementNeeds) -> frozenset[str]:
+def _strip_sql_truth(select: exp.Select, needs: StatementNeeds) -> frozenset[str]:
     """Removes `truth` from calls of user functions that are conditions; gives the functions' names.
 
     SQLite tests numbers and handles as Python does, but not strings and None: when one turns up, the run changes to the
@@ -152,7 +152,7 @@ def _is_condition(node: sql_builder.Node) -> bool:
     return condition or isinstance(parent, (exp.And, exp.Or, exp.Not, exp.Where, exp.Having))
 
 
-def _find_iterated_parameters(select: exp.Select, needs: StatementNeeds) -> frozenset[str]:
+def _find_walked_sql_parameters(select: exp.Select, needs: StatementNeeds) -> frozenset[str]:
     """The parameters that are only walked, so that their value as a whole is never compared."""
     read: set[str] = set()
     for node in select.find_all(exp.Placeholder):
@@ -163,17 +163,17 @@ def _find_iterated_parameters(select: exp.Select, needs: StatementNeeds) -> froz
     return frozenset(needs.parameters) - read
 
 
-def _build_key_column(query: plan.Query, key: plan.Column, node: sql_builder.Node) -> sql_builder.Node:
+def _lower_key_column(query: plan.Query, key: plan.Column, node: sql_builder.Node) -> sql_builder.Node:
     """The column of a key, with what is read of it afterwards as a comment."""
     exprs = [output.expr for output in query.columns]
-    read = [e.name if isinstance(e, plan.Column) else "this" for e in exprs if _find_source(e) == key.source]
+    read = [e.name if isinstance(e, plan.Column) else "this" for e in exprs if _find_lowered_source(e) == key.source]
     names = ", ".join(name for name in dict.fromkeys(read) if name != key.name)
     if names:  # of columns of worlds, which are names of scripts and end no comment
         node.add_comments([f"then {names if len(names) <= 60 else names[:57] + '...'}"])
     return node
 
 
-def _find_source(expr: plan.Expr) -> int | None:
+def _find_lowered_source(expr: plan.Expr) -> int | None:
     return expr.source if isinstance(expr, (plan.Column, plan.Element)) else None
 
 
@@ -182,10 +182,10 @@ def _can_limit_in_sql(query: plan.Query) -> bool:
     return query.limit is not None and not (query.group and not query.aggregated)
 
 
-def _choose_column_names(query: plan.Query) -> list[str | None]:
+def _name_sql_columns(query: plan.Query) -> list[str | None]:
     """Names for the columns of the statement; a name that is the column's own text is not repeated."""
     return [None if output.name == output.expr.span.text else output.name for output in query.columns]
 
 
-def _describe_columns(exprs: Sequence[plan.Expr]) -> tuple[OutputColumn, ...]:
+def _describe_sql_columns(exprs: Sequence[plan.Expr]) -> tuple[OutputColumn, ...]:
     return tuple(OutputColumn(is_flag(expr.type)) for expr in exprs)

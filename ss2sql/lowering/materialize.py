@@ -12,7 +12,7 @@ order of the list, and has to be read for that. 20,000 rows that look for theirs
 table that stands beside lists is walked in its order, too, so an index that does not keep it is of no use there.
 
 On the rows of a query in FROM, too, SQLite makes such an index when it likes: where a condition asks for equality they
-are numbered, see `number_indexed_rows`. If something of that query may fail it is collected first:
+are numbered, see `number_sql_rows`. If something of that query may fail it is collected first:
 
     WITH best_once AS MATERIALIZED (SELECT f(rows.v) AS v FROM elements_v(:rows) AS rows LIMIT -1)
     SELECT best.v FROM best_once AS best LIMIT 1
@@ -71,7 +71,7 @@ def build_materialized_cte(name: str, select: exp.Select) -> exp.CTE:
     return exp.CTE(this=select, alias=exp.TableAlias(this=sql_builder.identifier(name)), materialized=True)
 
 
-def number_indexed_rows(items: Sequence[Node], conditions: Sequence[Node], tables: Iterable[exp.CTE]) -> list[Node]:
+def number_sql_rows(items: Sequence[Node], conditions: Sequence[Node], tables: Iterable[exp.CTE]) -> list[Node]:
     """Numbers the rows of those queries in FROM that conditions let SQLite make an index on; what has it read them.
 
     `tables` are the collected ones. An index on what a later item has to equal would not be of use.
@@ -86,12 +86,12 @@ def number_indexed_rows(items: Sequence[Node], conditions: Sequence[Node], table
         if of_query is None or not any(table == label and others.isdisjoint(later) for table, _, others in compared):
             continue
         if not isinstance(of_query.this.expressions[0].unalias(), exp.Window):
-            of_query.set("this", add_row_numbers(of_query.this, label))
-        found.append(sort_by_row_number(label, of_query.this.expressions[0].alias))
+            of_query.set("this", add_sql_row_numbers(of_query.this, label))
+        found.append(sort_sql_by_row_number(label, of_query.this.expressions[0].alias))
     return found
 
 
-def add_row_numbers(select: exp.Select, label: str) -> exp.Select:
+def add_sql_row_numbers(select: exp.Select, label: str) -> exp.Select:
     """The same rows, and before their columns their numbers."""
     names = [column.alias_or_name for column in select.expressions]
     position = choose_free_name("position", {name.lower() for name in names})
@@ -102,7 +102,7 @@ def add_row_numbers(select: exp.Select, label: str) -> exp.Select:
     return sql_builder.select(shown, [sql_builder.derived(select, label)])
 
 
-def require_ordered_index(item: exp.Table, source: plan.TableSource, keys: Collection[str]) -> bool:
+def require_sql_index_order(item: exp.Table, source: plan.TableSource, keys: Collection[str]) -> bool:
     """Has a table be read by an index that keeps its order, if columns that have to equal something have one."""
     for columns, index in source.indexes:
         if set(columns).issubset(keys):
@@ -116,7 +116,7 @@ def require_index(item: exp.Table, index: str) -> None:
     item.set("indexed", sql_builder.identifier(index) if index else False)
 
 
-def sort_by_row_number(label: str, position: str = "rowid") -> Node:
+def sort_sql_by_row_number(label: str, position: str = "rowid") -> Node:
     """Has SQLite read the number of a copied row, which is all that puts the rows of its index in order."""
     return exp.Not(this=exp.Is(this=sql_builder.column(position, label), expression=sql_builder.null()))
 

@@ -25,16 +25,16 @@ from ss2sql.language.kinds import is_flag
 from ss2sql.language.plan_traversal import list_sources, rebuild_node, walk
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering
-from ss2sql.lowering.from_clause import FromItem, open_sources
+from ss2sql.lowering.from_clause import FromItem, lower_sources
 from ss2sql.lowering.materialize import (
     build_materialized_cte,
     find_equality_columns,
-    number_indexed_rows,
+    number_sql_rows,
     prune_columns,
-    require_ordered_index,
+    require_sql_index_order,
 )
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import ROW_NUMBER, choose_column_names, choose_free_name
+from ss2sql.lowering.sql_names import ROW_NUMBER, choose_free_name, choose_sql_names
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.strategies import get_order, get_repeat_rule
 from ss2sql.lowering.union_branches import find_union_branches, lower_parts_as_list
@@ -42,12 +42,12 @@ from ss2sql.lowering.union_branches import find_union_branches, lower_parts_as_l
 SEARCH_TABLE = "search"
 
 
-def shorten_column_name(name: str) -> str:
+def shorten_sql_column_name(name: str) -> str:
     """The name of a variable as a column; those that the search carries have names such as `prior(id)`."""
     return re.sub(r"\W+", "_", name).strip("_") or "value" if not name.isidentifier() else name
 
 
-def iterate_element_reads(query: plan.Query, places: Iterable[object]) -> Iterator[plan.Element | plan.Column]:
+def iterate_sql_element_reads(query: plan.Query, places: Iterable[object]) -> Iterator[plan.Element | plan.Column]:
     """What these parts of a query read of its sources."""
     own = {source.id for source in query.sources}
     for place in places:
@@ -127,7 +127,7 @@ class RecursiveQuery:
         self, names: list[str], terms: list[exp.Select], queue: Iterable[tuple[str, bool]], results: exp.Select
     ) -> exp.Select:
         """`WITH RECURSIVE table(names) AS (first UNION ALL others ORDER BY ...) results`; columns sort the queue."""
-        union = sql_builder.build_union(terms)
+        union = sql_builder.build_sql_union(terms)
         keys = [
             exp.Ordered(this=sql_builder.number(names.index(column) + 1), desc=descending, nulls_first=not descending)
             for column, descending in queue
@@ -158,7 +158,7 @@ class RecursiveQuery:
         each = tuple(
             replace(source, value=self._substitute_start_values(source.value, values)) for source in self.search.each
         )
-        opened, scope = open_sources(self.selects, each, SqlScope())
+        opened, scope = lower_sources(self.selects, each, SqlScope())
         states: dict[tuple[int, str], Node] = {}
         for name, value in values.items():
             flag = self.flags[name]
@@ -192,7 +192,7 @@ class RecursiveQuery:
         name = self.selects.needs.choose_table_name("starts")
         moved = {state: node for state, node in states.items() if node.find(exp.Column)}
         taken: set[str] = set()
-        columns = {state: choose_free_name(shorten_column_name(state[1]), taken) for state in moved}
+        columns = {state: choose_free_name(shorten_sql_column_name(state[1]), taken) for state in moved}
         shown = [sql_builder.alias(node, columns[state]) for state, node in moved.items()] or [
             sql_builder.alias(sql_builder.number(1), "start")
         ]
@@ -223,14 +223,14 @@ class RecursiveQuery:
 
     def open_sources(self, scope: SqlScope) -> tuple[list[Node], list[Node], SqlScope, list[Node]]:
         """The items of FROM for the children of a state, their conditions, the sight on them, a column of each."""
-        opened, scope = open_sources(self.selects, self.query.sources, scope, self.query.id)
+        opened, scope = lower_sources(self.selects, self.query.sources, scope, self.query.id)
         items = [item for part in opened for item in part.items]
         conditions = [condition for part in opened for condition in part.conditions]
         return items, conditions, scope, [part.witness_column for part in opened]
 
     def order_items(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """The items of FROM, read so that their rows come in order under these conditions, which may become more."""
-        conditions += number_indexed_rows(items, conditions, self.selects.needs.materialized_ctes.values())
+        conditions += number_sql_rows(items, conditions, self.selects.needs.materialized_ctes.values())
         labels = [item.alias_or_name for item in items]
         return [self._order_item(item, conditions, labels[index:]) for index, item in enumerate(items)]
 
@@ -270,7 +270,7 @@ class RecursiveQuery:
             for table, column, others in find_equality_columns(conditions)
             if table == item.alias_or_name and others.isdisjoint(unknown)
         }
-        if require_ordered_index(item, source, compared):
+        if require_sql_index_order(item, source, compared):
             return item
         name = f"{item.alias_or_name}_in_order"
         if name not in self.positions:
@@ -300,7 +300,7 @@ class RecursiveQuery:
         if name is None:
             name = self.selects.needs.choose_table_name(f"{label}_once")
             self.copied[name] = item
-            names = ["this", *choose_column_names(tuple(columns)).values()]
+            names = ["this", *choose_sql_names(tuple(columns)).values()]
             self.positions[name] = choose_free_name("position", {column.lower() for column in names})
             shown: list[Node] = [
                 sql_builder.column(column) for column in (*names, place)

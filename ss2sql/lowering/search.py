@@ -21,8 +21,8 @@ from ss2sql.language.kinds import is_flag
 from ss2sql.language.plan_traversal import find_direct_assignments, has_query, list_parts, list_states, walk
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.element_calls import add_call_columns, find_element_calls
-from ss2sql.lowering.flat import FlatLowering, find_aggregate_inputs, select_group_inputs
-from ss2sql.lowering.recursive_query import RecursiveQuery, iterate_element_reads, shorten_column_name
+from ss2sql.lowering.flat import FlatLowering, lower_aggregate_inputs, lower_group_inputs
+from ss2sql.lowering.recursive_query import RecursiveQuery, iterate_sql_element_reads, shorten_sql_column_name
 from ss2sql.lowering.search_step import (
     SearchStep,
     find_certain_parts,
@@ -53,7 +53,7 @@ class EagerSearch(RecursiveQuery):
         super().__init__(selects, query, cut)
         search = self.search
         self.aggregate_inputs = (
-            tuple(dict.fromkeys(find_aggregate_inputs(query))) if query.aggregated else ()
+            tuple(dict.fromkeys(lower_aggregate_inputs(query))) if query.aggregated else ()
         )  # what aggregates are computed of
         if self.looked_up:
             selects.needs.applied["lookup"] = None
@@ -64,7 +64,7 @@ class EagerSearch(RecursiveQuery):
         self.shared = find_element_calls(query) if "calls" not in selects.needs.disabled else ()
         self.stops = split_stop_conditions(query)
         self.depth = self._choose_name("depth") if search.order == "depth first" else None
-        self.states = {name: self._choose_name(shorten_column_name(name)) for name in self.variables}
+        self.states = {name: self._choose_name(shorten_sql_column_name(name)) for name in self.variables}
         self.at_once = find_direct_assignments(query)
         self.known = self._find_assigned_values()
         self.goal = self._choose_name("goal") if query.where is not None and not self.ahead else None
@@ -188,8 +188,8 @@ class EagerSearch(RecursiveQuery):
                 if query == self.query.id}  # fmt: skip
         for name, _ in self.search.start:
             if name in read and name not in self.before:
-                self.before[name] = self._choose_name(f"{shorten_column_name(name)}_before")
-        for node in iterate_element_reads(self.query, [part for place in left for part in place or ()]):
+                self.before[name] = self._choose_name(f"{shorten_sql_column_name(name)}_before")
+        for node in iterate_sql_element_reads(self.query, [part for place in left for part in place or ()]):
             for part in self.list_parts(node) or (node,):
                 self.carry_element(part)
 
@@ -255,7 +255,7 @@ class EagerSearch(RecursiveQuery):
 
     def group_results(self, results: exp.Select, names: list[str | None]) -> exp.Select:
         """The groups of the results; the limit keeps SQLite from asking for them twice."""
-        results = sql_builder.sort_query(results, (), sql_builder.build_unlimited())
+        results = sql_builder.sort_query(results, (), sql_builder.build_sql_no_limit())
         return self.selects.group_numbered_rows(self.query, results, self.aggregate_inputs, SqlScope(), names)
 
     # --- the recursive terms ---------------------------------------------------------------------------
@@ -374,7 +374,7 @@ class EagerSearch(RecursiveQuery):
         query = self.query
         shown: list[Node] = [self.column("step"), self.column("parent")] if query.gives_paths else []
         if query.aggregated:
-            shown += select_group_inputs(self.selects, self.aggregate_inputs, query.group, now)
+            shown += lower_group_inputs(self.selects, self.aggregate_inputs, query.group, now)
         else:
             shown += [self.expressions.lower_expr(output.expr, now) for output in query.columns]
             shown += [self.expressions.lower_expr(key, now) for key in query.group]

@@ -178,7 +178,7 @@ class SearchStep:
         of = self.of
         carried: dict[str | None, Node] = {"step": self._number_step(positions), "parent": self.parent}
         carried[of.depth] = (
-            sql_builder.number(1) if self.first else _add_nodes(of.column(of.depth or ""), sql_builder.number(1))
+            sql_builder.number(1) if self.first else _add_sql_terms(of.column(of.depth or ""), sql_builder.number(1))
         )
         if of.goal is not None:
             carried[of.goal] = self.lower_goal()
@@ -203,7 +203,7 @@ class SearchStep:
             zero = sql_builder.number(0)
             carried[of.estimate] = zero if goal is None else sql_builder.case([(goal, zero)], self.lower_estimate())
             if of.rank is not None:
-                later = _add_nodes(self.lower_total(), self.lower_estimate())
+                later = _add_sql_terms(self.lower_total(), self.lower_estimate())
                 carried[of.rank] = (
                     self.lower_total() if goal is None else sql_builder.case([(goal, self.lower_total())], later)
                 )
@@ -351,7 +351,7 @@ def _negate_flag(node: Node) -> Node:
             return exp.Not(this=sql_builder.wrap_operand(node))
 
 
-def _add_nodes(left: Node, right: Node) -> Node:
+def _add_sql_terms(left: Node, right: Node) -> Node:
     return sql_builder.binary(exp.Add, left, right)
 
 

@@ -15,7 +15,7 @@ from sqlglot.generator import Generator
 
 from ss2sql.errors.exceptions import CONTROL_CHARACTERS
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS, strip_unwritable
+from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS, strip_sql_unwritable
 
 Node: TypeAlias = exp.Expr
 
@@ -31,14 +31,14 @@ class WithoutAffinity(exp.Unary):
 def identifier(name: str) -> exp.Identifier:
     """A name, quoted where SQLite would take it for something else."""
     plain = _PLAIN_NAME.match(name) and name.upper() not in _WORDS
-    return exp.Identifier(this=strip_unwritable(name), quoted=not plain)
+    return exp.Identifier(this=strip_sql_unwritable(name), quoted=not plain)
 
 
 # Modules, the recursive table of a search, and copies of lists and tables.
 _OF_A_STATEMENT = re.compile(r"elements|search|.*_(once|in_order)(_\d+)?\Z", re.DOTALL)
 
 
-def can_need_schema(name: str) -> bool:
+def can_need_sql_schema(name: str) -> bool:
     """Whether a table may have the name of such a virtual table or of a copy: its schema has to be written, too."""
     return bool(_OF_A_STATEMENT.match(name.lower()))
 
@@ -87,9 +87,9 @@ def conjunction(parts: Sequence[Node]) -> Node | None:
 
 def join_by_and(parts: Sequence[Node]) -> Node:
     parts = _group_operands(parts, join_by_and)
-    result = parenthesize(parts[0], exp.Or)
+    result = parenthesize_sql(parts[0], exp.Or)
     for part in parts[1:]:
-        result = exp.And(this=result, expression=parenthesize(part, exp.Or))
+        result = exp.And(this=result, expression=parenthesize_sql(part, exp.Or))
     return result
 
 
@@ -109,14 +109,14 @@ def disjunction(parts: Sequence[Node]) -> Node:
     return result
 
 
-def parenthesize(node: Node, *kinds: type[Node]) -> Node:
+def parenthesize_sql(node: Node, *kinds: type[Node]) -> Node:
     """The node in parentheses if it is one of the given kinds."""
     return exp.Paren(this=node) if isinstance(node, kinds) else node
 
 
 def wrap_operand(node: Node) -> Node:
     """The node, in parentheses where a neighbouring operator could tear it apart."""
-    return parenthesize(node, exp.Binary, exp.Connector, exp.Not, exp.Neg, exp.In)
+    return parenthesize_sql(node, exp.Binary, exp.Connector, exp.Not, exp.Neg, exp.In)
 
 
 _SUMS: tuple[type[Node], ...] = (exp.Add, exp.Sub)
@@ -143,7 +143,7 @@ def _wrap_operand_unless(loose: tuple[type[Node], ...], node: Node) -> Node:
     return node if isinstance(node, loose) else wrap_operand(node)
 
 
-def mark_as_rare(node: Node) -> Node:
+def mark_sql_as_rare(node: Node) -> Node:
     """The node, marked as what is evaluated hardly ever."""
     node.meta["rare"] = True
     return node
@@ -202,7 +202,7 @@ def derived(select: exp.Query, label: str) -> exp.Subquery:
     return exp.Subquery(this=select, alias=exp.TableAlias(this=identifier(label)))
 
 
-def build_union(selects: Sequence[exp.Select]) -> exp.Query:
+def build_sql_union(selects: Sequence[exp.Select]) -> exp.Query:
     """The SELECTs with UNION ALL between them."""
     joined: exp.Query = selects[0]
     for one in selects[1:]:
@@ -271,7 +271,7 @@ def keep_condition(condition: Node) -> Node:
     return binary(exp.NEQ, condition, number(0)) if isinstance(condition, exp.Literal) else condition
 
 
-def build_unlimited() -> Node:
+def build_sql_no_limit() -> Node:
     """`LIMIT -1`: no limit, but SQLite then keeps a subquery apart and its order as written."""
     return number(-1)
 
@@ -327,7 +327,7 @@ class Dialect:
         """The SQL tree as text."""
         options: dict[str, Any] = {"pretty": True, "normalize_functions": False}
         try:
-            return _build_generator_class(self)(dialect=self.name, **options).generate(tree)
+            return _build_dialect_class(self)(dialect=self.name, **options).generate(tree)
         except TokenError as error:
             if isinstance(error.__cause__, RecursionError):  # sqlglot reads types while it prints
                 raise error.__cause__ from None
@@ -335,7 +335,7 @@ class Dialect:
 
 
 @cache
-def _build_generator_class(dialect: Dialect) -> type[Generator]:
+def _build_dialect_class(dialect: Dialect) -> type[Generator]:
     """The class that prints a dialect: what sqlglot has for it, printing as the row says."""
     known: type[Generator] = sqlglot.Dialect.get_or_raise(dialect.name).generator_class
     return type(

@@ -25,7 +25,7 @@ def quote_names(names: Iterable[str]) -> str:
     return ", ".join('"' + name.replace('"', '""') + '"' for name in names)
 
 
-def strip_unwritable(name: str) -> str:
+def strip_sql_unwritable(name: str) -> str:
     """A name without what no text of SQL can hold: the character 0, and halves of surrogate pairs."""
     return _UNWRITTEN.sub("\N{REPLACEMENT CHARACTER}", name)
 
@@ -50,11 +50,13 @@ def build_module_name(columns: tuple[str, ...], calls: tuple[str, ...] = (), fun
     """
     if function is not None:
         plain = _PLAIN_CALL.match(function) and not CONTROL_CHARACTERS.search(function)
-        return f"elements_from_{function}" if plain else f"elements from {_MARKED.sub(_mark_character, function)}"
+        return f"elements_from_{function}" if plain else f"elements from {_MARKED.sub(_mark_sql_character, function)}"
     plain = all(_PLAIN_COLUMN.match(name) and not CONTROL_CHARACTERS.search(name) for name in columns)
     if plain and len(calls) <= 1 and all(map(_PLAIN_CALL.match, calls)):
         return "_".join(("elements", *columns, *(("with", *calls) if calls else ())))
-    of_list, of_calls = (", ".join(_MARKED.sub(_mark_character, name) for name in names) for names in (columns, calls))
+    of_list, of_calls = (
+        ", ".join(_MARKED.sub(_mark_sql_character, name) for name in names) for names in (columns, calls)
+    )
     return "elements " + of_list + (f"; {of_calls}" if calls else "")
 
 
@@ -73,7 +75,7 @@ def get_builtin_name(name: str) -> str:
     return f"{name}_of" if name in SQLITE_FUNCTIONS else name.replace(" ", "_")
 
 
-def choose_column_names(columns: tuple[str, ...]) -> dict[str, str]:
+def choose_sql_names(columns: tuple[str, ...]) -> dict[str, str]:
     """Names of columns as SQL can tell them apart, for SQL does not see upper and lower case."""
     # SQLite calls a column otherwise that is to be called true; one that is called rowid hides the real one.
     taken, names = {"this", "true", "false", "rowid"}, {}
@@ -82,6 +84,6 @@ def choose_column_names(columns: tuple[str, ...]) -> dict[str, str]:
     return names
 
 
-def _mark_character(found: re.Match[str]) -> str:
+def _mark_sql_character(found: re.Match[str]) -> str:
     char = found.group()
     return f"^{char.lower()}" if " " <= char <= "~" else f"^{{{ord(char):x}}}"

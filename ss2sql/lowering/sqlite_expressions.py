@@ -49,7 +49,7 @@ def lower_function_of_rows(lowering: ExpressionLowering, call: plan.Call, scope:
                 node = lowering.call_python(call, scope)
             else:
                 node = sql_builder.scalar(lowering.lower_unordered(inner, scope, aggregate))
-            return memoize_reduction(lowering, call, node, scope) if has_constant_source(query) else node
+            return lower_memoized_reduction(lowering, call, node, scope) if has_constant_source(query) else node
         case _:
             return None
 
@@ -71,7 +71,7 @@ def _choose_aggregate(
     return None
 
 
-def memoize_reduction(lowering: ExpressionLowering, call: plan.Call, node: Node, scope: SqlScope) -> Node:
+def lower_memoized_reduction(lowering: ExpressionLowering, call: plan.Call, node: Node, scope: SqlScope) -> Node:
     """The value, which is computed once for each of the values that it reads of the rows around it."""
     inside = list_inside(call)
     queries = {part.id for part in walk(call) if isinstance(part, plan.Query)}
@@ -207,7 +207,7 @@ class ExpressionLowering:
                 return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(operand, scope)))
             case plan.If():
                 return self.lower_if(expr, scope)
-            case plan.MakeList() if not can_fail(expr) and is_run_constant(expr):
+            case plan.MakeList() if not can_fail(expr) and is_sql_constant(expr):
                 return self.needs.bind_value(expr)
             case plan.MakeList(items=items):
                 return sql_builder.call("list", *(self.lower_value(item, scope) for item in items))
@@ -264,7 +264,7 @@ class ExpressionLowering:
         node = by_hand(self, expr, scope)
         if node is not None:
             return node
-        if not can_fail(expr) and is_run_constant(expr):
+        if not can_fail(expr) and is_sql_constant(expr):
             return self.needs.bind_value(expr, None, is_flag(expr.type))
         node = sqlite_forms.lower_checked(self, expr, scope)
         if node is not None:
@@ -274,7 +274,7 @@ class ExpressionLowering:
     def call_python(self, expr: plan.Call, scope: SqlScope, rarely: bool = False) -> Node:
         """A call of the language's own function on values."""
         node = self.write_python_call(expr, [self.lower_value(argument, scope) for argument in expr.arguments])
-        return sql_builder.mark_as_rare(node) if rarely else node
+        return sql_builder.mark_sql_as_rare(node) if rarely else node
 
     def write_python_call(self, expr: plan.Call, arguments: Sequence[Node]) -> Node:
         node = sql_builder.call(get_builtin_name(expr.function.name), *arguments, self.write_place(expr.place))
@@ -319,7 +319,7 @@ class ExpressionLowering:
         )
 
 
-def is_run_constant(expr: plan.Expr) -> bool:
+def is_sql_constant(expr: plan.Expr) -> bool:
     """Whether an expression has one value per run: it reads only constants and script variables."""
     return all(isinstance(part, (plan.Constant, plan.Variable, plan.Call, plan.MakeList)) for part in walk(expr))
 

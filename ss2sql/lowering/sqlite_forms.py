@@ -27,7 +27,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import GROUPS, OPERATIONS, Check, Form
 from ss2sql.language.operations.operation import find_sql_class
-from ss2sql.language.plan_traversal import is_volatile, list_choices
+from ss2sql.language.plan_traversal import is_volatile, list_plan_choices
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.sql_builder import Node, WithoutAffinity
 from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS
@@ -66,7 +66,7 @@ def can_repeat(node: Node, most: int = MAX_REPEATED_NODES) -> bool:
 _VALUE = "the_value"
 
 
-def _build_parser(*known: str) -> Callable[[str], Any]:
+def _build_sql_parser(*known: str) -> Callable[[str], Any]:
     """A parser of SQLite's SQL to which a call stays what is written, but for these functions."""
     base: Any = SQLite.Parser
     syntax = {name: base.FUNCTION_PARSERS[name] for name in ("CAST", "CHAR")}
@@ -76,8 +76,8 @@ def _build_parser(*known: str) -> Callable[[str], Any]:
 
 
 _PARSERS: dict[str, Callable[[str], Any]] = {
-    "sqlite": _build_parser(),
-    "sqlite groups": _build_parser("COUNT", "MIN", "MAX"),  # sqlglot has to know that they are aggregates
+    "sqlite": _build_sql_parser(),
+    "sqlite groups": _build_sql_parser("COUNT", "MIN", "MAX"),  # sqlglot has to know that they are aggregates
     "duckdb": lambda text: sqlglot.parse_one(text, dialect="duckdb"),
 }
 
@@ -95,7 +95,7 @@ def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None
     """A text with the operands in their places, and with the parentheses that these need."""
     if len(operands) == 1 and ("{*}" in text or "{reversed}" in text):  # SQLite takes a max of one for the aggregate
         return operands[0].copy()
-    finish = _finish_duckdb if dialect == "duckdb" else _finish_sqlite_form
+    finish = _finish_duckdb if dialect == "duckdb" else _finish_sql_form
 
     def fill_node(node: Node) -> Node:
         match node:
@@ -124,7 +124,7 @@ def fill_operands(text: str, operands: Sequence[Node], value: Node | None = None
     return fill_node(_parse_sql(text, dialect, len(operands)))
 
 
-def _finish_sqlite_form(node: Node) -> Node:
+def _finish_sql_form(node: Node) -> Node:
     """Names of functions as they are written, and a float of an integer that is written out."""
     match node:
         case exp.Anonymous():
@@ -161,7 +161,7 @@ MAX_CHECKED_NODES = 60  # of an expression that is written twice: the distance o
 def lower_unchecked(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> Node | None:
     """A call by a form that needs no check."""
     form = _choose_form(call)
-    return None if form is None or _get_check(form, call) else _write_form(form, call, lowering, env)
+    return None if form is None or _get_check(form, call) else _lower_form(form, call, lowering, env)
 
 
 def lower_checked(lowering: ExpressionLowering, call: plan.Call, env: SqlScope) -> Node | None:
@@ -188,7 +188,7 @@ def _choose_form(call: plan.Call) -> Form | None:
     for form in OPERATIONS[call.function.name].sqlite:
         operands = _get_operands(form, call)
         fits = operands and form.when([argument.type for argument in operands])
-        if fits and (_get_check(form, call) or not call.function.raises) and _find_functions(form) <= SQLITE_FUNCTIONS:
+        if fits and (_get_check(form, call) or not call.function.raises) and _find_sql_calls(form) <= SQLITE_FUNCTIONS:
             return form
     return None
 
@@ -198,10 +198,10 @@ def _get_check(form: Form, call: plan.Call) -> str | Check | None:
 
 
 def _get_operands(form: Form, call: plan.Call) -> Sequence[plan.Expr]:
-    return list_choices(call) if form.spread else call.arguments
+    return list_plan_choices(call) if form.spread else call.arguments
 
 
-def _write_form(form: Form, call: plan.Call, lowering: ExpressionLowering, env: SqlScope) -> Node | None:
+def _lower_form(form: Form, call: plan.Call, lowering: ExpressionLowering, env: SqlScope) -> Node | None:
     operands = [lowering.lower_expr(argument, env) for argument in _get_operands(form, call)]
     text = str(form.text)
     often = [operand for index, operand in enumerate(operands) if text.count(f"{{{index}}}") > 1]
@@ -209,7 +209,7 @@ def _write_form(form: Form, call: plan.Call, lowering: ExpressionLowering, env: 
 
 
 @cache
-def _find_functions(form: Form) -> frozenset[str]:
+def _find_sql_calls(form: Form) -> frozenset[str]:
     texts = [text for text in (form.text, form.check, form.only) if isinstance(text, str)]
     return frozenset(name for text in texts for name in re.findall(r'\b([a-z_0-9]+)"?\(', text)) - {"cast"}
 
@@ -225,7 +225,7 @@ def lower_size_checked(lowering: ExpressionLowering, call: plan.Call, env: SqlSc
     node = _lower_chain(lowering, call, env, call.type.kinds)
     if node is None or not can_repeat(node, MAX_CHECKED_NODES):
         return None
-    otherwise = sql_builder.mark_as_rare(_call_python_operators(lowering, call, env))
+    otherwise = sql_builder.mark_sql_as_rare(_call_python_operators(lowering, call, env))
     if not whole:
         return sql_builder.case([(sql_builder.between(node, -MAX_SAFE_FLOAT, MAX_SAFE_FLOAT), node)], otherwise)
     if not any(_choose_inner_form(argument, Kind.INT, env) for argument in call.arguments):
@@ -279,7 +279,7 @@ def lower_aggregate(aggregate: plan.Aggregate, argument: Node) -> Node | None:
 def list_form_functions() -> frozenset[str]:
     """The functions of SQLite that forms call, so that statements may call them."""
     forms = [form for row in OPERATIONS.values() for form in (*row.sqlite, *(row.group.sqlite if row.group else ()))]
-    return frozenset().union(*map(_find_functions, forms))
+    return frozenset().union(*map(_find_sql_calls, forms))
 
 
 # --- texts in columns for numbers -----------------------------------------------------------------------

@@ -18,7 +18,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering
-from ss2sql.lowering.from_clause import open_sources
+from ss2sql.lowering.from_clause import lower_sources
 from ss2sql.lowering.sql_builder import SQLITE
 from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS, can_be_literal
 from ss2sql.lowering.sql_query import Parameter
@@ -55,7 +55,7 @@ def lower_table_filter(source: plan.TableSource, parts: Sequence[plan.Expr], eno
     """
     needs = StatementNeeds({})
     selects = FlatLowering(needs)
-    opened, scope = open_sources(selects, (source,), SqlScope())
+    opened, scope = lower_sources(selects, (source,), SqlScope())
     lowered = [selects.expressions.lower_condition(part, scope) for part in parts]
     terms = [term for term in lowered if _can_stand_alone(term, needs)]
     where = sql_builder.conjunction(terms)
@@ -66,15 +66,15 @@ def lower_table_filter(source: plan.TableSource, parts: Sequence[plan.Expr], eno
         return None if limit is None else TableFilter("", limit=limit)
     label = sql_builder.identifier(opened[0].items[0].alias_or_name).sql("sqlite")
     text = f" AS {label} WHERE {SQLITE.print_tree(where)}"
-    return TableFilter(text, tuple(_list_parameters(where, needs)), limit)
+    return TableFilter(text, tuple(_list_sql_values(where, needs)), limit)
 
 
 def _can_stand_alone(term: sql_builder.Node, needs: StatementNeeds) -> bool:
     """Whether SQLite needs nothing of Python but values that are known beforehand."""
     own = all(call.name.lower() in SQLITE_FUNCTIONS for call in term.find_all(exp.Anonymous))
-    return own and all(isinstance(one.expr, (plan.Constant, plan.Variable)) for one in _list_parameters(term, needs))
+    return own and all(isinstance(one.expr, (plan.Constant, plan.Variable)) for one in _list_sql_values(term, needs))
 
 
-def _list_parameters(node: sql_builder.Node, needs: StatementNeeds) -> list[Parameter]:
+def _list_sql_values(node: sql_builder.Node, needs: StatementNeeds) -> list[Parameter]:
     bound = {placeholder.name for placeholder in node.find_all(exp.Placeholder)}
     return [parameter for name, parameter in needs.parameters.items() if name in bound]

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _ListSource = plan.ValueSource | plan.QuerySource
 
 
-def replace_items_by_columns(query: plan.Query) -> tuple[plan.Query, Callable[[plan.Expr], plan.Expr] | None]:
+def replace_elements_by_columns(query: plan.Query) -> tuple[plan.Query, Callable[[plan.Expr], plan.Expr] | None]:
     """The query with `this[0]` as the column `this_0`, and what gives a part of it as it was; None if all is.
 
     Only SQL has these columns: what Python evaluates of the query, as a parameter, has to be as it was.
@@ -50,22 +50,22 @@ def replace_items_by_columns(query: plan.Query) -> tuple[plan.Query, Callable[[p
     }
     used: dict[int, dict[int, plan.Call]] = {}
     for node in walk(query):
-        place = _find_item(node, sources)
+        place = _find_list_element(node, sources)
         if place is not None:
             used.setdefault(place[0], {}).setdefault(place[1], node)
     if not used:
         return query, None
-    read = {(source, build_item_column_name(at)): n for source, places in used.items() for at, n in places.items()}
+    read = {(source, name_element_column(at)): n for source, places in used.items() for at, n in places.items()}
 
     def replace_source(node: Any) -> Any:
-        place = _find_item(node, sources)
+        place = _find_list_element(node, sources)
         if place is not None:
-            return plan.Column(place[0], build_item_column_name(place[1]), node.type, span=node.span)
+            return plan.Column(place[0], name_element_column(place[1]), node.type, span=node.span)
         node = rebuild_node(node, replace_source)
         if isinstance(node, _ListSource) and node.id in used:
             positions = node.element.positions or ()
             return replace(
-                node, columns=tuple((build_item_column_name(at), positions[at]) for at in sorted(used[node.id]))
+                node, columns=tuple((name_element_column(at), positions[at]) for at in sorted(used[node.id]))
             )
         return node
 
@@ -78,11 +78,11 @@ def replace_items_by_columns(query: plan.Query) -> tuple[plan.Query, Callable[[p
     return rebuild_node(query, replace_source), replace_reads
 
 
-def build_item_column_name(position: int) -> str:
+def name_element_column(position: int) -> str:
     return f"this_{position}"
 
 
-def get_item_position(column: str) -> int:
+def get_element_position(column: str) -> int:
     return int(column.removeprefix("this_"))
 
 
@@ -98,7 +98,7 @@ def _is_join_key(query: plan.Query, source: int) -> bool:
     return False
 
 
-def _find_item(node: Any, sources: dict[int, _ListSource]) -> tuple[int, int] | None:
+def _find_list_element(node: Any, sources: dict[int, _ListSource]) -> tuple[int, int] | None:
     """The source and the position of an element of one of its lists, where the node reads one."""
     match node:
         case plan.Call(
@@ -129,7 +129,7 @@ class UnionBranches:
             return ()
         kinds = self.source.element.positions or ()
         return tuple(
-            plan.Column(expr.source, build_item_column_name(at), kind, span=expr.span) for at, kind in enumerate(kinds)
+            plan.Column(expr.source, name_element_column(at), kind, span=expr.span) for at, kind in enumerate(kinds)
         )
 
     def make_reader(self, expressions: ExpressionLowering, item: plan.Expr, scope: SqlScope) -> Reader:
@@ -139,7 +139,7 @@ class UnionBranches:
             read_of = item
             if isinstance(expr, plan.Column):
                 assert isinstance(item, plan.MakeList)
-                read_of = item.items[get_item_position(expr.name)]
+                read_of = item.items[get_element_position(expr.name)]
             if is_flag(expr.type) and is_flag(read_of.type):
                 return expressions.lower_expr(read_of, scope)
             return expressions.unbox_value(expressions.lower_value(read_of, scope), expr.type)
@@ -167,9 +167,9 @@ def find_union_branches(query: plan.Query) -> UnionBranches | None:
     if not isinstance(source, plan.ValueSource):
         return None
     items = (
-        _get_number_items(query, source.value)
+        _get_number_elements(query, source.value)
         if isinstance(source.value, plan.Constant)
-        else _get_list_items(source.value)
+        else _get_list_elements(source.value)
     )
     if not items or len(items) > MAX_BRANCHES or any(_calls_user_code(item) for item in items):
         return None
@@ -183,11 +183,11 @@ def find_union_branches(query: plan.Query) -> UnionBranches | None:
     return None if len(source.element.positions or ()) != size else UnionBranches(source, items, size)
 
 
-def _get_list_items(value: plan.Expr) -> tuple[plan.Expr, ...]:
+def _get_list_elements(value: plan.Expr) -> tuple[plan.Expr, ...]:
     return value.items if isinstance(value, plan.MakeList) else ()
 
 
-def _get_number_items(query: plan.Query, value: plan.Constant) -> tuple[plan.Expr, ...]:
+def _get_number_elements(query: plan.Query, value: plan.Constant) -> tuple[plan.Expr, ...]:
     """Those of a literal of a few numbers, which is a constant; a function that takes one is called with the list."""
     items = value.value
     few = type(items) is list and len(items) <= MAX_NUMBERS and all(type(item) in (int, float) for item in items)

@@ -38,24 +38,24 @@ def _iterate_own_nodes(query: plan.Query) -> Iterator[Any]:
     return islice(walk_own(query), 1, None)
 
 
-def _find_memorize(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_memorize(query: plan.Query, nested: bool) -> Span | None:
     return query.span if query.search and not REPEAT_RULES[query.search.repeats].lowered else None
 
 
-def _find_assignment(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_assignment(query: plan.Query, nested: bool) -> Span | None:
     kinds = (plan.Assign, plan.TemporalAssign, plan.AssignLate)
     return next((node.span for node in _iterate_own_nodes(query) if isinstance(node, kinds)), None)
 
 
-def _find_eval(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_eval(query: plan.Query, nested: bool) -> Span | None:
     return next((node.span for node in _iterate_own_nodes(query) if isinstance(node, plan.Eval)), None)
 
 
-def _find_temporal(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_temporal(query: plan.Query, nested: bool) -> Span | None:
     return next((node.span for node in _iterate_own_nodes(query) if isinstance(node, plan.Temporal)), None)
 
 
-def _find_volatile(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_volatile(query: plan.Query, nested: bool) -> Span | None:
     calls = (node for node in _iterate_own_nodes(query) if isinstance(node, plan.Call))
     return next((call.span for call in calls if call.function.volatility == "volatile"), None)
 
@@ -94,13 +94,13 @@ def _find_nested_limit(query: plan.Query, nested: bool) -> Span | None:
     return None
 
 
-def _find_row_labels(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_labels(query: plan.Query, nested: bool) -> Span | None:
     """Of a query that is the statement the representation names columns row by row."""
     computed = (output.label.span for output in query.columns if output.label is not None)
     return query.span if nested and query.representation.labels else next(computed, None)
 
 
-def _find_nested_star(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_star(query: plan.Query, nested: bool) -> Span | None:
     return next((output.expr.span for output in query.columns if nested and output.star), None)
 
 
@@ -124,7 +124,7 @@ def _find_several_starts(query: plan.Query, nested: bool) -> Span | None:
     return search.each[0].span if one_by_one or search.siblings else None
 
 
-def _find_siblings(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_siblings(query: plan.Query, nested: bool) -> Span | None:
     """The queue sorts siblings where those of one depth that wait have one parent."""
     search = query.search
     if search is None or not search.siblings:
@@ -138,7 +138,7 @@ def _find_partition_having(query: plan.Query, nested: bool) -> Span | None:
     return query.having.span if query.having is not None and not query.aggregated else None
 
 
-def _find_group_values(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_groups(query: plan.Query, nested: bool) -> Span | None:
     """SQL's groups have no first member: what stands for them must not depend on which member that is."""
     if not query.aggregated:
         return None
@@ -159,34 +159,36 @@ def _find_group_values(query: plan.Query, nested: bool) -> Span | None:
     return None
 
 
-def _find_optional(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_left_join(query: plan.Query, nested: bool) -> Span | None:
     sources = (s for s in query.sources if isinstance(s, plan.QuerySource) and s.optional)
     return next((source.span for source in sources if query.search is not None), None)
 
 
-def _find_distinct(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_distinct(query: plan.Query, nested: bool) -> Span | None:
     return query.span if query.distinct else None
 
 
-def _find_collected(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_collect(query: plan.Query, nested: bool) -> Span | None:
     """SQL promises no order of the rows in a group."""
     nodes = (node for node in _iterate_own_nodes(query) if isinstance(node, plan.Aggregate))
     return next((node.span for node in nodes if node.function == "collect"), None)
 
 
-def _find_limits(query: plan.Query, nested: bool) -> Span | None:
+def _find_unlowered_sources(query: plan.Query, nested: bool) -> Span | None:
     return query.span if len(query.sources) > MAX_SOURCES else None
 
 
 RULES: tuple[Rule, ...] = (
-    Rule("MEMORIZE builds a graph in memory", "use NO CYCLE, or leave the engine to ss2sql", _find_memorize),
-    Rule("the query assigns a script variable", "move the assignment out of the query", _find_assignment),
-    Rule("eval reads its text when it runs", "write the expression itself", _find_eval),
-    Rule("temporal variables are read row by row", "assign it to a variable before the query", _find_temporal),
+    Rule("MEMORIZE builds a graph in memory", "use NO CYCLE, or leave the engine to ss2sql", _find_unlowered_memorize),
+    Rule("the query assigns a script variable", "move the assignment out of the query", _find_unlowered_assignment),
+    Rule("eval reads its text when it runs", "write the expression itself", _find_unlowered_eval),
+    Rule(
+        "temporal variables are read row by row", "assign it to a variable before the query", _find_unlowered_temporal
+    ),
     Rule(
         "a volatile function must be called in written order, which SQL does not promise here",
         "register it with volatility='immutable' or 'stable' if that is true",
-        _find_volatile,
+        _find_unlowered_volatile,
     ),
     Rule("a search inside another query", "assign its result to a variable before the query", _find_nested_search),
     Rule(
@@ -197,18 +199,20 @@ RULES: tuple[Rule, ...] = (
     Rule("a partition inside another query", "assign it to a variable before the query", _find_nested_partition),
     Rule("an inner ORDER BY over values of several kinds", "sort by numbers or strings alone", _find_nested_order),
     Rule("an inner LIMIT that is not known beforehand to be a count", "write a number", _find_nested_limit),
-    Rule("SELECT * over columns that only the elements know", "name the columns", _find_nested_star),
+    Rule("SELECT * over columns that only the elements know", "name the columns", _find_unlowered_star),
     Rule("a column name with half of a surrogate pair", "give the column another name", _find_unwritable_name),
-    Rule("a column name that is computed", "write the name itself in to(expr, name)", _find_row_labels),
+    Rule("a column name that is computed", "write the name itself in to(expr, name)", _find_unlowered_labels),
     Rule("aggregates over the first results of a search", "leave the engine to ss2sql", _find_grouped_search),
     Rule("EACH starts a search anew for each element here", "leave the engine to ss2sql", _find_several_starts),
-    Rule("ORDER SIBLINGS BY in another order than depth first", "leave the engine to ss2sql", _find_siblings),
+    Rule("ORDER SIBLINGS BY in another order than depth first", "leave the engine to ss2sql", _find_unlowered_siblings),
     Rule("HAVING on a partition", "leave the engine to ss2sql", _find_partition_having),
-    Rule("groups over values of several kinds", "group by integers or strings", _find_group_values),
-    Rule("DISTINCT of whole paths", "take DISTINCT out, and write uniq(...) around the query", _find_distinct),
-    Rule("LEFT JOIN in a search", "leave the engine to ss2sql", _find_optional),
-    Rule("a function of the values of a group, in their order", "leave the engine to ss2sql", _find_collected),
-    Rule("more sources than SQLite can join", "split the query", _find_limits),
+    Rule("groups over values of several kinds", "group by integers or strings", _find_unlowered_groups),
+    Rule(
+        "DISTINCT of whole paths", "take DISTINCT out, and write uniq(...) around the query", _find_unlowered_distinct
+    ),
+    Rule("LEFT JOIN in a search", "leave the engine to ss2sql", _find_unlowered_left_join),
+    Rule("a function of the values of a group, in their order", "leave the engine to ss2sql", _find_unlowered_collect),
+    Rule("more sources than SQLite can join", "split the query", _find_unlowered_sources),
 )
 
 
@@ -229,14 +233,14 @@ def iterate_objections(query: plan.Query, nested: bool = False) -> Iterator[tupl
 def check_supported(query: plan.Query) -> None:
     """Raises UnsupportedError for the first objection."""
     for rule, place in iterate_objections(query):
-        raise _build_refusal(rule.reason, rule.cure, place)
+        raise _build_lowering_refusal(rule.reason, rule.cure, place)
 
 
-def build_size_refusal(query: plan.Query, error: Error) -> UnsupportedError:
+def build_sql_size_refusal(query: plan.Query, error: Error) -> UnsupportedError:
     """Why a query has to run natively that SQLite's own limits are too low for."""
     cure = "write fewer terms or queries inside of each other, or leave the engine to ss2sql"
-    return _build_refusal(f"it is too much for {error.message}", cure, query.span)
+    return _build_lowering_refusal(f"it is too much for {error.message}", cure, query.span)
 
 
-def _build_refusal(reason: str, cure: str, place: Span) -> UnsupportedError:
+def _build_lowering_refusal(reason: str, cure: str, place: Span) -> UnsupportedError:
     return UnsupportedError("U001", f"{reason}, so it runs natively", place, (cure,))

@@ -182,7 +182,7 @@ class NotebookNames:
         """
         tree = parse(script)
         self._remove_outdated()
-        for name in dict.fromkeys(_find_called_functions(tree)):
+        for name in dict.fromkeys(_find_functions_in_cell(tree)):
             found = self._find_value(name)
             if callable(found) and self._is_new(name, found):
                 self._provide_function(name, found)
@@ -264,7 +264,7 @@ class NotebookNames:
             self.session.detach(name)
 
 
-def _find_called_functions(tree: Any) -> Iterator[str]:
+def _find_functions_in_cell(tree: Any) -> Iterator[str]:
     stack = [tree]
     while stack:
         node = stack.pop()

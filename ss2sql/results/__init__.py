@@ -23,7 +23,7 @@ def count_words(number: int, word: str) -> str:
     return f"{number:,} {word}{'' if number == 1 else 's'}"
 
 
-def get_rows(result: Result) -> Iterator[Row]:
+def get_result_rows(result: Result) -> Iterator[Row]:
     """Copies of the rows of a result as plain tuples."""
     if result.answer is None:
         yield (result.value,)
@@ -36,16 +36,16 @@ def get_rows(result: Result) -> Iterator[Row]:
         yield from rows if result.answer.rows.plain else map(copy_result_row, rows)
 
 
-def get_all_rows(result: Result) -> list[Row]:
+def get_all_result_rows(result: Result) -> list[Row]:
     """All these rows at once. Raises Timeout or OutOfMemory beyond the remaining limits of the run."""
     with result.while_reading() as check:
-        return list(iterate_with_check(get_rows(result), check))
+        return list(iterate_with_check(get_result_rows(result), check))
 
 
 def copy_result_row(row: Row) -> Row:
     return tuple(map(copy_for_python, row))
 
 
-def get_paths(result: Result) -> Sequence[Sequence[Row]] | None:
+def get_result_paths(result: Result) -> Sequence[Sequence[Row]] | None:
     """The paths of a search without copies, not to be changed; None of other results."""
     return None if result.answer is None else result.answer.rows.paths

@@ -17,24 +17,24 @@ from ss2sql.language.column_shapes import (
     Shape,
     Struct,
     build_type_error,
-    convert_shape_floats,
-    find_column_shape,
+    convert_value_to_shape,
+    infer_column_shape,
     infer_shape,
     is_untyped,
     make_arrow_type,
 )
-from ss2sql.results import get_all_rows, get_rows
+from ss2sql.results import get_all_result_rows, get_result_rows
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
 
 
-def read_columns(result: Result) -> list[tuple[str, list[Any], Shape]]:
-    rows = get_all_rows(result)
+def read_result_columns(result: Result) -> list[tuple[str, list[Any], Shape]]:
+    rows = get_all_result_rows(result)
     parts = zip(*rows, strict=True) if rows else [()] * len(result.columns)
     types = {} if result.answer is None else result.answer.types
     return [
-        (name, list(values), find_column_shape(values, types.get(name)))
+        (name, list(values), infer_column_shape(values, types.get(name)))
         for name, values in zip(result.columns, parts, strict=True)
     ]
 
@@ -42,7 +42,7 @@ def read_columns(result: Result) -> list[tuple[str, list[Any], Shape]]:
 def to_pandas(result: Result) -> Any:
     """A pandas DataFrame: bool, int64, float64 and text for columns without None, Int64 and boolean with None."""
     pandas = require_package("pandas", "df", "df()")
-    columns = [_make_pandas_series(pandas, values, shape) for _, values, shape in read_columns(result)]
+    columns = [_make_pandas_series(pandas, values, shape) for _, values, shape in read_result_columns(result)]
     frame = pandas.DataFrame(dict(enumerate(columns)), index=pandas.RangeIndex(len(columns[0])))
     frame.columns = list(result.columns)
     return frame
@@ -79,10 +79,10 @@ def to_polars(result: Result) -> Any:
     """A Polars DataFrame; columns without a type in Polars get its type Object."""
     polars = require_package("polars", "df", "pl()")
     columns = []
-    for name, values, shape in read_columns(result):
+    for name, values, shape in read_result_columns(result):
         untyped = is_untyped(shape) or _has_empty_struct(shape)
         kind = polars.Object if untyped else _has_polars_type(polars, shape)
-        made = [convert_shape_floats(value, shape) for value in values] if kind != polars.Object else values
+        made = [convert_value_to_shape(value, shape) for value in values] if kind != polars.Object else values
         columns.append(polars.Series(name, made, dtype=kind, strict=True))
     return polars.DataFrame(columns)
 
@@ -115,12 +115,12 @@ def to_arrow(result: Result) -> Any:
     """A table of pyarrow. Raises RepresentationError V001 for a column without a type in Arrow."""
     arrow = require_package("pyarrow", "df", "arrow()")
     arrays, fields = [], []
-    for name, values, shape in read_columns(result):
+    for name, values, shape in read_result_columns(result):
         if is_untyped(shape):
             hint = "select what can be told of it, such as its name, or take df(), whose columns hold any object"
             raise build_type_error("Arrow", name, infer_shape(values), hint)
         kind = make_arrow_type(arrow, shape)
-        arrays.append(arrow.array([convert_shape_floats(value, shape) for value in values], type=kind))
+        arrays.append(arrow.array([convert_value_to_shape(value, shape) for value in values], type=kind))
         fields.append(arrow.field(name, kind))
     return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
 
@@ -135,7 +135,9 @@ def format_csv(result: Result) -> str:
     writer = csv.writer(lines, lineterminator="\r\n")
     writer.writerow(result.columns)
     with result.while_reading() as check:
-        writer.writerows([_format_csv_field(value) for value in r] for r in iterate_with_check(get_rows(result), check))
+        writer.writerows(
+            [_format_csv_field(value) for value in r] for r in iterate_with_check(get_result_rows(result), check)
+        )
     return "".join(lines)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import require_package
 from ss2sql.language.rows import Row
 from ss2sql.language.values import Opaque, copy_for_python
-from ss2sql.results import get_paths
+from ss2sql.results import get_result_paths
 from ss2sql.results.plot_style import (
     BLUE,
     FRAME,
@@ -34,7 +34,7 @@ NONE: Any = type(None)
 def build_graph(result: Result, most: int | None = None) -> Any:
     """A networkx.DiGraph of the rows of the first `most` paths, see `Result.graph`."""
     networkx = require_package("networkx", "plot", "graph()")
-    paths = get_paths(result)
+    paths = get_result_paths(result)
     if paths is None:
         make_plot_error("graph() needs the paths of a search", "a query is a search with CONNECT BY")
     made = networkx.DiGraph(columns=result.columns[2:])
@@ -62,17 +62,17 @@ def make_graph_node(row: Row) -> Hashable:
     None alone, which is no node for networkx, becomes NoneType.
     """
     if len(row) != 1:
-        return tuple(map(_make_hashable, row))
-    name: Hashable = _make_hashable(row[0])
+        return tuple(map(_make_plot_node, row))
+    name: Hashable = _make_plot_node(row[0])
     return NONE if name is None else name
 
 
-def _make_hashable(value: Any) -> Any:
+def _make_plot_node(value: Any) -> Any:
     """The value as a key: lists as tuples, dicts as frozensets of pairs; an object without a hash as an Opaque."""
     if isinstance(value, list):
-        return tuple(map(_make_hashable, value))
+        return tuple(map(_make_plot_node, value))
     if isinstance(value, dict):
-        return frozenset((key, _make_hashable(item)) for key, item in value.items())
+        return frozenset((key, _make_plot_node(item)) for key, item in value.items())
     return value.object if isinstance(value, Opaque) and value.key is value.object else value
 
 
@@ -93,7 +93,7 @@ def draw_graph(result: Result, ax: Any, most: int | None, own: bool) -> str:
     The figure gets the size that the graph needs where it is our own.
     """
     networkx = require_package("networkx", "plot", "plot()")
-    paths = get_paths(result)
+    paths = get_result_paths(result)
     assert paths is not None
     graph, drawn = (
         _fit_graph(result, len(paths)) if most is None else (build_graph(result, most), min(most, len(paths)))
@@ -110,7 +110,7 @@ def draw_graph(result: Result, ax: Any, most: int | None, own: bool) -> str:
 def draw_tree(result: Result, ax: Any, most: int | None, own: bool) -> str:
     """Draws the tree of the first paths, with common beginnings shared; gives the title."""
     networkx = require_package("networkx", "plot", "plot()")
-    paths = get_paths(result)
+    paths = get_result_paths(result)
     assert paths is not None
     graph, drawn = build_tree(networkx, paths, most)
     places = place_trees(graph, [0])

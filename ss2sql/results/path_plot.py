@@ -19,14 +19,14 @@ from ss2sql.results.plot_style import (
     count_drawn_paths,
     describe_status,
     draw_legend,
-    escape_plot_text,
+    escape_plot_label,
     hide_spines,
     make_plot_error,
-    mark_path_ends,
+    mark_path_ends_in_plot,
     set_integer_ticks,
     write_path_title,
 )
-from ss2sql.runtime.run.search_paths import measure_lengths
+from ss2sql.runtime.run.search_paths import measure_path_lengths
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
@@ -60,10 +60,10 @@ def find_coordinates(columns: Sequence[str], rows: Sequence[Row]) -> Coordinates
         (index, *others) = structured
         return (
             None
-            if others or not all(is_plottable_point(row[index]) for row in rows)
+            if others or not all(is_plot_point(row[index]) for row in rows)
             else Coordinates(lambda row: row[index])
         )
-    numbers = [i for i in indexes if all(is_plottable_number(row[i]) for row in rows)]
+    numbers = [i for i in indexes if all(is_plot_number(row[i]) for row in rows)]
     if len(numbers) not in (2, 3):
         return None
     names = tuple(columns[i] for i in numbers)
@@ -71,11 +71,11 @@ def find_coordinates(columns: Sequence[str], rows: Sequence[Row]) -> Coordinates
     return Coordinates(lambda row: tuple(row[i] for i in numbers), names, alike)
 
 
-def is_plottable_point(value: Any) -> bool:
-    return isinstance(value, list) and len(value) in (2, 3) and all(map(is_plottable_number, value))
+def is_plot_point(value: Any) -> bool:
+    return isinstance(value, list) and len(value) in (2, 3) and all(map(is_plot_number, value))
 
 
-def is_plottable_number(value: Any) -> bool:
+def is_plot_number(value: Any) -> bool:
     return type(value) in (int, float)
 
 
@@ -87,10 +87,10 @@ def draw_paths(result: Result, paths: Found, where: Coordinates, ax: Any, most: 
     over = bool(ax.images)  # a map is there already: its labels and its area stay
     _draw_path_lines(ax, [line.T[:width] for line in drawn], wider=1.5)
     starts, goals = (np.unique([line[end] for line in drawn], axis=0) for end in (0, -1))
-    mark_path_ends(ax, starts, goals, width)
+    mark_path_ends_in_plot(ax, starts, goals, width)
     if not over:
         for axis, name in zip("xyz"[:width], where.names or "xyz", strict=False):
-            getattr(ax, f"set_{axis}label")(escape_plot_text(name))
+            getattr(ax, f"set_{axis}label")(escape_plot_label(name))
         if where.alike:
             ax.set_aspect("equal", adjustable="datalim")
         ax.grid(alpha=0.25)
@@ -118,7 +118,7 @@ class StepWeights:
     likely: bool
 
 
-def require_weights(result: Result, paths: Found) -> StepWeights:
+def require_plot_weights(result: Result, paths: Found) -> StepWeights:
     """The weights of steps: the column with the expression of COST or PROBABILITY, or named `cost`."""
     names = result.columns[2:]
     query = next((query.written for statement in result.outline[-1:] for query in statement.queries[-1:]), None)
@@ -129,7 +129,7 @@ def require_weights(result: Result, paths: Found) -> StepWeights:
     if query is not None and expr is not None:
         found = [index for index, output in enumerate(query.columns) if output.expr == expr] + found
     for index in found:
-        if all(is_plottable_number(row[index]) for path in paths for row in path):
+        if all(is_plot_number(row[index]) for path in paths for row in path):
             return StepWeights(index, "probability" if likely else "cost", likely)
     hint = "select a column with the name cost that says what a step costs: SELECT ..., to(length, cost)"
     if expr is not None and expr.span.text:
@@ -142,7 +142,7 @@ def draw_costs(result: Result, paths: Found, weights: StepWeights, ax: Any, most
     rows = [[row[weights.index] for row in path] for path in islice(paths, most or MOST_PATHS)]
     totals = [list(accumulate(s, mul, initial=1.0) if weights.likely else accumulate(s, initial=0)) for s in rows]
     _draw_path_lines(ax, [(range(len(line)), line) for line in totals])
-    mark_path_ends(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
+    mark_path_ends_in_plot(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
     set_integer_ticks(ax.xaxis)
     ax.set_xlabel("step")
     ax.set_ylabel(f"{weights.name} so far")
@@ -155,7 +155,7 @@ def draw_costs(result: Result, paths: Found, weights: StepWeights, ax: Any, most
 
 
 def draw_lengths(result: Result, paths: Found, ax: Any) -> str:
-    counts = Counter(measure_lengths(paths))
+    counts = Counter(measure_path_lengths(paths))
     if len(counts) <= MOST_BARS:
         ax.bar_label(ax.bar(list(counts), list(counts.values()), color=BLUE), padding=2)
     else:  # a bar takes 0.2 ms and 10 KB, and an endless search has a length for each path

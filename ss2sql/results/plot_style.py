@@ -23,7 +23,7 @@ def make_plot_error(message: str, *hints: str) -> NoReturn:
     raise RepresentationError("V001", message, hints=hints)
 
 
-def escape_plot_text(text: str) -> str:
+def escape_plot_label(text: str) -> str:
     """A name or a value with escaped dollars, which would enclose a formula."""
     return text.replace("$", r"\$")
 
@@ -34,7 +34,7 @@ def cut_plot_label(text: str, most: int) -> str:
 
 def shorten_plot_label(text: str, most: int) -> str:
     """At most so many characters of a name or a value, with escaped dollars."""
-    return escape_plot_text(cut_plot_label(text, most))
+    return escape_plot_label(cut_plot_label(text, most))
 
 
 def choose_style(number: int, total: int, wider: float) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def choose_style(number: int, total: int, wider: float) -> dict[str, Any]:
     return {"color": BLUE, "alpha": max(0.04, min(0.6, 12 / total)), "lw": 1.5}
 
 
-def mark_path_ends(ax: Any, starts: Any, goals: Any, width: int = 2) -> None:
+def mark_path_ends_in_plot(ax: Any, starts: Any, goals: Any, width: int = 2) -> None:
     if starts is not None:
         ax.scatter(*starts.T[:width], s=55, color=GREEN, edgecolor="white", zorder=40, label="first step")
     ax.scatter(*goals.T[:width], s=120, marker="*", color=INK, edgecolor="white", zorder=41, label="last step")

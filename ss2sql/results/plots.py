@@ -11,20 +11,20 @@ import numpy as np
 from ss2sql.errors import require_package
 from ss2sql.language import plan
 from ss2sql.language.rows import Row
-from ss2sql.results import get_paths
+from ss2sql.results import get_result_paths
 from ss2sql.results.graph_plot import draw_graph, draw_tree
 from ss2sql.results.path_plot import (
     draw_costs,
     draw_lengths,
     draw_paths,
     find_coordinates,
-    is_plottable_point,
-    require_weights,
+    is_plot_point,
+    require_plot_weights,
 )
 from ss2sql.results.plot_style import (
     BLUE,
     PALETTE,
-    escape_plot_text,
+    escape_plot_label,
     hide_spines,
     make_plot_error,
     set_integer_ticks,
@@ -61,7 +61,7 @@ def _choose_drawing(result: Result, kind: str, own: bool) -> Draw:
     """The function that draws the plot; `own`: on our own figure."""
     if kind == "search":
         return lambda ax, most: draw_search(result, ax, most, own)
-    paths = get_paths(result)
+    paths = get_result_paths(result)
     if paths is not None:
         return _choose_search_drawing(result, paths, kind, own)
     if kind in SEARCH_KINDS:
@@ -90,7 +90,7 @@ def _choose_search_drawing(result: Result, paths: Sequence[Sequence[Row]], kind:
         case "tree":
             return lambda ax, most: draw_tree(result, ax, most, own)
         case "costs":
-            weights = require_weights(result, paths)
+            weights = require_plot_weights(result, paths)
             return lambda ax, most: draw_costs(result, paths, weights, ax, most)
         case "lengths":
             return lambda ax, most: draw_lengths(result, paths, ax)
@@ -104,7 +104,7 @@ def _draw_heat_map(result: Result, ax: Any) -> str:
     image = ax.imshow(
         np.asarray(value), origin="lower" if extent else "upper", extent=extent, cmap="Greys" if marks else "viridis"
     )
-    name = escape_plot_text(result.columns[-1])
+    name = escape_plot_label(result.columns[-1])
     if not marks:
         ax.figure.colorbar(image, ax=ax, label=name, shrink=0.9)
     across, up = _name_axes(result) if extent else ("column", "row")
@@ -125,12 +125,12 @@ def _name_axes(result: Result) -> tuple[str, str]:
 
 def _choose_flat_drawing(result: Result, kind: str) -> Draw:
     """The function that draws bars, lines or points, by the columns."""
-    columns, rows = list(map(escape_plot_text, result.columns)), list(result)
+    columns, rows = list(map(escape_plot_label, result.columns)), list(result)
     kinds = [{type(row[index]) for row in rows} - {type(None)} for index in range(len(columns))]
     numbers = [index for index, found in enumerate(kinds) if found and found <= {int, float}]
     labels = [index for index, found in enumerate(kinds) if index not in numbers]
     pointed = [
-        index for index in labels if any(r[index] for r in rows) and all(is_plottable_point(row[index]) for row in rows)
+        index for index in labels if any(r[index] for r in rows) and all(is_plot_point(row[index]) for row in rows)
     ]
     if kind == "heat":
         make_plot_error("plot() has no array of two dimensions to draw", "AS plane gives one")
@@ -142,7 +142,7 @@ def _choose_flat_drawing(result: Result, kind: str) -> Draw:
         own = pointed[0]
         names = next((index for index in labels if index != own), None)
         return lambda ax, most: _draw_scatter_plot(
-            ("x", "y"), [row[own] for row in rows], _find_text_column(rows, names), ax
+            ("x", "y"), [row[own] for row in rows], _find_plot_text_column(rows, names), ax
         )
     elif numbers:
         xs = [row[numbers[0]] for row in rows]
@@ -152,7 +152,7 @@ def _choose_flat_drawing(result: Result, kind: str) -> Draw:
                 pair = numbers[:2]
                 spots = [[row[index] for index in pair] for row in rows]
                 return lambda ax, most: _draw_scatter_plot(
-                    [columns[i] for i in pair], spots, _find_text_column(rows, label), ax
+                    [columns[i] for i in pair], spots, _find_plot_text_column(rows, label), ax
                 )
         elif kind in ("auto", "line") and (len(numbers) == 1 or rising):
             return lambda ax, most: _draw_line_plot(columns, rows, numbers, ax)
@@ -163,13 +163,13 @@ def _choose_flat_drawing(result: Result, kind: str) -> Draw:
     )
 
 
-def _find_text_column(rows: Sequence[Row], index: int | None) -> list[str]:
+def _find_plot_text_column(rows: Sequence[Row], index: int | None) -> list[str]:
     return [] if index is None else [format_cell(row[index]) for row in rows]
 
 
 def _draw_bars(columns: Sequence[str], rows: Sequence[Row], label: int | None, number: int, ax: Any, most: int) -> str:
     shown = rows[:most]
-    names = _find_text_column(shown, label) or [str(index) for index in range(1, len(shown) + 1)]
+    names = _find_plot_text_column(shown, label) or [str(index) for index in range(1, len(shown) + 1)]
     values = [row[number] or 0 for row in shown]
     bars = ax.barh(range(len(shown)), values, color=BLUE)
     ax.bar_label(bars, [format_cell(row[number]) for row in shown], padding=3)

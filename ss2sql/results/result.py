@@ -17,11 +17,11 @@ from ss2sql.language.kinds import Type
 from ss2sql.language.rows import Row, Rows, iterate_checked_paths, make_row_class, make_unique_name
 from ss2sql.language.values import copy_for_python
 from ss2sql.lowering.sql_query import Sql
-from ss2sql.results import copy_result_row, get_rows
-from ss2sql.results.explain.outline import OutlinedStatement, join_script_sql
-from ss2sql.runtime.run.option_checks import check_bound
+from ss2sql.results import copy_result_row, get_result_rows
+from ss2sql.results.explain.outline import OutlinedStatement, join_outlined_sql
+from ss2sql.runtime.run.option_checks import check_run_limit
 from ss2sql.runtime.run.run_state import RemainingBounds, Stats, translate_memory_error
-from ss2sql.runtime.run.search_paths import measure_lengths
+from ss2sql.runtime.run.search_paths import measure_path_lengths
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled", "memory", "steps"]
 
 
-def name_search_columns(own: Sequence[str]) -> tuple[str, ...]:
+def name_result_columns(own: Sequence[str]) -> tuple[str, ...]:
     """The columns of the result of a search; `own` are those of its rows."""
     names = ["path", "step"]
     for name in own:
@@ -43,7 +43,7 @@ def name_search_columns(own: Sequence[str]) -> tuple[str, ...]:
 
 
 @dataclass(slots=True)
-class QueryAnswer:
+class QueryResult:
     """What one query of a script gave: rows as the executor left them, what AS makes of them, the engine.
 
     `outputs` are the columns of the query in the plan, as far as it is known; `form` is what AS asks for, where the run
@@ -91,7 +91,7 @@ class Result:
     engine: str
     status: Status
     stats: Stats
-    answer: QueryAnswer | None = field(default=None)
+    answer: QueryResult | None = field(default=None)
     outline: tuple[OutlinedStatement, ...] = ()
     rerun: Callable[[Callable[[Run], Any]], Any] | None = field(default=None, compare=False)
     notes: tuple[str, ...] = ()
@@ -106,14 +106,14 @@ class Result:
 
     @cached_property
     def sql(self) -> Sql:
-        return join_script_sql(self.outline)
+        return join_outlined_sql(self.outline)
 
     @property
     def columns(self) -> tuple[str, ...]:
         if self.answer is None:
             return ("value",)
         own = self.answer.rows.columns
-        return own if self.answer.rows.paths is None else name_search_columns(own)
+        return own if self.answer.rows.paths is None else name_result_columns(own)
 
     @property
     def paths(self) -> list[list[Row]]:
@@ -137,7 +137,7 @@ class Result:
         What it raises is Timeout or OutOfMemory, whose `partial` is this result without its value: its rows can still
         be had one after the other.
         """
-        answer = QueryAnswer(Rows(()), None, self.engine) if self.answer is None else self.answer
+        answer = QueryResult(Rows(()), None, self.engine) if self.answer is None else self.answer
         try:
             yield answer.begin()
         except Stopped as stopped:
@@ -147,13 +147,13 @@ class Result:
 
     def __iter__(self) -> Iterator[Row]:
         """The rows as tuples. They know the names of the columns, so that `pandas.DataFrame(result)` has them."""
-        return map(make_row_class(self.columns), get_rows(self))
+        return map(make_row_class(self.columns), get_result_rows(self))
 
     def __len__(self) -> int:
         if self.answer is None:
             return 1
         rows = self.answer.rows
-        return len(rows.rows or ()) if rows.paths is None else sum(measure_lengths(rows.paths))
+        return len(rows.rows or ()) if rows.paths is None else sum(measure_path_lengths(rows.paths))
 
     def explain(self, levels: bool = False) -> Explanation:
         """What became of the script, and what the run has done: a text, whose `as_dict()` gives the same as data.
@@ -186,7 +186,7 @@ class Result:
         status: Status = "complete" if traced.is_whole else "maximum"
         rows = Rows(traced.columns, list(traced.events))
         value = [event._asdict() for event in traced.events]
-        answer = QueryAnswer(rows, lambda check: copy_for_python(value), self.engine, status)
+        answer = QueryResult(rows, lambda check: copy_for_python(value), self.engine, status)
         return Result(None, self.engine, status, self.stats, answer)
 
     # --- what it can become ----------------------------------------------------------------------------
@@ -200,7 +200,7 @@ class Result:
         """
         from rich.console import Console
 
-        check_bound("max_rows", max_rows, 0)
+        check_run_limit("max_rows", max_rows, 0)
         if console is not None and not isinstance(console, Console):
             hint = "give a rich.console.Console, or leave it out"
             raise SessionError("S002", f"a console is no {type(console).__name__}", hints=(hint,))
@@ -334,7 +334,7 @@ class Result:
         """
         from ss2sql.results.plots import plot_result  # it imports NumPy at once
 
-        check_bound("most", most, 1)
+        check_run_limit("most", most, 1)
         if ax is not None and not hasattr(ax, "scatter"):
             raise SessionError("S002", f"Axes are no {type(ax).__name__}", hints=("give what plt.subplots() gives",))
         return plot_result(self, ax, kind, most, title)

@@ -17,7 +17,7 @@ REPEAT_KEYWORDS = {"unique": "UNIQUE", "no cycle": "NO CYCLE", "memorize": "MEMO
 def find_notes(query: plan.Query) -> tuple[str, ...]:
     """What can be said of a query, and of those inside of it, before it runs."""
     searches = [node for node in walk(query) if isinstance(node, plan.Query) and node.search is not None]
-    notes = [note for each in searches for note in _find_undetermined_states(each)]
+    notes = [note for each in searches for note in _note_undetermined_states(each)]
     calls = (node.function for each in searches for node in walk(each) if isinstance(node, plan.Call))
     notes += [
         f"{call.name} is the function that was registered under this name; give it another name to ask for the path"
@@ -46,10 +46,10 @@ def explain_empty_result(query: plan.Query, rows: Rows, stats: Stats, before: in
         return
     if rows.ended and search.maximum is not None and query.having is not None:
         most, having = write_in_script(search.maximum), write_in_script(query.having)
-        cure = _suggest_larger("MAXIMUM")
+        cure = _note_larger_bound("MAXIMUM")
         yield f"MAXIMUM {most} ended the search, and HAVING {having} dropped what it had found; {cure}"
     if search.bound is not None and _is_graph_bounded(query, stats):
-        cure = _suggest_larger("MEMORIZE")
+        cure = _note_larger_bound("MEMORIZE")
         yield f"MEMORIZE {write_in_script(search.bound)} ended paths before any reached its goal; {cure}"
         return
     grown = {(query.id, name) for name in find_growing_states(query)}
@@ -93,7 +93,7 @@ def suggest_timeout_cure(query: plan.Query | None) -> str:
     return "raise timeout=, or let a condition in CONNECT BY drop steps that cannot lead to a goal"
 
 
-def _suggest_larger(word: str) -> str:
+def _note_larger_bound(word: str) -> str:
     return f"a larger bound in {word} lets it go on"
 
 
@@ -104,7 +104,7 @@ def _is_graph_bounded(query: plan.Query, stats: Stats) -> bool:
     return len(inner) == 1 and bool(levels) and levels[-1].rows > 0
 
 
-def _find_undetermined_states(query: plan.Query) -> Iterator[str]:
+def _note_undetermined_states(query: plan.Query) -> Iterator[str]:
     """That a search compares rows which do not tell the state that its clauses read."""
     search = query.search
     assert search is not None
@@ -116,8 +116,8 @@ def _find_undetermined_states(query: plan.Query) -> Iterator[str]:
     # Columns of an element tend to follow from each other, as a name and the key behind it.
     if not any(isinstance(expr, plan.State) for expr in read):
         return
-    word, names = REPEAT_KEYWORDS[search.repeats], _join_words(list(dict.fromkeys(map(write_in_script, read))))
-    clauses = _join_words(list(dict.fromkeys(clause for several in read.values() for clause in several)))
+    word, names = REPEAT_KEYWORDS[search.repeats], _join_note_words(list(dict.fromkeys(map(write_in_script, read))))
+    clauses = _join_note_words(list(dict.fromkeys(clause for several in read.values() for clause in several)))
     verb = "read" if " and " in clauses else "reads"
     lengths = all(isinstance(expr, plan.State) and expr.name in counted for expr in read)
     bounded = search.repeats == "memorize" and lengths
@@ -139,5 +139,5 @@ def _is_step_count(expr: plan.Expr, clauses: tuple[str, ...], counted: frozenset
     return search.repeats == "no cycle" or fewest
 
 
-def _join_words(words: list[str]) -> str:
+def _join_note_words(words: list[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

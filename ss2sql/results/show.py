@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row
 from ss2sql.language.values import format_value as written
-from ss2sql.results import get_paths, get_rows
+from ss2sql.results import get_result_paths, get_result_rows
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -93,16 +93,16 @@ def make_result_sheet(result: Result, most: int, wide: int, arrow: str, most_col
     A path of a search is one line. Where a line would have to omit steps although all paths together have at most
     `most` steps, there is one line for each step.
     """
-    paths = get_paths(result)
+    paths = get_result_paths(result)
     if paths is not None:
         made = _make_path_sheet(result, paths, most, wide, arrow)
         if made is not None:
             return made
-    table = list(islice(get_rows(result), most))
+    table = list(islice(get_result_rows(result), most))
     chosen = _choose_columns(len(result.columns), most_columns or max(2, (wide - 1) // (LEAST_WIDE + FRAME)))
     headings = tuple("…" if index is None else format_cell(result.columns[index]) for index in chosen)
     rows = [tuple("…" if index is None else format_cell(row[index]) for index in chosen) for row in table]
-    right = tuple(index is not None and _are_table_numbers([row[index] for row in table]) for index in chosen)
+    right = tuple(index is not None and _are_shown_numbers([row[index] for row in table]) for index in chosen)
     hidden = len(result.columns) - len(chosen) + 1 if None in chosen else 0
     return Sheet(headings, rows, right, _write_caption(result, len(table), "", hidden))
 
@@ -116,7 +116,7 @@ def _make_path_sheet(result: Result, paths: Sequence[Sequence[Row]], most: int, 
     if None in drawn and len(first) == len(paths) and sum(map(len, first)) <= most:
         return None
     rows: list[tuple[str, ...]] = [
-        (str(index), _shorten_path(path, room, arrow) if line is None else line)
+        (str(index), _shorten_shown_path(path, room, arrow) if line is None else line)
         for index, (path, line) in enumerate(zip(first, drawn, strict=True), 1)
     ]
     heading = _join_within_width(list(map(format_cell, result.columns[2:])))
@@ -133,7 +133,7 @@ def _format_path(path: Sequence[Row], room: int, arrow: str) -> str | None:
     return line if cell_len(line) <= room and "..." not in line else None
 
 
-def _shorten_path(path: Sequence[Row], room: int, arrow: str) -> str:
+def _shorten_shown_path(path: Sequence[Row], room: int, arrow: str) -> str:
     """The path without the middle steps that do not fit; the last step is always shown."""
     from rich.cells import cell_len
 
@@ -174,13 +174,13 @@ def _cut_text(text: str, most: int) -> str:
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
-def _are_table_numbers(values: Sequence[Any]) -> bool:
+def _are_shown_numbers(values: Sequence[Any]) -> bool:
     return bool(values) and {type(value) for value in values if value is not None} in ({int}, {float}, {int, float})
 
 
 def _write_caption(result: Result, shown: int, unit: str, hidden: int) -> str:
     """The line under the table: the numbers of rows and paths, what is not shown, and the engine."""
-    total, paths = len(result), get_paths(result)
+    total, paths = len(result), get_result_paths(result)
     parts = [_count_words(total, "row")]
     if paths is not None:
         parts.insert(0, _count_words(len(paths), "path"))

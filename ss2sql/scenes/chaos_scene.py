@@ -58,10 +58,10 @@ class ParticleSource:
 
     def draw_particles(self, count: int) -> Iterator[Particle]:
         """Particles that do not touch each other, at most so many, fewer where there is no more room."""
-        check_count(count)
+        check_particle_count(count)
         taken: list[tuple[Vector, float]] = []
         for _ in range(count):
-            particle = self.draw_particle(is_outside(taken))
+            particle = self.draw_particle(is_particle_outside(taken))
             if particle is not None:
                 taken.append((particle.position, measure_reach(particle.solid)))
                 yield particle
@@ -118,12 +118,12 @@ class ParticleSource:
         return x * size, y * size, z * size
 
 
-def check_count(bodies: int) -> None:
+def check_particle_count(bodies: int) -> None:
     if bodies < 0:
         raise SessionError("S002", f"a scene cannot have {bodies} bodies", hints=("give a number from 0 on",))
 
 
-def is_outside(taken: list[tuple[Vector, float]]) -> Callable[[Vector, float], bool]:
+def is_particle_outside(taken: list[tuple[Vector, float]]) -> Callable[[Vector, float], bool]:
     """Whether a sphere touches none of these spheres."""
     return lambda place, radius: all(dist(place, other) > radius + its for other, its in taken)
 
@@ -269,5 +269,5 @@ def chaos(seed: int = 18, bodies: int = 150, client: Any = None) -> Chaos:
 
     It builds in a simulation of its own, or in `client`, which it empties.
     """
-    check_count(bodies)
+    check_particle_count(bodies)
     return Chaos(seed, bodies, client)

@@ -10,7 +10,7 @@ from math import dist, hypot, pi
 from typing import Any, ClassVar
 
 from ss2sql.errors import require_package
-from ss2sql.package_data import find_file
+from ss2sql.package_data import find_package_file
 from ss2sql.vtables.pybullet.client import import_pybullet
 from ss2sql.vtables.pybullet.scene import Box, Colour, Cylinder, Scene, Sensor, Vector, View
 
@@ -147,7 +147,7 @@ class Hall(Scene):
         x, y = TARGET
         self.add("target", Cylinder(0.35, 0.02), (x, y, 0.01), GOAL, touchable=False)
         exact = import_pybullet().URDF_USE_IMPLICIT_CYLINDER  # otherwise Bullet turns cylinders into meshes
-        robot = self.client.loadURDF(str(find_file("ss2sql.scenes", "youbot.urdf")), (*START, 0.0), flags=exact)
+        robot = self.client.loadURDF(str(find_package_file("ss2sql.scenes", "youbot.urdf")), (*START, 0.0), flags=exact)
         return self.adopt(robot, ROBOT)
 
     def _add_crate(self, spot: Spot, size: float, height: float) -> None:
@@ -187,10 +187,10 @@ class Hall(Scene):
             if abs(spot[0] - x) < radius + width + 0.05 and abs(spot[1] - y) < radius + depth + 0.05:
                 return False
         legs = [leg for path in WAYS for leg in pairwise(path)]
-        return all(_measure_distance(spot, *leg) > radius + CLEARANCE for leg in legs)
+        return all(_measure_hall_distance(spot, *leg) > radius + CLEARANCE for leg in legs)
 
 
-def _measure_distance(spot: Spot, start: Spot, end: Spot) -> float:
+def _measure_hall_distance(spot: Spot, start: Spot, end: Spot) -> float:
     """From a point to a straight line between two others."""
     (x, y), (x1, y1), (x2, y2) = spot, start, end
     along = ((x - x1) * (x2 - x1) + (y - y1) * (y2 - y1)) / dist(start, end) ** 2

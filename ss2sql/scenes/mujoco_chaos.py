@@ -83,25 +83,25 @@ def write_mjcf(particles: Iterable[Particle]) -> str:
     ]
     for name, normal in WALLS.items():
         place = (-HALF * part for part in normal)
-        plane = f'<geom type="plane" size="{HALF} {HALF} 0.1" zaxis="{_format_numbers(normal)}"/>'
-        lines.append(f'    <body name="{name}" pos="{_format_numbers(place)}">{plane}</body>')
-    lines += [f"    {_write_body(particle)}" for particle in particles]
+        plane = f'<geom type="plane" size="{HALF} {HALF} 0.1" zaxis="{_format_mjcf(normal)}"/>'
+        lines.append(f'    <body name="{name}" pos="{_format_mjcf(place)}">{plane}</body>')
+    lines += [f"    {_write_particle_mjcf(particle)}" for particle in particles]
     return "\n".join([*lines, "  </worldbody>", "</mujoco>", ""])
 
 
-def _write_body(particle: Particle) -> str:
-    kind, size = _write_shape(particle.solid)
+def _write_particle_mjcf(particle: Particle) -> str:
+    kind, size = _write_shape_mjcf(particle.solid)
     x, y, z, w = make_quaternion(particle.turned)
     name = quoteattr(particle.name)
-    colour = _format_numbers((*particle.colour, 1.0))
+    colour = _format_mjcf((*particle.colour, 1.0))
     return (
-        f'<body name={name} pos="{_format_numbers(particle.position)}" quat="{_format_numbers((w, x, y, z))}">'
+        f'<body name={name} pos="{_format_mjcf(particle.position)}" quat="{_format_mjcf((w, x, y, z))}">'
         f"<freejoint name={name}/>"
-        f'<geom type="{kind}" size="{_format_numbers(size)}" mass="{particle.mass!r}" rgba="{colour}"/></body>'
+        f'<geom type="{kind}" size="{_format_mjcf(size)}" mass="{particle.mass!r}" rgba="{colour}"/></body>'
     )
 
 
-def _write_shape(solid: Solid) -> tuple[str, tuple[float, ...]]:
+def _write_shape_mjcf(solid: Solid) -> tuple[str, tuple[float, ...]]:
     """The type of a shape, and its size for MuJoCo: half edges, half lengths."""
     match solid:
         case Sphere(radius):
@@ -115,7 +115,7 @@ def _write_shape(solid: Solid) -> tuple[str, tuple[float, ...]]:
     raise ValueError(f"{solid} is no particle")
 
 
-def _format_numbers(numbers: Iterable[float]) -> str:
+def _format_mjcf(numbers: Iterable[float]) -> str:
     return " ".join(repr(float(number)) for number in numbers)
 
 

@@ -20,7 +20,7 @@ from ss2sql.scenes.chaos_scene import (  # fmt: skip
     WHITE,
     Particle,
     ParticleSource,
-    is_outside,
+    is_particle_outside,
     make_quaternion,
 )
 from ss2sql.vtables.ode import OdeWorld
@@ -117,8 +117,8 @@ class OdeChaos:
             self._ends[self._add_geom(splinter)] = self.steps + draws.random.randint(*SPLINTER_STEPS)
 
     def _add_particle(self) -> None:
-        taken = [(geom.getPosition(), _measure_reach(geom)) for geom in self.particles]
-        particle = self._draws.draw_particle(is_outside(taken))
+        taken = [(geom.getPosition(), _measure_particle_reach(geom)) for geom in self.particles]
+        particle = self._draws.draw_particle(is_particle_outside(taken))
         if particle is not None:
             self._forces[self._add_geom(particle)] = self._draws.draw_force(particle.mass)
 
@@ -181,7 +181,7 @@ class OdeChaos:
         return f"<chaos in ODE of seed {self.seed}: {len(self.particles)} particles, {self.time:.2f} s>"
 
 
-def _measure_reach(geom: Any) -> float:
+def _measure_particle_reach(geom: Any) -> float:
     """The radius of a sphere around a geom."""
     low_x, high_x, low_y, high_y, low_z, high_z = geom.getAABB()
     return dist((low_x, low_y, low_z), (high_x, high_y, high_z)) / 2

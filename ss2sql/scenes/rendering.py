@@ -127,7 +127,7 @@ HIDDEN = 0.3  # the strength of a hidden line
 LINE_SLACK = 0.08  # metres of tolerance before a surface hides a line
 
 
-def make_point(point: Point) -> tuple[float, float, float]:
+def make_picture_point(point: Point) -> tuple[float, float, float]:
     try:
         x, y, z = (*map(float, point), ABOVE)[:3]
         if not isfinite(x + y + z):
@@ -145,26 +145,28 @@ def draw_lines(
     """The coverage of each pixel by paths. Segments that many paths share are drawn once, and stronger."""
     pieces: Counter[tuple[tuple[float, float, float], ...]] = Counter()
     for path in paths:
-        points = [make_point(point) for point in path]
+        points = [make_picture_point(point) for point in path]
         pieces.update(tuple(sorted(pair)) for pair in pairwise(points) if pair[0] != pair[1])
     if not pieces:
         return np.zeros(distance.shape, np.float32)
     ends = np.array(list(pieces))
     most = max(pieces.values())
     strength = np.array([1.0 if most == 1 else 0.6 + 0.4 * log(n) / log(most) for n in pieces.values()])
-    along, strengths = _sample_points(ends, strength, camera)
-    return _widen_pixels(_stamp_points(distance, camera, along, strengths, hidden), width)
+    along, strengths = _sample_picture_lines(ends, strength, camera)
+    return _widen_pixels(_draw_picture_points(distance, camera, along, strengths, hidden), width)
 
 
 def draw_dots(distance: Floats, camera: Camera, points: Iterable[Point], width: float) -> Floats:
     """The coverage of each pixel by round dots at points."""
-    places = {make_point(point) for point in points}
+    places = {make_picture_point(point) for point in points}
     if not places:
         return np.zeros(distance.shape, np.float32)
-    return _widen_pixels(_stamp_points(distance, camera, np.array(sorted(places)), np.ones(len(places)), HIDDEN), width)
+    return _widen_pixels(
+        _draw_picture_points(distance, camera, np.array(sorted(places)), np.ones(len(places)), HIDDEN), width
+    )
 
 
-def _sample_points(
+def _sample_picture_lines(
     ends: NDArray[np.float64], strength: NDArray[np.float64], camera: Camera
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points along segments (n x 2 x 3), close enough for every pixel, and the strength of each."""
@@ -179,7 +181,7 @@ def _sample_points(
     return start + (end - start) * part[:, None], strength[piece]
 
 
-def _stamp_points(
+def _draw_picture_points(
     distance: Floats, camera: Camera, points: NDArray[np.float64], strength: NDArray[np.float64], hidden: float
 ) -> Floats:
     """One pixel for each point, weaker where something stands before it."""
@@ -253,9 +255,9 @@ def render(
     the scene's views, by name, or a `View`. Without a path nothing is written.
     """
     client = getattr(world, "client", world)
-    _check_highlight(world, client, highlight, size)
-    low, high = _measure_bounds(world, client)
-    camera = _make_camera(_choose_view(world, view, low, high), size, low, high)
+    _check_picture_of_scene(world, client, highlight, size)
+    low, high = _measure_scene_bounds(world, client)
+    camera = _make_camera(_choose_camera_view(world, view, low, high), size, low, high)
     shot = camera.take_picture(client)
     source = make_sun_camera(low, high, min(SUN_PIXELS[1], max(SUN_PIXELS[0], FINER * max(size))))
     shade = compute_light(shot, camera, source.take_picture(client), source)
@@ -264,8 +266,8 @@ def render(
     outlines = world.outlines if isinstance(world, Scene) else ()
     colours = _blend_color(colours, draw_lines(distance, camera, outlines, FINER, 0.0), DARK, 0.22)
     if highlight is not None:
-        with _hide_others(client, set(highlight)):
-            colours = _fade_others(colours, shot, camera.take_picture(client), highlight)
+        with _hide_in_picture(client, set(highlight)):
+            colours = _fade_in_picture(colours, shot, camera.take_picture(client), highlight)
     thick = FINER * max(1.5, size[1] / 240)
     colours = _blend_color(
         colours, draw_dots(distance, camera, () if visited is None else visited, thick * 2.2), YELLOW, 0.95
@@ -275,11 +277,11 @@ def render(
     smooth = colours.reshape(height, FINER, width, FINER, 3).mean(axis=(1, 3))
     pixels = np.asarray(np.clip(smooth * 255 + 0.5, 0, 255), np.uint8)
     if path is not None:
-        _write_picture(Path(path), pixels)
+        _write_scene_picture(Path(path), pixels)
     return pixels
 
 
-def _check_highlight(world: Any, client: Any, highlight: Collection[int] | None, size: tuple[int, int]) -> None:
+def _check_picture_of_scene(world: Any, client: Any, highlight: Collection[int] | None, size: tuple[int, int]) -> None:
     if not hasattr(client, "getCameraImage"):
         raise SessionError(
             "S002", f"a {type(world).__name__} is no scene that can be pictured",
@@ -300,7 +302,7 @@ def _check_highlight(world: Any, client: Any, highlight: Collection[int] | None,
             )
 
 
-def _measure_bounds(world: Any, client: Any) -> tuple[Vector, Vector]:
+def _measure_scene_bounds(world: Any, client: Any) -> tuple[Vector, Vector]:
     if isinstance(world, Scene):
         return world.bounds
     bodies = [client.getBodyUniqueId(number) for number in range(client.getNumBodies())]
@@ -312,7 +314,7 @@ def _measure_bounds(world: Any, client: Any) -> tuple[Vector, Vector]:
     return tuple(low.min(axis=0).tolist()), tuple(high.max(axis=0).tolist())
 
 
-def _choose_view(world: Any, view: str | View | None, low: Vector, high: Vector) -> View:
+def _choose_camera_view(world: Any, view: str | View | None, low: Vector, high: Vector) -> View:
     if isinstance(view, View):
         return view
     if isinstance(world, Scene):
@@ -358,7 +360,7 @@ def _blend_color(colours: Floats, cover: Floats, colour: Colour, strength: float
     return np.asarray(colours * (1 - part) + np.array(colour, np.float32) * part, np.float32)
 
 
-def _fade_others(colours: Floats, shot: Shot, alone: Shot, highlight: Collection[int]) -> Floats:
+def _fade_in_picture(colours: Floats, shot: Shot, alone: Shot, highlight: Collection[int]) -> Floats:
     """Everything pale except the highlighted bodies, which shine through others."""
     grey = colours.mean(axis=-1, keepdims=True)
     pale = (0.5 * colours + 0.5 * grey) * (1 - PALE) + PALE
@@ -369,7 +371,7 @@ def _fade_others(colours: Floats, shot: Shot, alone: Shot, highlight: Collection
 
 
 @contextmanager
-def _hide_others(client: Any, highlight: set[int]) -> Iterator[None]:
+def _hide_in_picture(client: Any, highlight: set[int]) -> Iterator[None]:
     """Hides all other bodies in the block; TinyRenderer has no partial transparency."""
     before: list[tuple[int, int, int, tuple[float, ...]]] = []
     for number in range(client.getNumBodies()):
@@ -390,7 +392,7 @@ def _hide_others(client: Any, highlight: set[int]) -> Iterator[None]:
             client.changeVisualShape(body, link, shapeIndex=part, rgbaColor=colour)
 
 
-def _write_picture(path: Path, pixels: Pixels) -> None:
+def _write_scene_picture(path: Path, pixels: Pixels) -> None:
     try:
         write_png(path, pixels)
     except (OSError, ValueError) as reason:  # ValueError: a path with a character that no file has

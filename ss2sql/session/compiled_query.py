@@ -18,12 +18,12 @@ from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.lowering.sql_query import Parameter, Sql, SqlQuery
-from ss2sql.results.result import QueryAnswer, Status, name_search_columns
+from ss2sql.results.result import QueryResult, Status, name_result_columns
 from ss2sql.results.result_notes import explain_empty_result, explain_overestimates, find_notes
 from ss2sql.runtime.python import NativeQuery, compile_statement
-from ss2sql.runtime.representations.shape import PATH_FORMS, expand_stars
+from ss2sql.runtime.representations.shape import PATH_FORMS, represent_starred_columns
 from ss2sql.runtime.run.array_calls import count_array_calls
-from ss2sql.runtime.run.option_checks import check_count_value, find_lowest_limit
+from ss2sql.runtime.run.option_checks import check_count_value, find_lowest_run_limit
 from ss2sql.runtime.run.post_processing import finish_sql_rows
 from ss2sql.runtime.run.run_state import ResultSink, Run
 from ss2sql.session.engines import Engine
@@ -149,21 +149,21 @@ class CompiledQuery:
             return run.stats.time_stage("shape", partial(shapes.share_values, form, answer.rows, run.sizes))()
         return shapes.make_language_value(form.name, answer.value)
 
-    def find_located_answer(self, run: Run) -> QueryAnswer:
+    def find_located_answer(self, run: Run) -> QueryResult:
         """`run_query`, with errors that know no other place at the query's."""
         try:
             return self.run_query(run)
         except Error as error:
             raise error.with_span(self.query.span) from error.__cause__
 
-    def run_query(self, run: Run) -> QueryAnswer:
+    def run_query(self, run: Run) -> QueryResult:
         """Runs the query; its answer becomes the run's last one. The value of a search is made when it is read."""
         answer, form, shapes = self._find_answer(run), self.query.representation, self.host.shapes
         if not (shapes.is_built_in(form) and form.name in PATH_FORMS and answer.rows.paths is not None):
             answer.value  # noqa: B018 - it may fail, which has to be now
         return answer
 
-    def _find_answer(self, run: Run) -> QueryAnswer:
+    def _find_answer(self, run: Run) -> QueryResult:
         """The answer, whose value is not made yet."""
         self.refresh_if_outdated(run)
         query = self.query
@@ -180,7 +180,7 @@ class CompiledQuery:
         try:
             with self.host.memories.begin_query(self.moves):
                 found = self._read_database_rows(run, sink) if self.lowered else self._read_native_rows(run, sink)
-                rows = expand_stars(query, found, run.check)
+                rows = represent_starred_columns(query, found, run.check)
                 if self.doubtful or run.doubtful:
                     rows.check_values()
                 if run.reads_user_objects and self.lowered is None:
@@ -197,7 +197,7 @@ class CompiledQuery:
             run.overestimated = False
         status: Status = "maximum" if rows.ended else "complete"
         make = run.stats.time_stage("shape", partial(shapes.represent_rows, form, rows, arguments, named))
-        answer = run.answer = QueryAnswer(
+        answer = run.answer = QueryResult(
             rows.name_as_selected(), make, self.engine, status, query.columns, begin=lambda: run.check
         )
         return answer
@@ -217,7 +217,7 @@ class CompiledQuery:
     def count_wanted_results(self, run: Run) -> int | None:
         """How many results of a search are wanted that has no ORDER BY."""
         limit = self._evaluate_limit(run)
-        return find_lowest_limit(
+        return find_lowest_run_limit(
             None if limit is None else limit + self._evaluate_offset(run), self._evaluate_maximum(run)[1]
         )
 
@@ -238,7 +238,7 @@ class CompiledQuery:
         if cut_early and limit == 0:
             return sink  # nothing of the query is evaluated; SQLite would bind values and take first steps
         end = None if limit is None else limit + offset
-        most = find_lowest_limit(maximum, end if cut_early else None)
+        most = find_lowest_run_limit(maximum, end if cut_early else None)
         bound = run.bound[self] = {}
 
         def evaluate_parameter(parameter: Parameter) -> Any:
@@ -265,9 +265,9 @@ class CompiledQuery:
             raise
         except Exception as error:
             if self.required_engine and _is_sqlite_limit(error):
-                from ss2sql.lowering.unsupported import build_size_refusal
+                from ss2sql.lowering.unsupported import build_sql_size_refusal
 
-                raise build_size_refusal(self.query, error) from error
+                raise build_sql_size_refusal(self.query, error) from error
             if self.required_engine or (isinstance(error, ExecutionError) and error.code in LIMIT_CODES):
                 raise
             run.stats.steps = before
@@ -324,7 +324,7 @@ class CompiledQuery:
         if self.query.search is None:
             return None, None
         own = self._evaluate_count(self.query.search.maximum, run, 1, "MAXIMUM")
-        return own, find_lowest_limit(own, run.maximum)
+        return own, find_lowest_run_limit(own, run.maximum)
 
     def _evaluate_count(self, expr: plan.Expr | None, run: Run, least: int, word: str) -> int | None:
         if expr is None:
@@ -399,7 +399,7 @@ def _is_sqlite_limit(error: Exception) -> TypeGuard[ExecutionError]:
 
 
 # --- the paths of a search as a DataFrame of the database that finds them: which searches can, and its columns
-def build_dataframe_answer(expr: plan.Expr, queries: Sequence[CompiledQuery], run: Run) -> QueryAnswer:
+def build_dataframe_answer(expr: plan.Expr, queries: Sequence[CompiledQuery], run: Run) -> QueryResult:
     """The answer of a statement whose value is such a DataFrame. Raises UnsupportedError where it has none."""
     query = queries[-1] if isinstance(expr, plan.Subquery) else None
     if query is not None:
@@ -408,7 +408,7 @@ def build_dataframe_answer(expr: plan.Expr, queries: Sequence[CompiledQuery], ru
     assert query is not None
     names, frame = found.make_dataframe(run, query.count_wanted_results(run))
     rows = Rows(names, paths=[])
-    answer = run.answer = QueryAnswer(rows, None, query.engine, made=frame.toDF(*name_search_columns(names)))
+    answer = run.answer = QueryResult(rows, None, query.engine, made=frame.toDF(*name_result_columns(names)))
     return answer
 
 

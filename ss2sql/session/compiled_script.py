@@ -12,16 +12,16 @@ from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, sugges
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
-from ss2sql.language.kinds import ANY, NOTHING, Type, is_covering, type_of
-from ss2sql.language.plan_traversal import list_call_places, walk
+from ss2sql.language.kinds import ANY, NOTHING, Type, is_supertype, type_of
+from ss2sql.language.plan_traversal import list_plan_calls, walk
 from ss2sql.lowering.sql_query import Sql
-from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement, join_script_sql
+from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement, join_outlined_sql
 from ss2sql.results.result import Result
 from ss2sql.runtime.python import compile_statement
 from ss2sql.runtime.run.run_state import Places, Run, Stats
 from ss2sql.session.compiled_query import CompiledQuery, build_dataframe_answer
 from ss2sql.session.engines import Engine, RunOptions
-from ss2sql.session.variables import predict_values
+from ss2sql.session.variables import predict_variables
 
 if TYPE_CHECKING:
     from ss2sql.results.explain.explanation import Explanation
@@ -96,13 +96,13 @@ class CompiledStatement:
             kept = None if name in run.arguments else own.get(name)
             if kept is not None and kept is self.facts_read.get(name):
                 continue
-            if not is_covering(kind, _get_variable_type(source, name)):
+            if not is_supertype(kind, _get_session_variable_type(source, name)):
                 return True
             self.facts_read[name] = kept
         return any(self.host.has_table_changed(table, run) for table in self.statement.tables)
 
 
-def _get_variable_type(source: Callable[[str], Any], name: str) -> Type:
+def _get_session_variable_type(source: Callable[[str], Any], name: str) -> Type:
     """The type of a variable's present value; the unknown type if it cannot be read now."""
     try:
         return type_of(source(name))
@@ -186,7 +186,7 @@ class Query:
         statements: list[CompiledStatement] = []
         assigned: dict[str, plan.Constant | None] = {}
         for tree, part in zip(self._script.statements, program.statements, strict=True):
-            variable = predict_values(self._host.names, dict(assigned), {} if run is None else run.arguments)
+            variable = predict_variables(self._host.names, dict(assigned), {} if run is None else run.arguments)
             statements.append(CompiledStatement(self._host, tree, part, engine, generation, variable))
             assigned |= dict.fromkeys(statements[-1].assigns)
             if isinstance(part.expr, plan.Assign) and isinstance(part.expr.value, plan.Constant):
@@ -199,7 +199,7 @@ class Query:
     @cached_property
     def call_places(self) -> dict[str, Places]:
         """Where the script calls functions of the user; empty if that is not known."""
-        return list_call_places(*(statement.expr for statement in self._program.statements))
+        return list_plan_calls(*(statement.expr for statement in self._program.statements))
 
     @property
     def plan(self) -> plan.Program:
@@ -207,14 +207,14 @@ class Query:
 
     @property
     def sql(self) -> Sql:
-        return join_script_sql(outline_script(self.statements()))
+        return join_outlined_sql(outline_compiled_script(self.statements()))
 
     def explain(self) -> Explanation:
         """Explains the script as `Result.explain` does, without what only a run can tell."""
         from ss2sql.results.explain.explanation import explain_run
 
         missing = [name for name in self.parameters if name not in self._host.names]
-        return explain_run(outline_script(self.statements()), missing=missing)
+        return explain_run(outline_compiled_script(self.statements()), missing=missing)
 
     def run(self, engine: Engine | None = None, timeout: float | None = None, maximum: int | None = None,
             workers: int = 1, max_rows: int | None = None, trace: int | None = None,
@@ -246,15 +246,19 @@ class Query:
             raise ResolveError("R009", f"the script needs a value for {', '.join(missing)}", hints=hints)
 
 
-def outline_script(statements: Iterable[CompiledStatement], run: Run | None = None) -> tuple[OutlinedStatement, ...]:
+def outline_compiled_script(
+    statements: Iterable[CompiledStatement], run: Run | None = None
+) -> tuple[OutlinedStatement, ...]:
     """The statements as they are compiled now, with the values that a run has bound."""
     return tuple(
-        OutlinedStatement(statement.tree.span.text, tuple(_outline_query(query, run) for query in statement.queries))
+        OutlinedStatement(
+            statement.tree.span.text, tuple(_outline_compiled_query(query, run) for query in statement.queries)
+        )
         for statement in statements
     )
 
 
-def _outline_query(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
+def _outline_compiled_query(query: CompiledQuery, run: Run | None) -> OutlinedQuery:
     return OutlinedQuery(
         query.host,
         query.written,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from ss2sql.errors import SessionError, require_package
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.runtime.run.option_checks import check_bound, check_option_word
+from ss2sql.runtime.run.option_checks import check_option_word, check_run_limit
 from ss2sql.runtime.run.run_state import Run
 
 if TYPE_CHECKING:
@@ -36,13 +36,13 @@ class RunOptions:
     def check_options(self) -> None:
         if self.engine is not None:
             check_engine(self.engine)
-        check_bound("maximum", self.maximum, 1)
-        check_bound("workers", self.workers, 1)
-        check_bound("max_rows", self.max_rows, 0)
-        check_bound("trace", self.trace, 1)
+        check_run_limit("maximum", self.maximum, 1)
+        check_run_limit("workers", self.workers, 1)
+        check_run_limit("max_rows", self.max_rows, 0)
+        check_run_limit("trace", self.trace, 1)
 
 
-def open_table_engine(name: str, session: Any = None, begun: Sequence[Run] = ()) -> TableEngine | None:
+def open_session_engine(name: str, session: Any = None, begun: Sequence[Run] = ()) -> TableEngine | None:
     """The database of an engine; None if SQLite or Python do the work.
 
     `session` is the user's connection of that database, whose settings count; `begun` are the active runs in order.
@@ -51,7 +51,7 @@ def open_table_engine(name: str, session: Any = None, begun: Sequence[Run] = ())
     return None if opener is None else opener(session, begun)
 
 
-def _open_duckdb(session: Any, begun: Sequence[Run]) -> TableEngine:
+def _open_duckdb_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
     duckdb = require_package("duckdb", "duckdb", "engine='duckdb'")
     require_package("pyarrow", "duckdb", "engine='duckdb'")
     from ss2sql.runtime.external.duckdb_search import DuckEngine, DuckSearch
@@ -73,7 +73,7 @@ def _open_duckdb(session: Any, begun: Sequence[Run]) -> TableEngine:
     )
 
 
-def _open_spark(session: Any, begun: Sequence[Run]) -> TableEngine:
+def _open_spark_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
     for name in ("pyspark", "pyarrow", "pandas"):
         require_package(name, "spark", "engine='spark'")
     from py4j.protocol import Py4JError  # type: ignore[import-untyped]
@@ -94,4 +94,7 @@ def _open_spark(session: Any, begun: Sequence[Run]) -> TableEngine:
     )
 
 
-_OPENERS: dict[str, Callable[[Any, Sequence[Run]], TableEngine]] = {"duckdb": _open_duckdb, "spark": _open_spark}
+_OPENERS: dict[str, Callable[[Any, Sequence[Run]], TableEngine]] = {
+    "duckdb": _open_duckdb_engine,
+    "spark": _open_spark_engine,
+}

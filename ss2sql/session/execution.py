@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ss2sql.errors import Cancelled, Stopped, Timeout
 from ss2sql.language.cancellation import install_cancellation_check
 from ss2sql.language.values import copy_for_python
-from ss2sql.results.result import QueryAnswer, Result, Status
+from ss2sql.results.result import QueryResult, Result, Status
 from ss2sql.results.result_notes import suggest_timeout_cure
 from ss2sql.runtime.parallel import IN_WORKER
 from ss2sql.runtime.run.keyboard_interrupt import close_frames, defer_keyboard_interrupt
 from ss2sql.runtime.run.run_state import Run, Stats, measure_memory, translate_memory_error
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.sqlite.function_callbacks import CarriedStopError
-from ss2sql.session.compiled_script import CompiledStatement, Query, outline_script
+from ss2sql.session.compiled_script import CompiledStatement, Query, outline_compiled_script
 from ss2sql.session.engines import RunOptions
 from ss2sql.session.progress import make_progress
 
@@ -52,9 +52,9 @@ def run_in_session(host: SessionHost, work: Callable[[Run], T]) -> T:
         pass
     except Exception as error:
         if run is not None and run.interrupted and not isinstance(error, Cancelled):
-            raise _build_cancelled(run) from error
+            raise _build_script_cancelled(run) from error
         if isinstance(error, Stopped):
-            error.partial = _build_partial_result(run, error.status)
+            error.partial = _build_session_partial(run, error.status)
             if isinstance(error, Timeout) and run is not None and run.sink is not None:
                 error.hints = (suggest_timeout_cure(run.sink.query),)
         elif isinstance(error, MemoryError):
@@ -62,19 +62,19 @@ def run_in_session(host: SessionHost, work: Callable[[Run], T]) -> T:
         elif isinstance(error, CarriedStopError):
             raise error.args[0] from None
         raise
-    raise _build_cancelled(run) from None
+    raise _build_script_cancelled(run) from None
 
 
-def set_deadline(run: Run, host: SessionHost, seconds: float | None) -> None:
+def set_session_deadline(run: Run, host: SessionHost, seconds: float | None) -> None:
     """Sets the end of a run that starts now; that of an inner run is not later than the outer one's."""
     times = [outer.bounds.deadline for outer in host.runs]
     times.append(None if seconds is None else time.monotonic() + seconds)
     run.bounds.deadline = min((moment for moment in times if moment is not None), default=None)
 
 
-def _build_cancelled(run: Run | None) -> Cancelled:
+def _build_script_cancelled(run: Run | None) -> Cancelled:
     cancelled = Cancelled("T002", "the run was interrupted")
-    cancelled.partial = _build_partial_result(run, cancelled.status)
+    cancelled.partial = _build_session_partial(run, cancelled.status)
     return cancelled
 
 
@@ -84,9 +84,9 @@ def execute_script(
     """Runs a compiled script and gives the result of its last statement. The `variables` are values of the language."""
     options.check_options()
     host.prepare_database()
-    run.bounds.ceiling = _find_memory_ceiling(host)
+    run.bounds.ceiling = _find_session_memory_limit(host)
     run.max_rows = run.sizes.rows = options.max_rows
-    run.steps_left = _count_steps_left(host)
+    run.steps_left = _count_session_steps(host)
     run.arguments = variables
     with install_cancellation_check(run.check):
         return _execute_statements(host, query, options, progress, run)
@@ -96,17 +96,17 @@ def _execute_statements(host: SessionHost, query: Query, options: RunOptions, pr
     engine = options.engine if options.trace is None else "native"
     statements = run.statements = query.statements(engine, run)
     if options.trace is not None:
-        from ss2sql.results.watching.search_trace import find_searched_query
+        from ss2sql.results.watching.search_trace import find_traced_query
 
-        find_searched_query(statements[-1].tree)
+        find_traced_query(statements[-1].tree)
     run.call_places = query.call_places
-    run.foreteller = _start_prefetcher(host, run, options.workers)
+    run.foreteller = _start_session_workers(host, run, options.workers)
     run.progress = None if host.runs else make_progress(run, progress)  # one inside of another shows none
     host.runs.append(run)
     run.sizes.pause = run.check  # until its end: in a cycle all that it holds would wait for the garbage collector
     started = time.perf_counter()
     try:
-        value = _compute_last_value(host, run, statements, options)
+        value = _execute_for_last_value(host, run, statements, options)
     finally:
         host.runs.remove(run)
         if host.runs:
@@ -121,7 +121,7 @@ def _execute_statements(host: SessionHost, query: Query, options: RunOptions, pr
     return _build_script_result(host, run, statements, value)
 
 
-def _compute_last_value(
+def _execute_for_last_value(
     host: SessionHost, run: Run, statements: Sequence[CompiledStatement], options: RunOptions
 ) -> Any:
     value: Any = None
@@ -143,7 +143,7 @@ def _compute_last_value(
     return value
 
 
-def _make_rerun(
+def _make_script_rerun(
     host: SessionHost, arguments: dict[str, Any], maximum: int | None
 ) -> Callable[[Callable[[Run], Any]], Any]:
     """A function that does something in another run under the same conditions; it keeps nothing of the first run."""
@@ -163,7 +163,7 @@ def _make_rerun(
     return rerun_counted
 
 
-def _collect_trace(run: Run, statement: CompiledStatement) -> tuple[SearchTrace | None, tuple[str, ...]]:
+def _collect_session_trace(run: Run, statement: CompiledStatement) -> tuple[SearchTrace | None, tuple[str, ...]]:
     if run.trace is None:
         return None, ()
     from ss2sql.results.watching.search_trace import collect_notes, make_trace
@@ -173,10 +173,10 @@ def _collect_trace(run: Run, statement: CompiledStatement) -> tuple[SearchTrace 
 
 
 def _build_script_result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:
-    answer: QueryAnswer | None = run.answer if statements[-1].is_query else None
+    answer: QueryResult | None = run.answer if statements[-1].is_query else None
     if answer is not None:
         answer.begin = run.bounds.get_remaining().begin_reading
-    traced, told = _collect_trace(run, statements[-1])
+    traced, told = _collect_session_trace(run, statements[-1])
     engines = [compiled.engine for statement in statements for compiled in statement.queries]
     used = answer.engine if answer is not None else (engines[-1] if engines else "native")
     return Result(
@@ -185,14 +185,14 @@ def _build_script_result(host: SessionHost, run: Run, statements: Sequence[Compi
         answer.status if answer is not None else "complete",
         run.stats,
         answer,
-        outline_script(statements, run),
-        _make_rerun(host, run.arguments, run.maximum),
+        outline_compiled_script(statements, run),
+        _make_script_rerun(host, run.arguments, run.maximum),
         (*told, *run.notes),
         traced,
     )
 
 
-def _start_prefetcher(host: SessionHost, run: Run, workers: int) -> CallPrefetcher | None:
+def _start_session_workers(host: SessionHost, run: Run, workers: int) -> CallPrefetcher | None:
     """Starts other processes for calls of functions if `workers` is more than one and this is not one of them."""
     if workers == 1 or IN_WORKER in os.environ:
         return None
@@ -204,7 +204,7 @@ def _start_prefetcher(host: SessionHost, run: Run, workers: int) -> CallPrefetch
     return CallPrefetcher(run, workers, host.held.processes, host.planned, host.memo_limit > 0)
 
 
-def _find_memory_ceiling(host: SessionHost) -> int | None:
+def _find_session_memory_limit(host: SessionHost) -> int | None:
     """The bytes that the process may hold; an inner run has the ceiling of the outer one."""
     if host.limits.max_memory is None:
         return None
@@ -212,7 +212,7 @@ def _find_memory_ceiling(host: SessionHost) -> int | None:
     return min(ceilings, default=(measure_memory() or 0) + host.limits.max_memory)
 
 
-def _count_steps_left(host: SessionHost) -> int | None:
+def _count_session_steps(host: SessionHost) -> int | None:
     """The steps that a run may try; an inner run has those that the outer one has left."""
     outer = host.runs[-1] if host.runs else None
     if outer is None or outer.steps_left is None:
@@ -220,14 +220,14 @@ def _count_steps_left(host: SessionHost) -> int | None:
     return outer.steps_left - outer.steps
 
 
-def _build_partial_result(run: Run | None, status: Status) -> Result | None:
+def _build_session_partial(run: Run | None, status: Status) -> Result | None:
     """The rows that the interrupted query has found; None if no query was running."""
     if run is None or run.sink is None:
         return None
     rows, engine = run.sink.rows, run.sink.engine
     shown = run.answer.rows if run.answer is not None else rows.name_as_selected()
     form = None if run.sink.query is None else run.sink.query.representation
-    answer = QueryAnswer(shown, None, engine, status, form=form)
-    outlined, notes = outline_script(run.statements, run), tuple(run.notes)
-    traced, _ = _collect_trace(run, run.statements[-1])
+    answer = QueryResult(shown, None, engine, status, form=form)
+    outlined, notes = outline_compiled_script(run.statements, run), tuple(run.notes)
+    traced, _ = _collect_session_trace(run, run.statements[-1])
     return Result(None, engine, status, run.stats, answer, outlined, notes=notes, traced=traced)

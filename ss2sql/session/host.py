@@ -16,7 +16,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.catalog import Catalog
 from ss2sql.frontend.resolve.resolver import resolve, resolve_eval
 from ss2sql.frontend.syntax import ast
-from ss2sql.frontend.syntax.ast import collect_column_names
+from ss2sql.frontend.syntax.ast import collect_syntax_columns
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
@@ -40,7 +40,7 @@ from ss2sql.runtime.sqlite.function_names import BUILT_IN, choose_function_names
 from ss2sql.session.session_functions import SessionFunctions
 from ss2sql.session.session_lock import SessionLock, SessionResources
 from ss2sql.session.triggers import Triggers
-from ss2sql.session.variables import TemporalFile, TemporalStore, Variables, convert_moment
+from ss2sql.session.variables import TemporalFile, TemporalStore, Variables, convert_variable_moment
 from ss2sql.vtables import contract
 from ss2sql.vtables.attached_worlds import AttachedWorld, WorldFunctions
 from ss2sql.vtables.contract import QueryCaches
@@ -274,7 +274,7 @@ class SessionHost:
 
     def resolve_script(self, tree: ast.Script, values: Mapping[str, Any], open_names: bool) -> plan.Program:
         """The plan of a script, resolved against the present and the given values."""
-        read = cache(lambda: collect_column_names(tree, *self.names.late.values()))
+        read = cache(lambda: collect_syntax_columns(tree, *self.names.late.values()))
         catalog = self.make_catalog(values, open_names, read)
         return retry_with_stack(lambda: resolve(tree, catalog))
 
@@ -350,11 +350,11 @@ class SessionHost:
         """The time of getTime(): the user's own, else that of the first world with a clock, else the computer's."""
         entry = self.functions.get("getTime")
         if entry:
-            return convert_moment(entry.function(), "the function 'getTime'")
+            return convert_variable_moment(entry.function(), "the function 'getTime'")
         for attached in self.names.worlds.values():
             moment = attached.read_time()
             if moment is not None:
-                return convert_moment(moment, f"the clock of {attached.name}")
+                return convert_variable_moment(moment, f"the clock of {attached.name}")
         return time.time()
 
     def read_temporal(self, name: str, when: Any) -> Any:

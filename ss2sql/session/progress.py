@@ -31,7 +31,7 @@ BAR_WIDTH = 10  # characters of the bar
 MAX_DEPTH_LOOKS = 100_000  # steps that are walked to find out how deep the search is, 5 ms
 
 
-def check_progress(wanted: str | bool) -> None:
+def check_progress_option(wanted: str | bool) -> None:
     """Raises SessionError S002 for anything but "auto", True and False."""
     if wanted is not True and wanted is not False and wanted != "auto":
         raise SessionError("S002", f'progress is "auto", True or False, not {wanted!r}')
@@ -127,7 +127,7 @@ class Progress:
 
     def _estimate_part(self, results: int) -> float | None:
         """How much is done, from 0 to 1; None where nobody can know."""
-        bound = find_result_bound(self._run)
+        bound = find_progress_end(self._run)
         parts = [results / bound] if bound else []
         query = None if self._run.sink is None else self._run.sink.query
         flat = query is None or query.search is None  # a search walks its sources again for every step
@@ -139,14 +139,14 @@ class Progress:
         """The steps from the start to where the search is, 0 where there is none; and whether these are all."""
         if self.search is not None:
             if self.search.entered:
-                return measure_depth(self.search.parents)
+                return measure_progress_depth(self.search.parents)
             paths = None if self._run.sink is None else self._run.sink.rows.paths
             return paths.measure_depth(MAX_DEPTH_LOOKS) if isinstance(paths, SearchPaths) else (0, True)
         depth, whole = search_paths.measure_depth(self.reached, MAX_DEPTH_LOOKS)
         return (0 if self.reached is None else depth + 1), whole
 
 
-def measure_depth(parents: list[int]) -> tuple[int, bool]:
+def measure_progress_depth(parents: list[int]) -> tuple[int, bool]:
     """How far from the start the step is that was kept last, by the numbers of parents; and whether that is all."""
     number, depth = len(parents) - 1, 0
     while number and depth < MAX_DEPTH_LOOKS:
@@ -154,7 +154,7 @@ def measure_depth(parents: list[int]) -> tuple[int, bool]:
     return depth, not number
 
 
-def find_result_bound(run: Run) -> int | None:
+def find_progress_end(run: Run) -> int | None:
     """How many results the query that runs ends with, as far as the script or the run say so."""
     query = None if run.sink is None else run.sink.query
     if query is None:

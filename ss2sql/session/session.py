@@ -17,7 +17,7 @@ import apsw
 from ss2sql.errors import SessionError, Source
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.frontend.syntax.tokenizer import read_script
-from ss2sql.frontend.user_functions import UserFunction, check_function_name, check_is_string, make_user_function
+from ss2sql.frontend.user_functions import UserFunction, check_is_string, check_user_function_name, make_user_function
 from ss2sql.language import plan
 from ss2sql.language.values import convert_value, copy_deep, copy_for_python
 from ss2sql.lowering.rewrites import REWRITES
@@ -27,17 +27,17 @@ from ss2sql.runtime.run.option_checks import NO_LIMITS, Limits, check_option_wor
 from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.run.value_sizes import MAX_SIZE
 from ss2sql.runtime.sqlite.database_tables import CACHE_SIZE, find_parquet_path, find_sqlite_path
-from ss2sql.runtime.sqlite.file_locks import close_file, open_file
+from ss2sql.runtime.sqlite.file_locks import close_file, open_sqlite_file
 from ss2sql.session.compiled_script import Query
 from ss2sql.session.engines import Engine, RunOptions, check_engine
-from ss2sql.session.execution import execute_script, run_in_session, set_deadline
+from ss2sql.session.execution import execute_script, run_in_session, set_session_deadline
 from ss2sql.session.host import SessionHost
-from ss2sql.session.progress import check_progress
-from ss2sql.session.session_functions import describe_name, list_tables
+from ss2sql.session.progress import check_progress_option
+from ss2sql.session.session_functions import describe_attached_table, list_tables
 from ss2sql.session.session_lock import with_session_lock
 from ss2sql.session.triggers import Trigger
 from ss2sql.session.variables import TemporalFile
-from ss2sql.vtables import find_adapter, make_attachable, refuse_unknown
+from ss2sql.vtables import find_adapter, make_attachable, refuse_without_adapter
 from ss2sql.vtables.frames import find_reader
 
 if TYPE_CHECKING:
@@ -51,18 +51,18 @@ CHECK_CELLS = "PRAGMA cell_size_check = ON"
 MEMORY_PRAGMAS = (f"PRAGMA cache_size = {CACHE_SIZE}", "PRAGMA temp_store = MEMORY")
 
 
-def get_function_name(function: Any) -> str:
+def get_registered_name(function: Any) -> str:
     name = getattr(function, "__name__", "")
     if not name.isidentifier():
         raise SessionError("S002", f"{function!r} has no name of its own", hints=('give one: function("name", f)',))
     return str(name)
 
 
-def open_connection(path: str | os.PathLike[str] | None, read_only: bool) -> apsw.Connection:
+def open_session_connection(path: str | os.PathLike[str] | None, read_only: bool) -> apsw.Connection:
     flags = apsw.SQLITE_OPEN_READONLY if read_only else apsw.SQLITE_OPEN_READWRITE | apsw.SQLITE_OPEN_CREATE
     connection: apsw.Connection | None = None
     try:
-        connection = apsw.Connection(":memory:") if path is None else open_file(os.fspath(path), flags)
+        connection = apsw.Connection(":memory:") if path is None else open_sqlite_file(os.fspath(path), flags)
         connection.set_busy_timeout(BUSY_MILLISECONDS)
         connection.execute("SELECT count(*) FROM sqlite_schema").fetchall()
         for pragma in (CHECK_CELLS, *MEMORY_PRAGMAS):
@@ -126,10 +126,10 @@ class Session:
     ) -> None:
         check_option_word("optimisation", disable, OFF_SWITCHES)
         check_seconds(timeout)
-        check_progress(progress)
+        check_progress_option(progress)
         limits.check_limits()
         check_engine(engine)
-        connection = open_connection(path, read_only)
+        connection = open_session_connection(path, read_only)
         self.timeout = timeout
         self.progress = progress
         self._closed = False
@@ -184,10 +184,12 @@ class Session:
         if callable(name):
             if function is not None:
                 raise SessionError("S002", "the name of a function is a text", hints=('write function("name", f)',))
-            return self._add_entry(make_user_function(get_function_name(name), name, volatility, inverse, vectorized))
+            return self._add_entry(make_user_function(get_registered_name(name), name, volatility, inverse, vectorized))
 
         def register_body(body: F) -> F:
-            self._add_entry(make_user_function(name or get_function_name(body), body, volatility, inverse, vectorized))
+            self._add_entry(
+                make_user_function(name or get_registered_name(body), body, volatility, inverse, vectorized)
+            )
             return body
 
         return register_body if function is None else register_body(function)
@@ -210,7 +212,7 @@ class Session:
         """
 
         def register_body(body: Callable[..., Any], called: str | None = None) -> Callable[..., Any]:
-            entry = make_user_function(called or get_function_name(body), body, volatility)
+            entry = make_user_function(called or get_registered_name(body), body, volatility)
             if entry.maximum == 0:
                 raise SessionError("S002", f"'{entry.name}' takes no list", hints=("give it a parameter for the list",))
             return self._add_entry(replace(entry, aggregate=True, body="is an aggregate"))
@@ -275,7 +277,7 @@ class Session:
         reader = find_reader(source, name)
         world = find_adapter(source) if reader is None else None
         if reader is None and world is None:
-            refuse_unknown(source)
+            refuse_without_adapter(source)
         self.host.tables.detach_file(name)
         if reader is not None:
             self.host.names.attach_frame(name, source, reader)
@@ -309,8 +311,8 @@ class Session:
         def describe_in_run(run: Run) -> str:
             self._check_open()
             check_is_string(name)
-            set_deadline(run, self.host, self.timeout)
-            return describe_name(name, self.host.tables, self.host.names.worlds, self.host.names.others)
+            set_session_deadline(run, self.host, self.timeout)
+            return describe_attached_table(name, self.host.tables, self.host.names.worlds, self.host.names.others)
 
         return run_in_session(self.host, describe_in_run)
 
@@ -351,7 +353,7 @@ class Session:
         """
 
         def compile_in_run(run: Run) -> Query:
-            set_deadline(run, self.host, self.timeout)
+            set_session_deadline(run, self.host, self.timeout)
             return self._compile_script(script, engine, {}, open_names=True)
 
         return run_in_session(self.host, compile_in_run)
@@ -438,8 +440,8 @@ class Session:
 
         def run_query(run: Run) -> Result:
             check_seconds(options.timeout)
-            set_deadline(run, self.host, self.timeout if options.timeout is None else options.timeout)
-            values = _convert_variables(variables)
+            set_session_deadline(run, self.host, self.timeout if options.timeout is None else options.timeout)
+            values = _convert_session_variables(variables)
             query = find(run, values)
             self._check_open()
             chosen = replace(options, engine=self.engine) if options.engine == "auto" else options
@@ -503,10 +505,10 @@ class Session:
 
     def _check_name(self, name: str) -> None:
         self._check_open()
-        check_function_name(name)
+        check_user_function_name(name)
 
 
-def _convert_variables(variables: Mapping[str, Any]) -> dict[str, Any]:
+def _convert_session_variables(variables: Mapping[str, Any]) -> dict[str, Any]:
     return {name: convert_value(value, f"the variable '{name}'", named=True) for name, value in variables.items()}
 
 

@@ -17,7 +17,7 @@ from ss2sql.runtime.run.option_checks import Limits
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.session.variables import Variables
-from ss2sql.vtables.attached_worlds import AttachedTable, AttachedWorld
+from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
 from ss2sql.vtables.declared_types import format_declared_type
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def describe_world(world: AttachedWorld) -> str:
     about = world.world.text or type(world.world).__doc__ or type(world.world).__name__
     lines = [f"{world.name}: {take_first_line(about)}"]
     for table in world.tables.values():
-        lines += ["", *format_table(table)]
+        lines += ["", *describe_table_lines(table)]
     if world.functions:
         lines += ["", "functions"]
         width = max(map(len, world.functions))
@@ -39,18 +39,18 @@ def describe_world(world: AttachedWorld) -> str:
     return "\n".join(line.rstrip() for line in lines)
 
 
-def format_table(table: AttachedTable) -> Iterator[str]:
+def describe_table_lines(table: AttachedWorldTable) -> Iterator[str]:
     schema = table.schema
     text = table.table.text or (f"elements of {schema.walked.name}" if schema.walked else "")
-    yield f"FROM {write_name(table)}" + (f": {text}" if text else "")
-    rows = list(list_columns(table))
+    yield f"FROM {describe_table_call(table)}" + (f": {text}" if text else "")
+    rows = list(describe_table_columns(table))
     widths = [max(len(row[place]) for row in rows) for place in range(4)]
     for row in rows:
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
         yield "  " + "  ".join([*cells, row[4]]).rstrip()
 
 
-def list_columns(table: AttachedTable) -> Iterator[tuple[str, str, str, str, str]]:
+def describe_table_columns(table: AttachedWorldTable) -> Iterator[tuple[str, str, str, str, str]]:
     """The columns of a table: name, type, unit, the comparisons that the world can use, text."""
     for column in table.schema.columns:
         yield column.name, format_declared_type(column.type), column.unit, column.filter, column.text
@@ -71,17 +71,19 @@ def list_tables(
         for name in others.list_names():
             found.setdefault(name, tuple(column for column, _ in others.read_columns(name)))
     for world in worlds.values():
-        found.update((write_name(table), tuple(table.schema.kinds)) for table in world.tables.values())
+        found.update((describe_table_call(table), tuple(table.schema.kinds)) for table in world.tables.values())
     return found
 
 
-def describe_name(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld], others: DuckSources | None) -> str:
+def describe_attached_table(
+    name: str, tables: Tables, worlds: Mapping[str, AttachedWorld], others: DuckSources | None
+) -> str:
     """The description of a world or a table. Raises SessionError S002 for an unknown name."""
     owner, _, rest = name.partition(".")
     if owner in worlds and not rest:
         return describe_world(worlds[owner])
     if owner in worlds and rest in worlds[owner].tables:
-        return "\n".join(format_table(worlds[owner].tables[rest]))
+        return "\n".join(describe_table_lines(worlds[owner].tables[rest]))
     source = tables.find_table(owner, rest) if rest else tables.find_table(None, name)
     columns = source.columns if source is not None else () if others is None else others.read_columns(name)
     if not columns:
@@ -92,7 +94,7 @@ def describe_name(name: str, tables: Tables, worlds: Mapping[str, AttachedWorld]
     return "\n".join([f"FROM {name}", *(f"  {column:<{width}}  {format_type(kind)}" for column, kind in columns)])
 
 
-def write_name(table: AttachedTable) -> str:
+def describe_table_call(table: AttachedWorldTable) -> str:
     """The name of a table in FROM, with the parameters of a table function."""
     return f"{table.world_name}.{table.schema.signature}" if table.schema.parameters else table.title
 

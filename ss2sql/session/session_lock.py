@@ -17,7 +17,7 @@ from ss2sql.errors import SessionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.runtime.run.keyboard_interrupt import defer_keyboard_interrupt
 from ss2sql.runtime.run.run_state import Run
-from ss2sql.session.engines import open_table_engine
+from ss2sql.session.engines import open_session_engine
 from ss2sql.vtables.frames import Reader
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class SessionLock:
         self._depth += 1
 
     def __exit__(self, kind: object, error: BaseException | None, *_: object) -> None:
-        if is_damage_error(error) and not self._closed:
+        if is_session_file_damaged(error) and not self._closed:
             self._forget_pages()  # SQLite checks a page when it reads it, and takes it as checked while it is kept
         self._depth -= 1
         if not self._depth and self._used is not None:
@@ -100,7 +100,7 @@ class SessionLock:
                 self._lock.release()
 
 
-def is_damage_error(error: BaseException | None) -> bool:
+def is_session_file_damaged(error: BaseException | None) -> bool:
     seen: set[int] = set()  # they may form a cycle
     while error is not None and id(error) not in seen:
         if isinstance(error, apsw.CorruptError):
@@ -138,7 +138,7 @@ class SessionResources:
     def get_engine(self, name: str) -> TableEngine | None:
         """The database of an engine, if there is one. Raises SessionError S003 if it is not installed."""
         if name not in self.engines:
-            self.engines[name] = open_table_engine(name, self.session, self.active_runs)
+            self.engines[name] = open_session_engine(name, self.session, self.active_runs)
         return self.engines[name]
 
     def get_parquet_reader(self, path: Path, name: str) -> Reader:

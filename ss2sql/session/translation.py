@@ -8,10 +8,10 @@ from ss2sql.errors import UnsupportedError
 from ss2sql.lowering.portable.portable_flat import write_flat
 from ss2sql.lowering.sql_builder import SQLITE, Dialect
 from ss2sql.lowering.sql_query import Sql
-from ss2sql.results.explain.outline import join_script_sql
+from ss2sql.results.explain.outline import join_outlined_sql
 from ss2sql.runtime.external.level_query import ABILITIES, plan_level_search
 from ss2sql.session.compiled_query import CompiledQuery
-from ss2sql.session.compiled_script import CompiledStatement, outline_script
+from ss2sql.session.compiled_script import CompiledStatement, outline_compiled_script
 
 
 def translate_script(statements: Sequence[CompiledStatement], dialect: Dialect) -> Sql:
@@ -20,9 +20,9 @@ def translate_script(statements: Sequence[CompiledStatement], dialect: Dialect) 
     Raises UnsupportedError where a query could mean something else there.
     """
     if dialect is SQLITE:
-        return join_script_sql(outline_script(statements))
+        return join_outlined_sql(outline_compiled_script(statements))
     texts = []
-    for statement, outlined in zip(statements, outline_script(statements), strict=True):
+    for statement, outlined in zip(statements, outline_compiled_script(statements), strict=True):
         queries = [_translate_query(query, dialect) for query in statement.queries]
         texts.append("\n".join(queries) or outlined.sql)
     return Sql("\n\n".join(texts))

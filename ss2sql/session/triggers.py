@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import SessionError, note_once
+from ss2sql.errors import SessionError, note_on_exception
 from ss2sql.language.values import convert_value, make_hashable
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class Trigger:
                 name = getattr(self.callback, "__name__", repr(self.callback))
                 span = self.query.plan.statements[-1].span
                 place = f"{span.place} has changed\n  {span.line} | {span.source.get_line(span.line)}"
-                note_once(error, f"raised by the function '{name}', called because the value at {place}")
+                note_on_exception(error, f"raised by the function '{name}', called because the value at {place}")
                 raise
             return True
         finally:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_sources import DuckSources
 
 
-def convert_seconds(value: Any, what: str) -> float:
+def convert_variable_seconds(value: Any, what: str) -> float:
     """A number of seconds; raises ExecutionError X007 for anything else."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         hint = "write a number: v{5.0} = x, v{-2.0}, or v{} for all values"
@@ -34,18 +34,18 @@ def convert_seconds(value: Any, what: str) -> float:
     return value
 
 
-def convert_moment(value: Any, giver: str) -> float:
+def convert_variable_moment(value: Any, giver: str) -> float:
     """The seconds that a clock gives; raises ExecutionError X004 for what is no finite number."""
     try:
         moment = float(value)
     except Exception as error:  # the value is the user's own, and so is how it becomes a number
-        raise _build_time_error(value, giver) from error
+        raise _build_variable_error(value, giver) from error
     if not isfinite(moment):
-        raise _build_time_error(value, giver)
+        raise _build_variable_error(value, giver)
     return moment
 
 
-def _build_time_error(value: Any, giver: str) -> ExecutionError:
+def _build_variable_error(value: Any, giver: str) -> ExecutionError:
     hint = "a clock gives a number of seconds"
     return ExecutionError("X004", f"{giver} says {format_value(value)}, which is no time", hints=(hint,))
 
@@ -60,7 +60,7 @@ class TemporalStore:
 
     def store_value(self, name: str, keep: Any, value: Any) -> None:
         """`name{keep} = value`."""
-        kept = convert_seconds(keep, "the time to keep")
+        kept = convert_variable_seconds(keep, "the time to keep")
         if kept < 0:
             hint = "v{5.0} = x keeps the values of the last 5 seconds"
             raise ExecutionError(
@@ -85,7 +85,7 @@ class TemporalStore:
         self._forget_old(name, now)
         if when is None:
             return [value for _, value in history]
-        moment = convert_seconds(when, "the moment")
+        moment = convert_variable_seconds(when, "the moment")
         times = [time for time, _ in history]
         if moment >= 0:
             index = bisect_right(times, moment) - 1
@@ -142,7 +142,7 @@ class TemporalFile:
     def save_history(self, store: TemporalStore, name: str) -> None:
         try:
             rows = [
-                (name, moment, _encode_json(value), store.keeps[name])
+                (name, moment, _encode_variable_as_json(value), store.keeps[name])
                 for moment, value in store.histories.get(name, ())
             ]
         except TypeError:
@@ -166,7 +166,7 @@ def _decode_history_row(name: Any, moment: Any, value: Any, keep: Any) -> tuple[
     return name, moment, convert_value(json.loads(value), f"the variable '{name}'"), keep
 
 
-def _encode_json(value: Any) -> str:
+def _encode_variable_as_json(value: Any) -> str:
     """The value as JSON. Raises TypeError if JSON would give back another one, as for a dict with numbers as keys."""
     text = json.dumps(value)
     if json.loads(text) != value:
@@ -304,7 +304,7 @@ class Variables:
             raise
 
 
-def predict_values(
+def predict_variables(
     names: Variables, assigned: Mapping[str, plan.Constant | None], values: Mapping[str, Any]
 ) -> Callable[[str], Any]:
     """The values that variables will have after the statements before; KeyError if they are not known."""

@@ -58,7 +58,7 @@ class CompletionContext:
 def find_context(statement: str, cursor: int) -> CompletionContext:
     """The context of a position in a statement."""
     before = list(tokenizer.iterate_tokens(statement[:cursor]))
-    if _is_in_string(before, statement, cursor):
+    if _is_cursor_in_string(before, statement, cursor):
         return CompletionContext(in_string=True)
     found = CompletionContext()
     if before and before[-1].end == cursor and (before[-1].kind == "NAME" or before[-1].kind in list_words()):
@@ -66,12 +66,12 @@ def find_context(statement: str, cursor: int) -> CompletionContext:
     if before and before[-1].kind == ".":
         found.owner = before[-2].text if len(before) > 1 and before[-2].kind in ("NAME", "THIS") else "?"
     found.after = (before[-1].keyword or before[-1].kind) if before else ""
-    _find_expected_tokens(found, statement[: before[-1].end if before else 0])
-    _collect_names(found, statement, cursor)
+    _find_completable_tokens(found, statement[: before[-1].end if before else 0])
+    _collect_names_at_cursor(found, statement, cursor)
     return found
 
 
-def _is_in_string(before: Sequence[Token], statement: str, cursor: int) -> bool:
+def _is_cursor_in_string(before: Sequence[Token], statement: str, cursor: int) -> bool:
     """Whether the cursor is in a string or a comment, or after a number that may continue."""
     if before and before[-1].kind in ("OPEN_STRING", "OPEN_COMMENT", "BAD_NUMBER"):
         return True
@@ -82,7 +82,7 @@ def _is_in_string(before: Sequence[Token], statement: str, cursor: int) -> bool:
     return bool(re.search(tokenizer.COMMENT, statement[start:cursor]))
 
 
-def _find_expected_tokens(found: CompletionContext, before: str) -> None:
+def _find_completable_tokens(found: CompletionContext, before: str) -> None:
     source = Source(before)
     try:
         tokens = tokenizer.tokenize(source)
@@ -93,10 +93,10 @@ def _find_expected_tokens(found: CompletionContext, before: str) -> None:
         found.expected, found.clause = outcome.expected, outcome.clause
 
 
-def _collect_names(found: CompletionContext, statement: str, cursor: int) -> None:
+def _collect_names_at_cursor(found: CompletionContext, statement: str, cursor: int) -> None:
     tokens = mark_keywords(statement)
-    groups = _find_groups(tokens)
-    around = _list_enclosing(tokens, cursor)
+    groups = _find_brackets_at_cursor(tokens)
+    around = _list_brackets_at_cursor(tokens, cursor)
     start = cursor - len(found.word)
     own = [token for token, group in zip(tokens, groups, strict=True) if group == around[-1]]
     begun = max((token.start for token in own if token.kind == "SELECT" and token.start < start), default=-1)
@@ -104,12 +104,12 @@ def _collect_names(found: CompletionContext, statement: str, cursor: int) -> Non
     for group in reversed(around):  # the innermost query first
         for index, token in enumerate(tokens):
             if groups[index] == group and token.kind == "FROM":
-                found.sources += _find_sources(tokens, groups, index)
+                found.sources += _find_typed_sources(tokens, groups, index)
             elif groups[index] == group and token.kind == "START":
-                found.states += _find_assigned(tokens, groups, index)
+                found.states += _find_typed_variables(tokens, groups, index)
 
 
-def _find_groups(tokens: Sequence[Token]) -> list[int]:
+def _find_brackets_at_cursor(tokens: Sequence[Token]) -> list[int]:
     """For each token the index of the bracket around it, or -1; a bracket is outside of itself."""
     groups: list[int] = []
     stack = [-1]
@@ -122,7 +122,7 @@ def _find_groups(tokens: Sequence[Token]) -> list[int]:
     return groups
 
 
-def _list_enclosing(tokens: Sequence[Token], cursor: int) -> list[int]:
+def _list_brackets_at_cursor(tokens: Sequence[Token], cursor: int) -> list[int]:
     """The indices of the brackets around the cursor, the outermost first, after a -1."""
     stack = [-1]
     for index, token in enumerate(tokens):
@@ -135,7 +135,7 @@ def _list_enclosing(tokens: Sequence[Token], cursor: int) -> list[int]:
     return stack
 
 
-def _split_at_commas(
+def _split_typed_clause(
     tokens: Sequence[Token], groups: Sequence[int], start: int, group: int, ends: Sequence[str] = CLAUSES
 ) -> list[list[int]]:
     """The parts between the commas of a clause from `start` on: indices of tokens, without the inside of brackets."""
@@ -151,9 +151,9 @@ def _split_at_commas(
     return [part for part in found if part]
 
 
-def _find_sources(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list[SourceName]:
+def _find_typed_sources(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list[SourceName]:
     found = []
-    for part in _split_at_commas(tokens, groups, place + 1, groups[place]):
+    for part in _split_typed_clause(tokens, groups, place + 1, groups[place]):
         kinds = [tokens[index].kind for index in part]
         named = kinds[:2] == ["NAME", "="]
         name = tokens[part[0]].text if kinds[0] == "NAME" else ""
@@ -165,18 +165,18 @@ def _find_sources(tokens: Sequence[Token], groups: Sequence[int], place: int) ->
         elif kinds[:1] == ["NAME"]:
             found.append(SourceName(name, words_of_rest[0]))
         elif kinds[:1] == ["("]:
-            found.append(SourceName(name, "", _find_query_columns(tokens, groups, rest[0])))
+            found.append(SourceName(name, "", _find_typed_columns(tokens, groups, rest[0])))
         elif named:
             found.append(SourceName(name, ""))
     return found
 
 
-def _find_query_columns(tokens: Sequence[Token], groups: Sequence[int], bracket: int) -> tuple[str, ...]:
+def _find_typed_columns(tokens: Sequence[Token], groups: Sequence[int], bracket: int) -> tuple[str, ...]:
     """The names of the columns of a query in parentheses, as far as they are written."""
     if bracket + 1 >= len(tokens) or tokens[bracket + 1].kind != "SELECT":
         return ()
     found = []
-    for part in _split_at_commas(tokens, groups, bracket + 2, bracket, ("FROM",)):
+    for part in _split_typed_clause(tokens, groups, bracket + 2, bracket, ("FROM",)):
         kinds = [tokens[index].kind for index in part]
         if kinds[-2:] == ["AS", "NAME"] or kinds == ["NAME"] or kinds == ["NAME", ".", "NAME"]:
             found.append(tokens[part[-1]].text)
@@ -186,10 +186,10 @@ def _find_query_columns(tokens: Sequence[Token], groups: Sequence[int], bracket:
     return tuple(found)
 
 
-def _find_assigned(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list[str]:
+def _find_typed_variables(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list[str]:
     """The names that START WITH at an index assigns to; its `WITH` may be missing."""
     start = place + 2 if place + 1 < len(tokens) and tokens[place + 1].kind == "WITH" else place + 1
-    parts = _split_at_commas(tokens, groups, start, groups[place])
+    parts = _split_typed_clause(tokens, groups, start, groups[place])
     return [tokens[part[0]].text for part in parts if [tokens[index].kind for index in part[:2]] == ["NAME", "="]]
 
 
@@ -202,14 +202,14 @@ class OpenCall:
     is_representation: bool
 
 
-def find_open_call(statement: str, cursor: int) -> OpenCall | None:
+def find_call_at_cursor(statement: str, cursor: int) -> OpenCall | None:
     """The innermost call around a position of a statement."""
     tokens = list(tokenizer.iterate_tokens(statement[:cursor]))
-    for bracket in reversed(_list_enclosing(tokens, cursor + 1)[1:]):
+    for bracket in reversed(_list_brackets_at_cursor(tokens, cursor + 1)[1:]):
         ahead = tokens[bracket - 1] if bracket else None
         if tokens[bracket].kind != "(" or ahead is None or ahead.kind != "NAME":
             continue
-        groups = _find_groups(tokens)
+        groups = _find_brackets_at_cursor(tokens)
         commas = sum(token.kind == "," and group == bracket for token, group in zip(tokens, groups, strict=True))
         return OpenCall(ahead.text, commas, bracket > 1 and tokens[bracket - 2].kind == "AS")
     return None
@@ -243,18 +243,18 @@ def suggest_completions(text: str, cursor: int, symbols: SymbolTable) -> list[Su
         if not (statement and " " in begun):
             return list(_suggest_for_command(begun, symbols))
         start = piece.start + len(head[0])
-        return list(_suggest_in_statement(text[start : piece.end], cursor - start, symbols))
+        return list(_complete_statement(text[start : piece.end], cursor - start, symbols))
     if not text[piece.start : cursor].strip("."):
         dots = cursor - piece.start
-        first = [] if dots else _suggest_in_statement("", 0, symbols)
+        first = [] if dots else _complete_statement("", 0, symbols)
         return [*(Suggestion(name, dots, "command", entry.about) for name, entry in COMMANDS.items() if dots), *first]
-    return list(_suggest_in_statement(text[piece.start : max(piece.end, cursor)], cursor - piece.start, symbols))
+    return list(_complete_statement(text[piece.start : max(piece.end, cursor)], cursor - piece.start, symbols))
 
 
-def find_signature(text: str, cursor: int, symbols: SymbolTable) -> tuple[Function, int] | None:
+def find_signature_at_cursor(text: str, cursor: int, symbols: SymbolTable) -> tuple[Function, int] | None:
     """The function or representation whose call the cursor is in, and which argument is being written."""
     piece = find_statement_at(text, cursor)
-    call = find_open_call(text[piece.start : cursor], cursor - piece.start)
+    call = find_call_at_cursor(text[piece.start : cursor], cursor - piece.start)
     if call is None:
         return None
     found = (
@@ -263,14 +263,14 @@ def find_signature(text: str, cursor: int, symbols: SymbolTable) -> tuple[Functi
     return None if found is None else (found, call.argument)
 
 
-def _suggest_in_statement(statement: str, cursor: int, symbols: SymbolTable) -> Iterable[Suggestion]:
+def _complete_statement(statement: str, cursor: int, symbols: SymbolTable) -> Iterable[Suggestion]:
     here = find_context(statement, cursor)
     if here.in_string:
         return []
     if here.owner or here.after == ".":
-        return _filter_prefix(here.word, _suggest_members(here, symbols))
-    words = list(_filter_prefix(here.word, _suggest_keywords(here)))
-    names = list(_filter_prefix(here.word, _suggest_names(here, symbols)))
+        return _filter_prefix(here.word, _complete_members(here, symbols))
+    words = list(_filter_prefix(here.word, _complete_keywords(here)))
+    names = list(_filter_prefix(here.word, _complete_names(here, symbols)))
     first = here.word.isupper() or not here.wants_value or not here.after
     return [*words, *names] if first else [*names, *words]
 
@@ -284,9 +284,9 @@ def _filter_prefix(word: str, found: Iterable[Suggestion]) -> Iterator[Suggestio
             yield Suggestion(one.text, len(word), one.kind, one.about, one.shown)
 
 
-def _suggest_keywords(here: CompletionContext) -> Iterator[Suggestion]:
+def _complete_keywords(here: CompletionContext) -> Iterator[Suggestion]:
     for word, keyword in sorted(keywords().items(), key=lambda item: SORTS.index(item[1].sort)):
-        if (here.expected is None or word in here.expected) and not _is_spent(word, keyword, here.seen):
+        if (here.expected is None or word in here.expected) and not _is_clause_typed_already(word, keyword, here.seen):
             text = f"{keyword.text}(" if word == "IF" else keyword.text
             yield Suggestion(text, 0, "keyword", keyword.about, keyword.text)
     for keyword in keywords().values():  # the second of two words
@@ -295,7 +295,7 @@ def _suggest_keywords(here: CompletionContext) -> Iterator[Suggestion]:
             yield Suggestion(second, 0, "keyword", keyword.about)
 
 
-def _is_spent(word: str, keyword: Keyword, written: tuple[str, ...]) -> bool:
+def _is_clause_typed_already(word: str, keyword: Keyword, written: tuple[str, ...]) -> bool:
     """Whether this query cannot have the clause or option (again)."""
     if keyword.sort == "option":
         others = [text.split()[0] for group in ONE_OF if keyword.text in group for text in group]
@@ -306,7 +306,7 @@ def _is_spent(word: str, keyword: Keyword, written: tuple[str, ...]) -> bool:
     return word in ANY_ORDER and word in written
 
 
-def _suggest_names(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
+def _complete_names(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
     if here.after == "AS" and here.clause == "SELECT":
         return  # a new name
     if here.after == "AS":
@@ -321,42 +321,42 @@ def _suggest_names(here: CompletionContext, symbols: SymbolTable) -> Iterator[Su
             yield from (Suggestion(name, 0, "variable", "of START WITH") for name in here.states)
         return
     if here.clause == "FROM":
-        yield from _suggest_tables(symbols)
-        yield from _suggest_variables(here, symbols)
+        yield from _complete_tables(symbols)
+        yield from _complete_variables(here, symbols)
     else:
-        yield from _suggest_columns(here, symbols)
-        yield from _suggest_variables(here, symbols)
+        yield from _complete_columns(here, symbols)
+        yield from _complete_variables(here, symbols)
         named = (one for one in here.sources if one.name)
         yield from (Suggestion(one.name, 0, "table", f"source {one.origin}".rstrip()) for one in named)
-    yield from _suggest_functions(symbols)
+    yield from _complete_functions(symbols)
     if here.clause != "FROM":
-        yield from _suggest_tables(symbols)
+        yield from _complete_tables(symbols)
 
 
-def _suggest_columns(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
+def _complete_columns(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
     for source in here.sources:
         found = dict.fromkeys(source.columns, "") or symbols.list_columns(source.origin)
         for name, about in found.items():
             yield Suggestion(name, 0, "column", f"{source.name}: {about}" if about else f"of {source.name}")
 
 
-def _suggest_variables(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
+def _complete_variables(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
     yield from (Suggestion(name, 0, "variable", "of START WITH") for name in here.states)
     yield from (Suggestion(name, 0, "variable", about) for name, about in symbols.variables.items())
 
 
-def _suggest_functions(symbols: SymbolTable) -> Iterator[Suggestion]:
+def _complete_functions(symbols: SymbolTable) -> Iterator[Suggestion]:
     for entry in symbols.functions.values():
         yield Suggestion(f"{entry.name}(", 0, "function", entry.about, entry.call)
 
 
-def _suggest_tables(symbols: SymbolTable) -> Iterator[Suggestion]:
+def _complete_tables(symbols: SymbolTable) -> Iterator[Suggestion]:
     for name, about in symbols.tables.items():
         text, bracket, _ = name.partition("(")
         yield Suggestion(text + bracket, 0, "table", about, name)
 
 
-def _suggest_members(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
+def _complete_members(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
     """Suggestions after `owner.`: columns of a source, or tables of a world or file."""
     sources = [one for one in here.sources if one.name == here.owner]
     if here.owner.lower() == "this":
@@ -389,7 +389,7 @@ def _suggest_for_command(begun: str, symbols: SymbolTable) -> Iterator[Suggestio
             entry = SETTINGS[name[1:]]
             yield from _filter_prefix(rest, (Suggestion(choice, 0, "value") for choice in entry.choices))
         case "file":
-            yield from _suggest_files(rest.rpartition(" ")[2])
+            yield from _complete_files(rest.rpartition(" ")[2])
         case "function":
             every = {**symbols.functions, **symbols.representations}
             yield from _filter_prefix(rest, (Suggestion(one, 0, "function", every[one].about) for one in every))
@@ -408,7 +408,7 @@ def _suggest_for_command(begun: str, symbols: SymbolTable) -> Iterator[Suggestio
             return
 
 
-def _suggest_files(begun: str) -> Iterator[Suggestion]:
+def _complete_files(begun: str) -> Iterator[Suggestion]:
     """Files and folders whose paths begin so."""
     folder, slash, name = begun.rpartition("/")
     try:

@@ -153,9 +153,9 @@ def run_dot_command(shell: Shell, line: str) -> None:
 # --- help and lists ------------------------------------------------------------------------------------
 
 
-def _print_help(shell: Shell, name: str) -> None:
+def _run_dot_help(shell: Shell, name: str) -> None:
     if not name:
-        shell.say(write_overview())
+        shell.say(write_shell_overview())
         return
     command = COMMANDS.get(name) or COMMANDS.get(f".{name}")
     keyword = keywords().get(name.upper().split()[0])
@@ -165,20 +165,20 @@ def _print_help(shell: Shell, name: str) -> None:
     elif keyword is not None:
         shell.say(f"{keyword.text}: {keyword.about}")
     else:
-        _print_functions(shell, name)
+        _run_dot_functions(shell, name)
 
 
-def write_overview() -> str:
+def write_shell_overview() -> str:
     """An overview for somebody who has never seen the shell."""
     lines = ["A statement ends with ; and may take several lines. For example:", "", f"  {EXAMPLE}", ""]
-    lines += _align_columns((entry.form, entry.about) for entry in COMMANDS.values())
+    lines += _align_dot_columns((entry.form, entry.about) for entry in COMMANDS.values())
     lines += ["", ".sql, .explain and .plot without more are about the last statement.",
               "Tab completes, Ctrl-R searches the history, Ctrl-C clears the line or cancels a run, Ctrl-D leaves.",
               ".help NAME explains a command, a function or a keyword: .help CONNECT BY"]  # fmt: skip
     return "\n".join(lines)
 
 
-def _print_tables(shell: Shell, name: str) -> None:
+def _run_dot_tables(shell: Shell, name: str) -> None:
     symbols = SymbolTable(shell.session)
     if name:
         shell.say(shell.session.describe(name))
@@ -187,35 +187,35 @@ def _print_tables(shell: Shell, name: str) -> None:
                   "lists and data frames are variables: .variables")  # fmt: skip
     else:
         names = {table: ", ".join(symbols.list_columns(table.partition("(")[0])) for table in symbols.tables}
-        shell.say("\n".join(_align_columns(names.items(), cut=True)))
+        shell.say("\n".join(_align_dot_columns(names.items(), cut=True)))
 
 
-def _print_functions(shell: Shell, name: str) -> None:
+def _run_dot_functions(shell: Shell, name: str) -> None:
     symbols = SymbolTable(shell.session)
     every = {**symbols.representations, **symbols.functions}
     if not name:
         own = [entry for entry in symbols.functions.values() if not entry.built_in]
         built_in = [entry for entry in symbols.functions.values() if entry.built_in]
-        lines = [*_describe_entries(own), *([""] if own else []), *_describe_entries(built_in)]
-        lines += ["", "after AS:", *_describe_entries(symbols.representations.values())]
+        lines = [*_describe_dot_entries(own), *([""] if own else []), *_describe_dot_entries(built_in)]
+        lines += ["", "after AS:", *_describe_dot_entries(symbols.representations.values())]
         shell.say("\n".join(lines))
     elif name in every:
-        (line,) = _describe_entries([every[name]])
+        (line,) = _describe_dot_entries([every[name]])
         shell.say(line.strip() + ("" if name in symbols.functions else f"\n  SELECT ... FROM ... AS {name}"))
     else:
         raise CommandError(f"there is no function, command or keyword '{name}'", *suggest_names(name, every))
 
 
-def _print_variables(shell: Shell, _: str) -> None:
-    found = _align_columns(SymbolTable(shell.session).variables.items(), cut=True)
+def _run_dot_variables(shell: Shell, _: str) -> None:
+    found = _align_dot_columns(SymbolTable(shell.session).variables.items(), cut=True)
     shell.say("\n".join(found) or "there are no variables; x = 1; makes one")
 
 
-def _describe_entries(entries: Iterable[Function]) -> list[str]:
-    return _align_columns((entry.call, entry.about) for entry in entries)
+def _describe_dot_entries(entries: Iterable[Function]) -> list[str]:
+    return _align_dot_columns((entry.call, entry.about) for entry in entries)
 
 
-def _align_columns(rows: Iterable[tuple[str, str]], cut: bool = False) -> list[str]:
+def _align_dot_columns(rows: Iterable[tuple[str, str]], cut: bool = False) -> list[str]:
     table = list(rows)
     width = max((len(first) for first, _ in table if len(first) < WIDE // 3), default=0)
     lines = [f"  {first:<{width}}  {second}".rstrip() for first, second in table]
@@ -225,7 +225,7 @@ def _align_columns(rows: Iterable[tuple[str, str]], cut: bool = False) -> list[s
 # --- what scripts may use ------------------------------------------------------------------------------
 
 
-def _set_variable(shell: Shell, rest: str) -> None:
+def _run_dot_set(shell: Shell, rest: str) -> None:
     name, _, value = rest.partition(" ")
     if not value.strip():
         raise CommandError(".set takes a name and a value", ".set start [[2,1],[],[]]")
@@ -233,7 +233,7 @@ def _set_variable(shell: Shell, rest: str) -> None:
     print_note(f"{name} = {written(shell.session.get(name), WIDE)}")
 
 
-def _attach_source(shell: Shell, rest: str) -> None:
+def _run_dot_attach(shell: Shell, rest: str) -> None:
     name, _, what = rest.partition(" ") if " " in rest else rest.partition("=")
     what = what.strip()
     if not name or not what:
@@ -252,7 +252,7 @@ def _attach_source(shell: Shell, rest: str) -> None:
     print_note("\n".join(about) if about or not found else f"tables: {', '.join(found)}")
 
 
-def _load_functions(shell: Shell, rest: str) -> None:
+def _run_dot_load(shell: Shell, rest: str) -> None:
     if not rest:
         raise CommandError(".load takes a file of Python functions", ".load functions.py")
     path = Path(rest).expanduser()
@@ -262,7 +262,7 @@ def _load_functions(shell: Shell, rest: str) -> None:
     print_note(f"functions: {', '.join(found)}" if found else f"{rest} has no functions")
 
 
-def _read_file(shell: Shell, rest: str) -> None:
+def _run_dot_read(shell: Shell, rest: str) -> None:
     if not rest:
         raise CommandError(".read takes a file of statements", ".read hanoi.ss")
     source = read_script_source(Path(rest).expanduser())
@@ -288,11 +288,11 @@ def _find_result_or_compile(shell: Shell, text: str) -> Result | Query:
     return shell.last.result or shell.session.compile(shell.last.source)
 
 
-def _sql(shell: Shell, text: str) -> None:
+def _run_dot_sql(shell: Shell, text: str) -> None:
     shell.print_sql(format_sql_with_parameters(_find_result_or_compile(shell, text).sql))
 
 
-def _plot_result(shell: Shell, rest: str) -> None:
+def _run_dot_plot(shell: Shell, rest: str) -> None:
     if shell.last is None or shell.last.result is None:
         raise CommandError("there is no result to draw", "run a query first")
     kind, path = "auto", None
@@ -304,10 +304,10 @@ def _plot_result(shell: Shell, rest: str) -> None:
         else:
             raise CommandError(f".plot takes a file that ends in {', '.join(PICTURES)}, and what is drawn, not {word}",
                                f"what can be drawn: {', '.join(KINDS)}")  # fmt: skip
-    draw_plot(shell, shell.last.result, kind, path)
+    draw_shell_plot(shell, shell.last.result, kind, path)
 
 
-def draw_plot(shell: Shell, result: Result, kind: str, path: Path | None) -> None:
+def draw_shell_plot(shell: Shell, result: Result, kind: str, path: Path | None) -> None:
     """Draws a result into a file, else into a window, else, without a screen, into a new file."""
     pyplot = require_package("matplotlib.pyplot", "plot", ".plot")
     figure = result.plot(kind=kind).figure
@@ -349,19 +349,19 @@ def _make_setting_command(name: str) -> DotCommand:
 
 
 _ALL = (
-    DotCommand(".help [NAME]", "this list, or what a command, function or keyword does", "help", _print_help),
-    DotCommand(".tables [NAME]", "the tables that FROM finds, or the columns of one", "table", _print_tables),
-    DotCommand(".functions [NAME]", "the functions, or what one does", "function", _print_functions),
-    DotCommand(".variables", "the variables and what they hold", "nothing", _print_variables),
-    DotCommand(".set NAME VALUE", "gives a variable a value", "variable", _set_variable, ".set start [[2,1],[],[]]"),
-    DotCommand(".attach NAME WHAT", "a SQLite file, or MODULE:OBJECT of Python, under a name", "file", _attach_source,
+    DotCommand(".help [NAME]", "this list, or what a command, function or keyword does", "help", _run_dot_help),
+    DotCommand(".tables [NAME]", "the tables that FROM finds, or the columns of one", "table", _run_dot_tables),
+    DotCommand(".functions [NAME]", "the functions, or what one does", "function", _run_dot_functions),
+    DotCommand(".variables", "the variables and what they hold", "nothing", _run_dot_variables),
+    DotCommand(".set NAME VALUE", "gives a variable a value", "variable", _run_dot_set, ".set start [[2,1],[],[]]"),
+    DotCommand(".attach NAME WHAT", "a SQLite file, or MODULE:OBJECT of Python, under a name", "file", _run_dot_attach,
             ".attach staff staff.db"),
-    DotCommand(".load FILE.py", "registers the functions of a Python file", "file", _load_functions),
-    DotCommand(".read FILE", "runs the statements of a file", "file", _read_file),
-    DotCommand(".sql [SCRIPT]", "the SQL that a script becomes", "script", _sql, f".sql {EXAMPLE}"),
+    DotCommand(".load FILE.py", "registers the functions of a Python file", "file", _run_dot_load),
+    DotCommand(".read FILE", "runs the statements of a file", "file", _run_dot_read),
+    DotCommand(".sql [SCRIPT]", "the SQL that a script becomes", "script", _run_dot_sql, f".sql {EXAMPLE}"),
     DotCommand(".explain [SCRIPT]", "where queries run and why, and what was called how often", "script",
             lambda shell, text: shell.say(_find_result_or_compile(shell, text).explain())),
-    DotCommand(".plot [FILE] [KIND]", "draws the last result, in a window or in a file", "file", _plot_result,
+    DotCommand(".plot [FILE] [KIND]", "draws the last result, in a window or in a file", "file", _run_dot_plot,
             ".plot paths.png graph"),
     *map(_make_setting_command, SETTINGS),
     DotCommand(".exit", "leaves, as Ctrl-D does", "nothing", _leave_shell),

@@ -17,7 +17,7 @@ from ss2sql.cli.output import (
     SPELLED_FOR_SHELL,
     Count,
     UserError,
-    describe_found,
+    describe_partial_output,
     exit_with_code_on_error,
     make_output,
     print_note,
@@ -31,7 +31,7 @@ from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
-from ss2sql.frontend.syntax.tokenizer import MAX_BYTES, make_size_error
+from ss2sql.frontend.syntax.tokenizer import MAX_BYTES, make_script_size_error
 from ss2sql.language.conversion import format_value as written
 from ss2sql.shell.dot_commands import FORMS, CommandError, FileFailed, Settings, run_dot_command
 from ss2sql.shell.statement_splitter import TypedPiece, split_statements
@@ -101,9 +101,9 @@ class Shell:
                 self.print_result(stopped.partial if table else build_partial_output(self.session, stopped.partial))
             raise FileFailed from None
         self.last = StatementRun(source, result)
-        self.print_result(result, _find_assigned_name(source) if result.answer is None else None)
+        self.print_result(result, _find_typed_assignment(source) if result.answer is None else None)
         if self.settings.timer:
-            self.say(_format_seconds(result))
+            self.say(_format_shell_timer(result))
 
     def print_result(self, result: Result, assigned: str | None = None) -> None:
         """Prints a result; for an assignment a note, since its value is in the variable."""
@@ -113,7 +113,7 @@ class Shell:
         elif settings.format != "table" or result.answer is not None:
             make_output(settings.format, None, settings.show).write_result(result)
         elif result.value is not None:
-            self.say(_shorten_output(str(result.value)))
+            self.say(_shorten_shell_output(str(result.value)))
 
     def say(self, text: str) -> None:
         click.echo(escape_controls(text))
@@ -124,7 +124,7 @@ class Shell:
         sys.stdout.flush()
         if isinstance(error, Error):
             respell_hints(error, SPELLED_FOR_SHELL)
-        click.echo(_format_message(error), err=True, color=wants_color(sys.stderr))
+        click.echo(_format_shell_error(error), err=True, color=wants_color(sys.stderr))
 
     def print_sql(self, text: str) -> None:
         text = escape_controls(text)
@@ -138,15 +138,15 @@ class Shell:
         click.echo(text)
 
 
-def _format_message(error: BaseException) -> str:
+def _format_shell_error(error: BaseException) -> str:
     match error:
         case Error() | UserError() if writes_json():
             found = error.errors if isinstance(error, Error) else (error,)
             return "\n".join(json.dumps(one.as_dict(), ensure_ascii=False) for one in found)
         case Cancelled() | KeyboardInterrupt():
-            return "cancelled" + (describe_found(error) if isinstance(error, Cancelled) else "")
+            return "cancelled" + (describe_partial_output(error) if isinstance(error, Cancelled) else "")
         case Stopped():
-            return f"{render_all(error, wants_color(sys.stderr))}{describe_found(error)}"
+            return f"{render_all(error, wants_color(sys.stderr))}{describe_partial_output(error)}"
         case Error():
             return render_all(error, wants_color(sys.stderr))
         case click.ClickException():
@@ -155,7 +155,7 @@ def _format_message(error: BaseException) -> str:
             return escape_controls(str(error))
 
 
-def _find_assigned_name(source: Source) -> str | None:
+def _find_typed_assignment(source: Source) -> str | None:
     (statement, *_) = parse(source).statements
     match statement:
         case ast.Assign(name=name) | ast.TemporalAssign(name=name):
@@ -164,13 +164,13 @@ def _find_assigned_name(source: Source) -> str | None:
             return None
 
 
-def _shorten_output(text: str) -> str:
+def _shorten_shell_output(text: str) -> str:
     if len(text) <= MOST_VALUE:
         return text
     return f"{text[:MOST_VALUE]}...\n{len(text):,} characters, the first {MOST_VALUE:,} shown; `.format json` shows all"
 
 
-def _format_seconds(result: Result) -> str:
+def _format_shell_timer(result: Result) -> str:
     parts: dict[str, Any] = result.stats.seconds
     stages = ", ".join(f"{name} {seconds:.3f}" for name, seconds in parts.items())
     return f"{sum(parts.values()):.3f} s: {stages}"
@@ -184,7 +184,7 @@ def run_piped(shell: Shell, stream: BinaryIO) -> None:
     """Runs the statements of the stream up to its end, `.exit` or Ctrl-C, also after an error."""
     pending, lines = "", 0
     try:
-        for text in _read_lines(stream):
+        for text in _read_shell_lines(stream):
             pending += text
             # Searching the end of a statement only where there may be one keeps the time of long ones linear.
             if ";" in text or pending.lstrip().startswith("."):
@@ -192,7 +192,7 @@ def run_piped(shell: Shell, stream: BinaryIO) -> None:
             if shell.cancelled:
                 return
             if len(pending) > MAX_BYTES and len(pending.strip()) > MAX_BYTES:
-                raise make_size_error("a statement on the standard input")
+                raise make_script_size_error("a statement on the standard input")
         for piece in split_statements(pending):
             _run_piece(shell, piece, pending, lines)
     except ExitRequest:
@@ -217,7 +217,7 @@ def _run_piece(shell: Shell, piece: TypedPiece, pending: str, lines: int) -> Non
         shell.run_piece(piece, pending, NAME, lines)
 
 
-def _read_lines(stream: BinaryIO) -> Iterator[str]:
+def _read_shell_lines(stream: BinaryIO) -> Iterator[str]:
     """The lines of a stream; long ones in parts, so that at most a script's limit is read."""
     decoder = getincrementaldecoder("utf-8-sig")()
     number = 1

@@ -45,24 +45,24 @@ class TypedPiece:
 
 def split_statements(text: str) -> Iterator[TypedPiece]:
     """The statements and commands of a text, one after the other. A command begins where a statement could."""
-    position = _skip_blanks(text, 0)
+    position = _skip_typed_blanks(text, 0)
     while position < len(text):
         command = _COMMAND.match(text, position)
-        found = TypedPiece(command[0].rstrip(), position) if command else _read_statement(text, position)
+        found = TypedPiece(command[0].rstrip(), position) if command else _read_typed_statement(text, position)
         yield found
-        position = _skip_blanks(text, found.end)
+        position = _skip_typed_blanks(text, found.end)
 
 
-def _skip_blanks(text: str, position: int) -> int:
+def _skip_typed_blanks(text: str, position: int) -> int:
     match = _NOTHING.match(text, position)
     return match.end() if match else position
 
 
-def _read_statement(text: str, start: int) -> TypedPiece:
+def _read_typed_statement(text: str, start: int) -> TypedPiece:
     depth, hopeless, last = 0, False, start
     for token in iterate_tokens(text, start):
         last = token.end
-        if token.kind == "OPEN_STRING" and not _can_continue(token, text):
+        if token.kind == "OPEN_STRING" and not _can_typed_line_continue(token, text):
             hopeless = True
             if token.text.rstrip().endswith(";"):  # the string has most likely swallowed the end
                 return TypedPiece(text[start:last], start)
@@ -72,22 +72,22 @@ def _read_statement(text: str, start: int) -> TypedPiece:
     return TypedPiece(text[start:].rstrip(), start, False, hopeless)
 
 
-def _can_continue(token: Token, text: str) -> bool:
+def _can_typed_line_continue(token: Token, text: str) -> bool:
     """Whether a string that is not closed may continue in the next line."""
     hidden = len(token.text) - len(token.text.rstrip("\\"))
     return hidden % 2 == 1 and not text[token.end :].strip()
 
 
-def _find_last(text: str) -> TypedPiece | None:
+def _find_last_typed(text: str) -> TypedPiece | None:
     return next(iter(deque(split_statements(text), maxlen=1)), None)
 
 
-def is_input_ready(text: str) -> bool:
+def is_typed_input_ready(text: str) -> bool:
     """Whether the input can run: it is complete, or more lines would not help.
 
     An empty line after a `;` ends the input, even in an open bracket.
     """
-    last = _find_last(text)
+    last = _find_last_typed(text)
     if last is None:
         return not text.strip() or text.rstrip().endswith(";")
     if last.complete or last.is_unfinishable:
@@ -96,9 +96,9 @@ def is_input_ready(text: str) -> bool:
     return bool(line_end) and not line.strip() and before.rstrip().endswith(";")
 
 
-def find_open_bracket(text: str) -> str:
+def find_open_typed_bracket(text: str) -> str:
     """The innermost bracket that is open, or `/*`; nothing where only a `;` is missing."""
-    last = _find_last(text)
+    last = _find_last_typed(text)
     if last is None or last.complete:
         return ""
     found: list[str] = []

@@ -17,7 +17,12 @@ from ss2sql.language.kinds import Type, type_of
 from ss2sql.language.operations import OPERATOR_FUNCTIONS, WRITTEN, Operation
 from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import convert_value
-from ss2sql.session.session_functions import describe_representation, list_columns, take_first_line, write_name
+from ss2sql.session.session_functions import (
+    describe_representation,
+    describe_table_call,
+    describe_table_columns,
+    take_first_line,
+)
 from ss2sql.vtables.frames.frame import Frame
 
 if TYPE_CHECKING:
@@ -57,17 +62,17 @@ class SymbolTable:
         found = {}
         for name, entry in sorted(own.items()):
             about = take_first_line(entry.function.__doc__)
-            found[name] = Function(name, _list_parameters(entry.function, 0), about, built_in=False)
+            found[name] = Function(name, _list_symbol_parameters(entry.function, 0), about, built_in=False)
         for name, row in sorted(WRITTEN.items()):
             if name not in found and name not in OPERATOR_FUNCTIONS:
-                found[name] = _describe_built_in(row)
+                found[name] = _make_built_in_symbol(row)
         return found
 
     @cached_property
     def representations(self) -> dict[str, Function]:
         """The names after AS."""
         makers = self.host.shapes.functions.items()
-        return {n: Function(n, _list_parameters(f, 1) or None, describe_representation(f)) for n, f in makers}
+        return {n: Function(n, _list_symbol_parameters(f, 1) or None, describe_representation(f)) for n, f in makers}
 
     @cached_property
     def variables(self) -> dict[str, str]:
@@ -86,7 +91,9 @@ class SymbolTable:
         if isinstance(value, (list, dict)) and len(value) > 3:
             return f"{kind} of {len(value):,}"
         return (
-            f"{kind}: {written(value, MOST_VALUE)}" if isinstance(value, (list, dict, str)) else _shorten(repr(value))
+            f"{kind}: {written(value, MOST_VALUE)}"
+            if isinstance(value, (list, dict, str))
+            else _shorten_symbol_value(repr(value))
         )
 
     @cached_property
@@ -95,7 +102,9 @@ class SymbolTable:
         others = self.host.names.others
         found = dict.fromkeys([*self._list_own_tables(), *(() if others is None else others.list_names())], "table")
         for world in self.host.names.worlds.values():
-            found.update((write_name(table), table.table.text or "table of a world") for table in world.tables.values())
+            found.update(
+                (describe_table_call(table), table.table.text or "table of a world") for table in world.tables.values()
+            )
         return found
 
     def _list_own_tables(self) -> list[str]:
@@ -126,13 +135,16 @@ class SymbolTable:
         if owner in names.worlds:
             tables = names.worlds[owner].tables
             table = tables.get(rest) if rest else next(iter(tables.values()))
-            for name, kind, unit, _, text in list_columns(table) if table is not None else ():
+            for name, kind, unit, _, text in describe_table_columns(table) if table is not None else ():
                 yield name, "  ".join(part for part in (kind, unit, text) if part)
         elif source in names:
             value = names.get_source(source) if source in names.frames else self._read_head(source)
             of_lists = isinstance(value, (dict, Frame))
             for name, of_column in type_of(value).columns or ():
-                yield name, _format_kinds(of_column.item if of_lists and of_column.item is not None else of_column)
+                yield (
+                    name,
+                    _format_symbol_type(of_column.item if of_lists and of_column.item is not None else of_column),
+                )
         else:
             schema, table_name = (owner, rest) if rest else (None, source)
             rows = self._fetch_rows(
@@ -141,7 +153,7 @@ class SymbolTable:
             )  # fmt: skip
             yield from ((name, kind.lower()) for name, kind in rows)
             if not rows and names.others is not None:
-                yield from ((name, _format_kinds(kind)) for name, kind in names.others.read_columns(source))
+                yield from ((name, _format_symbol_type(kind)) for name, kind in names.others.read_columns(source))
 
     def _read_head(self, name: str) -> Any:
         """The first elements of a variable: reading the types of 300,000 dicts would take 2 s."""
@@ -160,18 +172,18 @@ class SymbolTable:
             return []
 
 
-def _format_kinds(kind: Type) -> str:
+def _format_symbol_type(kind: Type) -> str:
     """A type without bounds of numbers, since only a few elements were read."""
     return format_type(Type(kind.kinds, item=None if kind.item is None else Type(kind.item.kinds)))
 
 
-def _describe_built_in(row: Operation) -> Function:
+def _make_built_in_symbol(row: Operation) -> Function:
     """A row of the table, with the parameters of its longest call."""
     inside = row.call.rpartition("(")[2].rstrip(")")
     return Function(row.name, tuple(inside.split(", ")) if inside else (), row.about)
 
 
-def _list_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, ...]:
+def _list_symbol_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, ...]:
     try:
         parameters = list(inspect.signature(function).parameters.values())[skipped:]
     except (ValueError, TypeError):
@@ -179,6 +191,6 @@ def _list_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, .
     return tuple(str(one.replace(annotation=inspect.Parameter.empty)) for one in parameters)
 
 
-def _shorten(text: str) -> str:
+def _shorten_symbol_value(text: str) -> str:
     text = " ".join(text.split())
     return text if len(text) <= MOST_VALUE else text[: MOST_VALUE - 3] + "..."

@@ -25,10 +25,10 @@ from pygments.token import _TokenType as Type
 
 import ss2sql
 from ss2sql.editor.lexer import SelectScriptLexer
-from ss2sql.shell.completion import find_signature, suggest_completions
+from ss2sql.shell.completion import find_signature_at_cursor, suggest_completions
 from ss2sql.shell.dot_commands import EXAMPLE, SETTINGS, Settings, format_setting
 from ss2sql.shell.shell import ExitRequest, Shell
-from ss2sql.shell.statement_splitter import find_open_bracket, is_input_ready, split_statements
+from ss2sql.shell.statement_splitter import find_open_typed_bracket, is_typed_input_ready, split_statements
 from ss2sql.shell.symbols import SymbolTable
 
 STYLE = {
@@ -58,17 +58,17 @@ class ShellLexer(Lexer):
         position = 0
         for piece in split_statements(text):
             if piece.is_command:
-                yield from _color_statements(text[position : piece.start], position)
+                yield from _color_shell_input(text[position : piece.start], position)
                 name = piece.text.split()[0]
                 yield piece.start, Keyword.Pseudo, name
                 position = piece.start + len(name)
                 if name not in (".sql", ".explain"):
                     yield position, Text, text[position : piece.end]
                     position = piece.end
-        yield from _color_statements(text[position:], position)
+        yield from _color_shell_input(text[position:], position)
 
 
-def _color_statements(text: str, start: int) -> Iterator[tuple[int, Type, str]]:
+def _color_shell_input(text: str, start: int) -> Iterator[tuple[int, Type, str]]:
     for position, kind, part in SelectScriptLexer().get_tokens_unprocessed(text):
         yield start + position, kind, part
 
@@ -162,7 +162,7 @@ class Terminal:
         if not remembers:
             return InMemoryHistory()
         try:
-            return _SelectiveHistory(open_history_file())
+            return _ShellHistory(open_history_file())
         except (OSError, RuntimeError) as error:  # RuntimeError: no home folder
             print(f"what you type will not be remembered: {error}", file=sys.stderr)
             return InMemoryHistory()
@@ -177,7 +177,7 @@ class Terminal:
             if buffer.complete_state is not None and buffer.complete_state.current_completion is not None:
                 buffer.complete_state = None
             elif "\n" not in buffer.document.text_after_cursor and (
-                is_input_ready(buffer.text) or interpret_input(buffer.text, self.shell) != buffer.text
+                is_typed_input_ready(buffer.text) or interpret_input(buffer.text, self.shell) != buffer.text
             ):
                 buffer.validate_and_handle()
             else:
@@ -198,18 +198,18 @@ class Terminal:
 
     def describe_toolbar(self, document: Document) -> StyleAndTextTuples:
         """The call around the cursor, or a hint."""
-        found = find_signature(document.text, document.cursor_position, self.known)
+        found = find_signature_at_cursor(document.text, document.cursor_position, self.known)
         if found is not None:
             entry, argument = found
             return list(_format_signature(entry.name, entry.parameters or (), argument, entry.about))
         return [("", self._choose_hint(document.text))]
 
     def _choose_hint(self, text: str) -> str:
-        bracket = find_open_bracket(text)
+        bracket = find_open_typed_bracket(text)
         if "\n" in text and bracket:
-            how = "Enter runs it all the same, and " if is_input_ready(text) else ""
+            how = "Enter runs it all the same, and " if is_typed_input_ready(text) else ""
             return f" {bracket} is open; {how}Ctrl-C clears"
-        if "\n" in text and not is_input_ready(text):
+        if "\n" in text and not is_typed_input_ready(text):
             return " a statement ends with ;  Ctrl-C clears"
         changed = [
             f"{name} {format_setting(getattr(self.shell.settings, name))}"
@@ -245,7 +245,7 @@ class _Completer(Completer):
             )
 
 
-class _SelectiveHistory(FileHistory):
+class _ShellHistory(FileHistory):
     """A history without texts that begin with a blank, which works without its file."""
 
     def append_string(self, string: str) -> None:

@@ -17,7 +17,7 @@ from types import NoneType
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError, SessionError
-from ss2sql.language.file_sources import ATTACHED, find_file_ending, suggest_cure
+from ss2sql.language.file_sources import ATTACHED, find_file_ending, suggest_source
 from ss2sql.vtables.contract import Column as Column
 from ss2sql.vtables.contract import Element as Element
 from ss2sql.vtables.contract import Gone as Gone
@@ -62,7 +62,7 @@ def register_world(adapter: type[World]) -> type[World]:
     return adapter
 
 
-def list_known_types() -> tuple[str, ...]:
+def list_adapter_types() -> tuple[str, ...]:
     """The names of the types that have adapters."""
     return tuple(sorted({*_registered, *SHIPPED_ADAPTERS, *(point.name for point in _list_entry_points())}))
 
@@ -83,7 +83,7 @@ def find_adapter(source: Any) -> World | None:
         if not isinstance(world, World):
             raise SessionError("S002", f"{type(source).__name__}.__world__ gives a {type(world).__name__}, not a World")
         return world
-    names = _type_names(type(source))
+    names = _list_adapter_names(type(source))
     for name in names:
         if name in _registered:
             return _registered[name](source)
@@ -115,10 +115,12 @@ def _has_adapter(kind: type) -> bool:
     """The same for a type, cached: reading entry points takes 10 ms, and FROM may walk many objects."""
     if issubclass(kind, World) or hasattr(kind, "__world__"):
         return True
-    return kind.__module__ not in ("builtins", "numpy") and not set(list_known_types()).isdisjoint(_type_names(kind))
+    return kind.__module__ not in ("builtins", "numpy") and not set(list_adapter_types()).isdisjoint(
+        _list_adapter_names(kind)
+    )
 
 
-def _type_names(kind: type) -> list[str]:
+def _list_adapter_names(kind: type) -> list[str]:
     """The names by which adapters say that they serve a type, its own first."""
     return [f"{one.__module__}.{one.__qualname__}" for one in kind.__mro__[:-1]]
 
@@ -131,18 +133,20 @@ def make_attachable(name: str, source: Any) -> Any:
     ending = find_file_ending(source)
     if ending is not None and ending not in ATTACHED:
         path = os.fspath(source)
-        raise SessionError("S002", f"a file {ending} cannot be attached by its path", hints=(suggest_cure(path, name),))
+        raise SessionError(
+            "S002", f"a file {ending} cannot be attached by its path", hints=(suggest_source(path, name),)
+        )
     pybullet = sys.modules.get("pybullet")  # without this import there are no clients
     if pybullet is not None and (source is pybullet or (type(source) is int and 0 <= source < PYBULLET_CLIENTS)):
         number = 0 if source is pybullet else source  # the default client of its functions
         if pybullet.getConnectionInfo(number)["isConnected"]:
             return _load_adapter(SHIPPED_ADAPTERS["ss2sql.vtables.pybullet.scene.Scene"])(number)
-    from ss2sql.language.conversion import is_read_once
+    from ss2sql.language.conversion import is_iterator_value
 
-    return list(source) if is_read_once(source) else source
+    return list(source) if is_iterator_value(source) else source
 
 
-def refuse_unknown(source: Any) -> None:
+def refuse_without_adapter(source: Any) -> None:
     """Raises SessionError S002 for an object that is no value and has no columns, as it probably lacks an adapter."""
     from ss2sql.language.conversion import convert_value
 
@@ -155,7 +159,7 @@ def refuse_unknown(source: Any) -> None:
         return  # reading it raises the error
     if isinstance(plain, (bool, int, float, str, list, dict, bytes, NoneType)):
         return
-    known = ", ".join(list_known_types())
+    known = ", ".join(list_adapter_types())
     hints = (
         "what can be attached: lists, dicts of columns, data frames, numbers, texts and other values, worlds, paths of"
         " SQLite files" + (f", objects of the types {known}" if known else ""),

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 from ss2sql.errors import Error, ExecutionError, SessionError
-from ss2sql.frontend.user_functions import UserFunction, check_function_name
+from ss2sql.frontend.user_functions import UserFunction, check_user_function_name
 from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATIONS
@@ -22,13 +22,13 @@ from ss2sql.vtables.contract import (
     World,
     WorldFunction,
 )
-from ss2sql.vtables.reading import unwrap_element_key
+from ss2sql.vtables.reading import unwrap_world_key
 from ss2sql.vtables.schema import AdapterGuard, Schema, get_schema, get_world_tables, make_adapter_error
 
 _OBJECT = Type(Kind.OBJECT)
 
 
-class AttachedTable:
+class AttachedWorldTable:
     """A table as plans know it. `module` is the name of its virtual table, `title` its name in scripts."""
 
     __slots__ = ("columns", "element", "module", "schema", "table", "title", "world", "world_name")
@@ -63,16 +63,16 @@ class AttachedTable:
 class AttachedWorld:
     """A world under its name. `build_module_name` names the virtual tables."""
 
-    def __init__(self, name: str, world: World, module_of: Callable[[str, AttachedTable], str]) -> None:
+    def __init__(self, name: str, world: World, module_of: Callable[[str, AttachedWorldTable], str]) -> None:
         self.name = name
         self.world = world
-        self.tables: dict[str, AttachedTable] = {}
+        self.tables: dict[str, AttachedWorldTable] = {}
         for number, table in enumerate(get_world_tables(world)):
             title = name if number == 0 else f"{name}.{table.name}"
-            attached = self.tables[table.name] = AttachedTable(name, world, table, title, "")
+            attached = self.tables[table.name] = AttachedWorldTable(name, world, table, title, "")
             attached.module = module_of(f"{name}.{table.name}", attached)
         self.principal = next(iter(self.tables.values()))
-        self.functions = dict(_collect_world_functions(world))
+        self.functions = dict(_collect_world_methods(world))
 
     def read_time(self) -> Any:
         """The time of the world's clock. Raises ExecutionError X011 where that fails."""
@@ -88,11 +88,11 @@ class AttachedWorld:
         return set(self.functions).union(*(table.schema.kinds for table in self.tables.values()))
 
 
-def _collect_world_functions(world: World) -> Iterator[tuple[str, tuple[Callable[..., Any], Volatility]]]:
+def _collect_world_methods(world: World) -> Iterator[tuple[str, tuple[Callable[..., Any], Volatility]]]:
     for name, method in inspect.getmembers(type(world), callable):
         note = getattr(method, "__ss2sql__", None)
         if isinstance(note, WorldFunction):
-            check_function_name(name)
+            check_user_function_name(name)
             if note.volatility not in ("immutable", "stable", "volatile"):
                 message = f"the volatility of {type(world).__name__}.{name} is {note.volatility!r}"
                 raise SessionError("S002", message, hints=("write stable, volatile or immutable",))
@@ -126,7 +126,7 @@ class WorldFunctions:
 
     def _make_function(self, name: str, worlds: Collection[AttachedWorld]) -> UserFunction:
         methods = [world.functions[name] for world in worlds if name in world.functions]
-        counts = [_read_arity(method) for method, _ in methods]
+        counts = [_read_world_method_arity(method) for method, _ in methods]
         column = any(name in table.schema.kinds for world in worlds for table in world.tables.values())
         least = min([low for low, _ in counts] + [1] * column)
         highs = [high for _, high in counts if high is not None] + [1] * column
@@ -172,7 +172,7 @@ class WorldFunctions:
             with CacheOfQuery(world, self.memories.get_cache(world)):
                 with AdapterGuard(owner.principal.schema):
                     world.check()
-                return method(*[unwrap_element_key(argument, world) for argument in arguments])
+                return method(*[unwrap_world_key(argument, world) for argument in arguments])
         except Error:
             raise
         except Exception as error:
@@ -209,7 +209,7 @@ class WorldFunctions:
         raise ExecutionError("X007", f"'{name}' needs an element of a world, not {shown}", hints=hints)
 
 
-def _read_arity(method: Callable[..., Any]) -> tuple[int, int | None]:
+def _read_world_method_arity(method: Callable[..., Any]) -> tuple[int, int | None]:
     parameters = inspect.signature(method).parameters.values()
     if any(p.kind is inspect.Parameter.VAR_POSITIONAL for p in parameters):
         return sum(p.default is inspect.Parameter.empty for p in parameters) - 1, None

@@ -72,17 +72,17 @@ def make_body_columns(without: str = "", unknown: str = "") -> tuple[Column, ...
     """The columns of bodies except `without`; those in `unknown` may be None."""
     left_out, optional = without.split(), unknown.split()
     return tuple(
-        replace(column, type=_make_optional(column.type)) if column.name in optional else column
+        replace(column, type=_make_body_column_optional(column.type)) if column.name in optional else column
         for column in _COLUMNS
         if column.name not in left_out
     )
 
 
-def _make_optional(declared: Any) -> Any:
-    return tuple(map(_make_optional, declared)) if isinstance(declared, tuple) else declared | None
+def _make_body_column_optional(declared: Any) -> Any:
+    return tuple(map(_make_body_column_optional, declared)) if isinstance(declared, tuple) else declared | None
 
 
-def list_shape_columns(shape: Any) -> tuple[Any, ...]:
+def list_body_shape_columns(shape: Any) -> tuple[Any, ...]:
     return shape, *(shape == known for known in SHAPES)
 
 
@@ -96,7 +96,7 @@ def compute_euler_angles(x: float, y: float, z: float, w: float) -> Vector:
     return roll, atan2(sine, sqrt((1 - sine) * (1 + sine))), yaw
 
 
-def clip_to_finite(values: Iterable[float]) -> Vector:
+def clip_body_corner(values: Iterable[float]) -> Vector:
     """A corner of a box, with infinite coordinates replaced by FAR."""
     x, y, z = (max(-FAR, min(FAR, float(value))) for value in values)
     return x, y, z
@@ -137,7 +137,7 @@ class Posed(Table, ABC):
         """How fast it turns."""
 
     def read_shape(self, key: Any) -> tuple[Any, ...]:
-        return list_shape_columns(self.read_kind(key))
+        return list_body_shape_columns(self.read_kind(key))
 
     def compute_angles(self, key: Any) -> Vector:
         return compute_euler_angles(*self.read_turn(key))
@@ -160,7 +160,7 @@ def make_parameter_error(name: str, wanted: str, value: Any) -> ExecutionError:
     return ExecutionError("X007", f"'{name}' needs {wanted}, not {format_value(value)}")
 
 
-def read_numbers(value: Any, *lengths: int) -> tuple[float, ...] | None:
+def read_body_numbers(value: Any, *lengths: int) -> tuple[float, ...] | None:
     """The numbers of a list that has one of these lengths; None for anything else."""
     if not isinstance(value, (list, tuple)) or len(value) not in lengths:
         return None
@@ -264,7 +264,7 @@ class BodyWorld(World):
             return tuple(value.pos)
         if not isinstance(value, (list, tuple)):
             return tuple(self.read_column(self.find_body(value), "pos"))
-        found = read_numbers(value, 2, 3)
+        found = read_body_numbers(value, 2, 3)
         if found is None:
             raise ExecutionError("X007", f"a point has two or three numbers, unlike {format_value(value)}")
         return found
@@ -276,7 +276,7 @@ class BodyWorld(World):
             return low, high
         if not isinstance(value, (list, tuple)):
             return self.read_box(self.find_body(value))
-        corners = [read_numbers(part, 3) for part in value]
+        corners = [read_body_numbers(part, 3) for part in value]
         if len(corners) != 2 or corners[0] is None or corners[1] is None:
             raise make_parameter_error(name, "a box [[x, y, z], [x, y, z]]", value)
         pairs = list(zip(corners[0], corners[1], strict=True))
@@ -284,7 +284,7 @@ class BodyWorld(World):
 
     def find_pose(self, name: str, body: int, value: Any) -> tuple[Vector, Quaternion]:
         """A pose; missing parts are taken from the body's present pose."""
-        numbers = read_numbers(value, 2, 3, 7)
+        numbers = read_body_numbers(value, 2, 3, 7)
         if numbers is None:
             raise make_parameter_error(name, "a place [x, y], [x, y, z] or [x, y, z, qx, qy, qz, qw]", value)
         point, turn = self.read_pose(body) if len(numbers) < 7 else (numbers, numbers[3:])

@@ -23,27 +23,29 @@ def digest_world(world: World, without: Collection[str] = ()) -> str:
             continue
         reading = readings.get_reading(table)
         keys = reading.list_keys(Where())
-        made.update(repr((table.name, [replace_by_keys(key) for key in keys])).encode("utf-8", "surrogatepass"))
+        made.update(repr((table.name, [replace_world_elements(key) for key in keys])).encode("utf-8", "surrogatepass"))
         for name in reading.schema.kinds:
             if f"{table.name}.{name}" in without:
                 continue
             read = reading.make_reader(name)
-            made.update(repr((name, [replace_by_keys(read(key)) for key in keys])).encode("utf-8", "surrogatepass"))
+            made.update(
+                repr((name, [replace_world_elements(read(key)) for key in keys])).encode("utf-8", "surrogatepass")
+            )
     return made.hexdigest()
 
 
-def replace_by_keys(value: Any) -> Any:
+def replace_world_elements(value: Any) -> Any:
     """A value with the keys of elements in their place. Raises NotImplementedError for any other object."""
     kind = type(value)
     if value is None or kind in (bool, int, float, str):
         return value
     if kind is list:
-        return list(map(replace_by_keys, value))
+        return list(map(replace_world_elements, value))
     if kind is tuple:
-        return tuple(map(replace_by_keys, value))
+        return tuple(map(replace_world_elements, value))
     if kind is dict:
-        return [(replace_by_keys(key), replace_by_keys(part)) for key, part in value.items()]
+        return [(replace_world_elements(key), replace_world_elements(part)) for key, part in value.items()]
     if isinstance(value, Element):
-        return Element.__name__, value.table.name, replace_by_keys(value.key)
+        return Element.__name__, value.table.name, replace_world_elements(value.key)
     kind = type(value.object) if isinstance(value, Opaque) else kind
     raise NotImplementedError(f"there is an object of the type {kind.__name__}")

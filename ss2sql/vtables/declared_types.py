@@ -94,7 +94,7 @@ def _make_float_cleaner(giver: str) -> Cleaner:
         if type(value) is not float:
             plain = _convert_scalar(value, giver)
             if isinstance(plain, bool) or not isinstance(plain, (int, float)):
-                raise _make_kind_error(giver, value, "a float")
+                raise _make_column_kind_error(giver, value, "a float")
             value = float(plain)
         if -LARGEST <= value <= LARGEST:
             return value
@@ -110,7 +110,7 @@ def _make_integer_cleaner(giver: str) -> Cleaner:
         if type(value) is not int:
             value = _convert_scalar(value, giver)
             if type(value) is not int:
-                raise _make_kind_error(giver, value, "an int")
+                raise _make_column_kind_error(giver, value, "an int")
         if INT_MIN <= value <= INT_MAX:
             return value
         raise misfit_error(f"{giver} holds {format_value(value)}, which does not fit into 64 bits")
@@ -123,7 +123,7 @@ def _make_class_cleaner(wanted: type, giver: str) -> Cleaner:
         if type(value) is not wanted:
             value = _convert_scalar(value, giver)
             if type(value) is not wanted:
-                raise _make_kind_error(giver, value, f"a {wanted.__name__}")
+                raise _make_column_kind_error(giver, value, f"a {wanted.__name__}")
         if isinstance(value, str) and not is_encodable(value):
             raise misfit_error(f"{giver} holds {value!r}, which is no text that can be written as UTF-8")
         return value
@@ -147,7 +147,7 @@ def _make_other_cleaner(kind: Type, giver: str) -> Cleaner:
             return inner(value)
         plain = convert_value(value, giver)
         if kind.kinds != Kind.ANY and not kind.may_be(_CLASSES.get(type(plain), Kind.OBJECT)):
-            raise _make_kind_error(giver, value, " or ".join(scalars) or "another value")
+            raise _make_column_kind_error(giver, value, " or ".join(scalars) or "another value")
         return plain
 
     return clean_value
@@ -155,14 +155,14 @@ def _make_other_cleaner(kind: Type, giver: str) -> Cleaner:
 
 def _make_list_cleaner(kinds: Sequence[Type], giver: str) -> Cleaner:
     parts = [make_cleaner(part, giver) for part in kinds]
-    fits = make_quick_test(tuple(kind.kinds for kind in kinds)) or (lambda value: False)
+    fits = make_column_test(tuple(kind.kinds for kind in kinds)) or (lambda value: False)
 
     def clean_list(value: Any) -> Any:
         if type(value) is tuple and fits(value):
             return list(value)
         items = value.tolist() if hasattr(value, "tolist") else value
         if not isinstance(items, (list, tuple)) or len(items) != len(parts):
-            raise _make_kind_error(giver, value, f"a list of {len(parts)} values")
+            raise _make_column_kind_error(giver, value, f"a list of {len(parts)} values")
         return [part(item) for part, item in zip(parts, items, strict=True)]
 
     return clean_list
@@ -183,7 +183,7 @@ Kinds: TypeAlias = "tuple[Kind | tuple[Kind, ...], ...]"  # of values; a tuple f
 
 
 @cache
-def make_quick_test(kinds: Kinds) -> Callable[[Any], bool] | None:
+def make_column_test(kinds: Kinds) -> Callable[[Any], bool] | None:
     """A test that all values of a tuple are clean scalars of these kinds; None for other kinds.
 
     As one function of plain tests it takes 0.2 us for four values, a call for each value 0.6 us.
@@ -230,7 +230,7 @@ def _convert_scalar(value: Any, giver: str) -> Any:
     return convert_value(value, giver)
 
 
-def _make_kind_error(giver: str, value: Any, wanted: str) -> ExecutionError:
+def _make_column_kind_error(giver: str, value: Any, wanted: str) -> ExecutionError:
     return misfit_error(f"{giver} holds {format_value(value)}, which is not {wanted}")
 
 

@@ -20,7 +20,7 @@ from ss2sql.vtables.declared_types import Cleaner, Place
 from ss2sql.vtables.schema import AdapterGuard, Schema, get_schema, make_adapter_error, world_error
 
 if TYPE_CHECKING:
-    from ss2sql.vtables.attached_worlds import AttachedTable
+    from ss2sql.vtables.attached_worlds import AttachedWorldTable
 
 
 BLOCK = 1000  # elements between two checks of whether the run has to end
@@ -189,7 +189,7 @@ class Readings:
         self,
         remembered: QueryCache | None = None,
         once: bool = False,
-        places: Iterable[tuple[AttachedTable, Span | None]] = (),
+        places: Iterable[tuple[AttachedWorldTable, Span | None]] = (),
         check: Callable[[], None] = make_endless_reading,
     ) -> None:
         self.once = once
@@ -258,7 +258,7 @@ class Reading:
                 self._cache_keys(key, found)
             self.announced = found
             return found
-        return self.list_keys(merge_demands(zip(demands, values, strict=True), self.schema))
+        return self.list_keys(merge_column_demands(zip(demands, values, strict=True), self.schema))
 
     def list_keys(self, where: Where) -> list[Any]:
         """The keys that `where` allows, and perhaps others, in the order of the table."""
@@ -297,7 +297,7 @@ class Reading:
         if found is None:
             table, schema = self.table, self.schema
             assert isinstance(table, TableFunction)
-            arguments_as_keys = [unwrap_element_key(argument, table.world) for argument in arguments]
+            arguments_as_keys = [unwrap_world_key(argument, table.world) for argument in arguments]
             with AdapterGuard(schema, span=self.span), CacheOfQuery(table.world, self.memory):
                 table.world.check()
                 raw = table.rows(*arguments_as_keys)
@@ -402,7 +402,7 @@ def _make_reader(place: Place) -> Callable[[Callable[[Any], Any], Fetch], Read]:
     return made["make"]  # type: ignore[no-any-return]
 
 
-def unwrap_element_key(value: Any, world: Any) -> Any:
+def unwrap_world_key(value: Any, world: Any) -> Any:
     """An argument as the adapter gets it: the key in place of an element of its own."""
     if isinstance(value, Element) and (value.world is world or value.world.source is world.source):
         return value.key
@@ -415,7 +415,7 @@ NOTHING = Where()
 _NUMBERS = (int, float)
 
 
-def merge_demands(demands: Iterable[tuple[tuple[str, str], Any]], schema: Schema) -> Where:
+def merge_column_demands(demands: Iterable[tuple[tuple[str, str], Any]], schema: Schema) -> Where:
     """The conjunction of comparisons ((column, operator), value).
 
     A value that cannot be compared with the column is ignored, since the row is tested again.

@@ -16,7 +16,7 @@ from ss2sql.errors import Error, ExecutionError, SessionError, Span, suggest_nam
 from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import Kind, Type, is_encodable
 from ss2sql.vtables.contract import LARGEST, OPERATORS, Column, Gone, Table, TableFunction, World, WorldFunction
-from ss2sql.vtables.declared_types import Cleaner, Layout, find_declared_type, make_cleaner, make_quick_test
+from ss2sql.vtables.declared_types import Cleaner, Layout, find_declared_type, make_cleaner, make_column_test
 
 
 def get_schema(table: Table | TableFunction) -> Schema:
@@ -81,10 +81,10 @@ class Schema:
         return SessionError("S002", f"the table '{self.title}' of {owner}: {message}", hints=hints)
 
     def _declare_column(self, column: Column) -> None:
-        from ss2sql.frontend.user_functions import check_function_name
+        from ss2sql.frontend.user_functions import check_user_function_name
 
         try:
-            check_function_name(column.name)
+            check_user_function_name(column.name)
             kind = find_declared_type(column.type)
         except (SessionError, TypeError) as error:
             raise self._make_error(f"the column '{column.name}' is declared wrongly: {error}") from None
@@ -131,11 +131,11 @@ class Schema:
             raise self._make_error(f"the group '{group}': {wrong}")
         self.items.update(layout.items)
         tested = (
-            make_quick_test(layout.list_tested_kinds(self.kinds))
+            make_column_test(layout.list_tested_kinds(self.kinds))
             if len(layout.parts) > 1 or group in self.blocks
             else None
         )
-        self.quick_tests[group] = tested or _reject_all
+        self.quick_tests[group] = tested or _reject_all_cells
         self.block_tests[group] = self._make_block_test(layout)
 
     def _read_places(self, table: Table) -> None:
@@ -190,12 +190,12 @@ class Schema:
     def _make_block_test(self, layout: Layout) -> Callable[[Sequence[Any]], bool]:
         kinds = layout.list_tested_kinds(self.kinds)
         if all(isinstance(kind, Kind) and kind in _HAVE_SIZE for kind in kinds):
-            return _are_within_limits
+            return _are_cells_within_limits
         if all(isinstance(kind, tuple) and set(kind) <= _HAVE_SIZE for kind in kinds):
-            return lambda rows: _are_within_limits(chain.from_iterable(rows))
+            return lambda rows: _are_cells_within_limits(chain.from_iterable(rows))
         if kinds == (Kind.STR,):
             return lambda rows: is_encodable("".join(chain.from_iterable(rows)))
-        fits = make_quick_test(kinds) or _reject_all
+        fits = make_column_test(kinds) or _reject_all_cells
         return lambda rows: all(map(fits, rows))
 
     def convert_values(self, names: Sequence[str], raw: Any, giver: str) -> tuple[Any, ...]:
@@ -245,12 +245,12 @@ class Schema:
 _HAVE_SIZE = {Kind.FLOAT, Kind.BOOL}
 
 
-def _are_within_limits(rows: Iterable[Any]) -> bool:
+def _are_cells_within_limits(rows: Iterable[Any]) -> bool:
     """Whether floats are within the limit. Six take 0.1 us, by a test of each value 0.3."""
     return sum(starmap(hypot, rows)) <= LARGEST  # false where one is NaN
 
 
-def _reject_all(values: Any) -> bool:
+def _reject_all_cells(values: Any) -> bool:
     return False
 
 
@@ -277,14 +277,14 @@ class AdapterGuard:
 def make_adapter_error(schema: Schema, error: Exception, key: Hashable = None) -> Error:
     """The error for an adapter's exception while it read the element with a key, or the keys."""
     what = schema.title if key is None else f"{schema.title}[{format_value(key)}]"
-    reason = _quote_exception(error)
+    reason = _quote_adapter_error(error)
     if isinstance(error, Gone):
         return world_error(f"{what} no longer exists{reason}", "ask for the elements anew: SELECT ... FROM the world")
     hint = "the adapter raised it: its traceback is that of error.__cause__"
     return world_error(f"{what} cannot be read: {type(error).__name__}{reason}", hint)
 
 
-def _quote_exception(error: Exception) -> str:
+def _quote_adapter_error(error: Exception) -> str:
     """An exception's message after a colon; empty where it has none, or raises itself."""
     try:
         text = str(error)

@@ -21,7 +21,7 @@ from ss2sql.vtables.declared_types import Place
 from ss2sql.vtables.reading import Readings
 
 if TYPE_CHECKING:
-    from ss2sql.vtables.attached_worlds import AttachedTable
+    from ss2sql.vtables.attached_worlds import AttachedWorldTable
 
 
 Row: TypeAlias = tuple[Any, ...]
@@ -36,7 +36,7 @@ class LateColumns:
     the order in which they are first shown.
     """
 
-    tables: tuple[tuple[AttachedTable, Span], ...]
+    tables: tuple[tuple[AttachedWorldTable, Span], ...]
     groups: tuple[tuple[int, str], ...]
     cells: tuple[Cell, ...]
 
@@ -45,7 +45,7 @@ class LateColumns:
         constants: list[Any] = [reading.get_element for reading in known]
         for source, group in self.groups:
             constants += [known[source].get_read_values(group), known[source].get_fetcher(group)]
-        return _make_row_maker(len(known), tuple(source for source, _ in self.groups), self.cells)(*constants)(keys)
+        return _make_row_reader(len(known), tuple(source for source, _ in self.groups), self.cells)(*constants)(keys)
 
 
 def find_late_columns(query: plan.Query) -> tuple[plan.Column, ...]:
@@ -90,7 +90,7 @@ def plan_late_columns(query: plan.Query, keys: Sequence[plan.Column]) -> LateCol
 
 
 @cache
-def _make_row_maker(
+def _make_row_reader(
     sources: int, groups: tuple[int, ...], cells: tuple[Cell, ...]
 ) -> Callable[..., Callable[[Iterable[Sequence[Any]]], Iterator[Row]]]:
     """Makes the function from keys to rows; `groups` are the sources of groups."""
@@ -122,9 +122,9 @@ class Snapshot:
     `once` says that it reads each element once, so that nothing is cached. `places` are the first spans of its tables.
     """
 
-    columns: tuple[tuple[AttachedTable, Span | None, tuple[str, ...]], ...] = ()
+    columns: tuple[tuple[AttachedWorldTable, Span | None, tuple[str, ...]], ...] = ()
     once: bool = False
-    places: tuple[tuple[AttachedTable, Span | None], ...] = ()
+    places: tuple[tuple[AttachedWorldTable, Span | None], ...] = ()
 
     def copy_tables(self, remembered: QueryCache | None, check: Callable[[], None]) -> Readings:
         """The readings of a run of the query, with the copy made. `remembered` gets the caches of worlds.
@@ -150,11 +150,13 @@ def plan_snapshot(roots: Collection[Any]) -> Snapshot:
     sources = [node for node in nodes if isinstance(node, plan.WorldSource)]
     if not sources:
         return NO_SNAPSHOT
-    places = tuple((table, find_first_place(table, roots)) for table in {source.table: None for source in sources})
-    if not any(map(_can_node_move, nodes)):
-        return Snapshot((), _is_walked_once(nodes), places)
+    places = tuple(
+        (table, find_first_table_place(table, roots)) for table in {source.table: None for source in sources}
+    )
+    if not any(map(_can_world_read_move, nodes)):
+        return Snapshot((), _is_world_walked_once(nodes), places)
     texts = any(isinstance(node, plan.Eval) for node in nodes)
-    columns: dict[AttachedTable, dict[str, None]] = {}
+    columns: dict[AttachedWorldTable, dict[str, None]] = {}
     for source in sources:
         wanted = columns.setdefault(source.table, {})
         if texts:
@@ -162,11 +164,11 @@ def plan_snapshot(roots: Collection[Any]) -> Snapshot:
         for node in nodes:
             if isinstance(node, plan.Column) and node.source == source.id:
                 wanted[node.name] = None
-    copied = tuple((table, find_first_place(table, roots), tuple(wanted)) for table, wanted in columns.items())
+    copied = tuple((table, find_first_table_place(table, roots), tuple(wanted)) for table, wanted in columns.items())
     return Snapshot(copied, places=places)
 
 
-def _is_walked_once(nodes: Sequence[Any]) -> bool:
+def _is_world_walked_once(nodes: Sequence[Any]) -> bool:
     """Whether these parts of a plan have one source, walked once, and no function that reads ahead in it."""
     queries = [node for node in nodes if isinstance(node, plan.Query)]
     return (
@@ -178,17 +180,17 @@ def _is_walked_once(nodes: Sequence[Any]) -> bool:
     )
 
 
-def find_first_place(table: AttachedTable, roots: Iterable[Any]) -> Span | None:
+def find_first_table_place(table: AttachedWorldTable, roots: Iterable[Any]) -> Span | None:
     """The first span of the table in FROM in these parts of a plan."""
     nodes = chain.from_iterable(walk(root) for root in roots if root is not None)
     return next((node.span for node in nodes if isinstance(node, plan.WorldSource) and node.table is table), None)
 
 
 def can_move_world(query: plan.Query) -> bool:
-    return any(map(_can_node_move, walk(query)))
+    return any(map(_can_world_read_move, walk(query)))
 
 
-def _can_node_move(node: Any) -> bool:
+def _can_world_read_move(node: Any) -> bool:
     if isinstance(node, plan.Eval):
         return True
     return isinstance(node, plan.Call) and not node.function.builtin and node.function.volatility == "volatile"

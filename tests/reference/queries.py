@@ -192,7 +192,7 @@ def mentions_volatile(ref: Reference, expr: Any) -> bool:
 
 def nodes_of(node: Any) -> Iterator[Any]:
     yield node
-    parts = node if isinstance(node, tuple) else ast.list_children(node) if is_dataclass(node) else ()
+    parts = node if isinstance(node, tuple) else ast.list_syntax_children(node) if is_dataclass(node) else ()
     for part in parts:
         yield from nodes_of(part)
 

@@ -1,7 +1,7 @@
 """Python functions whose body is one expression, translated to an expression of the plan.
 
-`translate_function` reads `return <expression>`, a lambda, and chains of `if` that return. It knows the operators and
-functions that mean the same in the language and in Python, and refuses everything else with the reason. Whether
+`translate_function_body` reads `return <expression>`, a lambda, and chains of `if` that return. It knows the operators
+and functions that mean the same in the language and in Python, and refuses everything else with the reason. Whether
 both also fail alike depends on the arguments and is decided call by call, see frontend/inlining/substitution.py.
 
 In the expression a `plan.Variable` is a parameter, a call of a function that is not built in is a helper with its
@@ -23,7 +23,7 @@ from ss2sql.frontend.volatility.function_source import FunctionNode, locate_func
 from ss2sql.frontend.volatility.name_bindings import UNKNOWN, Findings, FunctionNames, Unproven
 from ss2sql.language import plan
 from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, type_of
-from ss2sql.language.plan_traversal import join_conditions, list_functions
+from ss2sql.language.plan_traversal import join_conditions, list_plan_functions
 
 MOST_NODES = 200
 MOST_HELPERS = 4  # functions inside functions
@@ -67,17 +67,17 @@ class NotTranslatable(Exception):  # noqa: N818 - it is a finding, not an error
     """The function is no expression of the language; the reason has the function as its subject."""
 
 
-def translate_function(function: Callable[..., Any]) -> FunctionBody | str:
+def translate_function_body(function: Callable[..., Any]) -> FunctionBody | str:
     """The function's body, or the reason why it cannot become part of a query. Nothing is called."""
     try:
-        return _translate_function(function, ())
+        return _translate_function_body(function, ())
     except (NotTranslatable, Unproven) as refused:
         return str(refused)
     except RecursionError:
         return "is nested too deeply to be followed"
 
 
-def _translate_function(function: Any, around: tuple[FunctionType, ...]) -> FunctionBody:
+def _translate_function_body(function: Any, around: tuple[FunctionType, ...]) -> FunctionBody:
     if type(function) is not FunctionType:
         raise NotTranslatable("is not a function written in Python")
     if function in around or len(around) > MOST_HELPERS:
@@ -91,10 +91,10 @@ def _translate_function(function: Any, around: tuple[FunctionType, ...]) -> Func
     names = tuple(parameter.arg for parameter in (*arguments.posonlyargs, *arguments.args))
     defaults_by_name = dict(zip(reversed(names), reversed(function.__defaults__ or ()), strict=False))
     defaults_by_name.update(function.__kwdefaults__ or {})
-    expression = _find_inlinable_expression(node)
+    expression = _find_inlined_expression(node)
     reader = _Translator(FunctionNames(function, located, None, Findings()), (*around, function))
     expr = reader.translate(expression, result=True)
-    defaults = {name: _is_shared_constant(value) for name, value in defaults_by_name.items()}
+    defaults = {name: _is_inlined_constant(value) for name, value in defaults_by_name.items()}
     return FunctionBody(
         names, defaults, expr, ast.unparse(expression), frozenset(_collect_builtins(expr)), reader.gives_tuple
     )
@@ -102,14 +102,14 @@ def _translate_function(function: Any, around: tuple[FunctionType, ...]) -> Func
 
 def _collect_builtins(expr: plan.Expr) -> Iterator[str]:
     """The built-in functions in a body, and in the bodies that it calls."""
-    for function in list_functions(expr):
+    for function in list_plan_functions(expr):
         if function.builtin:
             yield function.name
         else:
             yield from function.body.uses
 
 
-def _find_inlinable_expression(node: FunctionNode) -> ast.expr:
+def _find_inlined_expression(node: FunctionNode) -> ast.expr:
     """The function's body as one expression."""
     if isinstance(node, ast.Lambda):
         return node.body
@@ -138,7 +138,7 @@ def _fold_returns(statements: Sequence[ast.stmt], left: list[int]) -> ast.expr:
             raise NotTranslatable("is more than one expression")
 
 
-def _is_shared_constant(value: Any) -> plan.Constant:
+def _is_inlined_constant(value: Any) -> plan.Constant:
     """Whether Python and the language have the value in common."""
     fits = value is None or type(value) in (bool, str)
     fits |= type(value) is int and INT_MIN <= value <= INT_MAX
@@ -164,9 +164,9 @@ class _Translator:
             raise NotTranslatable("is too long")
         match node:
             case ast.Constant(value=value):
-                return _is_shared_constant(value)
+                return _is_inlined_constant(value)
             case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as value)):
-                return _is_shared_constant(-value)
+                return _is_inlined_constant(-value)
             case ast.Name() | ast.Attribute():
                 return self._translate_name(node)
             case ast.BinOp(left=left, op=op, right=right) if type(op) in _ARITHMETIC:
@@ -196,7 +196,7 @@ class _Translator:
                 raise NotTranslatable(f"uses {_name_uninlinable_node(node)}, which the language does not have")
 
     def _make_call(self, name: str, *arguments: ast.expr) -> plan.Call:
-        return _make_builtin_call(name, *map(self.translate, arguments))
+        return _make_inlined_builtin(name, *map(self.translate, arguments))
 
     def _translate_name(self, node: ast.Name | ast.Attribute) -> plan.Expr:
         if self._is_local(node):
@@ -204,7 +204,7 @@ class _Translator:
         value = self.frame.find_object(node, self.frame.root)
         if value is UNKNOWN:
             raise NotTranslatable(f"reads '{ast.unparse(node)[:40]}'")
-        return _is_shared_constant(value)
+        return _is_inlined_constant(value)
 
     def _is_local(self, node: ast.expr) -> bool:
         found = self.frame.root.find_bindings(node.id) if isinstance(node, ast.Name) else None
@@ -226,11 +226,11 @@ class _Translator:
                 raise NotTranslatable(f"compares identities in '{ast.unparse(right)[:40]}'")
             return self._make_call("eq" if isinstance(op, ast.Is) else "ne", left, right)
         if isinstance(op, ast.In | ast.NotIn):
-            return _make_builtin_call(_COMPARISONS[type(op)], self.translate(left), self._translate_sequence(right))
+            return _make_inlined_builtin(_COMPARISONS[type(op)], self.translate(left), self._translate_sequence(right))
         return self._make_call(_COMPARISONS[type(op)], left, right)
 
     def _make_list(self, items: Sequence[ast.expr], result: bool) -> plan.Expr:
-        return _make_plan_list(tuple(self.translate(item, result) for item in items))
+        return _make_inlined_list(tuple(self.translate(item, result) for item in items))
 
     def _translate_sequence(self, node: ast.expr, result: bool = False) -> plan.Expr:
         """A list; also a tuple that is only searched or indexed, for which a list is equal."""
@@ -239,12 +239,12 @@ class _Translator:
         if isinstance(node, ast.Name | ast.Attribute) and not self._is_local(node):
             value = self.frame.find_object(node, self.frame.root)
             if type(value) is tuple:
-                return _make_plan_list(tuple(map(_is_shared_constant, value)))
+                return _make_inlined_list(tuple(map(_is_inlined_constant, value)))
         return self.translate(node, result)
 
     def _translate_subscript(self, value: ast.expr, index: ast.expr, result: bool) -> plan.Expr:
         if not isinstance(index, ast.Slice):
-            return _make_builtin_call("item", self._translate_sequence(value, result), self.translate(index))
+            return _make_inlined_builtin("item", self._translate_sequence(value, result), self.translate(index))
         if index.step is not None:
             raise NotTranslatable("uses a slice with a step, which the language does not have")
         bounds = (ast.Constant(None) if bound is None else bound for bound in (index.lower, index.upper))
@@ -267,7 +267,7 @@ class _Translator:
     def _translate_helper(self, node: ast.Call, target: FunctionType, text: str, result: bool) -> plan.Expr:
         """A call of another Python function, with its body."""
         try:
-            body = _translate_function(target, self.around)
+            body = _translate_function_body(target, self.around)
         except (NotTranslatable, Unproven) as refused:
             raise NotTranslatable(f"calls {text}, which {refused}") from None
         if body.gives_tuple and not result:
@@ -290,14 +290,14 @@ class _Translator:
         return plan.Call(function, arguments, span=NO_SPAN, place=NO_SPAN)
 
 
-def _make_plan_list(items: tuple[plan.Expr, ...]) -> plan.Expr:
+def _make_inlined_list(items: tuple[plan.Expr, ...]) -> plan.Expr:
     if all(isinstance(item, plan.Constant) for item in items):
         value = [item.value for item in items if isinstance(item, plan.Constant)]
         return plan.Constant(value, type_of(value), span=NO_SPAN)
     return plan.MakeList(items, span=NO_SPAN)
 
 
-def _make_builtin_call(name: str, *arguments: plan.Expr) -> plan.Call:
+def _make_inlined_builtin(name: str, *arguments: plan.Expr) -> plan.Call:
     return plan.Call(find_builtin(name), arguments, span=NO_SPAN, place=NO_SPAN)
 
 

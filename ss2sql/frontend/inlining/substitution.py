@@ -93,7 +93,7 @@ class Instance:
         built = self._build_expr(body.expr, args)
         # Expressions from Python have no place in the script, so all get the place of the call.
         self.expr = replace(built, span=call.span) if isinstance(built, plan.Constant) else built
-        _check_size(self.expr)
+        _check_inlined_size(self.expr)
         _check_uses(call.arguments, self.expr)
 
     def infer_type(self, expr: plan.Expr) -> Type:
@@ -180,7 +180,7 @@ class Instance:
 
     def _build_list(self, items: tuple[plan.Expr, ...]) -> plan.Expr:
         types = [self.infer_type(item) for item in items]
-        if not all(map(_is_plain, types)):
+        if not all(map(_is_plain_to_inline, types)):
             raise NotInlinable("it puts a value into a list that may be nested too deeply or hold objects")
         if all(isinstance(item, plan.Constant) for item in items):
             return self._build_constant([item.value for item in items if isinstance(item, plan.Constant)])
@@ -190,11 +190,11 @@ class Instance:
         return self._remember_node(plan.Constant(value, type_of(value), span=NO_SPAN))
 
     def _build_call(self, name: str, arguments: tuple[plan.Expr, ...]) -> plan.Expr:
-        picked = self._pick_item(*arguments) if name == "item" else None
+        picked = self._pick_inlined_element(*arguments) if name == "item" else None
         if picked is not None:
             return picked
         types = tuple(map(self.infer_type, arguments))
-        if name in ("eq", "ne", "in", "not_in") and not _has_plain_comparison(name, arguments, types):
+        if name in ("eq", "ne", "in", "not_in") and not _has_inlined_comparison(name, arguments, types):
             raise NotInlinable(f"it compares {' and '.join(map(format_type, types))}, where objects may be inside")
         row = OPERATIONS[name]
         if name == "distance" and not all(kind.is_only(Kind.LIST) for kind in types):
@@ -208,7 +208,7 @@ class Instance:
         made = plan.Call(row.make_function(types), arguments, row.result(types), span=self.span, place=self.place)
         return self._remember_node(made)
 
-    def _pick_item(self, container: plan.Expr, index: plan.Expr) -> plan.Expr | None:
+    def _pick_inlined_element(self, container: plan.Expr, index: plan.Expr) -> plan.Expr | None:
         """An element with a known position: of a list literal, or a column of a row."""
         match container, index:
             case plan.MakeList(items=items), plan.Constant(value=int(place)) if -len(items) <= place < len(items):
@@ -219,18 +219,18 @@ class Instance:
                 return None
 
 
-def _is_plain(kind: Type) -> bool:
+def _is_plain_to_inline(kind: Type) -> bool:
     """Whether the values are scalars, or lists of scalars down to a depth that the type describes."""
     if kind.may_be(Kind.OBJECT | Kind.DICT):
         return False
-    return not kind.may_be(Kind.LIST) or (kind.item is not None and _is_plain(kind.item))
+    return not kind.may_be(Kind.LIST) or (kind.item is not None and _is_plain_to_inline(kind.item))
 
 
-def _has_plain_comparison(name: str, arguments: tuple[plan.Expr, ...], types: tuple[Type, ...]) -> bool:
+def _has_inlined_comparison(name: str, arguments: tuple[plan.Expr, ...], types: tuple[Type, ...]) -> bool:
     """Whether `==` or `in` compares without methods of objects and without unhashable keys of dicts."""
     if name in ("eq", "ne") and any(isinstance(one, plan.Constant) and one.value is None for one in arguments):
         return not any(kind.may_be(Kind.OBJECT) for kind in types)
-    return all(map(_is_plain, types))
+    return all(map(_is_plain_to_inline, types))
 
 
 # --- how often arguments are evaluated -----------------------------------------------------------------
@@ -238,10 +238,12 @@ def _has_plain_comparison(name: str, arguments: tuple[plan.Expr, ...], types: tu
 
 def is_repeatable(argument: plan.Expr) -> bool:
     """Whether evaluating the argument more than once is cheap and has no effect."""
-    return all(_is_cheap(atom) and not _is_delicate(atom) for atom in _split_lists(argument))
+    return all(
+        _is_cheap_to_inline(atom) and not _is_delicate_to_inline(atom) for atom in _split_inlined_lists(argument)
+    )
 
 
-def _check_size(expr: plan.Expr) -> None:
+def _check_inlined_size(expr: plan.Expr) -> None:
     """Raises NotInlinable for an expression that is too long as text; in memory its parts are shared."""
     sizes: dict[int, int] = {}
 
@@ -259,25 +261,25 @@ def _check_uses(arguments: tuple[plan.Expr, ...], expr: plan.Expr) -> None:
     atoms: dict[int, plan.Expr] = {}
     lists: dict[int, plan.Expr] = {}
     for argument in arguments:
-        atoms.update((id(atom), atom) for atom in _split_lists(argument))
+        atoms.update((id(atom), atom) for atom in _split_inlined_lists(argument))
         lists.update((id(node), node) for node in walk(argument) if isinstance(node, plan.MakeList))
     volatile = any(map(is_volatile, arguments))
-    exact = {key for key, atom in atoms.items() if volatile or _is_delicate(atom)}
+    exact = {key for key, atom in atoms.items() if volatile or _is_delicate_to_inline(atom)}
     uses = list(_list_uses(expr, atoms.keys() | lists.keys(), False))
     if [key for key, _ in uses if key in exact] != [key for key in atoms if key in exact]:
         raise NotInlinable("an argument that can fail, or be noticed, would not be evaluated once and in its place")
     if any(conditional for key, conditional in uses if key in exact):
         raise NotInlinable("an argument that can fail, or be noticed, would be evaluated under a condition only")
     counts = Counter(key for key, _ in uses)
-    if any(count > 1 and (key in lists or not _is_cheap(atoms[key])) for key, count in counts.items()):
+    if any(count > 1 and (key in lists or not _is_cheap_to_inline(atoms[key])) for key, count in counts.items()):
         raise NotInlinable("a costly argument would be evaluated more than once")
 
 
-def _split_lists(argument: plan.Expr) -> Iterator[plan.Expr]:
+def _split_inlined_lists(argument: plan.Expr) -> Iterator[plan.Expr]:
     """The parts of an argument with list literals taken apart, without constants."""
     if isinstance(argument, plan.MakeList):
         for item in argument.items:
-            yield from _split_lists(item)
+            yield from _split_inlined_lists(item)
     elif not isinstance(argument, plan.Constant):
         yield argument
 
@@ -293,13 +295,13 @@ def _list_uses(node: Any, counted: Collection[int], conditional: bool) -> Iterat
         yield from _list_uses(part, counted, conditional or later)
 
 
-def _is_delicate(atom: plan.Expr) -> bool:
+def _is_delicate_to_inline(atom: plan.Expr) -> bool:
     """Whether it matters where and how often the expression is evaluated."""
     noticed = (plan.Aggregate, plan.Temporal, plan.Subquery, plan.Eval)
     return can_fail(atom) or any(isinstance(part, noticed) for part in walk(atom))
 
 
-def _is_cheap(atom: plan.Expr) -> bool:
+def _is_cheap_to_inline(atom: plan.Expr) -> bool:
     for part in walk(atom):
         match part:
             case plan.Call(function=function):
@@ -384,7 +386,7 @@ class Inliner:
             return None, None
         for limit in LIMITS:
             try:
-                return limit, _choose_by_limit(call, Instance(call, self._find_column, limit), limit)
+                return limit, _choose_inlined_by_limit(call, Instance(call, self._find_column, limit), limit)
             except NotInlinable:
                 continue
         return None, None
@@ -403,7 +405,7 @@ class Inliner:
         return self._read.setdefault((source.id, name, kind), plan.Column(source.id, name, kind, span=element.span))
 
 
-def _choose_by_limit(call: plan.Call, instance: Instance, limit: int) -> plan.Expr:
+def _choose_inlined_by_limit(call: plan.Call, instance: Instance, limit: int) -> plan.Expr:
     """The inlined expression for numbers within the limit, the call for all others."""
     bounds = {
         "le": plan.Constant(limit, type_of(limit), span=NO_SPAN),

@@ -6,16 +6,16 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ss2sql.errors import Error, ResolveError, Span, suggest_names
-from ss2sql.frontend.resolve.scope import Scope, make_element
+from ss2sql.frontend.resolve.scope import Scope, resolve_this
 from ss2sql.frontend.resolve.world_references import (
-    find_world,
-    make_world_source,
     resolve_function_source,
+    resolve_world,
+    resolve_world_source,
     resolve_world_table,
 )
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
-from ss2sql.language.file_sources import find_file_ending, suggest_cure
+from ss2sql.language.file_sources import find_file_ending, suggest_source
 from ss2sql.language.kinds import ANY, NONE, Kind, Type, unite
 from ss2sql.language.plan_traversal import can_vary_with, split_and
 
@@ -44,12 +44,12 @@ def resolve_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[
             nothing = plan.Constant(None, ANY, span=part.span)
             name = part.name or _derive_source_name(part.expr)
             source = plan.ValueSource(resolver.make_number(), name, nothing, ANY, None, span=part.span)
-        scope.sources.append(_mark_lateral(source, scope))
+        scope.sources.append(_resolve_lateral_source(source, scope))
         if part.on is not None:
             on = resolver.record_errors(resolver.resolve_expr, part.on, scope)
             if part.optional:
                 joined = _resolve_left_join(resolver, scope.sources.pop(), on, part.span)
-                scope.sources.append(_mark_lateral(joined, scope))
+                scope.sources.append(_resolve_lateral_source(joined, scope))
             else:
                 conditions.extend(split_and(on))
     return tuple(conditions)
@@ -57,7 +57,7 @@ def resolve_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[
 
 def _resolve_left_join(resolver: Resolver, source: plan.Source, on: plan.Expr, span: Span) -> plan.QuerySource:
     """The elements of a source that meet a condition, or None where none does."""
-    element = make_element(source, span)
+    element = resolve_this(source, span)
     form, column = plan.Representation("list"), plan.Output("this", element)
     query = plan.Query(resolver.make_number(), (source,), (column,), on, representation=form, span=span)
     kind, columns = unite((element.type, NONE)), source.columns
@@ -65,7 +65,7 @@ def _resolve_left_join(resolver: Resolver, source: plan.Source, on: plan.Expr, s
     return plan.QuerySource(resolver.make_number(), source.name, query, kind, columns, optional=True, span=span)
 
 
-def _mark_lateral(source: plan.Source, scope: Scope) -> plan.Source:
+def _resolve_lateral_source(source: plan.Source, scope: Scope) -> plan.Source:
     """The source, marked as `lateral` where it reads earlier sources or the state."""
     if not isinstance(source, (plan.ValueSource, plan.QuerySource)) or not (scope.sources or scope.states):
         return source
@@ -85,12 +85,12 @@ def _resolve_source(resolver: Resolver, tree: ast.From, scope: Scope) -> plan.So
             from ss2sql.frontend.resolve.query_clauses import resolve_query
 
             inner = resolve_query(resolver, tree.expr, scope)
-            element, columns = _infer_elements(inner.type)
+            element, columns = _resolve_element_type(inner.type)
             return plan.QuerySource(resolver.make_number(), name, inner.query, element, columns, span=tree.span)
         case ast.Name(name=word):
             return _resolve_named_source(resolver, name, word, scope, tree.expr.span)
         case ast.Literal(value=str(path)) if find_file_ending(path) is not None:
-            hint = suggest_cure(path, tree.name or "data")
+            hint = suggest_source(path, tree.name or "data")
             raise ResolveError("R003", f"FROM opens no file: {tree.expr.span.text}", tree.expr.span, (hint,))
         case ast.Index(value=ast.Name(name=schema), index=ast.Literal(value=str(word))) if _is_file(resolver, schema):
             return _resolve_table_source(resolver, tree.name or word, schema, word, tree.expr.span)
@@ -130,16 +130,16 @@ def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope
     bound = resolver.find_bound(word, scope, span)
     if bound is None and word in resolver.late:
         return resolve_value_source(resolver, name, _resolve_late_list(resolver, word, scope, span), span)
-    world = find_world(resolver, word) if bound is None else None
+    world = resolve_world(resolver, word) if bound is None else None
     if world is not None:
-        return make_world_source(resolver, world.principal, name, (), span)
-    value = bound or _find_variable(resolver, word, span)
+        return resolve_world_source(resolver, world.principal, name, (), span)
+    value = bound or _resolve_variable_source(resolver, word, span)
     if value is not None:
         return resolve_value_source(resolver, name, value, span)
     table = _find_table(resolver, None, word, span)
     if table is not None:
         return _make_table_source(resolver, table, name, span)
-    value = _find_engine_table(resolver, word, span)
+    value = _resolve_engine_table(resolver, word, span)
     if value is not None:
         return resolve_value_source(resolver, name, value, span)
     if resolver.catalog.open_names:
@@ -164,7 +164,7 @@ def _is_file(resolver: Resolver, name: str) -> bool:
     return name in resolver.catalog.files and not any(name in known for known in others)
 
 
-def _find_variable(resolver: Resolver, word: str, span: Span) -> plan.Variable | None:
+def _resolve_variable_source(resolver: Resolver, word: str, span: Span) -> plan.Variable | None:
     """The script variable of this name; a data frame stays one instead of being read whole."""
     value = resolver.find_variable(word, span)
     if value is None or word in resolver.assigned or word not in resolver.catalog.frames:
@@ -197,11 +197,11 @@ def _resolve_late_list(resolver: Resolver, word: str, scope: Scope, span: Span) 
 
 
 def _resolve_table_source(resolver: Resolver, name: str, schema: str, word: str, span: Span) -> plan.Source:
-    world = find_world(resolver, schema)
+    world = resolve_world(resolver, schema)
     if world is not None:
         return resolve_world_table(resolver, world, word, name, span)
     table = _find_table(resolver, schema, word, span)
-    value = _find_engine_table(resolver, f"{schema}.{word}", span) if table is None else None
+    value = _resolve_engine_table(resolver, f"{schema}.{word}", span) if table is None else None
     if value is not None:
         return resolve_value_source(resolver, name, value, span)
     if table is None:
@@ -222,7 +222,7 @@ def _find_table(resolver: Resolver, schema: str | None, word: str, span: Span) -
         raise error.with_span(span) from None
 
 
-def _find_engine_table(resolver: Resolver, name: str, span: Span) -> plan.Variable | None:
+def _resolve_engine_table(resolver: Resolver, name: str, span: Span) -> plan.Variable | None:
     """The table of this name in the engine's own database; it is read as a data frame is."""
     try:
         variable = resolver.catalog.other_table(name)
@@ -241,7 +241,7 @@ def _make_table_source(resolver: Resolver, table: plan.TableSource, name: str, s
 
 
 def resolve_value_source(resolver: Resolver, name: str, value: plan.Expr, span: Span) -> plan.ValueSource:
-    element, columns = _infer_elements(value.type)
+    element, columns = _resolve_element_type(value.type)
     return plan.ValueSource(resolver.make_number(), name, value, element, columns, span=span)
 
 
@@ -254,7 +254,7 @@ def _derive_source_name(tree: ast.Expr) -> str:
             return "this"
 
 
-def _infer_elements(value: Type) -> tuple[Type, tuple[tuple[str, Type], ...] | None]:
+def _resolve_element_type(value: Type) -> tuple[Type, tuple[tuple[str, Type], ...] | None]:
     """The type and the columns of the elements of a value that stands in FROM."""
     if value.is_only(Kind.LIST):
         return value.item or ANY, value.columns

@@ -24,14 +24,14 @@ def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     """
     columns = tuple(replace(output, expr=_lift_aggregates(resolver, output.expr, query)) for output in query.columns)
     aggregates = any(isinstance(node, plan.Aggregate) for output in columns for node in walk_own(output.expr))
-    aggregated = not any(_reads_rows(output.expr, query) for output in columns)
+    aggregated = not any(_reads_ungrouped_rows(output.expr, query) for output in columns)
     compares = query.search is not None and query.search.repeats != "allowed" and query.search.by == "row"
     if compares and aggregates:
         _refuse_group(resolver, query, "SELECT makes the rows that this search compares, so it cannot aggregate")
     if aggregates and not aggregated:
         _refuse_mixture(resolver, query, columns)
     having = None if query.having is None else _lift_aggregates(resolver, query.having, query)
-    if having is not None and _reads_rows(having, query):
+    if having is not None and _reads_ungrouped_rows(having, query):
         message = "HAVING sees group values and aggregates only"
         resolver.errors.append(
             ResolveError("R008", message, having.span, ("put a condition on single rows into WHERE",))
@@ -42,7 +42,7 @@ def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
         return query
     order = tuple(replace(key, expr=_lift_aggregates(resolver, key.expr, query)) for key in query.order)
     for key in order:
-        if _reads_rows(key.expr, query):
+        if _reads_ungrouped_rows(key.expr, query):
             message = "ORDER BY sorts groups here, so it sees group values and aggregates only"
             hint = f"add it to GROUP BY, or aggregate it: max({key.expr.span.text})"
             if query.distinct:
@@ -50,23 +50,25 @@ def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
                 hint = f"add {key.expr.span.text} to SELECT, or leave DISTINCT out"
             resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
     rows = tuple(output.expr for output in query.columns) if compares else ()
-    return _share_aggregates(replace(query, columns=columns, order=order, aggregated=True, rows=rows, distinct=False))
+    return _share_resolved_aggregates(
+        replace(query, columns=columns, order=order, aggregated=True, rows=rows, distinct=False)
+    )
 
 
 COUNT_TYPE = Type(Kind.INT, 0, 2**53)
 
 
-def is_count_of_rows(columns: tuple[ast.Expr | ast.Named | ast.Star, ...]) -> bool:
+def is_row_count_syntax(columns: tuple[ast.Expr | ast.Named | ast.Star, ...]) -> bool:
     """Whether SELECT without GROUP BY has `count(*)` or `count(DISTINCT x)`, outside of inner queries."""
-    return any(map(_is_count, columns))
+    return any(map(_is_count_syntax, columns))
 
 
-def _is_count(tree: Any) -> bool:
+def _is_count_syntax(tree: Any) -> bool:
     match tree:
         case ast.Call(function="count", owner=None) if tree.star or tree.distinct:
             return True
         case _:
-            return not isinstance(tree, ast.Query) and any(map(_is_count, ast.list_children(tree)))
+            return not isinstance(tree, ast.Query) and any(map(_is_count_syntax, ast.list_syntax_children(tree)))
 
 
 def resolve_count_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:
@@ -96,7 +98,7 @@ def resolve_count_distinct(function: plan.Function, grouped: bool, argument: pla
     raise ResolveError("R008", "count alone takes DISTINCT, and counts the different values of a group", span, (hint,))
 
 
-def _share_aggregates(query: plan.Query) -> plan.Query:
+def _share_resolved_aggregates(query: plan.Query) -> plan.Query:
     """The query with equal aggregates replaced by the first of them, so that SQL computes each once."""
     exprs = [output.expr for output in query.columns] + [key.expr for key in query.order]
     exprs = exprs if query.having is None else [query.having, *exprs]
@@ -141,13 +143,13 @@ def _lift_aggregates(resolver: Resolver, expr: plan.Expr, query: plan.Query, wit
             kind = GROUPS["collect"].type_of_group(argument.type)
             collected = plan.Aggregate("collect", argument, kind, not query.group, span=expr.span)
             beside = (_lift_aggregates(resolver, other, query) for other in others)
-            return _recompute_type(resolver, replace(expr, arguments=(collected, *beside)))
+            return _resolve_type_again(resolver, replace(expr, arguments=(collected, *beside)))
     within = within or isinstance(expr, plan.Query)
     lifted = rebuild_node(expr, lambda part: _lift_aggregates(resolver, part, query, within))
-    return lifted if lifted is expr else _recompute_type(resolver, lifted)
+    return lifted if lifted is expr else _resolve_type_again(resolver, lifted)
 
 
-def _recompute_type(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
+def _resolve_type_again(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
     """The expression with its type computed again, since an aggregate's type differs from a list's."""
     match expr:
         case plan.Call(function=function, arguments=arguments) if function.builtin:
@@ -163,7 +165,7 @@ def _recompute_type(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
     return expr
 
 
-def _reads_rows(node: object, query: plan.Query, within: bool = False) -> bool:
+def _reads_ungrouped_rows(node: object, query: plan.Query, within: bool = False) -> bool:
     """Whether the node reads the query's own elements or state outside aggregates; `within`: see `_lift_aggregates`."""
     own = {source.id for source in query.sources}
     match node:
@@ -175,7 +177,7 @@ def _reads_rows(node: object, query: plan.Query, within: bool = False) -> bool:
             return any(number == query.id for number, _ in list_states(node))
         case _:
             within = within or isinstance(node, plan.Query)
-            return any(_reads_rows(part, query, within) for part in list_parts(node))
+            return any(_reads_ungrouped_rows(part, query, within) for part in list_parts(node))
 
 
 def _refuse_group(resolver: Resolver, query: plan.Query, reason: str) -> None:
@@ -205,7 +207,7 @@ def _refuse_star_within(resolver: Resolver, aggregate: plan.Call) -> None:
 
 def _refuse_mixture(resolver: Resolver, query: plan.Query, columns: tuple[plan.Output, ...]) -> None:
     """Refuses an aggregate beside a value of single rows; the error names both."""
-    single = next(output for output in columns if _reads_rows(output.expr, query))
+    single = next(output for output in columns if _reads_ungrouped_rows(output.expr, query))
     message = f"'{single.name}' belongs to a row, not to a group, so it cannot stand beside an aggregate"
     text = single.expr.span.text
     by = "add it to GROUP BY" if query.group else f"write GROUP BY {text}"

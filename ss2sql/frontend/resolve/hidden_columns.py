@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ss2sql.errors import ResolveError
-from ss2sql.frontend.resolve.scope import make_element
+from ss2sql.frontend.resolve.scope import resolve_this
 from ss2sql.frontend.syntax.tree_builder import OPERATORS
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
@@ -34,9 +34,9 @@ def add_hidden_columns(resolver: Resolver, query: plan.Query) -> plan.Query:
     hidden: list[plan.Expr] = []
     facts: tuple[plan.FactColumn, ...] = ()
     if wanted == "elements":
-        hidden.extend(_find_elements(query.sources[:1]))
+        hidden.extend(_resolve_hidden_elements(query.sources[:1]))
     else:
-        facts = tuple(_make_fact(output, query.sources, hidden) for output in query.columns)
+        facts = tuple(_resolve_hidden_fact(output, query.sources, hidden) for output in query.columns)
     word = wanted.removesuffix("s").replace("call", "argument")
     columns = (*query.columns, *(plan.Output(f"{word} {n}", expr) for n, expr in enumerate(hidden, 1)))
     return replace(query, columns=columns, representation=replace(form, hidden=len(hidden), facts=facts))
@@ -69,20 +69,22 @@ def _resolve_labels(resolver: Resolver, query: plan.Query) -> plan.Query:
     return replace(query, columns=tuple(columns), search=search, representation=form)
 
 
-def _find_elements(sources: tuple[plan.Source, ...]) -> list[plan.Expr]:
+def _resolve_hidden_elements(sources: tuple[plan.Source, ...]) -> list[plan.Expr]:
     """The elements of sources, where these are more than rows of columns."""
-    found = [make_element(source, source.span) for source in sources if not isinstance(source, plan.TableSource)]
+    found = [resolve_this(source, source.span) for source in sources if not isinstance(source, plan.TableSource)]
     return [element for element in found if element.type.kinds != Kind.DICT]
 
 
-def _make_fact(output: plan.Output, sources: tuple[plan.Source, ...], hidden: list[plan.Expr]) -> plan.FactColumn:
+def _resolve_hidden_fact(
+    output: plan.Output, sources: tuple[plan.Source, ...], hidden: list[plan.Expr]
+) -> plan.FactColumn:
     """A column as a fact; the fact's arguments are added to the hidden columns, each once."""
-    name, arguments, valued = "", _find_elements(sources), True
+    name, arguments, valued = "", _resolve_hidden_elements(sources), True
     match output.expr:
         case plan.Element() as element:
             arguments, valued = [element], False
         case plan.Column(source=number, name=word):
-            name, arguments = word, _find_elements(tuple(source for source in sources if source.id == number))
+            name, arguments = word, _resolve_hidden_elements(tuple(source for source in sources if source.id == number))
         case plan.Call(function=function, arguments=given) if function.name not in _SIGNS and not any(
             map(is_volatile, given)
         ):

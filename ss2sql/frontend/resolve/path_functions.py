@@ -64,9 +64,9 @@ def is_path_function(resolver: Resolver, tree: Any) -> bool:
 def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, PathFunctions]:
     """The query with the hidden variables, and their names."""
     found = PathFunctions()
-    calls = [node for node in _iterate_tree(tree) if is_path_function(resolver, node)]
+    calls = [node for node in _iterate_syntax(tree) if is_path_function(resolver, node)]
     # An outer call is assigned first, because it reads the inner one as it was before the step.
-    calls.sort(key=lambda call: -_measure_nesting(resolver, call))
+    calls.sort(key=lambda call: -_measure_prior_nesting(resolver, call))
     start: list[ast.Assign] = []
     connect: list[ast.Assign] = []
     for call in calls:
@@ -78,20 +78,20 @@ def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, 
         short = " ".join(argument.span.text.split())
         name = found.variables[key] = make_unique_name(f"{word}({short})", found.variables.values())
         itself, span = ast.Name(name, span=call.span), argument.span
-        start.append(_make_assignment(name, ast.Literal(None, span=span)))
+        start.append(_make_assignment_syntax(name, ast.Literal(None, span=span)))
         value: ast.Expr = argument
         if word == "root":
-            value = _pick_first(argument, itself)
+            value = _make_first_step_syntax(argument, itself)
         elif word == "path":
             value = ast.Call("path cell", (itself, argument), span=span)
-        connect.append(_make_assignment(name, value))
+        connect.append(_make_assignment_syntax(name, value))
     if any(call.function in ("level", "root") for call in calls):
         call = next(call for call in calls if call.function in ("level", "root"))
         found.variables["level", None] = "level()"
         one = ast.Literal(1, span=call.span)
         count = ast.Operator("add", (ast.Name("level()", span=call.span), one), span=call.span, place=call.span)
-        start.append(_make_assignment("level()", one))
-        connect.append(_make_assignment("level()", count))
+        start.append(_make_assignment_syntax("level()", one))
+        connect.append(_make_assignment_syntax("level()", count))
     tree = replace(tree, start=(*tree.start, *start), connect=(*connect, *tree.connect))
     return tree, found
 
@@ -123,21 +123,24 @@ def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | Non
     match tree.function:
         case "root":
             return replace(
-                resolver.resolve_expr(_pick_first(tree.arguments[0], ast.Name(name, span=tree.span)), own),
+                resolver.resolve_expr(_make_first_step_syntax(tree.arguments[0], ast.Name(name, span=tree.span)), own),
                 span=tree.span,
             )
         case "next":
-            after: plan.Expr = replace(substitute_next(own, argument), span=tree.span)
+            after: plan.Expr = replace(resolve_next_call(own, argument), span=tree.span)
             return after
         case "cycle":
             reached = argument
             if not list_sources(argument):
-                state, reached = _extend_path(resolver, state, argument, tree.span), substitute_next(own, argument)
+                state, reached = (
+                    _resolve_path_cell(resolver, state, argument, tree.span),
+                    resolve_next_call(own, argument),
+                )
             values = resolver.make_call("path values", (state,), tree.span, tree.span)
             return resolver.make_call("in", (reached, values), tree.span, tree.span)
         case _:
             more = resolver.resolve_all(tree.arguments[1:], own)
-            cell = _extend_path(resolver, state, argument, tree.span)
+            cell = _resolve_path_cell(resolver, state, argument, tree.span)
             if more:
                 return resolver.make_call("path text", (cell, *more), tree.span, tree.span)
             values = resolver.make_call("path values", (cell,), tree.span, tree.span)
@@ -146,7 +149,7 @@ def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | Non
             return replace(values, type=Type(Kind.LIST, item=item, columns=columns))
 
 
-def substitute_next(scope: Scope, expr: plan.Expr) -> Any:
+def resolve_next_call(scope: Scope, expr: plan.Expr) -> Any:
     """The expression in the state after a step: the assignments of CONNECT BY in place of the variables."""
     assert scope.path_functions is not None
     if scope.path_functions.search is None:  # an attempt with assumed types
@@ -163,9 +166,9 @@ def substitute_next(scope: Scope, expr: plan.Expr) -> Any:
     return substitute(expr)
 
 
-def reads_path(resolver: Resolver, tree: ast.Expr | ast.Named | ast.Star) -> bool:
+def calls_path_function(resolver: Resolver, tree: ast.Expr | ast.Named | ast.Star) -> bool:
     """Whether an expression calls a path function."""
-    return any(is_path_function(resolver, node) for node in _iterate_tree(tree))
+    return any(is_path_function(resolver, node) for node in _iterate_syntax(tree))
 
 
 def _check_path_clause(tree: ast.Call, said: PathFunctions) -> None:
@@ -200,8 +203,8 @@ def _resolve_leaf(resolver: Resolver, span: Span, own: Scope) -> plan.Expr:
     assert own.path_functions.search is not None
     search = own.path_functions.search
     numbers: dict[int, int] = {}
-    sources = tuple(substitute_next(own, _renumber_copy(resolver, s, numbers)) for s in own.path_functions.sources)
-    where = None if search.made is None else substitute_next(own, _renumber_copy(resolver, search.made, numbers))
+    sources = tuple(resolve_next_call(own, _renumber_copy(resolver, s, numbers)) for s in own.path_functions.sources)
+    where = None if search.made is None else resolve_next_call(own, _renumber_copy(resolver, search.made, numbers))
     one = plan.Constant(1, Type(Kind.INT, 1, 1), span=span)
     shown = (plan.Output("1", one),)
     form = plan.Representation("list")
@@ -221,32 +224,32 @@ def _renumber_copy(resolver: Resolver, node: Any, numbers: dict[int, int]) -> An
     return renumber_node(node, numbers)
 
 
-def _extend_path(resolver: Resolver, state: plan.Expr, argument: plan.Expr, span: Span) -> plan.Expr:
+def _resolve_path_cell(resolver: Resolver, state: plan.Expr, argument: plan.Expr, span: Span) -> plan.Expr:
     return resolver.make_call("path cell", (state, argument), argument.span, span)
 
 
-def _make_assignment(name: str, value: ast.Expr) -> ast.Assign:
+def _make_assignment_syntax(name: str, value: ast.Expr) -> ast.Assign:
     return ast.Assign(name, value, span=value.span, name_span=value.span)
 
 
-def _pick_first(then: ast.Expr, otherwise: ast.Expr) -> ast.Expr:
+def _make_first_step_syntax(then: ast.Expr, otherwise: ast.Expr) -> ast.Expr:
     span = then.span
     level = (ast.Name("level()", span=span), ast.Literal(1, span=span))
     return ast.If(ast.Operator("eq", level, span=span, place=span), (then,), (otherwise,), span=span)
 
 
-def _iterate_tree(tree: Any) -> Iterator[Any]:
+def _iterate_syntax(tree: Any) -> Iterator[Any]:
     yield tree
-    for part in _list_children(tree):
-        yield from _iterate_tree(part)
+    for part in _list_syntax_children(tree):
+        yield from _iterate_syntax(part)
 
 
-def _list_children(tree: Any) -> Iterator[Any]:
+def _list_syntax_children(tree: Any) -> Iterator[Any]:
     """The nodes directly below a node; searches inside have calls of their own."""
-    return (part for part in ast.list_children(tree) if not (isinstance(part, ast.Query) and part.searches))
+    return (part for part in ast.list_syntax_children(tree) if not (isinstance(part, ast.Query) and part.searches))
 
 
-def _measure_nesting(resolver: Resolver, tree: Any) -> int:
+def _measure_prior_nesting(resolver: Resolver, tree: Any) -> int:
     """The depth of nesting of these calls."""
-    inside = max((_measure_nesting(resolver, part) for part in _list_children(tree)), default=0)
+    inside = max((_measure_prior_nesting(resolver, part) for part in _list_syntax_children(tree)), default=0)
     return inside + is_path_function(resolver, tree)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from ss2sql.errors import ResolveError, Span, suggest_names, suggest_similar
 from ss2sql.frontend.resolve.from_clause import resolve_sources, resolve_value_source
-from ss2sql.frontend.resolve.grouping import is_count_of_rows, resolve_groups
+from ss2sql.frontend.resolve.grouping import is_row_count_syntax, resolve_groups
 from ss2sql.frontend.resolve.hidden_columns import add_hidden_columns
 from ss2sql.frontend.resolve.path_functions import add_path_variables
-from ss2sql.frontend.resolve.scope import Scope, is_name_resolution_final, make_column, make_element
-from ss2sql.frontend.resolve.search_options import drop_path_columns, resolve_outside, resolve_search_options
+from ss2sql.frontend.resolve.scope import Scope, is_name_resolution_final, resolve_source_column, resolve_this
+from ss2sql.frontend.resolve.search_options import resolve_outside, resolve_search_options, resolve_without_path
 from ss2sql.frontend.resolve.state_types import infer_state_types
 from ss2sql.frontend.resolve.world_references import is_function_of_this
 from ss2sql.frontend.syntax import ast
@@ -34,19 +34,19 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
     search, joins = _resolve_search(resolver, tree, scope, outer)
     sources = tuple(scope.sources)
     where = _resolve_optional(resolver, tree.where, scope, "WHERE")
-    where = _join_conditions(joins, where) if search is None else where
+    where = _resolve_conditions(joins, where) if search is None else where
     scope.enter_clause("GROUP BY")
     group = _resolve_group(resolver, tree, scope)
-    counted = is_count_of_rows(tree.columns)
+    counted = is_row_count_syntax(tree.columns)
     scope.grouped = bool(group) or counted
     scope.enter_clause("SELECT")
     columns = _resolve_columns(resolver, tree, scope)
-    scope.columns = _name_columns(resolver, tree, scope, columns)
+    scope.columns = _resolve_column_names(resolver, tree, scope, columns)
     scope.enter_clause("ORDER BY")
     order = tuple(_resolve_order_key(resolver, tree, key, scope, columns) for key in tree.order)
     having = _resolve_optional(resolver, tree.having, scope, "HAVING")
     if having is not None and tree.having is not None:
-        _check_once(resolver, having, tree.having, scope, "HAVING")
+        _check_clause_once(resolver, having, tree.having, scope, "HAVING")
     if tree.distinct:
         _check_distinct(resolver, tree)
         if not tree.group and not counted and (search is None or tree.last):
@@ -69,11 +69,11 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
         span=tree.span,
     )
     if search is not None:
-        query = drop_path_columns(resolver, tree, query)
+        query = resolve_without_path(resolver, tree, query)
     if query.grouped:
         query = resolve_groups(resolver, query)
     query = add_hidden_columns(resolver, query)
-    return plan.Subquery(query, _infer_value_type(query), span=tree.span)
+    return plan.Subquery(query, _resolve_value_type(query), span=tree.span)
 
 
 def _check_distinct(resolver: Resolver, tree: ast.Query) -> None:
@@ -92,7 +92,7 @@ def _resolve_optional(resolver: Resolver, tree: ast.Expr | None, scope: Scope, c
 # --- the search ----------------------------------------------------------------------------------------
 
 
-def _join_conditions(joins: tuple[plan.Expr, ...], condition: plan.Expr | None) -> plan.Expr | None:
+def _resolve_conditions(joins: tuple[plan.Expr, ...], condition: plan.Expr | None) -> plan.Expr | None:
     """The conditions of JOIN, then that of WHERE, or of CONNECT BY in a search."""
     parts = (*joins, *split_and(condition))
     return join_conditions(plan.And, parts, parts[-1].span) if joins else condition
@@ -115,15 +115,15 @@ def _resolve_search(
     scope.enter_clause("FROM")
     infer_state_types(resolver, tree, scope, dict(start))
     joins = resolve_sources(resolver, tree, scope)
-    resolver.errors.extend(_make_unset_error(assign, tree, scope) for assign in unset)
+    resolver.errors.extend(_make_clause_error(assign, tree, scope) for assign in unset)
     _check_hidden_columns(resolver, tree, scope)
     scope.enter_clause("CONNECT BY")
     connect = tuple((a.name, resolver.record_errors(resolver.resolve_expr, a.value, scope)) for a in tree.connect)
     search = plan.Search(start, connect, None, states=tuple(scope.states.items()), each=each)
     scope.path_functions.sources, scope.path_functions.search = tuple(scope.sources), search
-    made = _join_conditions(joins, _resolve_optional(resolver, tree.made, scope, "the condition of CONNECT BY"))
+    made = _resolve_conditions(joins, _resolve_optional(resolver, tree.made, scope, "the condition of CONNECT BY"))
     first = _resolve_optional(resolver, tree.first, scope, "the condition of START WITH")
-    first = None if first is None else _join_conditions(joins, first)
+    first = None if first is None else _resolve_conditions(joins, first)
     stop = _resolve_optional(resolver, tree.stop, scope, "STOP WITH")
     scope.path_functions.search = search = replace(search, made=made, first=first, stop=stop)
     scope.path_functions.search = search = resolve_search_options(resolver, tree, scope, outer, search)
@@ -161,7 +161,7 @@ def _resolve_start(
         if isinstance(item, ast.Each):
             source = resolve_value_source(resolver, item.name, value, item.span)
             each.append(source)
-            value = make_element(source, item.name_span)
+            value = resolve_this(source, item.name_span)
         start.append((item.name, value))
         scope.states[item.name] = value.type
     return tuple(start), tuple(each)
@@ -175,7 +175,7 @@ def _report_unset_states(tree: ast.Query, scope: Scope) -> list[ast.Assign]:
     return unset
 
 
-def _make_unset_error(assign: ast.Assign, tree: ast.Query, scope: Scope) -> ResolveError:
+def _make_clause_error(assign: ast.Assign, tree: ast.Query, scope: Scope) -> ResolveError:
     """The error for such an assignment, perhaps meant as a comparison."""
     name = assign.name
     message = f"CONNECT BY sets '{name}', which START WITH does not"
@@ -230,7 +230,7 @@ def _resolve_columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple
             case ast.Star():
                 outputs.extend(_expand_star(resolver, scope, column.span))
             case ast.Call(function="to", arguments=(value, label)) if resolver.catalog.functions["to"].builtin:
-                outputs.append(_make_labelled_column(resolver, value, label, scope))
+                outputs.append(_resolve_labelled_column(resolver, value, label, scope))
             case ast.Named(expr=value, name=name):
                 outputs.append(plan.Output(name, _resolve_sort_key(resolver, value, scope)))
             case _:
@@ -254,7 +254,7 @@ def _split_column_name(column: ast.Expr | ast.Named | ast.Star) -> tuple[str | N
             return None, None
 
 
-def _name_columns(
+def _resolve_column_names(
     resolver: Resolver, tree: ast.Query, scope: Scope, columns: tuple[plan.Output, ...]
 ) -> dict[str, plan.Expr]:
     """The columns of SELECT by the names that `to` or AS gives them."""
@@ -274,13 +274,13 @@ def _expand_star(resolver: Resolver, scope: Scope, span: Span) -> list[plan.Outp
         resolver.tentative = True
     for source in scope.sources:
         if source.columns:
-            outputs.extend(plan.Output(name, make_column(source, name, span)) for name, _ in source.columns)
+            outputs.extend(plan.Output(name, resolve_source_column(source, name, span)) for name, _ in source.columns)
         else:
-            outputs.append(plan.Output(source.name, make_element(source, span), star=source.columns is None))
+            outputs.append(plan.Output(source.name, resolve_this(source, span), star=source.columns is None))
     return outputs
 
 
-def _make_labelled_column(resolver: Resolver, value: ast.Expr, label: ast.Expr, scope: Scope) -> plan.Output:
+def _resolve_labelled_column(resolver: Resolver, value: ast.Expr, label: ast.Expr, scope: Scope) -> plan.Output:
     expr = _resolve_sort_key(resolver, value, scope)
     match label:
         case ast.Name(name=name) | ast.Literal(value=str(name)):
@@ -339,11 +339,11 @@ def _resolve_order_key(
     expr = _resolve_sort_key(resolver, key, scope)
     place = next((index for index, output in enumerate(columns) if output.expr is expr), None)
     if place is None or tree.searches:
-        _check_once(resolver, expr, key, scope, "ORDER BY")
+        _check_clause_once(resolver, expr, key, scope, "ORDER BY")
     return plan.OrderKey(expr, written.descending, place)
 
 
-def _check_once(resolver: Resolver, expr: plan.Expr, tree: ast.Expr, scope: Scope, clause: str) -> None:
+def _check_clause_once(resolver: Resolver, expr: plan.Expr, tree: ast.Expr, scope: Scope, clause: str) -> None:
     """Refuses the name of a column whose value would differ when it is computed again."""
     for name, column in scope.columns.items():
         if is_volatile(column) and any(node is column for node in walk(expr)):
@@ -377,7 +377,7 @@ def _resolve_representation(
     return plan.Representation(name, arguments, named, tree.span)
 
 
-def _infer_value_type(query: plan.Query) -> Type:
+def _resolve_value_type(query: plan.Query) -> Type:
     """The type of the query's value, for representations of the language."""
     kinds = [limit_type_depth(output.expr.type) for output in query.columns]
     if query.representation.labels or any(output.label for output in query.columns):

@@ -14,20 +14,20 @@ from typing import Any, assert_never
 from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names, suggest_similar
 from ss2sql.frontend.inlining.substitution import Inliner
 from ss2sql.frontend.resolve.catalog import Catalog
-from ss2sql.frontend.resolve.grouping import is_count_of_rows, resolve_count_distinct, resolve_count_star
+from ss2sql.frontend.resolve.grouping import is_row_count_syntax, resolve_count_distinct, resolve_count_star
 from ss2sql.frontend.resolve.path_functions import FUNCTIONS as PATH_FUNCTIONS
 from ss2sql.frontend.resolve.path_functions import is_path_function, resolve_path_function
 from ss2sql.frontend.resolve.scope import (
     Scope,
     find_first_source,
-    find_source,
     is_name_resolution_final,
-    list_visible_names,
-    make_column,
-    make_element,
+    list_names_in_scope,
     resolve_bound_name,
     resolve_dotted_name,
     resolve_open_source,
+    resolve_source,
+    resolve_source_column,
+    resolve_this,
 )
 from ss2sql.frontend.resolve.suggestions import (
     Place,
@@ -36,7 +36,7 @@ from ss2sql.frontend.resolve.suggestions import (
     explain_unknown_name,
     suggest_row_query,
 )
-from ss2sql.frontend.resolve.world_references import replace_by_keys, resolve_world_call
+from ss2sql.frontend.resolve.world_references import resolve_equality, resolve_world_call
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, BOOL, NONE, Kind, Type, make_list_type, type_of, unite
@@ -137,7 +137,7 @@ class Resolver:
                 if source is not None and (row := resolve_dotted_name(scope, source, span)) is not None:
                     return self.make_call("item", (row, plan.Constant(name, type_of(name), span=span)), span, span)
                 owner = find_first_source(scope, span) if source is None else self.find_source(tree, source, scope)
-                return self.resolve_element_call(name, owner, scope, span) or make_column(owner, name, span)
+                return self.resolve_element_call(name, owner, scope, span) or resolve_source_column(owner, name, span)
             case ast.ListLiteral():
                 return self.list_literal(tree, scope)
             case ast.Call():
@@ -150,13 +150,13 @@ class Resolver:
             case ast.Operator(function=function, operands=operands, place=place):
                 if function in ("in", "not_in"):
                     arguments = self.resolve_values(operands[:1], scope) + self.resolve_operands(
-                        (wrap_as_list(operands[1]),), scope
+                        (resolve_as_list(operands[1]),), scope
                     )
                 else:
                     arguments = self.resolve_values(operands, scope)
                 compared = function in ("eq", "ne") and self.catalog.functions[function].builtin
                 return self.make_call(
-                    function, replace_by_keys(arguments, scope) if compared else arguments, span, place
+                    function, resolve_equality(arguments, scope) if compared else arguments, span, place
                 )
             case ast.Between():
                 return self.resolve_between(tree, scope)
@@ -198,14 +198,14 @@ class Resolver:
         )
 
     def resolve_values(self, trees: Sequence[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
-        """Operands of an operator; a query without AS is one value, see `wrap_as_value`."""
-        pairs = list(zip(trees, self.resolve_operands(map(wrap_as_value, trees), scope), strict=True))
-        lists = any(value.type.is_only(Kind.LIST) for tree, value in pairs if not is_value(tree))
-        for tree in filter(is_value, trees if lists else ()):
+        """Operands of an operator; a query without AS is one value, see `resolve_as_value`."""
+        pairs = list(zip(trees, self.resolve_operands(map(resolve_as_value, trees), scope), strict=True))
+        lists = any(value.type.is_only(Kind.LIST) for tree, value in pairs if not is_value_syntax(tree))
+        for tree in filter(is_value_syntax, trees if lists else ()):
             text = tree.span.text if len(tree.span.text) <= 60 else "SELECT ..."
             message = "this query is one value here, and it meets a list"
             self.errors.append(ResolveError("R014", message, tree.span, (f"write ({text} AS list)",)))
-        return tuple(self.unwrap_single(value) if is_value(tree) else value for tree, value in pairs)
+        return tuple(self.unwrap_single(value) if is_value_syntax(tree) else value for tree, value in pairs)
 
     def unwrap_single(self, value: plan.Expr) -> plan.Expr:
         """A query's list as one value: its only element, None of an empty list."""
@@ -226,7 +226,7 @@ class Resolver:
             return meaning
         dynamic = resolve_open_source(scope, name, span)
         if dynamic is not None:
-            return make_column(dynamic, name, span)
+            return resolve_source_column(dynamic, name, span)
         if self.catalog.open_names:
             self.parameters[name] = None
             self.reads[name] = ANY
@@ -236,7 +236,7 @@ class Resolver:
             if name in level.shown:
                 hint = f"'{name}' is a column that SELECT makes; write {level.shown[name]} here"
                 raise ResolveError("R001", f"unknown name '{name}'", span, (hint,))
-        known = [*list_visible_names(scope), *self.list_variables(), *self.parameters]
+        known = [*list_names_in_scope(scope), *self.list_variables(), *self.parameters]
         searches = (
             (level.path_functions.search for level in scope.list_outwards() if level.path_functions is not None)
             if scope
@@ -279,7 +279,7 @@ class Resolver:
     def find_source(self, tree: ast.Attribute, name: str, scope: Scope | None) -> plan.Source:
         """The source that a column belongs to."""
         try:
-            return find_source(scope, name, tree.span)
+            return resolve_source(scope, name, tree.span)
         except ResolveError as error:
             if name in self.list_variables() and (meant := self.find_variable(name, tree.span)) is not None:
                 if meant.type.is_only(Kind.DICT | Kind.OBJECT):
@@ -292,8 +292,8 @@ class Resolver:
 
     def resolve_this(self, tree: ast.This, scope: Scope | None) -> plan.Expr:
         if tree.source is not None:
-            return make_element(find_source(scope, tree.source, tree.span), tree.span)
-        return make_element(find_first_source(scope, tree.span), tree.span)
+            return resolve_this(resolve_source(scope, tree.source, tree.span), tree.span)
+        return resolve_this(find_first_source(scope, tree.span), tree.span)
 
     def list_literal(self, tree: ast.ListLiteral, scope: Scope | None) -> plan.Expr:
         items = self.resolve_all(tree.items, scope)
@@ -341,7 +341,7 @@ class Resolver:
                     tree.name_span,
                     ("compare with ==, or move the assignment to CONNECT BY",),
                 )
-        if scope is None and isinstance(tree.value, ast.ListLiteral) and _mentions_sources(tree.value):
+        if scope is None and isinstance(tree.value, ast.ListLiteral) and _mentions_source_syntax(tree.value):
             self.late[tree.name] = tree.value
             return plan.AssignLate(tree.name, tree.value, NONE, span=tree.span)
         value = self.record_errors(self.resolve_expr, tree.value, scope)
@@ -386,7 +386,7 @@ class Resolver:
             self.check_arity(function, len(arguments), span)
             return self.resolve_eval(arguments[0], scope, span)
         of_a_list = len(arguments) == 1 or (function.collects and arguments)
-        if is_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may_be(Kind.LIST):
+        if is_resolved_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may_be(Kind.LIST):
             hint = AGGREGATE_HINT.format(query=suggest_row_query(tree, scope))
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
         for level in scope.list_outwards() if scope else ():
@@ -397,14 +397,14 @@ class Resolver:
         """`source.name`, where the elements are objects without columns, perhaps those of a world."""
         if source.columns or source.columns is None or name not in self.catalog.world_functions:
             return None
-        element = make_element(source, span)
+        element = resolve_this(source, span)
         return resolve_world_call(self, name, (element,), scope, span) if element.type.may_be(Kind.OBJECT) else None
 
     def call_of_world(self, tree: ast.Call, owner: str, scope: Scope | None) -> plan.Expr:
         """`owner.function(arguments)`."""
         world = self.catalog.worlds.get(owner)
         if world is None or tree.function not in world.list_callable_names():
-            raise explain_method(tree, self.catalog, [*list_visible_names(scope), *self.list_variables()])
+            raise explain_method(tree, self.catalog, [*list_names_in_scope(scope), *self.list_variables()])
         own = f"{owner}.{tree.function}"
         name = own if own in self.catalog.world_functions else tree.function
         return resolve_world_call(self, name, self.resolve_all(tree.arguments, scope), scope, tree.span)
@@ -443,7 +443,7 @@ class Resolver:
         return plan.Eval(text, kept, tuple(sources), tuple(states), ANY, span=span)
 
 
-def is_aggregate(function: plan.Function) -> bool:
+def is_resolved_aggregate(function: plan.Function) -> bool:
     """Whether the function aggregates when it is called on the rows of a group."""
     return function.collects or (function.builtin and function.name in GROUPS)
 
@@ -464,11 +464,11 @@ def _find_assignments(tree: Any) -> list[ast.Assign]:
         elif hasattr(type(node), "__dataclass_fields__") and not isinstance(node, Span):
             if isinstance(node, ast.Assign):
                 found.append(node)
-            stack.extend(ast.list_children(node))
+            stack.extend(ast.list_syntax_children(node))
     return found
 
 
-def _mentions_sources(tree: ast.Expr) -> bool:
+def _mentions_source_syntax(tree: ast.Expr) -> bool:
     """Whether a list literal outside any query mentions `this` or `source.column`, outside of nested queries."""
     match tree:
         case ast.This() | ast.Attribute():
@@ -476,14 +476,14 @@ def _mentions_sources(tree: ast.Expr) -> bool:
         case ast.Query():
             return False
         case _:
-            return any(_mentions_sources(part) for part in ast.list_children(tree))
+            return any(_mentions_source_syntax(part) for part in ast.list_syntax_children(tree))
 
 
-def is_value(tree: ast.Expr) -> bool:
+def is_value_syntax(tree: ast.Expr) -> bool:
     return isinstance(tree, ast.Query) and tree.representation is None
 
 
-def wrap_as_value(tree: ast.Expr) -> ast.Expr:
+def resolve_as_value(tree: ast.Expr) -> ast.Expr:
     """An operand: a query without AS is the value of its single column, None without a row; two rows are an error.
 
     Raises ResolveError where it has several columns, or is a search.
@@ -497,13 +497,13 @@ def wrap_as_value(tree: ast.Expr) -> ast.Expr:
     if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
         message = "a query that is one value has one column"
         raise ResolveError("R014", message, tree.span, ("name one column, or write AS list for a list of all values",))
-    one = (is_count_of_rows(tree.columns) and not tree.group) or tree.limit == ast.Literal(1, span=tree.span)
+    one = (is_row_count_syntax(tree.columns) and not tree.group) or tree.limit == ast.Literal(1, span=tree.span)
     two = ast.Literal(2, span=tree.span) if tree.limit is None and not one else tree.limit
     form = ast.Representation("value" if one else "list", (), (), span=tree.span)
     return replace(tree, limit=two, representation=form)
 
 
-def wrap_as_list(tree: ast.Expr) -> ast.Expr:
+def resolve_as_list(tree: ast.Expr) -> ast.Expr:
     """The right operand of IN: a query without AS is the list of its single column."""
     if not isinstance(tree, ast.Query) or tree.representation is not None:
         return tree

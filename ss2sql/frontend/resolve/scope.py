@@ -61,7 +61,7 @@ class Scope:
         return sum(1 for _ in self.list_outwards())
 
 
-def make_element(source: plan.Source, span: Span) -> plan.Element:
+def resolve_this(source: plan.Source, span: Span) -> plan.Element:
     """`this` of a source."""
     if isinstance(source, plan.TableSource):
         row = Type(Kind.DICT, columns=source.columns)
@@ -77,7 +77,7 @@ def find_first_source(scope: Scope | None, span: Span) -> plan.Source:
     raise ResolveError("R014", "'this' has a meaning inside a query only", span, ("write SELECT ... FROM ...",))
 
 
-def find_source(scope: Scope | None, name: str, span: Span) -> plan.Source:
+def resolve_source(scope: Scope | None, name: str, span: Span) -> plan.Source:
     """The innermost source with this name."""
     known: list[str] = []
     for level in scope.list_outwards() if scope else ():
@@ -89,7 +89,7 @@ def find_source(scope: Scope | None, name: str, span: Span) -> plan.Source:
     raise ResolveError("R003", f"there is no source named '{name}' here", span, hints)
 
 
-def make_column(source: plan.Source, name: str, span: Span) -> plan.Column:
+def resolve_source_column(source: plan.Source, name: str, span: Span) -> plan.Column:
     """`source.name`."""
     if source.columns is None:  # a column of a missing row is None, as is one that a row lacks
         missing = isinstance(source, plan.QuerySource) and source.optional
@@ -118,7 +118,7 @@ def resolve_bound_name(scope: Scope | None, name: str, span: Span) -> plan.Expr 
                 "R004", f"the column '{name}' belongs to {len(owners)} sources", span, (f"write {choices}",)
             )
         if owners:
-            return make_column(owners[0], name, span)
+            return resolve_source_column(owners[0], name, span)
         if level.later is not None and (found := level.later(name)) is not None:
             return found
     return None
@@ -174,7 +174,7 @@ def _reads_variable(source: plan.Source) -> bool:
     return any(isinstance(node, plan.Variable) for node in walk(source))
 
 
-def list_visible_names(scope: Scope | None) -> list[str]:
+def list_names_in_scope(scope: Scope | None) -> list[str]:
     """All names that a bare name could mean here, for suggestions."""
     names: list[str] = []
     for level in scope.list_outwards() if scope else ():

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, get_args
 
 from ss2sql.errors import ResolveError
-from ss2sql.frontend.resolve.path_functions import reads_path
+from ss2sql.frontend.resolve.path_functions import calls_path_function
 from ss2sql.frontend.resolve.scope import Scope
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
@@ -29,7 +29,7 @@ def resolve_search_options(
         if option.keyword in options:
             _contradict(resolver, option, options[option.keyword], f"{option.keyword} is given twice", "write it once")
         options.setdefault(option.keyword, option)
-    _check_options(resolver, options)
+    _check_search_clauses(resolver, options)
 
     def resolve_argument(keyword: str, visible: Scope | None) -> plan.Expr | None:
         option = options.get(keyword)
@@ -69,16 +69,20 @@ def resolve_search_options(
     )
 
 
-def drop_path_columns(resolver: Resolver, tree: ast.Query, query: plan.Query) -> plan.Query:
+def resolve_without_path(resolver: Resolver, tree: ast.Query, query: plan.Query) -> plan.Query:
     """The query whose rows are compared without the columns that ask for the path."""
     search = query.search
     assert search is not None
     if search.repeats == "memorize":
         _check_memorize(resolver, tree)
-    if search.repeats == "allowed" or search.key or not any(reads_path(resolver, column) for column in tree.columns):
+    if (
+        search.repeats == "allowed"
+        or search.key
+        or not any(calls_path_function(resolver, column) for column in tree.columns)
+    ):
         return query
     pairs = zip(tree.columns, query.columns, strict=True)  # a star stands alone
-    left = tuple(output.expr for column, output in pairs if not reads_path(resolver, column))
+    left = tuple(output.expr for column, output in pairs if not calls_path_function(resolver, column))
     if not left:
         word = next(word for word, rule in RULES if rule == search.repeats)
         names = [name for name, _ in search.start if name.isidentifier()]
@@ -94,7 +98,7 @@ def _check_memorize(resolver: Resolver, tree: ast.Query) -> None:
     evaluated = [tree.made, tree.first, tree.stop, tree.where, *(option.argument for option in tree.options)]
     evaluated += [*(assign.value for assign in tree.connect), *(key.expr for key in tree.siblings)]
     for expr in evaluated:
-        if expr is not None and reads_path(resolver, expr):
+        if expr is not None and calls_path_function(resolver, expr):
             message = "with MEMORIZE a step belongs to many paths, so only what is shown can ask for its path"
             hint = "write it in SELECT, GROUP BY, HAVING or ORDER BY, or write NO CYCLE in place of MEMORIZE"
             resolver.errors.append(ResolveError("R014", message, expr.span, (hint,)))
@@ -113,7 +117,7 @@ def resolve_outside(resolver: Resolver, tree: ast.Expr, outer: Scope | None, wha
     return found
 
 
-def _check_options(resolver: Resolver, options: dict[str, ast.Option]) -> None:
+def _check_search_clauses(resolver: Resolver, options: dict[str, ast.Option]) -> None:
     orders = [options[word] for word in ORDERS if word in options]
     for option in orders[1:]:
         reason = f"{orders[0].keyword} and {option.keyword} are two orders of the same search"

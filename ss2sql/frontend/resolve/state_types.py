@@ -14,8 +14,8 @@ from ss2sql.frontend.resolve.from_clause import resolve_sources
 from ss2sql.frontend.resolve.scope import Scope
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
-from ss2sql.language.kinds import ANY, Kind, Type, drop_bounds, is_covering, make_list_type, unite
-from ss2sql.language.plan_traversal import list_choices
+from ss2sql.language.kinds import ANY, Kind, Type, drop_bounds, is_supertype, make_list_type, unite
+from ss2sql.language.plan_traversal import list_plan_choices
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve.resolver import Resolver
@@ -69,7 +69,7 @@ def _find_fixpoint(
                     counted.discard(slot)
                     settled = False
             kind = _put_parts(name, value.type, {slot: far[slot] for slot in counted})
-            if is_covering(assumed[name], kind):
+            if is_supertype(assumed[name], kind):
                 continue
             settled = False
             counting = {slot for slot in proved if slot.name == name} - counted
@@ -166,7 +166,7 @@ def _list_alternatives(expr: plan.Expr) -> Iterator[plan.Expr]:
         case plan.If(then=then, otherwise=otherwise):
             for branch in (then, otherwise):
                 yield from _list_alternatives(branch[-1])
-        case plan.Call(function=plan.Function(name="min" | "max", builtin=True)) if choices := list_choices(expr):
+        case plan.Call(function=plan.Function(name="min" | "max", builtin=True)) if choices := list_plan_choices(expr):
             for choice in choices:
                 yield from _list_alternatives(choice)
         case _:

@@ -14,11 +14,11 @@ def is_structurally_equal(one: plan.Expr, other: plan.Expr) -> bool:
     """Whether both are equal once the queries and sources inside have the same numbers."""
     if type(one) is not type(other) or one == other:
         return one == other
-    ones, others = _collect_inner_ids(one), _collect_inner_ids(other)
+    ones, others = _collect_structural_ids(one), _collect_structural_ids(other)
     return 0 < len(ones) == len(others) and renumber_node(other, dict(zip(others, ones, strict=True))) == one
 
 
-def _collect_inner_ids(node: plan.Expr) -> list[int]:
+def _collect_structural_ids(node: plan.Expr) -> list[int]:
     """The numbers of the queries and sources inside, in the order of the plan; they are unique in a script."""
     return [part.id for part in walk(node) if isinstance(part, (plan.Query, *plan.SOURCES))]
 

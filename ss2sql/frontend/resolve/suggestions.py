@@ -89,12 +89,12 @@ def explain_unknown_function(tree: ast.Call, catalog: Catalog, variables: Collec
     elif same := [one for one in known if one.lower() == name.lower()]:
         hints = (_MEAN.format(same[0]),)
     else:
-        hints = _find_equivalent(name, tree.arguments) or suggest_names(name, known)
+        hints = _suggest_equivalent(name, tree.arguments) or suggest_names(name, known)
     hints = hints or ("register it with session.function; help() lists the known ones",)
     return ResolveError("R002", f"unknown function '{name}'", read_leading_name(tree.span, name), hints)
 
 
-def _find_equivalent(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, ...]:
+def _suggest_equivalent(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, ...]:
     """The equivalent of a function of another language."""
     lowered = name.lower()
     if lowered in PYTHON_FUNCTIONS:
@@ -132,7 +132,7 @@ def explain_method(tree: ast.Call, catalog: Catalog, variables: Collection[str])
     elif name in catalog.functions:
         hints = (f"'{name}' is a function by itself: write {name}(...)",)
     else:
-        hints = _find_equivalent(name, tree.arguments) or ("help() lists the functions there are",)
+        hints = _suggest_equivalent(name, tree.arguments) or ("help() lists the functions there are",)
     return ResolveError("R002", message, place, hints)
 
 
@@ -140,7 +140,7 @@ def _suggest_call(tree: ast.Call, catalog: Catalog) -> tuple[str, ...]:
     """The call that replaces a method of a value."""
     owner, name = tree.owner or "", tree.function
     subject = ast.Name(owner, span=read_leading_name(tree.span, owner))
-    there = _find_equivalent(name, (subject, *tree.arguments))
+    there = _suggest_equivalent(name, (subject, *tree.arguments))
     if name.lower() in FOREIGN_FUNCTIONS:
         return there
     call = f"write {name}({owner}{', ...' if tree.arguments else ''})"

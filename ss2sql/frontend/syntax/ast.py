@@ -273,7 +273,7 @@ Expr: TypeAlias = (
 )  # fmt: skip
 
 
-def list_children(tree: Any) -> Iterator[Any]:
+def list_syntax_children(tree: Any) -> Iterator[Any]:
     """The nodes directly below a node."""
     for name in type(tree).__dataclass_fields__:
         value = getattr(tree, name)
@@ -289,7 +289,7 @@ class Script(Node):
     statements: tuple[Expr, ...]
 
 
-def collect_column_names(*trees: Script | Expr) -> frozenset[str] | None:
+def collect_syntax_columns(*trees: Script | Expr) -> frozenset[str] | None:
     """The names in trees that may be columns; None where any column may be read: by `*`, `this` or `eval`."""
     names: set[str] = set()
     waiting: list[Any] = list(trees)
@@ -300,5 +300,5 @@ def collect_column_names(*trees: Script | Expr) -> frozenset[str] | None:
                 return None
             case Name(name=name) | Attribute(name=name):
                 names.add(name)
-        waiting.extend(list_children(node))
+        waiting.extend(list_syntax_children(node))
     return frozenset(names)

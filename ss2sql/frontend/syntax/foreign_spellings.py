@@ -472,7 +472,7 @@ def _explain_dot(t: ParseFailure) -> ParseError | None:
 def _explain_list(t: ParseFailure) -> ParseError | None:
     """Lists without square brackets, dicts, parameters with a colon."""
     if t.found.kind == "," and t.clause in ("(", "") and not t.wants_operand:
-        return t.explain("P006", "a list stands in square brackets", f"write [{_spell_items(t)}]", *_hint_decimal(t))
+        return t.explain("P006", "a list stands in square brackets", f"write [{_spell_list(t)}]", *_hint_decimal(t))
     if t.found.kind == "," and t.clause == "LIMIT":
         number = t.cut_text(t.next.start, t.next.end)
         return t.explain("P006", "LIMIT has one number", f"write LIMIT {number} OFFSET {t.read_operand()}")
@@ -483,7 +483,7 @@ def _explain_list(t: ParseFailure) -> ParseError | None:
     return None
 
 
-def _spell_items(t: ParseFailure) -> str:
+def _spell_list(t: ParseFailure) -> str:
     """The contents of parentheses that were meant as a list, if short."""
     depth = 0
     for token in t.tokens[t.index :] if t.clause == "(" else ():

@@ -207,7 +207,7 @@ def spell(token: Token) -> str:
     return tokenizer.shorten_text(token.text) if token.kind == "STRING" else f"'{tokenizer.shorten_text(token.text)}'"
 
 
-def join_with_or(words: Iterable[str]) -> str:
+def join_expected_words(words: Iterable[str]) -> str:
     """`a`, `a or b`, `a, b or c`."""
     *first, last = words
     return f"{', '.join(first)} or {last}" if first else last

@@ -51,7 +51,7 @@ class Table:
 def load_parse_table() -> Table:
     """The table of the installed grammar; the first call reads it."""
     try:
-        data = json.loads(_read_resource(TABLE))
+        data = json.loads(_read_grammar_file(TABLE))
     except OSError:
         data = {}
     if data.get("format") != FORMAT or data.get("grammar") != _hash_grammar():
@@ -70,14 +70,14 @@ def write_parse_table() -> None:
     TABLE.write_text(json.dumps(build_parse_table(), separators=(",", ":"), sort_keys=True) + "\n", encoding="utf-8")
 
 
-def _read_resource(file: Path) -> bytes:
+def _read_grammar_file(file: Path) -> bytes:
     """A file of the package, also from a zip file; importlib.resources would take 6 ms to load."""
     content: bytes = __loader__.get_data(str(file))  # type: ignore[name-defined]
     return content
 
 
 def _read_grammar() -> str:
-    return _read_resource(GRAMMAR).decode().replace("\r\n", "\n")
+    return _read_grammar_file(GRAMMAR).decode().replace("\r\n", "\n")
 
 
 def _hash_grammar() -> int:
@@ -96,8 +96,8 @@ def build_parse_table() -> dict[str, Any]:
     words = {d["name"]: d["pattern"]["value"].upper() for d in memo.values() if d["__type__"] == "TerminalDef"}
     names = {number: words.get(name, name) for number, name in table["tokens"].items()}
     actions = {state: {names[number]: target for number, target in r.items()} for state, r in table["states"].items()}
-    rules = sorted(_encode_rule(d, words) for d in memo.values() if d["__type__"] == "Rule")
-    number_of = {json.dumps(_encode_rule(d, words)): key for key, d in memo.items() if d["__type__"] == "Rule"}
+    rules = sorted(_encode_grammar_rule(d, words) for d in memo.values() if d["__type__"] == "Rule")
+    number_of = {json.dumps(_encode_grammar_rule(d, words)): key for key, d in memo.items() if d["__type__"] == "Rule"}
     rule_index = {number_of[json.dumps(rule)]: index for index, rule in enumerate(rules)}
     order = _number_parser_states(actions, table["start_states"]["script"])
     rows = [
@@ -121,7 +121,7 @@ def _number_parser_states(actions: Mapping[int, Mapping[str, tuple[int, Any]]], 
     return order
 
 
-def _encode_rule(rule: Mapping[str, Any], words: Mapping[str, str]) -> list[Any]:
+def _encode_grammar_rule(rule: Mapping[str, Any], words: Mapping[str, str]) -> list[Any]:
     """A rule of lark as `[origin, symbols, action, children]`."""
     origin, options = rule["origin"]["name"], rule["options"]
     kept: list[int] = []

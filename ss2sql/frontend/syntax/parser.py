@@ -50,7 +50,7 @@ def parse(source: Source) -> ast.Script:
         if not builder.has_unended_query(max(tokens[position].start, failure.statement_start)):
             from ss2sql.frontend.syntax import syntax_errors  # needed for errors alone
 
-            errors.append(syntax_errors.explain_failure(failure))
+            errors.append(syntax_errors.explain_parse_failure(failure))
         position = find_resume_point(failure)
     else:
         errors += builder.list_errors()
@@ -77,7 +77,7 @@ def run_automaton(
                 states[-1] = rows[states[-2]][rule.origin]
                 continue
             at = len(values) - rule.size
-            children = _collect_children(rule, values[at:])
+            children = _collect_rule_children(rule, values[at:])
             start = starts[at] if rule.size else end
             del states[at + 1 :], values[at:], starts[at:]
             values.append(children if action is None else action(Span(source, start, end), *children))
@@ -87,21 +87,21 @@ def run_automaton(
                 script: ast.Script = values[0]
                 return script
         if target is None:
-            return _make_failure(source, table, tokens, index, states, values)
+            return _make_parse_failure(source, table, tokens, index, states, values)
         states.append(target)
         values.append(token)
         starts.append(token.start)
         end = token.end
-    return _make_failure(source, table, tokens, halt, states, values)
+    return _make_parse_failure(source, table, tokens, halt, states, values)
 
 
-def _make_failure(*state: Any) -> ParseFailure:
+def _make_parse_failure(*state: Any) -> ParseFailure:
     from ss2sql.frontend.syntax.parse_failure import ParseFailure
 
     return ParseFailure(*state)
 
 
-def _collect_children(rule: Rule, symbols: list[Any]) -> list[Any]:
+def _collect_rule_children(rule: Rule, symbols: list[Any]) -> list[Any]:
     """The children of a complete rule. Growing lists are extended in place, in linear time."""
     children: list[Any] = []
     for index in rule.children:

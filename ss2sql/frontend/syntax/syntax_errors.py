@@ -1,6 +1,6 @@
 """Messages for scripts that do not fit the grammar: the reason in words of the language, and the cure.
 
-`explain_failure` tries one explanation after the other: a missing second word of a keyword, a spelling of SQL, a
+`explain_parse_failure` tries one explanation after the other: a missing second word of a keyword, a spelling of SQL, a
 misspelt keyword, a bracket, a clause in the wrong place. The last one lists what could stand there.
 """
 
@@ -11,7 +11,7 @@ from difflib import get_close_matches
 
 from ss2sql.errors import ParseError, Span
 from ss2sql.frontend.syntax import foreign_spellings, tokenizer
-from ss2sql.frontend.syntax.parse_failure import CLAUSES, PAIRS, VALUES, ParseFailure, join_with_or, spell
+from ss2sql.frontend.syntax.parse_failure import CLAUSES, PAIRS, VALUES, ParseFailure, join_expected_words, spell
 from ss2sql.frontend.syntax.parse_table import END
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
 from ss2sql.frontend.syntax.tree_builder import CHAIN_HINT, COMPARISONS, ORDER
@@ -44,7 +44,7 @@ _BETWEEN = {
 _COMMA = "leave the comma out, or write what should follow it"
 
 
-def explain_failure(t: ParseFailure) -> ParseError:
+def explain_parse_failure(t: ParseFailure) -> ParseError:
     """The error for a token that does not fit."""
     if error := tokenizer.explain_unreadable(t.source, t.found):
         return error
@@ -92,7 +92,7 @@ def _explain_misspelling(t: ParseFailure) -> ParseError | None:
         places.append((t.peek(), t.step_back().expected & {"SELECT", *OPTIONS}))
     for token, fitting in places:
         if close := _find_similar_keywords(token.text.upper(), fitting):
-            hint = f"did you mean {join_with_or(close)}?"
+            hint = f"did you mean {join_expected_words(close)}?"
             return t.explain("P001", f"'{tokenizer.shorten_text(token.text)}' is not a keyword", hint, at=token)
     return None
 
@@ -251,7 +251,7 @@ def _explain_clause(t: ParseFailure) -> ParseError | None:
                        "write GROUP BY key HAVING condition, or use WHERE")  # fmt: skip
     if word in ("WITH", "BY"):
         firsts = [f"{first} {word}" for first in CLAUSES if PAIRS.get(first) == word]
-        return t.explain("P001", f"{word} does not fit here", f"the keywords are {join_with_or(firsts)}")
+        return t.explain("P001", f"{word} does not fit here", f"the keywords are {join_expected_words(firsts)}")
     if word in CLAUSES and word != "SELECT":
         return t.explain("P001", f"{word} does not fit here", f"the order of a query is {ORDER}")
     return None
@@ -278,7 +278,9 @@ def _explain_surplus(t: ParseFailure) -> ParseError:
         fitting.append("a clause")
     if ";" in t.expected:
         fitting.append("';'")
-    message = f"expected {join_with_or(fitting or sorted(t.expected))} between {spell(t.peek())} and {spell(t.found)}"
+    message = (
+        f"expected {join_expected_words(fitting or sorted(t.expected))} between {spell(t.peek())} and {spell(t.found)}"
+    )
     if t.clause == "FROM":
         return t.explain(_choose_error_code(t), message, *_hint_at_source(t))
     if t.found.kind == "IF":

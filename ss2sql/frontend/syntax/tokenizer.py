@@ -81,7 +81,7 @@ def tokenize(source: Source) -> list[Token]:
 
     Raises ParseError: P003 for text that is no script at all, P004 for one that is too large.
     """
-    _check_text(source)
+    _check_script_text(source)
     found = list(iterate_tokens(source.text))
     end = found[-1].end if found else 0
     found.append(Token(END, "", end, end))
@@ -96,11 +96,11 @@ def read_script(stream: BinaryIO, name: str) -> Source:
     """
     found = stream.read(MAX_BYTES + 1)
     if len(found) > MAX_BYTES:
-        raise make_size_error(f"the script {name}")
+        raise make_script_size_error(f"the script {name}")
     return Source(found.decode("utf-8"), name)
 
 
-def make_size_error(script: str, span: Span | None = None) -> ParseError:
+def make_script_size_error(script: str, span: Span | None = None) -> ParseError:
     """The error for a script that is larger than `MAX_BYTES`."""
     return ParseError(
         "P004", f"{script} is larger than 256 KiB", span,
@@ -108,12 +108,12 @@ def make_size_error(script: str, span: Span | None = None) -> ParseError:
     )  # fmt: skip
 
 
-def _check_text(source: Source) -> None:
+def _check_script_text(source: Source) -> None:
     text = source.text
     if len(text) > MAX_BYTES or len(text.encode("utf-8", "surrogatepass")) > MAX_BYTES:
-        raise make_size_error("the script", Span(source, 0, 0))
+        raise make_script_size_error("the script", Span(source, 0, 0))
     if bad := _UNREADABLE.search(text):
-        what = "a NUL character" if bad[0] == "\0" else f"half of a character, {_show_character(bad[0])}"
+        what = "a NUL character" if bad[0] == "\0" else f"half of a character, {_show_token_character(bad[0])}"
         raise ParseError(
             "P003", f"this is not text: it contains {what}", Span(source, bad.start(), bad.end()),
             ["a script is Unicode text; read its file with encoding='utf-8', and do not pass a binary file"],
@@ -229,10 +229,10 @@ def explain_unreadable(source: Source, token: Token) -> ParseError | None:
         return None  # frontend/syntax/foreign_spellings.py shows the right form
     if text in _SQL_SIGNS:
         return ParseError("P006", f"there is no operator {text}", span, hints)
-    return ParseError("P003", f"the language has no character {_show_character(text)}", span, hints)
+    return ParseError("P003", f"the language has no character {_show_token_character(text)}", span, hints)
 
 
-def _show_character(char: str) -> str:
+def _show_token_character(char: str) -> str:
     code = f"U+{ord(char[0]):04X}"
     name = unicodedata.name(char[0], "")
     if not char.isprintable() or char.isspace():

@@ -291,7 +291,7 @@ class ExpressionBuilder:
         """A node with its depth. Raises ParseError (P005) for a tree that is too deep for later stages."""
         depth = 1 + max([part.depth for part in parts], default=0)
         if depth > MAX_DEPTH:
-            raise _make_depth_error(node)
+            raise _make_syntax_depth_error(node)
         return Part(node, depth, query)
 
     def _make_error(self, code: str, message: str, span: Span, *hints: str) -> ParseError:
@@ -337,7 +337,7 @@ def _ends_in_comparison(query: ast.Query) -> bool:
     return isinstance(last, ast.Operator) and last.function in names and last.span.end == query.span.end
 
 
-def _make_depth_error(node: Any) -> ParseError:
+def _make_syntax_depth_error(node: Any) -> ParseError:
     """The error for a node with too many levels below it; a chain of one operator is called long."""
     if isinstance(node, ast.Operator) and node.place is not None:
         first = node.operands[0]

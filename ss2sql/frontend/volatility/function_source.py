@@ -97,7 +97,7 @@ def locate_function(function: FunctionType) -> Located | None:
     if module is None:
         return None
     for node, around in module.functions.get((code.co_firstlineno, code.co_name), ()):
-        if _compiles_to(node, code, module.imports):
+        if _is_source_of_code(node, code, module.imports):
             file = function.__globals__.get("__file__")
             whole = isinstance(file, str) and os.path.abspath(file) == os.path.abspath(code.co_filename)
             return Located(node, around, module, whole)
@@ -142,7 +142,7 @@ def _parse_module(text: str) -> Module | None:
     return Module(dict(functions), dict(names), frozenset(rebound), imports)
 
 
-def _compiles_to(node: FunctionNode, code: CodeType, imports: Sequence[ast.stmt]) -> bool:
+def _is_source_of_code(node: FunctionNode, code: CodeType, imports: Sequence[ast.stmt]) -> bool:
     body: list[ast.stmt] = [node if isinstance(node, ast.FunctionDef) else ast.copy_location(ast.Expr(node), node)]
     try:
         if code.co_flags & inspect.CO_NESTED:
@@ -198,10 +198,10 @@ def pair_targets(target: ast.expr, value: ast.expr) -> Iterator[tuple[ast.expr, 
 def _is_settled(name: str, places: Sequence[Binding]) -> bool:
     if not places or any(place.looped or place.how in ("update", "error", "other") for place in places):
         return False
-    return len(places) == 1 or len({_describe_import(name, place) for place in places}) == 1
+    return len(places) == 1 or len({_describe_bound_import(name, place) for place in places}) == 1
 
 
-def _describe_import(name: str, place: Binding) -> object:
+def _describe_bound_import(name: str, place: Binding) -> object:
     """What an import binds to a name: equal for imports of the same thing, else different."""
     match place.node:
         case ast.Import(names=aliases):

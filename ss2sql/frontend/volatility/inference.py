@@ -34,8 +34,8 @@ from ss2sql.frontend.volatility.name_bindings import (
     Findings,
     FunctionNames,
     Unproven,
-    find_known,
-    is_constant,
+    find_known_pure,
+    is_constant_binding,
     is_exception_class,
     unwrap_callable,
 )
@@ -108,7 +108,7 @@ class Proof:
         if located is None:
             raise Unproven("is not in its source file as it runs")
         defaults = (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values())
-        if not all(is_constant(default) for default in defaults):
+        if not all(is_constant_binding(default) for default in defaults):
             raise Unproven("has a default argument that may change", code.co_firstlineno)
         return FunctionNames(function, located, self.find_names, self.findings)
 
@@ -118,7 +118,7 @@ class Proof:
         home = getattr(value, "__module__", None) or type(getattr(value, "__self__", None)).__module__
         if str(home).partition(".")[0] in IMPURE_MODULES:
             raise Unproven(f"calls {text}, whose value or effect does not depend on its arguments alone")
-        if find_known(value) is not None or is_exception_class(value):
+        if find_known_pure(value) is not None or is_exception_class(value):
             return
         if type(value) is FunctionType:
             try:
@@ -128,7 +128,7 @@ class Proof:
         elif type(value) is CACHE_TYPE:
             self.findings.cached = text
             self.prove_called(unwrap_callable(value), text)
-        elif type(value) is functools.partial and _check_bound_arguments(value):
+        elif type(value) is functools.partial and _are_bound_arguments_pure(value):
             self.prove_called(value.func, text)
         elif text in EFFECTS:
             raise Unproven(f"calls {text}, which has effects or reads more than its arguments")
@@ -152,7 +152,7 @@ def infer_purity(function: Callable[..., object]) -> Purity:
 
 def _prove_callable(function: Any) -> tuple[str, bool]:
     """Why a callable is immutable, and whether it may change its arguments. Raises `Unproven`."""
-    entry = find_known(function)
+    entry = find_known_pure(function)
     if entry is not None:
         if entry.gives & ~(VALUE | SET):
             raise Unproven("gives an iterator or a function, which is not a value")
@@ -160,7 +160,7 @@ def _prove_callable(function: Any) -> tuple[str, bool]:
             raise Unproven("calls its arguments")
         return "is known to be pure", entry.changes
     if type(function) is functools.partial:
-        if not _check_bound_arguments(function):
+        if not _are_bound_arguments_pure(function):
             raise Unproven("is a partial with an argument that may change")
         try:
             reason, changes = _prove_callable(function.func)
@@ -180,8 +180,8 @@ def _prove_callable(function: Any) -> tuple[str, bool]:
     raise Unproven(_find_volatility_obstacle(function))
 
 
-def _check_bound_arguments(function: functools.partial[Any]) -> bool:
-    return all(is_constant(value) for value in (*function.args, *function.keywords.values()))
+def _are_bound_arguments_pure(function: functools.partial[Any]) -> bool:
+    return all(is_constant_binding(value) for value in (*function.args, *function.keywords.values()))
 
 
 def _find_volatility_obstacle(function: Any) -> str:

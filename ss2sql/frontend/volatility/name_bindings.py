@@ -93,18 +93,18 @@ METHODS: dict[str, KnownMethod] = {}
 _KNOWN: dict[int, KnownFunction] = {}
 
 
-def find_known(value: object) -> KnownFunction | None:
+def find_known_pure(value: object) -> KnownFunction | None:
     """The entry of a function object, or None. Costly modules are read once they are loaded."""
     found = _KNOWN.get(id(value))
     if found is None and _LATE and isinstance(value, FunctionType):
         for name in [name for name in _LATE if name in sys.modules]:
             functions, keywords = _LATE.pop(name)
-            _declare(sys.modules[name], functions, keywords=keywords)
+            _declare_pure(sys.modules[name], functions, keywords=keywords)
         found = _KNOWN.get(id(value))
     return found
 
 
-def _declare(module: ModuleType, names: str, **facts: Any) -> None:
+def _declare_pure(module: ModuleType, names: str, **facts: Any) -> None:
     for name in names.split():
         target: Any = module
         for part in name.split("."):
@@ -123,54 +123,56 @@ def _make_methods(names: str, fewest: int, most: int, **facts: Any) -> None:
 
 _SET, _OBJECT, _CODE = ResultKind.SET, ResultKind.OBJECT, ResultKind.CODE
 
-_declare(builtins, "abs ascii bin chr divmod float format hex int oct ord range repr round str")
-_declare(builtins, "pow", keywords=("mod", "exp", "base"))
-_declare(builtins, "bool len", reads=FIRST, unordered=True, most=1)
-_declare(builtins, "any all", reads=FIRST, unordered=True, generated=True, most=1)
-_declare(builtins, "set frozenset", reads=FIRST, unordered=True, generated=True, gives=_SET, most=1)
-_declare(builtins, "sorted", reads=FIRST, unordered=True, generated=True, keywords=("key", "reverse"), most=1)
-_declare(builtins, "min max", reads=FIRST, alone=True, unordered=True, generated=True, keywords=("key", "default"))
+_declare_pure(builtins, "abs ascii bin chr divmod float format hex int oct ord range repr round str")
+_declare_pure(builtins, "pow", keywords=("mod", "exp", "base"))
+_declare_pure(builtins, "bool len", reads=FIRST, unordered=True, most=1)
+_declare_pure(builtins, "any all", reads=FIRST, unordered=True, generated=True, most=1)
+_declare_pure(builtins, "set frozenset", reads=FIRST, unordered=True, generated=True, gives=_SET, most=1)
+_declare_pure(builtins, "sorted", reads=FIRST, unordered=True, generated=True, keywords=("key", "reverse"), most=1)
+_declare_pure(builtins, "min max", reads=FIRST, alone=True, unordered=True, generated=True, keywords=("key", "default"))
 # The sum of floats depends on their order: a set of numbers has the same order under every hash seed, but numbers
 # computed from a set of strings do not.
-_declare(builtins, "sum", reads=FIRST, unordered=True, keywords=("start",))
-_declare(builtins, "list tuple next", reads=FIRST)
-_declare(builtins, "dict", reads=FIRST, keywords=("*",), most=1)
-_declare(builtins, "dict.fromkeys", reads=FIRST)
-_declare(builtins, "enumerate", reads=FIRST, keywords=("start",), gives=_OBJECT)
-_declare(builtins, "reversed iter", reads=FIRST, gives=_OBJECT, most=1)
-_declare(builtins, "zip", reads=ALL, keywords=("strict",), gives=_OBJECT)
-_declare(builtins, "map filter", reads=REST, function=0, gives=_OBJECT)
-_declare(builtins, "isinstance", reads=FIRST, unordered=True, most=2)
-_declare(builtins, "type", gives=_CODE, most=1)
-_declare(math, " ".join(name for name in vars(math) if callable(vars(math)[name])), keywords=("rel_tol", "abs_tol"))
-_declare(math, "prod fsum", reads=FIRST, keywords=("start",))
-_declare(
+_declare_pure(builtins, "sum", reads=FIRST, unordered=True, keywords=("start",))
+_declare_pure(builtins, "list tuple next", reads=FIRST)
+_declare_pure(builtins, "dict", reads=FIRST, keywords=("*",), most=1)
+_declare_pure(builtins, "dict.fromkeys", reads=FIRST)
+_declare_pure(builtins, "enumerate", reads=FIRST, keywords=("start",), gives=_OBJECT)
+_declare_pure(builtins, "reversed iter", reads=FIRST, gives=_OBJECT, most=1)
+_declare_pure(builtins, "zip", reads=ALL, keywords=("strict",), gives=_OBJECT)
+_declare_pure(builtins, "map filter", reads=REST, function=0, gives=_OBJECT)
+_declare_pure(builtins, "isinstance", reads=FIRST, unordered=True, most=2)
+_declare_pure(builtins, "type", gives=_CODE, most=1)
+_declare_pure(
+    math, " ".join(name for name in vars(math) if callable(vars(math)[name])), keywords=("rel_tol", "abs_tol")
+)
+_declare_pure(math, "prod fsum", reads=FIRST, keywords=("start",))
+_declare_pure(
     operator,
     "abs add and_ concat contains countOf eq floordiv ge getitem gt index indexOf inv invert le lshift lt matmul mod "
     "mul ne neg not_ or_ pos pow rshift sub truediv truth xor",
 )
-_declare(operator, "delitem setitem", changes=True)
-_declare(operator, "itemgetter", gives=_CODE)
-_declare(functools, "reduce", reads=SECOND, function=0)
-_declare(functools, "cmp_to_key", function=0, gives=_CODE)
-_declare(itertools, "chain zip_longest", reads=ALL, keywords=("fillvalue",), gives=_OBJECT)
-_declare(itertools, "product", reads=ALL, keywords=("repeat",), gives=_OBJECT)
-_declare(itertools, "chain.from_iterable compress pairwise", reads=FIRST, gives=_OBJECT)
-_declare(
+_declare_pure(operator, "delitem setitem", changes=True)
+_declare_pure(operator, "itemgetter", gives=_CODE)
+_declare_pure(functools, "reduce", reads=SECOND, function=0)
+_declare_pure(functools, "cmp_to_key", function=0, gives=_CODE)
+_declare_pure(itertools, "chain zip_longest", reads=ALL, keywords=("fillvalue",), gives=_OBJECT)
+_declare_pure(itertools, "product", reads=ALL, keywords=("repeat",), gives=_OBJECT)
+_declare_pure(itertools, "chain.from_iterable compress pairwise", reads=FIRST, gives=_OBJECT)
+_declare_pure(
     itertools, "combinations combinations_with_replacement permutations", reads=FIRST, keywords=("r",), gives=_OBJECT
 )
-_declare(itertools, "cycle islice", reads=FIRST, gives=_OBJECT)
-_declare(itertools, "count repeat", gives=_OBJECT)
-_declare(itertools, "accumulate", reads=FIRST, function=1, keywords=("initial",), gives=_OBJECT)
-_declare(itertools, "dropwhile filterfalse starmap takewhile", reads=REST, function=0, gives=_OBJECT)
-_declare(heapq, "heapify heappop heappush heappushpop heapreplace", changes=True)
-_declare(heapq, "nlargest nsmallest", reads=SECOND, keywords=("key",), most=2)
-_declare(bisect, "bisect bisect_left bisect_right", keywords=("key", "lo", "hi"))
-_declare(bisect, "insort insort_left insort_right", keywords=("key", "lo", "hi"), changes=True)
-_declare(collections, "deque", reads=FIRST, keywords=("maxlen",), gives=_OBJECT)
-_declare(collections, "defaultdict", reads=REST, function=0, keywords=("*",))
-_declare(collections, "Counter OrderedDict", reads=FIRST)
-_declare(copy, "copy deepcopy", most=1)
+_declare_pure(itertools, "cycle islice", reads=FIRST, gives=_OBJECT)
+_declare_pure(itertools, "count repeat", gives=_OBJECT)
+_declare_pure(itertools, "accumulate", reads=FIRST, function=1, keywords=("initial",), gives=_OBJECT)
+_declare_pure(itertools, "dropwhile filterfalse starmap takewhile", reads=REST, function=0, gives=_OBJECT)
+_declare_pure(heapq, "heapify heappop heappush heappushpop heapreplace", changes=True)
+_declare_pure(heapq, "nlargest nsmallest", reads=SECOND, keywords=("key",), most=2)
+_declare_pure(bisect, "bisect bisect_left bisect_right", keywords=("key", "lo", "hi"))
+_declare_pure(bisect, "insort insort_left insort_right", keywords=("key", "lo", "hi"), changes=True)
+_declare_pure(collections, "deque", reads=FIRST, keywords=("maxlen",), gives=_OBJECT)
+_declare_pure(collections, "defaultdict", reads=REST, function=0, keywords=("*",))
+_declare_pure(collections, "Counter OrderedDict", reads=FIRST)
+_declare_pure(copy, "copy deepcopy", most=1)
 
 # Modules that are read once they are loaded: their functions, and the keywords that these accept.
 _LATE = {
@@ -215,7 +217,7 @@ _make_methods("difference_update intersection_update", 0, 99, reads=True, unorde
 _make_methods("symmetric_difference_update", 1, 1, reads=True, unordered=True, changes=True)
 
 
-def _add_methods() -> None:
+def _add_pure_methods() -> None:
     """The same methods as functions of their class: `str.lower`."""
     for owner in (str, int, float, list, tuple, dict, set, frozenset):
         for name, target in vars(owner).items():
@@ -225,20 +227,22 @@ def _add_methods() -> None:
                 _KNOWN[id(target)] = KnownFunction(target, f"{owner.__name__}.{name}", **facts)
 
 
-_add_methods()
+_add_pure_methods()
 
 
-def _split_words(text: str) -> frozenset[str]:
+def _split_pure_names(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
 # Modules that a function may import, modules whose functions are never pure, and built-in functions with effects.
-PURE_MODULES = _split_words("bisect collections copy functools heapq itertools json math operator statistics string")
-IMPURE_MODULES = _split_words(
+PURE_MODULES = _split_pure_names(
+    "bisect collections copy functools heapq itertools json math operator statistics string"
+)
+IMPURE_MODULES = _split_pure_names(
     "asyncio datetime io locale multiprocessing os pathlib posix random secrets shutil socket subprocess sys threading "
     "time urllib uuid"
 )
-EFFECTS = _split_words("breakpoint delattr eval exec exit globals input locals open print quit setattr vars")
+EFFECTS = _split_pure_names("breakpoint delattr eval exec exit globals input locals open print quit setattr vars")
 # Attributes of these classes are looked up, so that `str.lower` and `chain.from_iterable` are found.
 CLASSES = (str, int, float, bool, list, tuple, dict, set, frozenset, itertools.chain)
 
@@ -301,10 +305,10 @@ Target: TypeAlias = LocalFunction | Any  # Any: a Python object
 Active: TypeAlias = frozenset[tuple[int, str]]
 
 
-def is_constant(value: object) -> bool:
+def is_constant_binding(value: object) -> bool:
     """Whether a value can never change: a number, string, bool, None, or a tuple of such."""
     if type(value) is tuple:
-        return all(is_constant(part) for part in value)
+        return all(is_constant_binding(part) for part in value)
     return value is None or type(value) in (bool, int, float, str)
 
 
@@ -316,9 +320,9 @@ def is_exception_class(value: object) -> bool:
     return not any(isinstance(maker, FunctionType | staticmethod) for maker in makers)
 
 
-def is_code(value: object) -> bool:
+def is_code_binding(value: object) -> bool:
     """Whether it is a function, class or module, not data."""
-    return type(value) in _CODE_TYPES or issubclass(type(value), type) or find_known(value) is not None
+    return type(value) in _CODE_TYPES or issubclass(type(value), type) or find_known_pure(value) is not None
 
 
 @dataclass(slots=True, eq=False)
@@ -365,16 +369,18 @@ class FunctionNames:
         what = f"the global name '{name}'"
         value = self.function.__globals__[name]
         if module is None:
-            if is_constant(value):
+            if is_constant_binding(value):
                 raise Unproven(f"reads {what}, which may change")
-        elif not module.is_bound_once(name) and (is_constant(value) or name in module.names or name in module.rebound):
+        elif not module.is_bound_once(name) and (
+            is_constant_binding(value) or name in module.names or name in module.rebound
+        ):
             raise Unproven(f"reads {what}, which may change")
         return self._check_lasting(value, name, what)
 
     def _check_lasting(self, value: Any, name: str, what: str) -> Any:
-        if is_constant(value):
+        if is_constant_binding(value):
             self.findings.constants[name] = None
-        elif not is_code(value):
+        elif not is_code_binding(value):
             raise Unproven(f"reads {what}, " + ("an object with state" if callable(value) else "which may change"))
         return value
 
@@ -385,11 +391,11 @@ class FunctionNames:
         if name not in namespace:
             raise Unproven(f"reads {what}, which does not exist")
         value = namespace[name]
-        if find_known(value) or (module.__name__ in IMPURE_MODULES and is_code(value)):
+        if find_known_pure(value) or (module.__name__ in IMPURE_MODULES and is_code_binding(value)):
             return value
         file = namespace.get("__file__")
         fixed = module.__name__ == "math" or what == "'sys.maxsize'"
-        if (is_constant(value) and not fixed) or type(value) is FunctionType:
+        if (is_constant_binding(value) and not fixed) or type(value) is FunctionType:
             source = read_module(file, namespace) if isinstance(file, str) and file.endswith(".py") else None
             if source is None or not source.is_bound_once(name):
                 raise Unproven(f"reads {what}, which may change")
@@ -456,7 +462,7 @@ class FunctionNames:
             case ast.Name(id=name):
                 found = scope.find_bindings(name)
                 if found is None:
-                    return VALUE if is_constant(self.find_outside(name)) else CODE
+                    return VALUE if is_constant_binding(self.find_outside(name)) else CODE
                 places, inner = found
                 if (id(inner), name) in active:
                     return NOTHING
@@ -466,7 +472,7 @@ class FunctionNames:
                 )
             case ast.Attribute():
                 value = self.find_object(node, scope)
-                return VALUE if value is UNKNOWN or is_constant(value) else CODE
+                return VALUE if value is UNKNOWN or is_constant_binding(value) else CODE
             case ast.Call():
                 return self._call_kind(node, scope, active)
             case ast.Set() | ast.SetComp():
@@ -482,7 +488,7 @@ class FunctionNames:
             case ast.BoolOp(values=values):
                 return functools.reduce(ResultKind.__or__, (self.infer_kind(value, scope, active) for value in values))
             case ast.BinOp(left=left, op=op, right=right) if isinstance(op, SET_OPERATORS):
-                return _join_set_kinds(self.infer_kind(left, scope, active) | self.infer_kind(right, scope, active))
+                return _prove_set_kind(self.infer_kind(left, scope, active) | self.infer_kind(right, scope, active))
             case _:
                 return VALUE
 
@@ -491,9 +497,9 @@ class FunctionNames:
             case Binding("value", ast.expr() as value):
                 return self.infer_kind(value, scope, active)
             case Binding("update", ast.AugAssign(op=op, value=value)) if isinstance(op, SET_OPERATORS):
-                return _join_set_kinds(self.infer_kind(value, scope, active))
+                return _prove_set_kind(self.infer_kind(value, scope, active))
             case Binding("import", ast.Import() | ast.ImportFrom() as statement):
-                return VALUE if is_constant(resolve_import(statement, name)) else CODE
+                return VALUE if is_constant_binding(resolve_import(statement, name)) else CODE
             case Binding("function"):
                 return CODE
             case Binding("error"):
@@ -521,7 +527,7 @@ class FunctionNames:
                 return NOTHING
             kinds = (self.infer_kind(value, inner, active | {key}) for value in find_returned_expressions(target.node))
             return functools.reduce(ResultKind.__or__, kinds, NOTHING)
-        if (entry := find_known(target)) is not None:
+        if (entry := find_known_pure(target)) is not None:
             return entry.gives
         if type(target) is CACHE_TYPE or type(target) is functools.partial:
             return self.infer_result_kind(unwrap_callable(target), active)
@@ -556,7 +562,7 @@ def find_returned_expressions(node: FunctionNode) -> Iterator[ast.expr]:
             pending.extend(ast.iter_child_nodes(part))
 
 
-def _join_set_kinds(kind: ResultKind) -> ResultKind:
+def _prove_set_kind(kind: ResultKind) -> ResultKind:
     """The kind of `a | b` and its like: of sets, or of views of dicts, a set."""
     return (kind & ~OBJECT) | SET if kind & (SET | OBJECT) else kind
 

@@ -34,7 +34,7 @@ from ss2sql.frontend.volatility.name_bindings import (
     Scope,
     Target,
     Unproven,
-    find_known,
+    find_known_pure,
     resolve_import,
 )
 
@@ -229,7 +229,7 @@ class ExpressionProof(ABC):
             self.check_expr(func, CODE)
         text = ast.unparse(func)
         for target in self.frame.find_targets(func, self.scope):
-            entry = None if isinstance(target, LocalFunction) else find_known(target)
+            entry = None if isinstance(target, LocalFunction) else find_known_pure(target)
             if entry is not None:
                 self.check_known_call(node, entry)
                 continue
@@ -283,7 +283,7 @@ class ExpressionProof(ABC):
             self.check_expr(node.value, VALUE | SET | OBJECT)
             return
         if isinstance(node, ast.Call):
-            entry = find_known(self.frame.find_object(node.func, self.scope))
+            entry = find_known_pure(self.frame.find_object(node.func, self.scope))
             if entry is None or entry.gives != CODE or entry.target is type:
                 raise Unproven(f"calls the result of '{ast.unparse(node)[:40]}'")
             self.check_expr(node, CODE)
@@ -294,7 +294,7 @@ class ExpressionProof(ABC):
             self.check_callback(target, ast.unparse(node))
 
     def check_callback(self, target: Target, text: str) -> None:
-        entry = None if isinstance(target, LocalFunction) else find_known(target)
+        entry = None if isinstance(target, LocalFunction) else find_known_pure(target)
         if entry is not None:
             self.frame.findings.changes |= entry.changes
         elif not isinstance(target, LocalFunction):

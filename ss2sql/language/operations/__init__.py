@@ -19,16 +19,16 @@ from ss2sql.language.operations import (
     special_forms,
     strings,
 )
+from ss2sql.language.operations.operation import AggregateOperation as AggregateOperation
 from ss2sql.language.operations.operation import Check as Check
 from ss2sql.language.operations.operation import Form as Form
-from ss2sql.language.operations.operation import Group as Group
 from ss2sql.language.operations.operation import Operation as Operation
 
 MODULES = (arithmetic, comparison, lists, aggregates, numbers, strings, generic, dates, special_forms, linked_paths)
 
 OPERATIONS: dict[str, Operation] = {row.name: row for page in MODULES for row in page.OPERATIONS}
 WRITTEN = {name: row for name, row in OPERATIONS.items() if " " not in name}  # the others are no names in scripts
-GROUPS: dict[str, Group] = {name: row.group for name, row in OPERATIONS.items() if row.group is not None}
+GROUPS: dict[str, AggregateOperation] = {name: row.group for name, row in OPERATIONS.items() if row.group is not None}
 GROUPS["collect"] = aggregates.COLLECT
 # Those that always give a bool; in SQL they give a flag.
 PREDICATES = frozenset(name for name, row in OPERATIONS.items() if row.arity == (2, 2) and row.symbol and row.negated)

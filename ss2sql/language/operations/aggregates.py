@@ -15,9 +15,9 @@ from ss2sql.language.kinds import FLOAT, NONE, NOTHING, Kind, Type, unite
 from ss2sql.language.operations.intervals import INTEGER, bound_integers, fits, is_nonnegative, make_numbers
 from ss2sql.language.operations.lists import LENGTH, are_not_lists, infer_length
 from ss2sql.language.operations.operation import (
+    AggregateOperation,
     Check,
     Form,
-    Group,
     Operation,
     Types,
     When,
@@ -78,16 +78,16 @@ def _sum_of_kind(kind: Type) -> Type:
     return FLOAT if kind.kinds == Kind.FLOAT else Type(Kind.INT | (kind.kinds & Kind.FLOAT))
 
 
-def _are_small_integers(types: Types) -> bool:
+def _are_small_integer_types(types: Types) -> bool:
     return types[0].kinds & ~Kind.NONE == Kind.INT and types[0].is_bounded(2**31)
 
 
-def _are_bounded_floats(types: Types) -> bool:
+def _are_bounded_float_types(types: Types) -> bool:
     """Floats so small that every sum is finite; SQLite's own sum is compensated, too."""
     return types[0].kinds == Kind.FLOAT and types[0].is_bounded(1e280)
 
 
-def _all_items_are(kinds: Kind) -> When:
+def _are_element_types(kinds: Kind) -> When:
     """Lists with elements of these kinds, at least one of them not empty."""
 
     def check_types(types: Types) -> bool:
@@ -97,9 +97,9 @@ def _all_items_are(kinds: Kind) -> When:
     return check_types
 
 
-def _can_sum_floats(types: Types) -> bool:
+def _are_float_sum_types(types: Types) -> bool:
     """Whether the values are floats: the sum of none is an integer."""
-    return _all_items_are(Kind.FLOAT)(types) and bool(types[0].positions)
+    return _are_element_types(Kind.FLOAT)(types) and bool(types[0].positions)
 
 
 def _infer_list_sum(types: Types) -> Type:
@@ -112,7 +112,7 @@ def _infer_list_sum(types: Types) -> Type:
     return Type(kinds, None if negative else 0, None if positive else 0)
 
 
-def _sum_can_fail(types: Types) -> bool:
+def _can_sum_fail(types: Types) -> bool:
     item = element_type(types[0])
     if are_not_lists(types):
         return True
@@ -143,7 +143,7 @@ def compute_mean(values: list[Any]) -> float:
         return _convert_to_float(_sum_exactly(values) / len(values))
 
 
-def _is_averaged_exactly(types: Types) -> bool:
+def _are_exact_average_types(types: Types) -> bool:
     """Integers so small that a float holds the sum of 2^32 of them."""
     return types[0].kinds & ~Kind.NONE == Kind.INT and types[0].is_bounded(2**21)
 
@@ -195,7 +195,7 @@ def _compute_percentile(values: Any, part: Any) -> float | None:
     return float(check_arithmetic(low * (1 - (place - below)) + high * (place - below)))
 
 
-def _make_end_aggregate(name: str, place: int, about: str, example: str) -> Operation:
+def _declare_end_aggregate(name: str, place: int, about: str, example: str) -> Operation:
     """The row of `first` or `last`: an end of a list, None of an empty one."""
 
     def take_end(values: Any) -> Any:
@@ -209,16 +209,16 @@ def _make_end_aggregate(name: str, place: int, about: str, example: str) -> Oper
     )  # fmt: skip
 
 
-def _make_collect() -> Group:
+def _declare_collect() -> AggregateOperation:
     """The row of `collect`: the values of a group as a list, for functions that need their order or more arguments."""
 
     def infer_type(kind: Type) -> Type:
         return Type(Kind.LIST, item=kind, columns=kind.columns)
 
-    return Group(list, [], infer_type, lambda kind: False, lambda kind: False, python=(Form(list),))
+    return AggregateOperation(list, [], infer_type, lambda kind: False, lambda kind: False, python=(Form(list),))
 
 
-COLLECT = _make_collect()
+COLLECT = _declare_collect()
 
 OPERATIONS: tuple[Operation, ...] = (
     declare_aggregate(
@@ -238,21 +238,21 @@ OPERATIONS: tuple[Operation, ...] = (
     declare_aggregate(
         "sum", compute_sum, _sum_of_kind, nothing=0, about="the sum of a list of numbers, 0 if it is empty",
         example="[sum([1, 2.5]), sum([])]", can_fail=lambda kind: True,
-        sqlite=(Form("sum({0})", _are_bounded_floats),),
+        sqlite=(Form("sum({0})", _are_bounded_float_types),),
         python=(Form(sum_floats, exactly(Kind.FLOAT)), Form(sum_integers, each(INTEGER))),
-        portable=(Form("coalesce(cast(sum({0}) AS BIGINT), 0)", _are_small_integers),),
+        portable=(Form("coalesce(cast(sum({0}) AS BIGINT), 0)", _are_small_integer_types),),
         of_floats=lambda values, count: math.fsum(values),
         of_list={
-            "result": _infer_list_sum, "can_fail": _sum_can_fail,
+            "result": _infer_list_sum, "can_fail": _can_sum_fail,
             "python": (
-                Form(sum_integers, _all_items_are(INTEGER), Check.ITSELF),
-                Form(sum_floats, _can_sum_floats, Check.ITSELF),
+                Form(sum_integers, _are_element_types(INTEGER), Check.ITSELF),
+                Form(sum_floats, _are_float_sum_types, Check.ITSELF),
             ),
         },
     ),
     declare_aggregate(
         "average", compute_mean, FLOAT, about="the mean of a list of numbers", example="average([1, 2, 6])",
-        portable=(Form("cast(sum({0}) AS DOUBLE) / count({0})", _is_averaged_exactly),),
+        portable=(Form("cast(sum({0}) AS DOUBLE) / count({0})", _are_exact_average_types),),
         of_floats=lambda values, count: math.fsum(values) / count,
     ),
     declare_aggregate(
@@ -272,6 +272,6 @@ OPERATIONS: tuple[Operation, ...] = (
         "percentile", 2, _compute_percentile, unite((FLOAT, NONE)), True, call="percentile(list, part)", collects=True,
         about="the number below which this part of the others lies", example="percentile([1, 2, 3, 4], 0.5)",
     ),
-    _make_end_aggregate("first", 0, "the first element of a list, None of an empty one", "first([3, 1, 2])"),
-    _make_end_aggregate("last", -1, "the last element of a list, None of an empty one", "last([3, 1, 2])"),
+    _declare_end_aggregate("first", 0, "the first element of a list, None of an empty one", "first([3, 1, 2])"),
+    _declare_end_aggregate("last", -1, "the last element of a list, None of an empty one", "last([3, 1, 2])"),
 )  # fmt: skip

@@ -83,7 +83,7 @@ def _make_zero_division_error(left: Any, symbol: str, right: Any) -> ExecutionEr
     )
 
 
-def _make_binary_operator(name: str, symbol: str, compute: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+def _declare_number_operator(name: str, symbol: str, compute: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """The value of an operator on two numbers."""
 
     def apply_operator(left: Any, right: Any) -> Any:
@@ -108,7 +108,7 @@ def are_reals(types: Types) -> bool:
     return all(kind.kinds == Kind.FLOAT or (kind.kinds == Kind.INT and kind.is_bounded(EXACT)) for kind in types)
 
 
-def are_integers_or_reals(types: Types) -> bool:
+def are_sql_number_types(types: Types) -> bool:
     return are_sql_integers(types) or are_reals(types)
 
 
@@ -135,11 +135,11 @@ def _make_operator(name: str, symbol: str, compute: intervals.Operation, about: 
 
     text = f"{{0}} {symbol} {{1}}"
     return declare(
-        name, 2, _make_binary_operator(name, symbol, compute), infer_type, can_fail,
+        name, 2, _declare_number_operator(name, symbol, compute), infer_type, can_fail,
         symbol=symbol, call=f"a {symbol} b", about=about, example=example, cheap=True,
         sqlite=(Form(text, are_numbers, Check.SIZE),),
         python=(Form(text, _are_numbers, Check.SIZE), Form(text, can_be_numbers, Check.NUMBERS)),
-        portable=(Form(text, are_integers_or_reals),),
+        portable=(Form(text, are_sql_number_types),),
     )  # fmt: skip
 
 
@@ -153,7 +153,7 @@ def add_values(left: Any, right: Any) -> Any:
     return compute_with_times(left, "+", right, operator.add)
 
 
-def _make_addition() -> Operation:
+def _declare_addition() -> Operation:
     row = _make_operator("add", "+", operator.add, "a + b: the sum; joins strings and lists",
                       "[2 + 3, 'ab' + 'c', [1] + [2]]")  # fmt: skip
     strings, lists = exactly(Kind.STR), exactly(Kind.LIST)
@@ -262,7 +262,7 @@ def _can_remainder_fail(types: Types) -> bool:
     return not _are_numbers(types) or _bound_quotients(types) is None
 
 
-def _is_exact(kind: Type) -> bool:
+def _is_exact_type(kind: Type) -> bool:
     return kind.is_bounded(EXACT) or not kind.may_be(Kind.INT)
 
 
@@ -271,7 +271,7 @@ def _can_divide(*exact: bool, whole_divisor: bool = False) -> When:
 
     def check_types(types: Types) -> bool:
         whole = types[1].is_only(INTEGER | Kind.NONE)
-        fit = all(_is_exact(kind) for kind, needed in zip(types, exact, strict=True) if needed)
+        fit = all(_is_exact_type(kind) for kind, needed in zip(types, exact, strict=True) if needed)
         return are_numbers(types) and fit and whole >= whole_divisor
 
     return check_types
@@ -281,7 +281,7 @@ def _write_between(what: str, limit: float) -> str:
     return f"{what} BETWEEN {-limit!r} AND {limit!r}"
 
 
-def _are_nonnegative(types: Types) -> bool:
+def _are_nonnegative_types(types: Types) -> bool:
     return are_integers(types) and types[0].is_at_least(0) and types[1].is_at_least(1)
 
 
@@ -393,11 +393,11 @@ def _write_product(count: int) -> str:
 
 
 OPERATIONS = (
-    _make_addition(),
+    _declare_addition(),
     _make_operator("sub", "-", operator.sub, "a - b: the difference", "5 - 7"),
     _make_operator("mul", "*", operator.mul, "a * b: the product", "1.5 * 4"),
     declare(
-        "div", 2, _make_binary_operator("div", "/", operator.truediv), _infer_quotient, _can_quotient_fail,
+        "div", 2, _declare_number_operator("div", "/", operator.truediv), _infer_quotient, _can_quotient_fail,
         symbol="/", call="a / b", about="a / b: the quotient, a float", example="7 / 2", cheap=True,
         sqlite=(
             Form("cast({0} AS REAL) / {1}", _can_divide(True, True, whole_divisor=True), Check.NOT_NULL),  # 1 or more
@@ -413,19 +413,19 @@ OPERATIONS = (
         portable=(Form("cast({0} AS DOUBLE) / {1}", are_reals),),
     ),
     declare(
-        "mod", 2, _make_binary_operator("mod", "%", operator.mod), _infer_remainder, _can_remainder_fail,
+        "mod", 2, _declare_number_operator("mod", "%", operator.mod), _infer_remainder, _can_remainder_fail,
         symbol="%", call="a % b", about="a % b: the remainder, with the sign of b", example="[-7 % 3, 7 % -3]",
         cheap=True,
         sqlite=(
             # SQL's remainder has the sign of the dividend.
-            Form("{0} % {1}", _are_nonnegative),
+            Form("{0} % {1}", _are_nonnegative_types),
             Form("({0} % {1} + {1}) % {1}", lambda types: are_integers(types) and types[1].is_bounded(2**62)),
             Form("({0} % {1} + {1}) % {1}", are_integers,
                  only="{1} BETWEEN 1 AND 4611686018427387904 AND {0} IS NOT NULL"),
         ),
         python=(Form("{0} % {1}", _are_numbers, "{1}"),),
         portable=(
-            Form("{0} % {1}", lambda types: are_sql_integers(types) and _are_nonnegative(types)),
+            Form("{0} % {1}", lambda types: are_sql_integers(types) and _are_nonnegative_types(types)),
             Form("({0} % {1} + {1}) % {1}", lambda types: are_sql_integers(types) and types[1].is_bounded(2**61)),
         ),
     ),

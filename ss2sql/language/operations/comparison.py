@@ -9,7 +9,7 @@ from typing import Any
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import BOOL, Kind
-from ss2sql.language.operations.arithmetic import are_integers_or_reals, can_be_numbers
+from ss2sql.language.operations.arithmetic import are_sql_number_types, can_be_numbers
 from ss2sql.language.operations.intervals import are_comparable
 from ss2sql.language.operations.operation import (
     Check,
@@ -22,11 +22,11 @@ from ss2sql.language.operations.operation import (
     exactly,
     have_one_sql_class,
 )
-from ss2sql.language.ordering import find_deciding_pair
+from ss2sql.language.ordering import find_ordering_pair
 from ss2sql.language.values import has_dict_key, make_dict_key
 
 
-def _make_equality(name: str, symbol: str, negated: str, about: str, example: str) -> Operation:
+def _declare_equality(name: str, symbol: str, negated: str, about: str, example: str) -> Operation:
     """The row of `==` or `!=`, for any two values; the SQL compiler has code of its own for handles and worlds."""
     values: dict[str, Callable[[Any, Any], bool]] = {
         "eq": lambda left, right: bool(left == right),
@@ -45,7 +45,7 @@ def _make_order(
     """The row of `< <= > >=`, within numbers, within strings and within lists."""
 
     def compare_order(left: Any, right: Any) -> bool:
-        return compute(*find_deciding_pair(left, right, symbol))
+        return compute(*find_ordering_pair(left, right, symbol))
 
     compare_order.__name__ = name
     text = f"{{0}} {symbol} {{1}}"
@@ -55,15 +55,15 @@ def _make_order(
         negated=negated, mirrored=mirrored,
         sqlite=(Form(text, have_one_sql_class, Check.NOT_NULL),),  # None has no order
         python=(Form(text, are_orderable), Form(text, can_be_numbers, Check.NUMBERS)),
-        portable=(Form(text, _can_be_ordered),),
+        portable=(Form(text, _are_ordered_types),),
     )  # fmt: skip
 
 
-def _can_be_ordered(types: Types) -> bool:
-    return any(exactly(kind)(types) for kind in (Kind.STR, Kind.INT, Kind.FLOAT)) or are_integers_or_reals(types)
+def _are_ordered_types(types: Types) -> bool:
+    return any(exactly(kind)(types) for kind in (Kind.STR, Kind.INT, Kind.FLOAT)) or are_sql_number_types(types)
 
 
-def contains_item(item: Any, container: Any) -> bool:
+def contains_element(item: Any, container: Any) -> bool:
     """An element of a list, a key of a dict, a part of a string."""
     kind = type(container)
     if kind is list:
@@ -77,10 +77,10 @@ def contains_item(item: Any, container: Any) -> bool:
 
 
 def _compute_not_in(item: Any, container: Any) -> bool:
-    return not contains_item(item, container)
+    return not contains_element(item, container)
 
 
-def _make_membership(
+def _declare_membership(
     name: str, symbol: str, value: Callable[..., bool], negated: str, text: str, **others: str
 ) -> Operation:
     return declare(
@@ -95,15 +95,15 @@ def _make_membership(
 OPERATIONS = (
     _make_order("lt", "<", operator.lt, "ge", "gt", "[1 < 2, 'a' < 'B', [1, 2] < [1, 3]]"),
     _make_order("le", "<=", operator.le, "gt", "ge", "2 <= 2"),
-    _make_equality("eq", "==", "ne", "a == b: whether the values are equal", "[1 == 1.0, [1] == [1.0], '1' == 1]"),
-    _make_equality("ne", "!=", "eq", "a != b: whether the values differ", "None != 0"),
+    _declare_equality("eq", "==", "ne", "a == b: whether the values are equal", "[1 == 1.0, [1] == [1.0], '1' == 1]"),
+    _declare_equality("ne", "!=", "eq", "a != b: whether the values differ", "None != 0"),
     _make_order("ge", ">=", operator.ge, "lt", "le", "1 >= 2"),
     _make_order("gt", ">", operator.gt, "le", "lt", "'b' > 'a'"),
-    _make_membership(
-        "in", "IN", contains_item, "not_in", "{0} in {1}",
+    _declare_membership(
+        "in", "IN", contains_element, "not_in", "{0} in {1}",
         about="a IN b: b is a list, a dict or a string", example="[2 IN [1, 2], 'b' IN 'abc']",
     ),
-    _make_membership(
+    _declare_membership(
         "not_in", "NOT IN", _compute_not_in, "in", "{0} not in {1}", about="a NOT IN b", example="3 NOT IN [1, 2]"
     ),
 )  # fmt: skip

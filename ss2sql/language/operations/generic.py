@@ -7,7 +7,7 @@ from typing import Any
 from ss2sql.language.cancellation import iterate_checked
 from ss2sql.language.kinds import BOOL, NONE, STR, Kind, Opaque, Type, unite
 from ss2sql.language.operations.lists import are_not_lists
-from ss2sql.language.operations.operation import Form, Types, check_list, declare, have_one_sql_class, remove_none
+from ss2sql.language.operations.operation import Form, Types, check_list, declare, have_one_sql_class, remove_none_kind
 from ss2sql.language.values import get_truth
 
 
@@ -19,7 +19,7 @@ def _infer_coalesce(types: Types) -> Type:
     """The type of `coalesce`: arguments after one that is never None are ignored."""
     found: list[Type] = []
     for kind in types:
-        found.append(remove_none(kind) if kind.may_be(Kind.NONE) else kind)
+        found.append(remove_none_kind(kind) if kind.may_be(Kind.NONE) else kind)
         if not kind.may_be(Kind.NONE):
             return unite(found)
     return unite((*found, NONE))

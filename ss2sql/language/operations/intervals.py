@@ -105,18 +105,18 @@ def round_bounds(t: Type, operation: Callable[[float], int]) -> list[tuple[int, 
     return parts
 
 
-def widen_bounds(kinds: Kind, low: float | None, high: float | None) -> Type:
+def widen_number_type(kinds: Kind, low: float | None, high: float | None) -> Type:
     """The type of numbers between these, with powers of two as bounds, so that few changes of a table change it."""
     if low is None or high is None:  # no number is left where SQLite found one, as in a damaged file
         return Type(kinds)
     if math.isinf(low) or math.isinf(high):
         return Type(kinds | Kind.OBJECT)  # no float of the language
     least, greatest = (-MAX, MAX) if kinds & Kind.FLOAT else (INT_MIN, INT_MAX)
-    below, above = -_round_up_to_power(-low), _round_up_to_power(high)
+    below, above = -_round_bound_up(-low), _round_bound_up(high)
     return Type(kinds, below if least < below else None, above if above < greatest else None)
 
 
-def _round_up_to_power(value: float) -> int:
+def _round_bound_up(value: float) -> int:
     """The least that is not below the value of 0, the powers of two from 1 on, and their negatives."""
     whole = math.ceil(value)
     if whole == 0:

@@ -16,8 +16,8 @@ from ss2sql.language.operations.arithmetic import are_sql_integers
 from ss2sql.language.operations.intervals import INTEGER, are_comparable, bound_integers, make_numbers, make_text_type
 from ss2sql.language.operations.operation import (
     INTEGERS,
+    AggregateOperation,
     Form,
-    Group,
     Operation,
     Types,
     When,
@@ -63,7 +63,7 @@ def _get_item(container: Any, index: Any) -> Any:
         try:
             return container[index]
         except IndexError:
-            raise _make_range_error(container, index) from None
+            raise _make_index_operand_error(container, index) from None
     if kind is dict:
         key = make_dict_key(index)
         if has_dict_key(container, key):
@@ -76,7 +76,7 @@ def _get_item(container: Any, index: Any) -> Any:
     raise ExecutionError("X001", f"cannot take an element of {format_value(container)}", hints=(hint,))
 
 
-def _make_range_error(container: Any, index: int) -> ExecutionError:
+def _make_index_operand_error(container: Any, index: int) -> ExecutionError:
     length = len(container)
     elements = "character" if type(container) is str else "element"
     message = (
@@ -127,11 +127,11 @@ def _make_forms(kind: Kind, index: When, inside: str) -> tuple[Form, ...]:
     )
 
 
-def _is_index_from_start(types: Types) -> bool:
+def _is_index_type_from_start(types: Types) -> bool:
     return types[0].kinds == Kind.INT and types[0].is_at_least(0)
 
 
-def _is_index_from_end(types: Types) -> bool:
+def _is_index_type_from_end(types: Types) -> bool:
     return types[0].kinds == Kind.INT and types[0].high is not None and types[0].high < 0
 
 
@@ -180,7 +180,9 @@ def are_of_one_kind(kind: Type) -> bool:
     return kind.kinds == Kind.BOOL or any(kind.is_only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
 
 
-def _make_extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last: str, **others: str) -> Operation:
+def _declare_extreme(
+    name: str, pick: Callable[[Any], Any], sign: int, keeps: str, last: str, **others: str
+) -> Operation:
     """The row of `min` or `max`. The first of equal values wins, as in SQLite's max; its min takes the last."""
 
     def find_extreme(first: Any, *others: Any) -> Any:
@@ -200,7 +202,7 @@ def _make_extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, 
     def infer_type(types: Types) -> Type:
         if len(types) == 1 and types[0].positions is None:
             return unite((element_type(types[0]), NONE))
-        chosen = _list_candidate_types(types)
+        chosen = _list_extreme_types(types)
         if len(chosen) == 1:
             return chosen[0]
         lists = unite(map(intervals.keep_lists, chosen)) if all(kind.may_be(Kind.LIST) for kind in chosen) else NOTHING
@@ -212,7 +214,7 @@ def _make_extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, 
             return True
         if len(types) == 1 and types[0].positions is None:
             return not are_comparable(element_type(types[0]), element_type(types[0]))
-        chosen = _list_candidate_types(types)
+        chosen = _list_extreme_types(types)
         return len(chosen) > 1 and not are_comparable(unite(chosen), unite(chosen))
 
     find_extreme.__name__ = name
@@ -223,13 +225,13 @@ def _make_extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, 
             Form(f"{name}({last})", _in_sql, spread=True),
         ),
         python=(
-            Form("{0}", _are_ordered_numbering(1, 1), spread=True),
-            Form(f"{{0}} if {{0}} {keeps} {{1}} else {{1}}", _are_ordered_numbering(2, 2), spread=True),
-            Form(f"{name}({{*}})", _are_ordered_numbering(3, 10**6), spread=True),
+            Form("{0}", _are_orderable_types(1, 1), spread=True),
+            Form(f"{{0}} if {{0}} {keeps} {{1}} else {{1}}", _are_orderable_types(2, 2), spread=True),
+            Form(f"{name}({{*}})", _are_orderable_types(3, 10**6), spread=True),
             Form(f"{name}({{0}}) if {{0}} else None", _list_of_alike),
         ),
         portable=(Form(f"{'least' if sign < 0 else 'greatest'}({{*}})", _are_equal_identical, spread=True),),
-        group=Group(
+        group=AggregateOperation(
             find_extreme_of, None, result=lambda kind: kind, can_fail=lambda kind: not are_comparable(kind, kind),
             in_sql=are_of_one_kind,
             sqlite=(Form(f"{name}({{0}})", lambda types: types[0].kinds != Kind.BOOL and are_of_one_kind(types[0])),),
@@ -239,7 +241,7 @@ def _make_extreme(name: str, pick: Callable[[Any], Any], sign: int, keeps: str, 
     )  # fmt: skip
 
 
-def _list_candidate_types(types: Types) -> Types:
+def _list_extreme_types(types: Types) -> Types:
     """The types of the candidates: several arguments, or the elements of a list, known one by one."""
     return types if len(types) > 1 else types[0].positions or types
 
@@ -249,7 +251,7 @@ def _in_sql(types: Types) -> bool:
     return find_sql_class(unite(types)) is not None
 
 
-def _are_ordered_numbering(least: int, most: int) -> When:
+def _are_orderable_types(least: int, most: int) -> When:
     return lambda types: least <= len(types) <= most and are_orderable(types)
 
 
@@ -406,8 +408,8 @@ OPERATIONS = (
         python=(
             Form("{0}[{1}]", lambda types: types[0].is_only(Kind.LIST) and types[1].kinds == Kind.INT),
             *_make_forms(Kind.DICT, exactly(Kind.STR), "{1} in {0}"),
-            *_make_forms(Kind.LIST, _is_index_from_start, "len({0}) > {1}"),
-            *_make_forms(Kind.LIST, _is_index_from_end, "len({0}) >= -{1}"),
+            *_make_forms(Kind.LIST, _is_index_type_from_start, "len({0}) > {1}"),
+            *_make_forms(Kind.LIST, _is_index_type_from_end, "len({0}) >= -{1}"),
             *_make_forms(Kind.LIST, exactly(Kind.INT), "len({0}) > {1} > -1"),  # one from the end is left to the value
         ),
         portable=(
@@ -434,9 +436,9 @@ OPERATIONS = (
             Form("cast(len({0}) AS BIGINT)", exactly(Kind.LIST)),
         ),
     ),
-    _make_extreme("min", min, -1, "<=", "{reversed}", about="the least of a list, or of the arguments",
+    _declare_extreme("min", min, -1, "<=", "{reversed}", about="the least of a list, or of the arguments",
              example="[min([3, 1, 2]), min(3, 1)]"),
-    _make_extreme("max", max, 1, ">=", "{*}", about="the greatest of a list or the arguments",
+    _declare_extreme("max", max, 1, ">=", "{*}", about="the greatest of a list or the arguments",
                   example="max(['a', 'b'])"),
     declare(
         "uniq", 1, _compute_uniq, keep_element_type, are_not_lists,

@@ -10,7 +10,7 @@ from typing import Any
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import CURES, build_overflow_error, check_arithmetic, format_value
 from ss2sql.language.kinds import NOTHING, Kind, Type, unite
-from ss2sql.language.operations.arithmetic import FINITE, are_integers_or_reals, are_reals, can_sign_fail, split_type
+from ss2sql.language.operations.arithmetic import FINITE, are_reals, are_sql_number_types, can_sign_fail, split_type
 from ss2sql.language.operations.intervals import (
     INTEGER,
     bound_floats,
@@ -154,20 +154,20 @@ def _infer_size(types: Types) -> Type:
 
 def _can_size_fail(types: Types) -> bool:
     if all(kind.is_only(Kind.LIST) and kind.positions is not None for kind in types):
-        return _can_be_too_long([kind.positions or () for kind in types])
+        return _can_vector_size_fail([kind.positions or () for kind in types])
     if can_be_no_numbers(types):
         return True
     return len(types) > 1 and not all(-HALF <= bound <= HALF for kind in types for bound in bound_floats(kind))
 
 
-def _can_be_too_long(vectors: Sequence[tuple[Type, ...]]) -> bool:
+def _can_vector_size_fail(vectors: Sequence[tuple[Type, ...]]) -> bool:
     coordinates = list(chain.from_iterable(vectors))
     if can_be_no_numbers(coordinates) or len(set(map(len, vectors))) > 1:
         return True
     return not all(-SMALL <= bound <= SMALL for part in coordinates for bound in bound_floats(part))
 
 
-def _is_difference_exact(types: Types) -> bool:
+def _are_exact_difference_types(types: Types) -> bool:
     """Tests for integers, which SQLite subtracts exactly within 64 bits."""
     return are_numbers(types) and all(not kind.may_be(Kind.INT) or kind.is_bounded(2**61) for kind in types)
 
@@ -203,7 +203,7 @@ def _make_round(name: str, compute: Callable[[float], int], about: str, example:
         ),
         python=(Form(compute, _NUMBERS, Check.SIZE),),
         portable=(
-            Form("{0}", lambda types: are_integers_or_reals(types) and exactly(Kind.INT)(types)),
+            Form("{0}", lambda types: are_sql_number_types(types) and exactly(Kind.INT)(types)),
             Form(f"cast({name}({{0}}) AS BIGINT)", exactly(Kind.FLOAT)),
         ),
     )  # fmt: skip
@@ -340,7 +340,7 @@ OPERATIONS = (
             Form("abs({0}) + 0", are_numbers, "{0} >= -9223372036854775807"),
         ),
         python=(Form("abs({0})", _NUMBERS, Check.SIZE),),
-        portable=(Form("abs({0})", lambda types: are_integers_or_reals(types) or exactly(Kind.FLOAT)(types)),),
+        portable=(Form("abs({0})", lambda types: are_sql_number_types(types) or exactly(Kind.FLOAT)(types)),),
     ),
     declare(  # no form in SQL: databases round the last place by other rules
         "round", (1, 2), _round_number, _infer_rounded, _can_rounding_fail, call="round(x) or round(x, digits)",
@@ -370,7 +370,7 @@ OPERATIONS = (
     declare(
         "distance", 2, _measure_distance, _infer_size, _can_size_fail, call="distance(a, b)",
         about="the distance of two numbers or points", example="[distance([0, 0], [3, 4]), distance(1, 5)]",
-        sqlite=(Form("abs({0} - {1}) + 0.0", _is_difference_exact),),  # + 0.0 makes a float of an integer
+        sqlite=(Form("abs({0} - {1}) + 0.0", _are_exact_difference_types),),  # + 0.0 makes a float of an integer
         python=(Form(math.dist, _are_points, FINITE.partition(" <= ")[2]),),
     ),
     declare(

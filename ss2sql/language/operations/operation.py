@@ -105,7 +105,7 @@ class Form:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Group:
+class AggregateOperation:
     """An aggregate of GROUP BY: a function of the list of a group's values that are not None."""
 
     value: Callable[..., Any]  # of a list of one value at least
@@ -120,7 +120,7 @@ class Group:
 
     def type_of_group(self, kind: Type) -> Type:
         """The type for a group, which has a row, of values of this type, None among them perhaps."""
-        known = self.result(remove_none(kind))
+        known = self.result(remove_none_kind(kind))
         return unite((known, type_of(self.nothing))) if kind.may_be(Kind.NONE) else known
 
     def aggregate_group(self, values: Iterable[Any]) -> Any:
@@ -157,7 +157,7 @@ class Operation:
     mirrored: str = ""  # the comparison with its operands exchanged
     cheap: bool = False  # a few machine instructions, so it may be computed twice
     grows: bool = False  # the value may be larger than the arguments together, so it is measured
-    group: Group | None = None
+    group: AggregateOperation | None = None
     collects: bool = False  # with GROUP BY the first argument is the list of the values of a group
 
     def make_function(self, types: Types | None = None) -> Function:
@@ -212,7 +212,7 @@ def declare_aggregate(
         nothing: the value of an empty list.
         accepts: raises the error for wrong values; by default they must be numbers.
         can_fail: whether a value of such elements can fail; by default if they may be no numbers.
-        in_sql, of_floats: see Group.
+        in_sql, of_floats: see AggregateOperation.
         of_list: fields of the function of a list, such as its forms.
         **forms: those of the aggregate.
     """
@@ -241,7 +241,7 @@ def declare_aggregate(
     compute_of_list.__name__ = name
     if of_floats is None and type_of_value(FLOAT).is_only(Kind.FLOAT | Kind.NONE):
         of_floats = lambda values, count: check_and_compute(list(values))  # noqa: E731 - where there is nothing faster
-    group = Group(
+    group = AggregateOperation(
         check_and_compute, nothing, type_of_value, may_fail, in_sql or is_number_or_none, of_floats=of_floats, **forms
     )
     row = declare(
@@ -307,5 +307,5 @@ def element_type(kind: Type) -> Type:
     return ANY if kind.item is None else kind.item
 
 
-def remove_none(kind: Type) -> Type:
+def remove_none_kind(kind: Type) -> Type:
     return replace(kind, kinds=kind.kinds & ~Kind.NONE)

@@ -36,7 +36,9 @@ def _not_strings(types: Types) -> bool:
     return not _STRINGS(types)
 
 
-def _make_method(name: str, compute: Callable[..., Any], arity: int | tuple[int, int], **others: Any) -> Operation:
+def _declare_string_method(
+    name: str, compute: Callable[..., Any], arity: int | tuple[int, int], **others: Any
+) -> Operation:
     """The row of a function that is a method of Python's strings."""
 
     def call_method(*strings: Any) -> Any:
@@ -84,7 +86,7 @@ def replace_text(value: Any, old: Any, new: Any) -> str:
 _FIELD = re.compile(r"\{\{|\}\}|\{(\d*)(?::([^{}]*))?\}|[{}]")
 
 
-def _format_pattern(pattern: Any, *values: Any) -> str:
+def _compute_format(pattern: Any, *values: Any) -> str:
     """Python's `format` with `{}`, `{0}` or `{:.2f}`; attributes and items of values are refused."""
     count = 0
 
@@ -102,12 +104,12 @@ def _format_pattern(pattern: Any, *values: Any) -> str:
         if number >= len(values):
             message = f"format has no value number {number} for {format_value(pattern)}"
             raise misuse(message, "each {} takes one more argument")
-        return _format_value(values[number], spec)
+        return _compute_formatted(values[number], spec)
 
     return _FIELD.sub(fill_field, check_string("format", pattern))
 
 
-def _format_value(value: Any, spec: str) -> str:
+def _compute_formatted(value: Any, spec: str) -> str:
     if any(int(width) > MOST_WIDTH for width in re.findall(r"\d+", spec)):
         raise misuse(f"format with {spec!r}", f"a value takes at most {MOST_WIDTH} characters")
     try:
@@ -172,20 +174,20 @@ OPERATIONS = (
         python=(Form("str({0})", _PLAIN),),
         portable=(Form("{0}", _STRING), Form("cast({0} AS VARCHAR)", exactly(Kind.INT))),
     ),
-    _make_method(
+    _declare_string_method(
         "upper", str.upper, 1, call="upper(s)", about="the string in capitals", example="upper('abc')", grows=True,
         sqlite=(Form("upper({0})", _STRING, only=_ASCII),),
     ),
-    _make_method(
+    _declare_string_method(
         "lower", str.lower, 1, call="lower(s)", about="the string in small letters", example="lower('ABC')", grows=True,
         sqlite=(Form("lower({0})", _STRING, only=_ASCII),),
     ),
-    _make_method(
+    _declare_string_method(
         "strip", str.strip, (1, 2), call="strip(s) or strip(s, characters)",
         about="the string without blanks, or these characters, at its ends",
         example="[strip(' a b '), strip('--a-', '-')]", result=lambda types: make_text_type(types[:1]),
     ),
-    _make_method(
+    _declare_string_method(
         "split", _split_string, (1, 2), call="split(s) or split(s, separator)", result=_infer_parts, grows=True,
         about="the parts of a string between blanks or separators", example="[split('a b'), split('a,b', ',')]",
         can_fail=lambda types: _not_strings(types) or len(types) > 1, python=(),
@@ -200,21 +202,21 @@ OPERATIONS = (
         sqlite=(Form('"replace"({0}, {1}, {2})', _STRING,
                      " AND ".join(["{1} <> ''", *(f"instr({{{n}}}, char(0)) = 0" for n in range(3))])),),
     ),
-    _make_method(
+    _declare_string_method(
         "starts", str.startswith, 2, call="starts(s, part)", about="whether the string begins with a part",
         example="starts('abc', 'ab')", result=lambda types: BOOL, portable=(Form("starts_with({0}, {1})", _STRING),),
     ),
-    _make_method(
+    _declare_string_method(
         "ends", str.endswith, 2, call="ends(s, part)", about="whether the string ends with a part",
         example="ends('abc', 'bc')", result=lambda types: BOOL,
     ),
-    _make_method(
+    _declare_string_method(
         "find", str.find, 2, call="find(s, part)", about="the place of the first such part, -1 without one",
         example="[find('abc', 'c'), find('abc', 'x')]", result=lambda types: Type(Kind.INT, -1, LENGTH),
         sqlite=(Form("instr({0}, {1}) - 1", _STRING),),
     ),
     declare(
-        "format", (1, None), _format_pattern,
+        "format", (1, None), _compute_format,
         lambda types: unite((UNENCODABLE,)) if types[0].may_be(Kind.STR) else NOTHING, True,
         call="format(s, a, b, ...)", about="the string with values in the places of {}, {0} or {:.2f}",
         example="format('{} is {:.2f}', 'pi', pi())", grows=True,

@@ -19,7 +19,7 @@ from ss2sql.errors import Error, Span, UnsupportedError
 from ss2sql.language import plan
 from ss2sql.language.kinds import NOTHING, Kind, Type
 from ss2sql.language.operations import GROUPS, OPERATIONS
-from ss2sql.language.plan_traversal import can_fail, list_choices
+from ss2sql.language.plan_traversal import can_fail, list_plan_choices
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.sqlite_forms import fill_operands
@@ -28,13 +28,13 @@ SCALARS = {Kind.INT: "BIGINT", Kind.FLOAT: "DOUBLE", Kind.STR: "VARCHAR", Kind.B
 MAX_EXACT_INTEGER = 2.0**53  # integers up to here are floats too
 
 
-def get_column_type(kind: Type) -> str | None:
+def get_sql_column_type(kind: Type) -> str | None:
     """The type of a column for values of this type, None where there is none; such a column may hold NULL for None."""
     plain = kind.kinds & ~Kind.NONE
     if plain in SCALARS:
         return SCALARS[plain]
     if plain == Kind.LIST and kind.item is not None and not kind.item.may_be(Kind.NONE):
-        inner = get_column_type(kind.item)
+        inner = get_sql_column_type(kind.item)
         return None if inner is None or kind.item.may_be(Kind.FLOAT) else f"{inner}[]"
     return None
 
@@ -72,7 +72,7 @@ WriteFunction: TypeAlias = "Callable[[PortableExpressions, plan.Call, SqlScope],
 def _are_comparable(left: Type, right: Type) -> bool:
     """Whether both have one type in SQL, or are numbers that compare exactly."""
     one, other = (Type(kind.kinds & ~Kind.NONE, kind.low, kind.high, kind.item) for kind in (left, right))
-    return get_column_type(one) == get_column_type(other) is not None or (
+    return get_sql_column_type(one) == get_sql_column_type(other) is not None or (
         is_exact_as_float(one) and is_exact_as_float(other)
     )
 
@@ -102,7 +102,7 @@ def _write_membership(of: PortableExpressions, call: plan.Call, scope: SqlScope)
         inner = container.type.item or NOTHING
         if not _are_comparable(item.type, inner) or is_nullable(item.type):
             return None
-        if get_column_type(item.type) != get_column_type(inner) and not isinstance(container, plan.Constant):
+        if get_sql_column_type(item.type) != get_sql_column_type(inner) and not isinstance(container, plan.Constant):
             return None
         if isinstance(container, plan.Subquery):
             if is_nullable(inner):
@@ -159,15 +159,15 @@ class PortableExpressions:
             return self._lower_aggregate(expr, scope)
         if isinstance(expr, plan.Call) and not expr.function.builtin:
             raise build_refusal(f"{expr.function.name} is a Python function", expr.span)
-        if get_column_type(expr.type) is None and expr.type.kinds != Kind.NONE:
+        if get_sql_column_type(expr.type) is None and expr.type.kinds != Kind.NONE:
             raise build_refusal(
                 "the kind of this value is not known, or other databases have no type for it", expr.span
             )
         match expr:
             case plan.Constant():
-                return write_constant(expr.value, expr.type, expr)
+                return lower_constant(expr.value, expr.type, expr)
             case plan.Variable(name=name) if self.variable is not None:
-                return write_constant(self.get_constant(name, expr.span), expr.type, expr)
+                return lower_constant(self.get_constant(name, expr.span), expr.type, expr)
             case plan.Variable():
                 return self._make_parameter(expr)
             case plan.Element(source=source) | plan.Column(source=source) if source in scope.sources:
@@ -235,7 +235,7 @@ class PortableExpressions:
 
     def _make_parameter(self, expr: plan.Variable) -> Node:
         """A variable whose value is given when the statement runs, with the type that it has in SQL."""
-        kind = get_column_type(expr.type)
+        kind = get_sql_column_type(expr.type)
         if kind is None:
             return sql_builder.null()  # None, the only value of its type
         label = next((label for label, name in self.parameters.items() if name == expr.name), None)
@@ -275,7 +275,7 @@ class PortableExpressions:
         return sql_builder.case([(self.lower_condition(expr.condition, scope), values[0])], values[1])
 
 
-def write_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
+def lower_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
     match value:
         case None:
             return sql_builder.null()
@@ -290,8 +290,8 @@ def write_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
         case str() if value.isprintable():
             return exp.Literal.string(value)
         case list() | tuple() if kind.item is not None:
-            made = exp.Array(expressions=[write_constant(item, kind.item, expr) for item in value])
-            return made if value else cast_literal(made, get_column_type(kind))
+            made = exp.Array(expressions=[lower_constant(item, kind.item, expr) for item in value])
+            return made if value else cast_literal(made, get_sql_column_type(kind))
         case _:
             raise build_refusal("other databases cannot be given this value", expr.span)
 
@@ -299,12 +299,12 @@ def write_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
 def _write_form(of: PortableExpressions, call: plan.Call, scope: SqlScope) -> Node | None:
     """A call that cannot fail, by the first form that fits."""
     for form in OPERATIONS[call.function.name].portable:
-        inputs = list_choices(call) if form.spread else call.arguments
+        inputs = list_plan_choices(call) if form.spread else call.arguments
         if not inputs or form.only is not None or not form.when([one.type for one in inputs]):
             continue
         operands = [of.lower_value(one, scope) for one in inputs]
         if call.type.kinds == Kind.INT and not any(one.find(exp.Column) for one in operands[1:]):
             # literals alone would have the smallest type
-            operands[0] = cast_literal(operands[0], get_column_type(inputs[0].type))
+            operands[0] = cast_literal(operands[0], get_sql_column_type(inputs[0].type))
         return fill_operands(str(form.text), operands, dialect="duckdb")
     return None

@@ -27,10 +27,10 @@ from ss2sql.lowering.portable.portable_expressions import (
     PortableExpressions,
     build_refusal,
     cast_literal,
-    get_column_type,
+    get_sql_column_type,
     is_nullable,
+    lower_constant,
     write_cast,
-    write_constant,
 )
 from ss2sql.lowering.sql_names import choose_free_name
 from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
@@ -86,7 +86,7 @@ class PortableSource:
 OpenSource: TypeAlias = Callable[[plan.Source, str], PortableSource]
 
 
-class RemoteSources:
+class PortableSources:
     """Sources for a database that is not here: its tables have the names of SQLite's, lists are written out."""
 
     def __init__(self, query: plan.Query, portable: PortableExpressions) -> None:
@@ -96,7 +96,7 @@ class RemoteSources:
         match source:
             case plan.TableSource(table=table):
                 places = tuple(sql_builder.column(name, label) for name in self._choose_sort_columns(source))
-                return PortableSource(sql_builder.table(table, label), places, partial(_write_values_column, label))
+                return PortableSource(sql_builder.table(table, label), places, partial(_lower_values_column, label))
             case plan.ValueSource():
                 return write_values(source, label, self._list_elements(source))
             case _:
@@ -137,22 +137,22 @@ def get_literal_elements(value: plan.Expr) -> list[Any] | None:
     return value.value if isinstance(value, plan.Constant) and isinstance(value.value, list) else None
 
 
-def get_element_columns(source: plan.ValueSource) -> dict[str | None, Type]:
+def get_portable_columns(source: plan.ValueSource) -> dict[str | None, Type]:
     """The columns of the elements with their types; None is the element itself."""
     return dict(source.columns or ()) if source.element.kinds == Kind.DICT else {None: source.element}
 
 
 def write_values(source: plan.ValueSource, label: str, elements: Iterable[tuple[int, Any]]) -> PortableSource:
     """The numbered elements of a list as VALUES."""
-    columns = get_element_columns(source)
+    columns = get_portable_columns(source)
     names, found, kinds = ColumnNames(), dict[str | None, str](), dict[str, str]()
     for key, kind in columns.items():
-        written = get_column_type(kind)
+        written = get_sql_column_type(kind)
         if written is None:
             raise build_refusal(f"the kind of {source.name if key is None else key} is not known", source.span)
         found[key] = names.claim(source.name if key is None else key, "element")
         kinds[found[key]] = written
-    rows = [exp.Tuple(expressions=[sql_builder.number(n), *_write_row(e, columns, source)]) for n, e in elements]
+    rows = [exp.Tuple(expressions=[sql_builder.number(n), *_lower_row(e, columns, source)]) for n, e in elements]
     alias = exp.TableAlias(
         this=sql_builder.identifier("listed"), columns=[sql_builder.identifier(n) for n in (NUMBER_COLUMN, *kinds)]
     )
@@ -171,21 +171,21 @@ def write_values(source: plan.ValueSource, label: str, elements: Iterable[tuple[
     return PortableSource(
         sql_builder.derived(select, label),
         (sql_builder.column(NUMBER_COLUMN, label),),
-        partial(build_named_column, label, found),
+        partial(build_sql_column, label, found),
     )
 
 
-def _write_row(element: Any, columns: dict[str | None, Type], source: plan.ValueSource) -> list[Node]:
+def _lower_row(element: Any, columns: dict[str | None, Type], source: plan.ValueSource) -> list[Node]:
     values = [element if key is None else element.get(key) for key in columns]
-    return [write_constant(value, kind, source.value) for value, kind in zip(values, columns.values(), strict=True)]
+    return [lower_constant(value, kind, source.value) for value, kind in zip(values, columns.values(), strict=True)]
 
 
-def _write_values_column(label: str, expr: plan.Element | plan.Column) -> Node:
+def _lower_values_column(label: str, expr: plan.Element | plan.Column) -> Node:
     assert isinstance(expr, plan.Column), "a whole row is a dict, which has no type there"
     return sql_builder.column(expr.name, label)
 
 
-def build_named_column(label: str, names: dict[str | None, str], expr: plan.Element | plan.Column) -> Node:
+def build_sql_column(label: str, names: dict[str | None, str], expr: plan.Element | plan.Column) -> Node:
     """A column by its name in SQL."""
     return sql_builder.column(names[expr.name if isinstance(expr, plan.Column) else None], label)
 
@@ -200,7 +200,7 @@ def write_flat(query: plan.Query, variable: Callable[[str], Any] | None = None) 
     """
     portable = PortableExpressions(variable)
     limit = None if query.limit is None else portable.lower_value(query.limit, SqlScope())
-    return FlatWriter(query, portable, RemoteSources(query, portable).open_source).write_select(limit)
+    return FlatWriter(query, portable, PortableSources(query, portable).open_source).write_select(limit)
 
 
 class FlatWriter:
@@ -255,7 +255,7 @@ class FlatWriter:
         for output, node in zip(query.columns, select.expressions, strict=True):
             name = names.claim(output.name, "element")
             found[None if one else output.name] = name
-            outputs.append(sql_builder.alias(cast_literal(node.unalias(), get_column_type(output.expr.type)), name))
+            outputs.append(sql_builder.alias(cast_literal(node.unalias(), get_sql_column_type(output.expr.type)), name))
         keys = _build_sort_columns(query, select)
         places = dict(
             zip((NUMBER_COLUMN, *(names.claim(NUMBER_COLUMN, NUMBER_COLUMN) for _ in keys[1:])), keys, strict=False)
@@ -264,11 +264,11 @@ class FlatWriter:
         if query.limit is None:
             select.set("order", None)
         sorting = tuple(sql_builder.column(name, label) for name in places)
-        return PortableSource(sql_builder.derived(select, label), sorting, partial(build_named_column, label, found))
+        return PortableSource(sql_builder.derived(select, label), sorting, partial(build_sql_column, label, found))
 
     def make_inner_writer(self, query: plan.Query) -> FlatWriter:
         """What writes a query in FROM."""
-        return FlatWriter(query, self.portable, RemoteSources(query, self.portable).open_source)
+        return FlatWriter(query, self.portable, PortableSources(query, self.portable).open_source)
 
     def _write_output(self, output: plan.Output, scope: SqlScope) -> Node:
         if output.star or output.label is not None:
@@ -313,7 +313,7 @@ class FlatWriter:
 
     def _find_group_key(self, expr: plan.Expr) -> Node:
         """What is grouped by; a number alone would be the position of a column."""
-        node, kind = self.portable.lower_value(expr, self.name_scope), get_column_type(expr.type)
+        node, kind = self.portable.lower_value(expr, self.name_scope), get_sql_column_type(expr.type)
         return node if node.find(exp.Column) or kind is None else write_cast(node, kind)
 
 

@@ -17,7 +17,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import GROUPS, OPERATIONS
-from ss2sql.language.operations.operation import remove_none
+from ss2sql.language.operations.operation import remove_none_kind
 from ss2sql.language.plan_traversal import can_fail
 from ss2sql.language.rows import make_unique_name
 from ss2sql.lowering import sql_builder
@@ -25,7 +25,7 @@ from ss2sql.lowering.portable.portable_expressions import (
     Node,
     PortableExpressions,
     build_refusal,
-    get_column_type,
+    get_sql_column_type,
     is_exact_as_float,
     is_nullable,
     write_cast,
@@ -36,8 +36,8 @@ from ss2sql.lowering.portable.portable_flat import (
     FlatWriter,
     OpenSource,
     PortableSource,
-    get_element_columns,
     get_literal_elements,
+    get_portable_columns,
     is_plain_name,
     write_inner_limit,
     write_values,
@@ -97,8 +97,8 @@ def write_pushdown(query: plan.Query, outside: Callable[[plan.ValueSource], Exte
         query: a query without a search.
         outside: finds the table of the database that a source is, if it is one.
     """
-    sources = _SourceWriter(outside)
-    portable = _ExactExpressions()
+    sources = _PortableSourceWriter(outside)
+    portable = _ExactSqlExpressions()
     select = _PushdownWriter(query, portable, sources.open_source).write_select(_write_limit(query.limit))
     # Keys of ORDER BY that sort nothing are left out, and so are parameters that only they have.
     bound = {node.this for node in select.find_all(exp.Placeholder)}
@@ -106,7 +106,7 @@ def write_pushdown(query: plan.Query, outside: Callable[[plan.ValueSource], Exte
     return PushdownQuery(select, tuple(sources.loaded), parameters, portable.functions)
 
 
-def filter_table(
+def lower_table_pushdown(
     outside: ExternalTable, source: plan.ValueSource, conditions: Sequence[plan.Expr], variable: Callable[[str], Any]
 ) -> ExternalTable:
     """A table with the rows that keep all conditions. Raises UnsupportedError where these could mean something else.
@@ -118,12 +118,12 @@ def filter_table(
         variable: gives the values of script variables.
     """
     label = "kept"
-    scope = SqlScope().with_source(source.id, partial(_read_external_column, label, outside.columns, source.name))
+    scope = SqlScope().with_source(source.id, partial(_read_sql_column, label, outside.columns, source.name))
     where = _write_conjunction(conditions, variable, scope)
-    number = choose_number_column(outside.columns)
-    numbered = exp.Alias(this=_build_column(outside.number, label), alias=quote_identifier(number))
-    every = exp.Column(this=exp.Star(), table=quote_identifier(label))
-    select = sql_builder.select([every, numbered], [_add_label(outside.item, label)], where)
+    number = choose_sql_number_column(outside.columns)
+    numbered = exp.Alias(this=_build_sql_column(outside.number, label), alias=quote_sql_identifier(number))
+    every = exp.Column(this=exp.Star(), table=quote_sql_identifier(label))
+    select = sql_builder.select([every, numbered], [_add_sql_alias(outside.item, label)], where)
     return ExternalTable(exp.Subquery(this=select), number, outside.columns, (*outside.shape, select.sql("duckdb")))
 
 
@@ -133,7 +133,7 @@ def join_tables(
     conditions: Sequence[plan.Expr],
     variable: Callable[[str], Any],
 ) -> exp.Select:
-    """The rows of the product of tables that keep all conditions, in its order. Raises as `filter_table`.
+    """The rows of the product of tables that keep all conditions, in its order. Raises as `lower_table_pushdown`.
 
     Args:
         tables: what reads each table, and the table.
@@ -145,10 +145,12 @@ def join_tables(
     items, places = list[Node](), list[Node]()
     for source, outside in tables:
         label = label_of[source.id] = labels.claim(source.name, "source")
-        items.append(_add_label(outside.item, label))
-        places.append(_build_column(outside.number, label))
-        scope = scope.with_source(source.id, partial(_read_external_column, label, outside.columns, source.name))
-    outputs = [sql_builder.alias(_build_column(name, label_of[source]), new) for (source, name), new in names.items()]
+        items.append(_add_sql_alias(outside.item, label))
+        places.append(_build_sql_column(outside.number, label))
+        scope = scope.with_source(source.id, partial(_read_sql_column, label, outside.columns, source.name))
+    outputs = [
+        sql_builder.alias(_build_sql_column(name, label_of[source]), new) for (source, name), new in names.items()
+    ]
     where = _write_conjunction(conditions, variable, scope)
     return sql_builder.select(outputs, items, where, [(place, False) for place in places])
 
@@ -158,7 +160,7 @@ def _write_conjunction(conditions: Sequence[plan.Expr], variable: Callable[[str]
     return sql_builder.conjunction([portable.lower_condition(condition, scope) for condition in conditions])
 
 
-def choose_number_column(columns: Iterable[str]) -> str:
+def choose_sql_number_column(columns: Iterable[str]) -> str:
     """A name for the numbers of rows that no column has."""
     return make_unique_name(NUMBER_COLUMN, {name.lower() for name in columns})
 
@@ -169,7 +171,7 @@ def _write_limit(limit: plan.Expr | None) -> Node | None:
     return None if limit is None else write_cast(sql_builder.parameter(LIMIT_PARAMETER), "BIGINT")
 
 
-class _SourceWriter:
+class _PortableSourceWriter:
     """Opens the sources of one query."""
 
     def __init__(self, outside: Callable[[plan.ValueSource], ExternalTable | None]) -> None:
@@ -188,8 +190,8 @@ class _SourceWriter:
         assert isinstance(source, plan.ValueSource), "queries in FROM have sources of their own"
         known = self.outside(source)
         if known is not None:
-            read = partial(_read_external_column, label, known.columns, source.name)
-            return PortableSource(_add_label(known.item, label), (_build_column(known.number, label),), read)
+            read = partial(_read_sql_column, label, known.columns, source.name)
+            return PortableSource(_add_sql_alias(known.item, label), (_build_sql_column(known.number, label),), read)
         spelt = get_literal_elements(source.value)
         if spelt is not None and len(spelt) <= MAX_WRITTEN_ROWS:
             return write_values(source, label, enumerate(spelt))
@@ -202,11 +204,11 @@ class _SourceWriter:
             self.names.claim(f"{FUNCTION_PREFIX}{source.name}", f"{FUNCTION_PREFIX}source"), source.value
         )
         self.loaded.append(table)
-        kinds, names = get_element_columns(source), ColumnNames()
+        kinds, names = get_portable_columns(source), ColumnNames()
 
         def read_column(expr: plan.Element | plan.Column) -> Node:
             key = expr.name if isinstance(expr, plan.Column) else None
-            if get_column_type(kinds[key]) is None:
+            if get_sql_column_type(kinds[key]) is None:
                 raise build_refusal(f"the kind of {source.name if key is None else key} is not known", expr.span)
             if key not in table.columns:
                 table.columns[key] = (names.claim(source.name if key is None else key, "element"), kinds[key])
@@ -217,7 +219,7 @@ class _SourceWriter:
         )
 
 
-class _ExactExpressions(PortableExpressions):
+class _ExactSqlExpressions(PortableExpressions):
     """Aggregates of floats: rounded once, whatever the order, and the first of two that are equal.
 
     `places` sort the sources of the query that `writer` writes. Built-in functions that have no form are called in
@@ -252,10 +254,12 @@ class _ExactExpressions(PortableExpressions):
     def write_python_call(self, expr: plan.Call, scope: SqlScope) -> Node | None:
         """The call of the function itself, where all its values have types in the database."""
         name = expr.function.name
-        row, kinds = OPERATIONS[name], [get_column_type(one.type) for one in expr.arguments]
+        row, kinds = OPERATIONS[name], [get_sql_column_type(one.type) for one in expr.arguments]
         if row.value is None or row.volatility != "immutable" or None in kinds or not kinds:
             return None
-        known = (other for other, call in self.functions.items() if call is not None and _is_same_function(call, expr))
+        known = (
+            other for other, call in self.functions.items() if call is not None and _is_same_sql_function(call, expr)
+        )
         function = next(known, None) or self.names.claim(f"{FUNCTION_PREFIX}{name}", name)
         self.functions[function] = expr
         return exp.Anonymous(this=function, expressions=[self.lower_value(one, scope) for one in expr.arguments])
@@ -264,7 +268,7 @@ class _ExactExpressions(PortableExpressions):
         argument = expr.argument
         if argument is None:
             return super()._lower_aggregate(expr, scope)
-        kind = remove_none(argument.type)
+        kind = remove_none_kind(argument.type)
         floats = kind.kinds == Kind.FLOAT
         if expr.function in EXACT_AGGREGATES and (floats or _gives_float_only(expr, kind)):
             return self._write_exact(EXACT_AGGREGATES[expr.function], argument, scope)
@@ -300,9 +304,9 @@ class _ExactExpressions(PortableExpressions):
         return exp.ArgMin(this=node, expression=_write_row_order(self.places))
 
 
-def _is_same_function(one: plan.Call, other: plan.Call) -> bool:
+def _is_same_sql_function(one: plan.Call, other: plan.Call) -> bool:
     """Whether two calls are those of one function in the database."""
-    kinds = [[get_column_type(part.type) for part in (call, *call.arguments)] for call in (one, other)]
+    kinds = [[get_sql_column_type(part.type) for part in (call, *call.arguments)] for call in (one, other)]
     return one.function.name == other.function.name and kinds[0] == kinds[1]
 
 
@@ -323,9 +327,9 @@ def _gives_float_only(expr: plan.Aggregate, kind: Type) -> bool:
 class _PushdownWriter(FlatWriter):
     """Writes one query: columns have names of the script where these are plain, groups have an order."""
 
-    portable: _ExactExpressions
+    portable: _ExactSqlExpressions
 
-    def __init__(self, query: plan.Query, portable: _ExactExpressions, open: OpenSource) -> None:
+    def __init__(self, query: plan.Query, portable: _ExactSqlExpressions, open: OpenSource) -> None:
         super().__init__(query, portable, open)
         portable.places, portable.writer = self.places, self
 
@@ -349,22 +353,22 @@ def _write_row_order(places: list[Node]) -> Node:
     return copies[0] if len(copies) == 1 else exp.Anonymous(this="ROW", expressions=copies)
 
 
-def _build_column(name: str, label: str) -> exp.Column:
-    return exp.Column(this=quote_identifier(name), table=quote_identifier(label))
+def _build_sql_column(name: str, label: str) -> exp.Column:
+    return exp.Column(this=quote_sql_identifier(name), table=quote_sql_identifier(label))
 
 
-def quote_identifier(name: str) -> exp.Identifier:
+def quote_sql_identifier(name: str) -> exp.Identifier:
     """A name of the user's, in quotes where any database could take it for something else."""
     return exp.Identifier(this=name, quoted=not is_plain_name(name))
 
 
-def _add_label(item: Node, label: str) -> Node:
+def _add_sql_alias(item: Node, label: str) -> Node:
     labelled = item.copy()
-    labelled.set("alias", exp.TableAlias(this=quote_identifier(label)))
+    labelled.set("alias", exp.TableAlias(this=quote_sql_identifier(label)))
     return labelled
 
 
-def _read_external_column(
+def _read_sql_column(
     label: str, columns: Mapping[str, Node | None], owner: str, expr: plan.Element | plan.Column
 ) -> Node:
     """The value of a column, which is read from the label."""
@@ -374,5 +378,5 @@ def _read_external_column(
         raise build_refusal(f"the values of {owner}.{expr.name} are made in Python", expr.span)
     read = node.copy()
     for column in read.find_all(exp.Column):
-        column.set("table", quote_identifier(label))
+        column.set("table", quote_sql_identifier(label))
     return read

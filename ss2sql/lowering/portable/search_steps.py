@@ -25,7 +25,7 @@ from ss2sql.lowering.portable.portable_expressions import (
     PortableExpressions,
     build_refusal,
     cast_literal,
-    get_column_type,
+    get_sql_column_type,
     is_nullable,
 )
 from ss2sql.lowering.portable.portable_flat import ColumnNames
@@ -103,7 +103,7 @@ class _StepWriter:
 
     def _get_sql_type(self, expr: plan.Expr) -> str:
         kind = expr.type
-        found = get_column_type(kind)
+        found = get_sql_column_type(kind)
         if found is None or is_nullable(kind):
             raise build_refusal("the kind of this value is not known, or may be None", expr.span)
         if kind.may_be(Kind.FLOAT) and self.search.repeats != "allowed":
@@ -116,7 +116,7 @@ class _StepWriter:
         at_once, kinds = find_direct_assignments(self.query), dict(self.search.states)
         states: list[tuple[str, TypedColumn]] = []
         for name, start in self.search.start:
-            kind = get_column_type(kinds[name])
+            kind = get_sql_column_type(kinds[name])
             if kind is None or is_nullable(kinds[name]):
                 raise build_refusal("the kind of this variable is not known, or may be None", start.span)
             column = shown.get(at_once[name]) if name in at_once else None
@@ -139,7 +139,7 @@ class _StepWriter:
         for known, column in self.reads:
             if known == expr:
                 return sql_builder.column(column.name, "elements")
-        kind = get_column_type(expr.type)
+        kind = get_sql_column_type(expr.type)
         assert kind is not None, "`PortableExpressions.lower_value` has looked"
         name = expr.name if isinstance(expr, plan.Column) else source.name
         self.reads.append((expr, TypedColumn(self.element_names.claim(name, "element"), kind)))
@@ -212,7 +212,7 @@ class _StepWriter:
         return sql_builder.alias(cast_literal(node, column.type), column.name)
 
 
-def build_element_limit_error(what: str) -> UnsupportedError:
+def build_sql_limit_error(what: str) -> UnsupportedError:
     return UnsupportedError("U001", f"{what} has more than {MAX_ELEMENTS:,} elements", hints=("bound FROM",))
 
 

@@ -18,17 +18,17 @@ from typing import Any
 
 from ss2sql.errors import Error, Span
 from ss2sql.language import plan
-from ss2sql.language.kinds import is_covering
+from ss2sql.language.kinds import is_supertype
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import can_fail, is_volatile, rebuild_node, walk
 from ss2sql.lowering.rewrites.rewrite_context import (
     MAX_ELEMENTS,
     RewriteContext,
-    is_plain_value,
-    is_true,
-    make_bool,
+    is_foldable_value,
+    is_folded_true,
     make_constant,
     rewrite_bottom_up,
+    rewrite_to_bool,
 )
 
 
@@ -44,9 +44,9 @@ def fold_node(node: Any) -> Any:
         case plan.And() | plan.Or():
             return _fold_connective(node)
         case plan.Not(operand=plan.Constant() as known):
-            return make_constant(not is_true(known), node.span)
+            return make_constant(not is_folded_true(known), node.span)
         case plan.If(condition=plan.Constant() as known):
-            branch = node.then if is_true(known) else node.otherwise
+            branch = node.then if is_folded_true(known) else node.otherwise
             return node if any(map(is_volatile, branch[:-1])) else branch[-1]
         case plan.MakeList(items=items) if all(isinstance(item, plan.Constant) for item in items):
             return _make_small_constant([item.value for item in items if isinstance(item, plan.Constant)], node)
@@ -77,7 +77,7 @@ def _fold_call(call: plan.Call) -> plan.Expr:
     types = tuple(argument.type for argument in call.arguments)
     # What cannot fail where it stands, after a condition perhaps, never can.
     kind, raises = row.result(types), call.function.raises and row.can_fail(types)
-    if raises == call.function.raises and is_covering(kind, call.type):
+    if raises == call.function.raises and is_supertype(kind, call.type):
         return call
     return replace(call, type=kind, function=replace(call.function, raises=raises))
 
@@ -88,11 +88,13 @@ def _is_short_range(bounds: list[Any]) -> bool:
 
 def _make_small_constant(value: Any, node: plan.Expr) -> plan.Expr:
     """The value as a constant; a large one stays as it is written."""
-    return make_constant(value, node.span) if is_plain_value(value) and _measure_size(value) <= MAX_ELEMENTS else node
+    return (
+        make_constant(value, node.span) if is_foldable_value(value) and _count_folded(value) <= MAX_ELEMENTS else node
+    )
 
 
-def _measure_size(value: Any) -> int:
-    return 1 + sum(map(_measure_size, value)) if type(value) is list else 1
+def _count_folded(value: Any) -> int:
+    return 1 + sum(map(_count_folded, value)) if type(value) is list else 1
 
 
 def _fold_connective(node: plan.And | plan.Or) -> plan.Expr:
@@ -102,7 +104,7 @@ def _fold_connective(node: plan.And | plan.Or) -> plan.Expr:
     for part in node.parts:
         if not isinstance(part, plan.Constant):
             parts.append(part)
-        elif is_true(part) is deciding:
+        elif is_folded_true(part) is deciding:
             decided = True
             break
     if decided or not parts:
@@ -110,13 +112,13 @@ def _fold_connective(node: plan.And | plan.Or) -> plan.Expr:
         kept = parts if any(map(is_volatile, parts)) else []
         return replace(node, parts=(*kept, value)) if kept else value
     if len(parts) == 1:
-        return make_bool(parts[0])
+        return rewrite_to_bool(parts[0])
     return node if len(parts) == len(node.parts) else replace(node, parts=tuple(parts))
 
 
 def _drop_true_conditions(query: plan.Query) -> plan.Query:
     """The query without conditions that always hold. Without WHERE a search has other goals, so it keeps that."""
-    if query.search is None and isinstance(query.where, plan.Constant) and is_true(query.where):
+    if query.search is None and isinstance(query.where, plan.Constant) and is_folded_true(query.where):
         query = replace(query, where=None)
     return query
 
@@ -125,7 +127,7 @@ def _drop_true_conditions(query: plan.Query) -> plan.Query:
 _OF_GROUPS = (plan.Aggregate, plan.GroupKey)
 
 
-def resolve_constant_string(node: plan.Eval, world: RewriteContext) -> plan.Expr | None:
+def fold_constant_string(node: plan.Eval, world: RewriteContext) -> plan.Expr | None:
     """What a constant text stands for; None where that has to wait."""
     if not isinstance(node.text, plan.Constant) or not isinstance(node.text.value, str):
         return None
@@ -141,10 +143,10 @@ def resolve_constant_string(node: plan.Eval, world: RewriteContext) -> plan.Expr
     if types and not world.fixed:
         return None
     world.types.update(types)
-    here: plan.Expr = move_to_span(expr, node.span)
+    here: plan.Expr = move_folded_node(expr, node.span)
     return here
 
 
-def move_to_span(node: Any, span: Span) -> Any:
+def move_folded_node(node: Any, span: Span) -> Any:
     """The node with everything in it at one place of the script, where its text stands."""
-    return replace(rebuild_node(node, lambda part: move_to_span(part, span)), span=span)
+    return replace(rebuild_node(node, lambda part: move_folded_node(part, span)), span=span)

@@ -46,10 +46,12 @@ def limit_distances(query: plan.Query, world: RewriteContext) -> plan.Query:
     placed = any(isinstance(source, plan.WorldSource) and source.table.schema.places for source in sources.values())
     if not placed or not _NEEDED_OPERATORS.isdisjoint(world.replaced):
         return query
-    return rewrite_bottom_up(query, lambda node: _add_boxes(node, sources) if isinstance(node, plan.Query) else node)
+    return rewrite_bottom_up(
+        query, lambda node: _rewrite_to_boxes(node, sources) if isinstance(node, plan.Query) else node
+    )
 
 
-def _add_boxes(query: plan.Query, sources: Sources) -> plan.Query:
+def _rewrite_to_boxes(query: plan.Query, sources: Sources) -> plan.Query:
     if query.where is None:
         return query
     parts = split_and(query.where)
@@ -72,24 +74,24 @@ def _derive_ranges(part: plan.Expr, number: Mapping[int, int], sources: Sources)
             return []
     if not radius.type.is_only(_NUMBER):
         return []
-    places = _find_points(away, sources)
+    places = _find_points_to_rewrite(away, sources)
     if places is None:
         return []
     for place, centre in (places, places[::-1]):
         source = place.source
-        if source is not None and source.id in number and _supports_ranges(source, place):
+        if source is not None and source.id in number and _can_rewrite_to_range(source, place):
             known = list_sources(plan.MakeList((*centre.coordinates, radius), span=part.span))
             if all(number.get(other, -1) < number[source.id] for other in known):
                 return _build_ranges(place, centre, _widen_radius(radius))
     return []
 
 
-def _find_points(away: plan.Call, sources: Sources) -> tuple[Point, Point] | None:
+def _find_points_to_rewrite(away: plan.Call, sources: Sources) -> tuple[Point, Point] | None:
     """Between which two places a call measures the straight way, if it is certain to do so."""
     function = away.function
     if len(away.arguments) != 2 or (function.of_world or (function.builtin and function.name)) != "distance":
         return None
-    one, other = (_find_point(argument, sources) for argument in away.arguments)
+    one, other = (_find_point_to_rewrite(argument, sources) for argument in away.arguments)
     if one is None or other is None:
         return None
     types = tuple(argument.type for argument in away.arguments)
@@ -97,7 +99,7 @@ def _find_points(away: plan.Call, sources: Sources) -> tuple[Point, Point] | Non
     return (one, other) if measured else None
 
 
-def _find_point(expr: plan.Expr, sources: Sources) -> Point | None:
+def _find_point_to_rewrite(expr: plan.Expr, sources: Sources) -> Point | None:
     """The place of an element, of a column that says where an element is, or of a list of two or three numbers."""
     if isinstance(expr, (plan.Element, plan.Column)):
         source = sources.get(expr.source)
@@ -107,7 +109,7 @@ def _find_point(expr: plan.Expr, sources: Sources) -> Point | None:
             columns = (plan.Column(source.id, c, kinds[c], span=expr.span) for c in source.table.schema.places[name])
             return Point(tuple(columns), source, isinstance(expr, plan.Element))
     coordinates = _get_coordinates(expr)
-    return Point(coordinates) if coordinates and all(map(_is_plain, coordinates)) else None
+    return Point(coordinates) if coordinates and all(map(_is_distance_to_rewrite, coordinates)) else None
 
 
 def _get_coordinates(expr: plan.Expr) -> tuple[plan.Expr, ...]:
@@ -126,11 +128,11 @@ def _get_coordinates(expr: plan.Expr) -> tuple[plan.Expr, ...]:
             )
 
 
-def _is_plain(expr: plan.Expr) -> bool:
+def _is_distance_to_rewrite(expr: plan.Expr) -> bool:
     return expr.type.is_only(_NUMBER) and expr.type.is_bounded(MAX_DISTANCE) and not can_fail(expr)
 
 
-def _supports_ranges(source: plan.WorldSource, place: Point) -> bool:
+def _can_rewrite_to_range(source: plan.WorldSource, place: Point) -> bool:
     """Whether the adapter takes ranges of the coordinates."""
     schema = source.table.schema
     operators = {column.name: column.operators for column in schema.columns}

@@ -31,10 +31,10 @@ from dataclasses import replace
 from typing import Any, TypeAlias
 
 from ss2sql.frontend.inlining.substitution import InlinedCall, Inliner
-from ss2sql.frontend.resolve.scope import make_column
+from ss2sql.frontend.resolve.scope import resolve_source_column
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
-from ss2sql.language.plan_traversal import can_fail, list_functions, rebuild_node, walk
+from ss2sql.language.plan_traversal import can_fail, list_plan_functions, rebuild_node, walk
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext, rewrite_bottom_up
 
 
@@ -42,7 +42,7 @@ def inline_functions(query: plan.Query, world: RewriteContext) -> plan.Query:
     return _inline_calls(query, Inliner())
 
 
-def list_call_sites(query: plan.Query) -> list[InlinedCall]:
+def list_calls_to_rewrite(query: plan.Query) -> list[InlinedCall]:
     """What `inline_functions` does with the calls of functions whose bodies are known, in their order."""
     inliner = Inliner()
     _inline_calls(query, inliner)
@@ -50,7 +50,7 @@ def list_call_sites(query: plan.Query) -> list[InlinedCall]:
 
 
 def _inline_calls(query: plan.Query, inliner: Inliner) -> plan.Query:
-    if all(function.body is None for function in list_functions(query)):
+    if all(function.body is None for function in list_plan_functions(query)):
         return query
     inliner.sources.update((node.id, node) for node in walk(query) if isinstance(node, plan.SOURCES))
 
@@ -68,7 +68,7 @@ def read_keys_as_columns(query: plan.Query, world: RewriteContext) -> plan.Query
         if isinstance(source, plan.WorldSource):
             worlds[source.id] = source
         elif isinstance(source, (plan.TableSource, plan.ValueSource, plan.QuerySource)) and (
-            known := _find_common_columns(source)
+            known := _find_columns_to_rewrite(source)
         ):
             columns[source.id] = known
 
@@ -85,13 +85,13 @@ def read_keys_as_columns(query: plan.Query, world: RewriteContext) -> plan.Query
             ) if source in worlds and kind.is_only(Kind.INT):
                 items = worlds[source].table.schema.items.get(name, ())
                 if -len(items) <= index < len(items):
-                    return make_column(worlds[source], items[index], node.span)
+                    return resolve_source_column(worlds[source], items[index], node.span)
         return node
 
     return rewrite_bottom_up(query, replace_node) if columns or worlds else query
 
 
-def _find_common_columns(source: plan.TableSource | plan.ValueSource | plan.QuerySource) -> dict[str, Type]:
+def _find_columns_to_rewrite(source: plan.TableSource | plan.ValueSource | plan.QuerySource) -> dict[str, Type]:
     if isinstance(source, plan.TableSource):
         return dict(source.columns)
     if not source.element.is_only(Kind.DICT) or source.columns is None:
@@ -116,7 +116,7 @@ def read_lists_as_rows(query: plan.Query, world: RewriteContext) -> plan.Query:
         if (
             isinstance(node, plan.Column)
             and node.source in sources
-            and _translate_read(node, sources[node.source]) is None
+            and _rewrite_element_read(node, sources[node.source]) is None
         ):
             del sources[node.source]
         if isinstance(node, plan.Output) and node.star and isinstance(node.expr, plan.Element):
@@ -125,7 +125,7 @@ def read_lists_as_rows(query: plan.Query, world: RewriteContext) -> plan.Query:
 
     def read_row(node: Any) -> Any:
         number = _find_source_read(node)
-        expr = None if number is None or number not in sources else _translate_read(node, sources[number])
+        expr = None if number is None or number not in sources else _rewrite_element_read(node, sources[number])
         if number is None or expr is None:
             return rebuild_node(node, read_row)
         name = names[number].setdefault(expr, f"this_{len(names[number])}")
@@ -133,7 +133,7 @@ def read_lists_as_rows(query: plan.Query, world: RewriteContext) -> plan.Query:
 
     def replace_source(node: Any) -> Any:
         return (
-            _make_row_source(node, names[node.id]) if isinstance(node, plan.QuerySource) and node.id in names else node
+            _rewrite_to_rows(node, names[node.id]) if isinstance(node, plan.QuerySource) and node.id in names else node
         )
 
     return rewrite_bottom_up(read_row(query), replace_source) if sources else query
@@ -164,7 +164,7 @@ def _find_source_read(node: Any) -> int | None:
             return None
 
 
-def _translate_read(node: plan.Element | plan.Column | plan.Call, source: plan.QuerySource) -> plan.Expr | None:
+def _rewrite_element_read(node: plan.Element | plan.Column | plan.Call, source: plan.QuerySource) -> plan.Expr | None:
     """What is read of an element, as an expression of the query; None for a column that it does not declare."""
     element = source.query.columns[0].expr
     match node:
@@ -180,7 +180,7 @@ def _translate_read(node: plan.Element | plan.Column | plan.Call, source: plan.Q
             return None
 
 
-def _make_row_source(source: plan.QuerySource, names: Names) -> plan.QuerySource:
+def _rewrite_to_rows(source: plan.QuerySource, names: Names) -> plan.QuerySource:
     columns = tuple((name, expr.type) for expr, name in names.items())
     outputs = tuple(plan.Output(name, expr) for expr, name in names.items())
     query = replace(source.query, columns=outputs, representation=plan.Representation("dict"))

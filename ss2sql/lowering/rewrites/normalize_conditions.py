@@ -23,12 +23,12 @@ from ss2sql.language.values import SCALARS
 from ss2sql.lowering.rewrites.rewrite_context import (
     COMPARISONS,
     RewriteContext,
-    is_plain_value,
-    make_bool,
+    is_foldable_value,
     make_call,
     make_constant,
     negate_expression,
     rewrite_bottom_up,
+    rewrite_to_bool,
 )
 
 MIN_MEMBERS = 3  # comparisons that are worth an IN
@@ -56,11 +56,11 @@ def _rewrite_node(node: Any) -> Any:
 
 
 def _replace_condition(node: Any, name: str, condition: plan.Expr) -> Any:
-    bare = _strip_bool_call(condition)
+    bare = _rewrite_bool_call(condition)
     return node if bare is condition else replace(node, **{name: bare})
 
 
-def _strip_bool_call(expr: plan.Expr) -> plan.Expr:
+def _rewrite_bool_call(expr: plan.Expr) -> plan.Expr:
     """The expression of whose value only the truth counts, without what only makes a bool of it."""
     while isinstance(expr, plan.Not) and isinstance(expr.operand, plan.Not):
         expr = expr.operand.operand
@@ -86,13 +86,13 @@ def _flatten_connective(node: Any) -> Any:
     steady = not is_volatile(node)  # else a part may be another one when it is evaluated again
     flat = [
         one
-        for part in map(_strip_bool_call, node.parts)
+        for part in map(_rewrite_bool_call, node.parts)
         for one in (part.parts if type(part) is type(node) else (part,))
     ]
     parts = _drop_implied_parts(list(dict.fromkeys(flat)), isinstance(node, plan.Or)) if steady else flat
     parts = _merge_equalities(parts, isinstance(node, plan.Or))
     if len(parts) == 1:
-        return make_bool(parts[0])
+        return rewrite_to_bool(parts[0])
     same = len(parts) == len(node.parts) and all(a is b for a, b in zip(parts, node.parts, strict=True))
     return node if same else replace(node, parts=tuple(parts))
 
@@ -158,7 +158,7 @@ def _get_constant_comparison(expr: plan.Expr, operator: str) -> tuple[plan.Expr,
     match expr:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(one, other)) if name == operator:
             for item, known in ((one, other), (other, one)):
-                if isinstance(known, plan.Constant) and is_plain_value(known.value) and not is_volatile(item):
+                if isinstance(known, plan.Constant) and is_foldable_value(known.value) and not is_volatile(item):
                     return (item, known.value) if _can_share_membership(item.type, known.type) else None
     return None
 

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from ss2sql.errors import Error, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.kinds import BOOL, Kind, Type, is_covering, is_flag, type_of
+from ss2sql.language.kinds import BOOL, Kind, Type, is_flag, is_supertype, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import rebuild_node
 from ss2sql.language.values import get_truth
@@ -52,11 +52,11 @@ def make_constant(value: Any, span: Span) -> plan.Constant:
     return plan.Constant(value, type_of(value), span=span)
 
 
-def is_true(node: plan.Constant) -> bool:
+def is_folded_true(node: plan.Constant) -> bool:
     return get_truth(node.value)
 
 
-def make_bool(expr: plan.Expr) -> plan.Expr:
+def rewrite_to_bool(expr: plan.Expr) -> plan.Expr:
     if expr.type.is_only(Kind.BOOL):
         return expr
     return plan.Not(plan.Not(expr, BOOL, span=expr.span), BOOL, span=expr.span)
@@ -88,7 +88,7 @@ def negate_expression(expr: plan.Expr) -> plan.Expr:
     """
     match expr:
         case plan.Constant():
-            return make_constant(not is_true(expr), expr.span)
+            return make_constant(not is_folded_true(expr), expr.span)
         case plan.Not(operand=operand):
             return operand
         case plan.And(parts=parts):
@@ -124,8 +124,8 @@ class RewriteContext:
         """The value of a variable if it is a short list of plain values; the query then relies on it."""
         if not self.fixed:
             return None
-        value = _get_value_or_none(self.variable, name)
-        known = self.lists[name] = fingerprint_list(value)
+        value = _get_folded_variable(self.variable, name)
+        known = self.lists[name] = make_folded_list_key(value)
         return None if known is None else list(value)
 
     def forget_values(self) -> None:
@@ -139,31 +139,31 @@ class RewriteContext:
     def is_still_valid(self, variable: Callable[[str], Any]) -> bool:
         """Whether all that the query relies on is so, with the values that `variable` gives."""
         for name, known in self.lists.items():
-            if fingerprint_list(_get_value_or_none(variable, name)) != known:
+            if make_folded_list_key(_get_folded_variable(variable, name)) != known:
                 return False
         for name, kind in self.types.items():
             try:
-                if not is_covering(kind, type_of(variable(name))):
+                if not is_supertype(kind, type_of(variable(name))):
                     return False
             except (Error, KeyError):
                 return False
         return True
 
 
-def _get_value_or_none(variable: Callable[[str], Any], name: str) -> Any:
+def _get_folded_variable(variable: Callable[[str], Any], name: str) -> Any:
     try:
         return variable(name)
     except (Error, KeyError):
         return None
 
 
-def fingerprint_list(value: Any) -> bytes | None:
+def make_folded_list_key(value: Any) -> bytes | None:
     """What tells a short list of plain values from all others, 1 from 1.0 and True too; None for any other value."""
-    if type(value) is not list or len(value) > MAX_ELEMENTS or not is_plain_value(value):
+    if type(value) is not list or len(value) > MAX_ELEMENTS or not is_foldable_value(value):
         return None
     return dumps(value, 2)
 
 
-def is_plain_value(value: Any) -> bool:
+def is_foldable_value(value: Any) -> bool:
     """Whether the value is None, a bool, a number, a string, or a list of such values."""
-    return type(value) in _PLAIN or (type(value) is list and all(map(is_plain_value, value)))
+    return type(value) in _PLAIN or (type(value) is list and all(map(is_foldable_value, value)))

@@ -38,19 +38,19 @@ from ss2sql.language.plan_traversal import (
     split_and,
     walk,
 )
-from ss2sql.lowering.rewrites.constant_folding import fold_node, resolve_constant_string
+from ss2sql.lowering.rewrites.constant_folding import fold_constant_string, fold_node
 from ss2sql.lowering.rewrites.rewrite_context import (
     COMPARISONS,
     MAX_ELEMENTS,
     RewriteContext,
-    is_plain_value,
-    make_bool,
+    is_foldable_value,
     make_call,
     make_conjunction,
     make_constant,
     make_disjunction,
     negate_expression,
     rewrite_bottom_up,
+    rewrite_to_bool,
 )
 
 MAX_NODES = 20_000  # of the conditions and columns of all elements together
@@ -66,7 +66,7 @@ def unroll_rows(query: plan.Query, world: RewriteContext) -> list[plan.Expr] | N
     if not _is_plain_query(query) or not isinstance(query.sources[0], plan.ValueSource) or not _reads_outer_rows(query):
         return None
     source = query.sources[0]
-    items = _list_items(source.value, world)
+    items = _list_elements(source.value, world)
     parts = [query.where or make_constant(True, query.span), *(output.expr for output in query.columns)]
     if items is None or len(items) * sum(1 for part in parts for _ in walk(part)) > MAX_NODES:
         return None
@@ -90,11 +90,11 @@ def _is_plain_query(query: plan.Query) -> bool:
     return alone and not (shaped or keys or labelled) and query.representation.name in LIST_FORMS
 
 
-def _list_items(value: plan.Expr, world: RewriteContext) -> list[plan.Expr] | None:
+def _list_elements(value: plan.Expr, world: RewriteContext) -> list[plan.Expr] | None:
     match value:
         case plan.MakeList(items=items):
             known: list[plan.Expr] | None = list(items)
-        case plan.Constant(value=list(values)) if is_plain_value(values):
+        case plan.Constant(value=list(values)) if is_foldable_value(values):
             known = [make_constant(element, value.span) for element in values]
         case plan.Variable(name=name):
             listed = world.get_list(name)
@@ -114,7 +114,7 @@ def substitute_element(expr: Any, source: int, item: plan.Expr, world: RewriteCo
             return item
         node = fold_node(rebuild_node(node, put_element))
         if isinstance(node, plan.Eval):
-            meaning = resolve_constant_string(node, world)
+            meaning = fold_constant_string(node, world)
             return node if meaning is None else put_element(meaning)
         return node
 
@@ -147,7 +147,7 @@ def _unnest_node(node: Any, world: RewriteContext) -> Any:
     found: plan.Expr | None = None
     match node:
         case plan.Eval():
-            found = resolve_constant_string(node, world)
+            found = fold_constant_string(node, world)
         case plan.Not(operand=operand):
             found = _test_rows(operand, False, world, node.span)
         case plan.Call(
@@ -167,7 +167,7 @@ def _test_rows(expr: plan.Expr, wanted: bool, world: RewriteContext, span: Span)
     if rows is None:
         return None
     made = make_disjunction(rows, span) if wanted else make_conjunction([negate_expression(row) for row in rows], span)
-    return make_bool(fold_node(made))
+    return rewrite_to_bool(fold_node(made))
 
 
 # --- `exists`: membership in what a query finds for the row around it is the question whether it finds that value

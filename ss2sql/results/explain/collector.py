@@ -19,11 +19,11 @@ from ss2sql.frontend.inlining.substitution import FunctionBody, InlinedCall
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
-from ss2sql.language.plan_traversal import find_direct_assignments, list_functions, split_and, walk
+from ss2sql.language.plan_traversal import find_direct_assignments, list_plan_functions, split_and, walk
 from ss2sql.language.step_identity import split_stop_conditions
 from ss2sql.language.values import format_value
 from ss2sql.lowering.rewrites import REWRITES
-from ss2sql.lowering.rewrites.inline_functions import list_call_sites
+from ss2sql.lowering.rewrites.inline_functions import list_calls_to_rewrite
 from ss2sql.lowering.rewrites.rewrite_context import negate_expression
 from ss2sql.results.explain.engine_plans import (
     describe_duckdb_plan,
@@ -40,7 +40,7 @@ from ss2sql.results.explain.findings import (
     RunFacts,
     ScriptFacts,
     StatementFacts,
-    cut_script,
+    cut_explained_script,
     describe_search,
 )
 from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement
@@ -50,7 +50,7 @@ from ss2sql.runtime.python import NativeQuery
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
 from ss2sql.runtime.python.search_execution import LevelCount, LevelCounter
 from ss2sql.runtime.run.run_state import Stats
-from ss2sql.runtime.run.search_paths import SearchPaths, measure_lengths
+from ss2sql.runtime.run.search_paths import SearchPaths, measure_path_lengths
 from ss2sql.runtime.search.bidirectional import find_regression
 
 if TYPE_CHECKING:
@@ -94,7 +94,9 @@ def _is_bounded(query: plan.Query, search: plan.Search) -> bool:
     if search.maximum is not None or search.bound is not None:
         return True
     made = split_and(search.made) if search.first is None else ()
-    if any(_is_step_bound(p, query, search) for p in (*split_stop_conditions(query), *map(negate_expression, made))):
+    if any(
+        _does_end_by_steps(p, query, search) for p in (*split_stop_conditions(query), *map(negate_expression, made))
+    ):
         return True
     if search.repeats == "allowed" or any(isinstance(node, CHANGING_NODES) for node in walk(query)):
         return False
@@ -110,7 +112,7 @@ def _list_compared(query: plan.Query, search: plan.Search) -> list[plan.Expr]:
     return [values.get(state.name, state) for state in states]
 
 
-def _is_step_bound(stop: plan.Expr, query: plan.Query, search: plan.Search) -> bool:
+def _does_end_by_steps(stop: plan.Expr, query: plan.Query, search: plan.Search) -> bool:
     """Whether a condition always holds, or compares a variable that grows with every step and does not miss a limit."""
     match stop:
         case plan.Constant(value=value):
@@ -195,7 +197,7 @@ def _collect_query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
         plan_missing=missing,
         afterwards=tuple(_list_post_processing(outlined)),
         sql=lowered.text if lowered else str(outlined.sql) if outlined.levels or outlined.duck else None,
-        parameters=tuple(_collect_parameters(outlined)),
+        parameters=tuple(_collect_parameter_facts(outlined)),
     )
 
 
@@ -215,13 +217,13 @@ def _collect_plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | 
         return (), str(error)
 
 
-def _collect_parameters(outlined: OutlinedQuery) -> Iterator[ParameterFacts]:
+def _collect_parameter_facts(outlined: OutlinedQuery) -> Iterator[ParameterFacts]:
     parameters = [(p.name, p.expr.span.text) for p in outlined.lowered.parameters] if outlined.lowered else []
     if outlined.duck is not None:
         parameters = list(outlined.duck.parameters.items())
     for name, written in parameters:
         value = format_value(outlined.sql.parameters[name], MOST_TEXT) if name in outlined.sql.parameters else None
-        yield ParameterFacts(name, cut_script(written, MOST_TEXT), value)
+        yield ParameterFacts(name, cut_explained_script(written, MOST_TEXT), value)
 
 
 def _list_post_processing(outlined: OutlinedQuery) -> Iterator[str]:
@@ -242,8 +244,8 @@ def _list_post_processing(outlined: OutlinedQuery) -> Iterator[str]:
 def _collect_functions(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[FunctionFacts]:
     """The functions of the user that the query calls, in the order in which they are written."""
     off = "inline" in outlined.host.disabled
-    found = [] if off else retry_with_stack(lambda: list_call_sites(outlined.written))
-    names = dict.fromkeys(function.name for function in list_functions(outlined.written) if not function.builtin)
+    found = [] if off else retry_with_stack(lambda: list_calls_to_rewrite(outlined.written))
+    names = dict.fromkeys(function.name for function in list_plan_functions(outlined.written) if not function.builtin)
     for name in names:
         entry = outlined.host.functions.get(name)
         if entry is not None:
@@ -285,13 +287,13 @@ def _collect_notes(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[str
     if outlined.lowered is not None or query.search is None or query.search.repeats != "memorize":
         return
     remembered = outlined.host.graphs is not None and do_steps_call_user(query)
-    yield from _explain_bidirectional(query, stats, remembered)
+    yield from _find_bidirectional_fact(query, stats, remembered)
     if stats is not None and stats.graph is not None:
         steps = "1 step was" if stats.remembered_steps == 1 else f"{stats.remembered_steps:,} steps were"
         yield f"graph: remembered, with the number {stats.graph} in ss2sql_graphs; {steps} known from there"
 
 
-def _explain_bidirectional(query: plan.Query, stats: Stats | None, remembered: bool) -> Iterator[str]:
+def _find_bidirectional_fact(query: plan.Query, stats: Stats | None, remembered: bool) -> Iterator[str]:
     """Whether MEMORIZE searches from both ends, and why not."""
     regression = find_regression(query)
     if isinstance(regression, str):
@@ -300,7 +302,7 @@ def _explain_bidirectional(query: plan.Query, stats: Stats | None, remembered: b
     if remembered:
         yield "searched from the start only: its graph is remembered"
         return
-    undone = [call for expr in regression.before if expr is not None for call in list_functions(expr)]
+    undone = [call for expr in regression.before if expr is not None for call in list_plan_functions(expr)]
     names = dict.fromkeys(f"the {function.name}" for function in undone if function.inverse_of)
     how = f"by {' and '.join(names)}" if names else "because sums of whole numbers can be undone"
     if stats is None:
@@ -336,9 +338,9 @@ def _collect_levels(result: Result, by_level: bool) -> tuple[LevelTable | None, 
     counted = count_levels(result) if by_level and not result.stats.levels else "not wanted"
     if isinstance(counted, str):
         wanted = by_level and not result.stats.levels and result.stats.generated
-        return _list_known_levels(result), (f"steps are not counted by level: {counted}",) if wanted else ()
+        return _collect_level_facts(result), (f"steps are not counted by level: {counted}",) if wanted else ()
     paths = None if result.answer is None else result.answer.rows.paths
-    results = Counter(measure_lengths(paths or ()))
+    results = Counter(measure_path_lengths(paths or ()))
     rows = tuple(
         (number, level.generated, level.expanded, level.pruned, results[number])
         for number, level in enumerate(counted, 1)
@@ -346,7 +348,7 @@ def _collect_levels(result: Result, by_level: bool) -> tuple[LevelTable | None, 
     return LevelTable("the search by level", ("level", "generated", "expanded", "pruned", "results"), rows), ()
 
 
-def _list_known_levels(result: Result) -> LevelTable | None:
+def _collect_level_facts(result: Result) -> LevelTable | None:
     """The graph of MEMORIZE by levels; of other searches the results, and the steps that SQLite has kept."""
     if result.stats.levels and result.engine not in ("database", "native"):
         told = tuple((n, x.steps, x.pruned) for n, x in enumerate(result.stats.levels, 1))
@@ -357,7 +359,7 @@ def _list_known_levels(result: Result) -> LevelTable | None:
     paths = None if result.answer is None else result.answer.rows.paths
     if not paths:
         return None
-    results = Counter(measure_lengths(paths))
+    results = Counter(measure_path_lengths(paths))
     kept = paths.count_kept_by_level() if isinstance(paths, SearchPaths) else {}
     levels = range(1, max((*results, *kept)) + 1)
     if kept:

@@ -17,7 +17,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.lowering.portable.pushdown import PushdownQuery
 from ss2sql.lowering.sql_query import SqlQuery
-from ss2sql.results.explain.findings import PlanLine, cut_script, describe_queue
+from ss2sql.results.explain.findings import PlanLine, cut_explained_script, describe_queue
 from ss2sql.results.explain.outline import OutlinedQuery
 from ss2sql.runtime.external.level_query import WORDS, LevelPlan
 from ss2sql.runtime.sqlite.interning import Interning
@@ -66,20 +66,20 @@ def describe_duckdb_plan(query: plan.Query, written: PushdownQuery) -> tuple[Pla
     loaded = {id(table.value) for table in written.loaded}
     return (
         PlanLine(0, "finds the rows with one SELECT over"),
-        *(line for source in query.sources for line in _describe_duckdb_source(source, loaded, 1)),
+        *(line for source in query.sources for line in _put_duckdb_in_words(source, loaded, 1)),
         *_describe_post_processing(query),
     )
 
 
-def _describe_duckdb_source(source: plan.Source, loaded: set[int], depth: int) -> Iterator[PlanLine]:
+def _put_duckdb_in_words(source: plan.Source, loaded: set[int], depth: int) -> Iterator[PlanLine]:
     """The lines of a source, and of a query's sources."""
     if isinstance(source, plan.QuerySource):
-        yield PlanLine(depth, f"the rows of ({cut_script(source.query.span.text, LONGEST)}), over")
+        yield PlanLine(depth, f"the rows of ({cut_explained_script(source.query.span.text, LONGEST)}), over")
         for inner in source.query.sources:
-            yield from _describe_duckdb_source(inner, loaded, depth + 1)
+            yield from _put_duckdb_in_words(inner, loaded, depth + 1)
         return
     assert isinstance(source, plan.ValueSource), "others are refused"
-    words = cut_script(source.value.span.text or source.name, LONGEST)
+    words = cut_explained_script(source.value.span.text or source.name, LONGEST)
     if id(source.value) in loaded:
         yield PlanLine(depth, f"the elements of {words}, which it is given in a table")
     elif isinstance(source.value, plan.Variable):
@@ -102,9 +102,9 @@ def _describe_loop(source: plan.Source, query: plan.Query) -> str:
         case plan.WorldSource():
             words = f"reads every element of {source.table.title}"
         case plan.QuerySource():
-            words = f"finds the rows of ({cut_script(source.query.span.text, LONGEST)})"
+            words = f"finds the rows of ({cut_explained_script(source.query.span.text, LONGEST)})"
         case plan.ValueSource():
-            words = f"walks the elements of {cut_script(source.value.span.text or source.name, LONGEST)}"
+            words = f"walks the elements of {cut_explained_script(source.value.span.text or source.name, LONGEST)}"
     return words if source.name == "this" or words.endswith(source.name) else f"{words} (as {source.name})"
 
 
@@ -140,12 +140,12 @@ class PlanNames:
 def describe_sqlite_plan(outlined: OutlinedQuery) -> tuple[PlanLine, ...]:
     """SQLite's plan of a query. Raises apsw.Error where it is unavailable: the session is closed, a table is gone."""
     assert outlined.lowered is not None
-    rows = _read_query_plan(outlined)
+    rows = _read_explained_plan(outlined)
     names = _collect_names(outlined.lowered, describe_queue(outlined.query))
-    return tuple(_describe_plan_lines(_nest_plan_rows(rows, 0), names, 0))
+    return tuple(_put_plan_in_words(_nest_plan_rows(rows, 0), names, 0))
 
 
-def _read_query_plan(outlined: OutlinedQuery) -> list[tuple[int, int, int, str]]:
+def _read_explained_plan(outlined: OutlinedQuery) -> list[tuple[int, int, int, str]]:
     assert outlined.lowered is not None
     explaining = replace(outlined.lowered, text=f"EXPLAIN QUERY PLAN {outlined.lowered.text}")
     cursor = outlined.host.database.open_cursor(explaining, Interning(), lambda parameter: 0)
@@ -159,7 +159,7 @@ def _nest_plan_rows(rows: list[tuple[int, int, int, str]], parent: int) -> tuple
     return tuple(PlanNode(text, _nest_plan_rows(rows, own)) for own, above, _, text in rows if above == parent)
 
 
-def _describe_plan_lines(
+def _put_plan_in_words(
     lines: tuple[PlanNode, ...], names: PlanNames, depth: int, recursive: bool = False
 ) -> list[PlanLine]:
     """The lines in words. Loops over tables are nested: a later one runs for each row of the one before."""
@@ -171,7 +171,7 @@ def _describe_plan_lines(
             words = f"for each of them, {words}" if loops else words
             loops += 1
         made.append(PlanLine(depth, words, line.text))
-        made.extend(_describe_plan_lines(line.inner, names, depth + 1, recursive or line.text == "RECURSIVE STEP"))
+        made.extend(_put_plan_in_words(line.inner, names, depth + 1, recursive or line.text == "RECURSIVE STEP"))
     return made
 
 
@@ -180,17 +180,17 @@ def _collect_names(lowered: SqlQuery, queue: str) -> PlanNames:
     texts = {parameter.name: parameter.expr.span.text or parameter.name for parameter in lowered.parameters}
     walked: dict[str, str] = {}
     tables: dict[str, str] = {}
-    for name, argument, alias in _find_sources(lowered.text):
+    for name, argument, alias in _find_explained_sources(lowered.text):
         table = lowered.modules.get(name)
         if table is not None:
             argument = argument if table.function is None else f"{table.function}({argument})"
-            walked[alias] = _name_source(_write_source(argument, texts), alias if alias != name else "")
+            walked[alias] = _put_alias_in_words(_put_source_in_words(argument, texts), alias if alias != name else "")
         else:
-            tables[alias] = name if name in (alias, f"{alias}_once") else _name_source(name, alias)
+            tables[alias] = name if name in (alias, f"{alias}_once") else _put_alias_in_words(name, alias)
     return PlanNames(walked, tables, queue)
 
 
-def _find_sources(text: str) -> Iterator[tuple[str, str, str]]:
+def _find_explained_sources(text: str) -> Iterator[tuple[str, str, str]]:
     """The sources after FROM and JOIN: a name, its arguments in parentheses, and its alias."""
     tokens = sqlglot.tokenize(text, read="sqlite")
     kinds = [token.token_type for token in tokens]
@@ -219,13 +219,13 @@ def _find_closing_parenthesis(kinds: list[TokenType], opening: int) -> int:
     raise AssertionError("lowered text has as many closing parentheses as opening ones")
 
 
-def _write_source(argument: str, texts: Mapping[str, str]) -> str:
+def _put_source_in_words(argument: str, texts: Mapping[str, str]) -> str:
     """A source; a bound value in the script's notation."""
     alone = re.fullmatch(r":(\w+)(?: /\*.*\*/)?", argument.strip(), re.DOTALL)
-    return cut_script(texts.get(alone[1], alone[1]) if alone else argument, MOST_TEXT)
+    return cut_explained_script(texts.get(alone[1], alone[1]) if alone else argument, MOST_TEXT)
 
 
-def _name_source(name: str, alias: str) -> str:
+def _put_alias_in_words(name: str, alias: str) -> str:
     """A source and its alias, unless they are equal."""
     return name if alias in ("", "this", name, name.rpartition(".")[2]) else f"{name} (as {alias})"
 
@@ -255,7 +255,7 @@ def _describe_line(text: str, names: PlanNames, recursive: bool) -> str:
     return f"{text} (as SQLite says it)"
 
 
-def _write_table(found: re.Match[str], names: PlanNames) -> str:
+def _name_plan_table(found: re.Match[str], names: PlanNames) -> str:
     name = found["name"]
     return "an inner query" if name.startswith("(") else names.tables.get(name, name)
 
@@ -269,7 +269,9 @@ def _describe_scan(found: re.Match[str], names: PlanNames) -> str:
     if found["name"] == "search":
         return "gives the results as the search finds them"
     index = found["index"]
-    return f"reads every row of {_write_table(found, names)}" + (f" in the order of its index {index}" if index else "")
+    return f"reads every row of {_name_plan_table(found, names)}" + (
+        f" in the order of its index {index}" if index else ""
+    )
 
 
 def _describe_virtual(found: re.Match[str], names: PlanNames) -> str:
@@ -288,10 +290,10 @@ def _describe_virtual(found: re.Match[str], names: PlanNames) -> str:
     words = f"asks for the elements of {table}"
     if parameters:
         words += f" for a given {' and '.join(parameters)}"
-    return words + (f" with {_join_ranges(filters)}; the adapter uses these conditions" if filters else "")
+    return words + (f" with {_put_ranges_in_words(filters)}; the adapter uses these conditions" if filters else "")
 
 
-def _join_ranges(filters: list[str]) -> str:
+def _put_ranges_in_words(filters: list[str]) -> str:
     """`x >= ?` and `x <= ?` as one condition."""
     ranges: dict[str, list[str]] = {}
     for condition in filters:
@@ -306,11 +308,11 @@ def _join_ranges(filters: list[str]) -> str:
 
 def _describe_search(found: re.Match[str], names: PlanNames) -> str:
     kind, where = found["kind"], _format_conditions(found["where"])
-    rows = f"looks up the rows of {_write_table(found, names)} with {where}"
+    rows = f"looks up the rows of {_name_plan_table(found, names)} with {where}"
     if kind.startswith("AUTOMATIC"):
         return f"{rows} in an index that SQLite makes for this query"
     if kind == "INTEGER PRIMARY KEY" and found["where"] == "rowid=?":
-        return f"looks up the row of {_write_table(found, names)} by its number"
+        return f"looks up the row of {_name_plan_table(found, names)} by its number"
     if kind.endswith("PRIMARY KEY"):
         return f"{rows} by its primary key"
     covering = kind.startswith("COVERING ")
@@ -343,8 +345,8 @@ SENTENCES: tuple[tuple[str, Callable[[re.Match[str], PlanNames], str]], ...] = (
         _say_always("keeps a note of the values there, to skip lookups that find nothing"),
     ),
     (r"CO-ROUTINE search", _say_always("searches step by step:")),
-    (rf"CO-ROUTINE {NAME}", lambda found, names: f"makes the rows of {_write_table(found, names)} on demand:"),
-    (rf"MATERIALIZE {NAME}", lambda found, names: f"once, beforehand, and kept as {_write_table(found, names)}:"),
+    (rf"CO-ROUTINE {NAME}", lambda found, names: f"makes the rows of {_name_plan_table(found, names)} on demand:"),
+    (rf"MATERIALIZE {NAME}", lambda found, names: f"once, beforehand, and kept as {_name_plan_table(found, names)}:"),
     (r"SETUP|INITIAL RECURSIVE PART", _say_always("the start:")),
     (r"RECURSIVE STEP", _say_always("the steps:")),
     (r"CORRELATED SCALAR SUBQUERY \d+", _say_always("for each row, computes the value of a query of its own:")),

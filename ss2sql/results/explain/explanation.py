@@ -17,7 +17,7 @@ from ss2sql.results.explain.findings import (
     QueryFacts,
     RunFacts,
     ScriptFacts,
-    cut_script,
+    cut_explained_script,
 )
 from ss2sql.results.explain.outline import OutlinedStatement
 
@@ -34,15 +34,15 @@ ENGINE_NAMES = {"database": "SQLite", "native": "Python", "duckdb": "DuckDB", "s
 def format_explanation(facts: ScriptFacts) -> str:
     lines = [f"needs a value for {', '.join(facts.missing)}"] if facts.missing else []
     for number, statement in enumerate(facts.statements, 1):
-        lines.append(f"{number}. {cut_script(statement.text, MOST_TEXT)}")
+        lines.append(f"{number}. {cut_explained_script(statement.text, MOST_TEXT)}")
         if not statement.queries:
             lines.append("   no query: runs in Python as it is written")
         for query in statement.queries:
             if len(statement.queries) > 1:
-                lines.append(f"   {cut_script(query.text, MOST_TEXT)}")
+                lines.append(f"   {cut_explained_script(query.text, MOST_TEXT)}")
             lines.extend(f"   {line}".rstrip() for line in _format_query(query))
     if facts.run is not None:
-        lines.extend(_format_run(facts.run))
+        lines.extend(_put_run_in_words(facts.run))
     return escape_controls("\n".join(lines))
 
 
@@ -109,21 +109,21 @@ def _format_counts(function: FunctionFacts) -> str:
     return f" ({times}, {function.remembered:,} remembered)" if function.remembered else f" ({times})"
 
 
-def _format_run(run: RunFacts) -> Iterator[str]:
+def _put_run_in_words(run: RunFacts) -> Iterator[str]:
     paths = "" if run.paths is None else f"{count_words(run.paths, 'path')} of "
     yield f"the run: {run.status}, {paths}{count_words(run.rows, 'row')}, {run.engine}"
     if run.generated:
         pruned = f", {run.pruned:,} pruned for a row that was there before" if run.pruned else ""
         yield f"   {count_words(run.generated, 'step')} generated, {run.expanded:,} of them expanded{pruned}"
     yield "the time of its stages:"
-    yield from _format_seconds(run.seconds)
+    yield from _put_seconds_in_words(run.seconds)
     if run.levels is not None:
         yield f"{run.levels.title}:"
         yield from _format_table(run.levels)
     yield from run.notes
 
 
-def _format_seconds(seconds: Mapping[str, float]) -> Iterator[str]:
+def _put_seconds_in_words(seconds: Mapping[str, float]) -> Iterator[str]:
     shown = {**{stage: seconds.get(stage, 0.0) for stage in STAGES}, "all": sum(seconds.values())}
     cells = {stage: f"{time * 1000:,.1f} ms" for stage, time in shown.items()}
     width, wide = max(map(len, cells.values())), max(map(len, cells))
@@ -159,15 +159,15 @@ class Explanation(str):
 
     def as_dict(self) -> dict[str, Any]:
         """Everything that the text says, and SQLite's own words, as dicts, lists, numbers, texts and None."""
-        made: dict[str, Any] = _convert_tuples(asdict(self.facts))
+        made: dict[str, Any] = _convert_fact_tuples(asdict(self.facts))
         return made
 
 
-def _convert_tuples(value: Any) -> Any:
+def _convert_fact_tuples(value: Any) -> Any:
     """The value with lists in place of tuples."""
     if isinstance(value, dict):
-        return {key: _convert_tuples(item) for key, item in value.items()}
-    return list(map(_convert_tuples, value)) if isinstance(value, tuple) else value
+        return {key: _convert_fact_tuples(item) for key, item in value.items()}
+    return list(map(_convert_fact_tuples, value)) if isinstance(value, tuple) else value
 
 
 def explain_run(

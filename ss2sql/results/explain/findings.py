@@ -128,12 +128,12 @@ def describe_search(query: plan.Query) -> dict[str, str]:
     order, guard = get_order(search), get_repeat_rule(search)
     found = {}
     if search.repeats != "memorize" or search.weight is not None:
-        found[order.keyword] = _make_sentence(order.promise.partition(";")[0])  # the rest is about HEURISTIC
+        found[order.keyword] = _make_sentence_of_fact(order.promise.partition(";")[0])  # the rest is about HEURISTIC
     if search.repeats == "memorize" and search.weight is not None:
         promise = "every path without a repeated row up to the bound"
         found[guard.keyword] = f"{promise}, {'the cheapest' if search.order == 'cost' else 'the likeliest'} first"
     elif guard.keyword:
-        found[guard.keyword] = _make_sentence(guard.promise)
+        found[guard.keyword] = _make_sentence_of_fact(guard.promise)
     if search.heuristic is not None:
         found["HEURISTIC"] = "steps that seem closer to a goal are taken earlier (A*)"
     if search.maximum is not None:
@@ -151,11 +151,11 @@ def describe_queue(query: plan.Query) -> str:
     return QUEUES[search.order]
 
 
-def cut_script(text: str, most: int) -> str:
+def cut_explained_script(text: str, most: int) -> str:
     """A piece of a script on one line, of at most so many characters."""
     line = " ".join(text.split())
     return line if len(line) <= most else f"{line[: most - 3]}..."
 
 
-def _make_sentence(text: str) -> str:
+def _make_sentence_of_fact(text: str) -> str:
     return text[0].lower() + text[1:].rstrip(".")

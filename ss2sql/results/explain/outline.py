@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.sqlite.executor import Database
 
 
-class Owner(Protocol):
+class OutlineOwner(Protocol):
     """The session of a query, as an explanation sees it: rewrites that are off, functions, cached graphs, SQLite."""
 
     @property
@@ -41,7 +41,7 @@ class Owner(Protocol):
 class OutlinedQuery:
     """One query: as written and after the rewrites, and how it runs."""
 
-    host: Owner
+    host: OutlineOwner
     written: plan.Query
     query: plan.Query
     engine: str
@@ -76,6 +76,6 @@ class OutlinedStatement:
         return Sql("\n".join(f"{text};" for text in texts), statements=tuple(texts))
 
 
-def join_script_sql(statements: Iterable[OutlinedStatement]) -> Sql:
+def join_outlined_sql(statements: Iterable[OutlinedStatement]) -> Sql:
     """The texts of all statements as one, each with its own parameters in `statements`."""
     return join_sql([statement.sql for statement in statements])

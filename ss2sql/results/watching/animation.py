@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.errors import SessionError, require_package
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.package_data import find_file
+from ss2sql.package_data import find_package_file
 from ss2sql.results.graph_plot import WIDEST, place_trees
 from ss2sql.results.path_plot import find_coordinates
 from ss2sql.results.plot_style import BLUE, FRAME, GREEN, ORANGE, cut_plot_label, shorten_plot_label
@@ -75,13 +75,13 @@ class TraceScene:
         return found[::-1]
 
 
-def make_scene(traced: SearchTrace) -> TraceScene:
+def make_animation_scene(traced: SearchTrace) -> TraceScene:
     steps: dict[int, Event] = {}
     for event in traced.events:
         steps.setdefault(event.n, event)
     every = list(steps.values())
     found = _find_places(traced, every)
-    return TraceScene(traced, every, found, _measure_pitch([place for place in found if place is not None]))
+    return TraceScene(traced, every, found, _measure_animated_pitch([place for place in found if place is not None]))
 
 
 def format_traced_row(shown: dict[str, Any] | None, named: bool = False) -> str:
@@ -98,10 +98,10 @@ def _find_places(traced: SearchTrace, steps: Sequence[Event]) -> list[Place | No
     In states with other lists, as in a puzzle, lists of two numbers are moves, not places.
     """
     counters = traced.counters
-    states = _read_points(
+    states = _read_animated_places(
         [event.state and {n: v for n, v in event.state.items() if n not in counters} for event in steps]
     )
-    rows = _read_points([event.row for event in steps])
+    rows = _read_animated_places([event.row for event in steps])
     if any(states):
         both = [(state, row) for state, row in zip(states, rows, strict=True) if state and row]
         told = bool(both) and all(state == row for state, row in both)
@@ -110,7 +110,7 @@ def _find_places(traced: SearchTrace, steps: Sequence[Event]) -> list[Place | No
     return [None] * len(steps) if puzzle else rows
 
 
-def _read_points(shown: Sequence[dict[str, Any] | None]) -> list[Place | None]:
+def _read_animated_places(shown: Sequence[dict[str, Any] | None]) -> list[Place | None]:
     """The places in rows or states; empty where one of them has no place."""
     there = [tuple(one.values()) for one in shown if one]
     where = find_coordinates(list(next(filter(None, shown), ())), there)
@@ -120,7 +120,7 @@ def _read_points(shown: Sequence[dict[str, Any] | None]) -> list[Place | None]:
     return [(round((at := where.of(next(values)))[0], 6), round(at[1], 6)) if one else None for one in shown]
 
 
-def _measure_pitch(found: Sequence[Place]) -> float:
+def _measure_animated_pitch(found: Sequence[Place]) -> float:
     """The least distance of two places along an axis."""
     if not found:
         return 0.0
@@ -149,7 +149,7 @@ def draw_search(result: Result, ax: Any, most: int | None, own: bool) -> str:
 
     The figure gets the size that the picture needs where it is our own.
     """
-    scene = make_scene(get_trace(result, "plot('search')"))
+    scene = make_animation_scene(get_trace(result, "plot('search')"))
     size, drawn = _draw_map(scene, ax) if scene.is_map else _draw_tree(scene, ax, most or MOST_STEPS)
     if own:
         ax.figure.set_size_inches(min(WIDEST, size[0] + BESIDE), max(3.0, min(WIDEST, size[1] + 0.8)))
@@ -245,7 +245,7 @@ def make_watching_page(results: Sequence[Result], title: str | None) -> Page:
     traced = [get_trace(result, "animate()") for result in results]
     heading = title or " and ".join(dict.fromkeys(one.strategy for one in traced))
     data = json.dumps({"panels": list(map(_make_panel, traced))}, ensure_ascii=False, separators=(",", ":"))
-    template = find_file("ss2sql.results.watching", "page.html").read_text("utf-8")
+    template = find_package_file("ss2sql.results.watching", "page.html").read_text("utf-8")
     named = template.replace("@TITLE@", escape(heading)).replace("@HEADING@", escape(title or ""))
     before, after = named.split("@DATA@")
     # Between the tags of a script "<" may begin the end of it.
@@ -261,7 +261,7 @@ def write_page(page: Page, path: str | Path) -> None:
 
 def _make_panel(traced: SearchTrace) -> dict[str, Any]:
     """One search as columns of short texts and numbers: 10,000 events are less than 1 MB."""
-    scene = make_scene(traced)
+    scene = make_animation_scene(traced)
     steps, texts = scene.steps, dict[str, int]()
     rows = [texts.setdefault(format_traced_row(step.row), len(texts)) for step in steps]
     states = [texts.setdefault(format_traced_row(step.state, named=True), len(texts)) for step in steps]
@@ -272,7 +272,7 @@ def _make_panel(traced: SearchTrace) -> dict[str, Any]:
         "nodes": [event.n for event in traced.events],
         "parent": [-1 if step.parent is None else step.parent for step in steps],
         "depth": [step.depth for step in steps],
-        "g": [_round_number(step.g) for step in steps], "h": [_round_number(step.h) for step in steps],
+        "g": [_round_animated(step.g) for step in steps], "h": [_round_animated(step.h) for step in steps],
         "texts": list(texts), "row_text": rows, "state_text": states,
         "leaves": [int(step.event in ("repeated", "stopped")) for step in steps],
         **_make_map(scene),
@@ -286,5 +286,5 @@ def _make_map(scene: TraceScene) -> dict[str, Any]:
     return {"pitch": scene.pitch, **columns}
 
 
-def _round_number(value: Any) -> float | None:
+def _round_animated(value: Any) -> float | None:
     return None if value is None else float(f"{min(value, 1e300):.6g}")

@@ -61,7 +61,7 @@ def get_trace(result: Result, user: str) -> SearchTrace:
     return result.traced
 
 
-def find_searched_query(statement: ast.Expr) -> ast.Query:
+def find_traced_query(statement: ast.Expr) -> ast.Query:
     """The search that a traced script ends with. Raises SessionError S002 where it does not."""
     tree = statement.value if isinstance(statement, ast.Assign) else statement
     if isinstance(tree, ast.Query) and tree.searches:
@@ -72,18 +72,18 @@ def find_searched_query(statement: ast.Expr) -> ast.Query:
 
 def make_trace(trace: Trace, statement: ast.Expr, written: plan.Query) -> SearchTrace:
     """The trace of the search in the statement, which the plan has as `written`."""
-    query = find_searched_query(statement)
+    query = find_traced_query(statement)
     trace.copy_values()
     words = [option.keyword for option in query.options]
     weighed = () if "MEMORIZE" in words else ("COST", "PROBABILITY")
     weight = next((word for word in weighed if word in words), None)
-    clauses = {event: list(_find_stretches(query, event)) for event in ("start", *_CLAUSES)}
+    clauses = {event: list(_find_traced_clauses(query, event)) for event in ("start", *_CLAUSES)}
     counters = find_growing_states(written, evenly=True)
     return SearchTrace(trace.events, trace.total, query.span.text, clauses, _describe_strategy(words), weight, counters)
 
 
 def collect_notes(trace: Trace, statement: ast.Expr) -> Iterator[str]:
-    memorizes = any(option.keyword == "MEMORIZE" for option in find_searched_query(statement).options)
+    memorizes = any(option.keyword == "MEMORIZE" for option in find_traced_query(statement).options)
     alone = ", from its start alone and without a remembered graph" if memorizes else ""
     yield f"traced: the search ran natively, step by step{alone}"
     if trace.total > trace.most:
@@ -108,7 +108,7 @@ _CLAUSES: dict[str, tuple[str, ...]] = {
 }
 
 
-def _find_stretches(query: ast.Query, event: str) -> Iterator[tuple[int, int]]:
+def _find_traced_clauses(query: ast.Query, event: str) -> Iterator[tuple[int, int]]:
     """The clauses that act in an event, with their keywords, as spans of the query."""
     text, begin = query.span.text, query.span.start
     spans = [option.span for option in query.options if option.keyword in _CLAUSES.get(event, ())]

@@ -14,8 +14,8 @@ from ss2sql.language.element_columns import read_column
 from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import GROUPS
 from ss2sql.language.plan_traversal import walk
-from ss2sql.language.rows import Row, Rows, iterate_within_limit
-from ss2sql.lowering.portable.portable_expressions import build_refusal, get_column_type
+from ss2sql.language.rows import Row, Rows, iterate_limited_rows
+from ss2sql.lowering.portable.portable_expressions import build_refusal, get_sql_column_type
 from ss2sql.lowering.portable.portable_flat import NUMBER_COLUMN
 from ss2sql.lowering.portable.pushdown import (
     EXACT_AGGREGATES,
@@ -29,7 +29,7 @@ from ss2sql.lowering.sql_builder import DUCKDB
 from ss2sql.runtime.external.duckdb_sources import DuckFrame, DuckSources, DuckTransaction
 from ss2sql.runtime.external.table_statements import build_batch, interrupt_when_due
 from ss2sql.runtime.python.native_query import compile_statement
-from ss2sql.runtime.run.elements import list_elements
+from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.run.option_checks import check_count_value
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import CELL_SIZE
@@ -45,7 +45,7 @@ VALUES_PER_CHECK = 65_536  # values that become floats of Python, where a group 
 _FUNCTIONS = {function: GROUPS[name].of_floats for name, function in EXACT_AGGREGATES.items()}
 
 
-def _iterate_floats(values: Any) -> Iterator[float]:
+def _iterate_duckdb_floats(values: Any) -> Iterator[float]:
     return chain.from_iterable(
         values[n : n + VALUES_PER_CHECK].tolist() for n in range(0, len(values), VALUES_PER_CHECK)
     )
@@ -63,15 +63,15 @@ def register_in_duckdb(
         if call is None:
             function, kinds, result, function_type = _wrap_aggregate(name, failed), ["DOUBLE[]"], "DOUBLE", "arrow"
         else:
-            function, function_type = _wrap_function(call, run, failed), "native"
-            result, *kinds = (str(get_column_type(part.type)) for part in (call, *call.arguments))
+            function, function_type = _wrap_duckdb_function(call, run, failed), "native"
+            result, *kinds = (str(get_sql_column_type(part.type)) for part in (call, *call.arguments))
         cursor.create_function(  # type: ignore[call-overload]
             name, function, kinds, result, type=function_type, null_handling="special"
         )
     return failed
 
 
-def _wrap_function(call: plan.Call, run: Run, failed: list[str]) -> Callable[..., Any]:
+def _wrap_duckdb_function(call: plan.Call, run: Run, failed: list[str]) -> Callable[..., Any]:
     """The built-in function, which fails where its value becomes larger than one may be."""
     function = run.host.get_callable(call.function, run)
 
@@ -103,7 +103,7 @@ def _wrap_aggregate(name: str, failed: list[str]) -> Callable[[Any], Any]:
         found: list[float | None] = []
         for known, (start, end) in zip(lists.is_valid().to_pylist(), pairwise(ends), strict=True):
             try:
-                found.append(function(_iterate_floats(values[start:end]), end - start) if known else None)
+                found.append(function(_iterate_duckdb_floats(values[start:end]), end - start) if known else None)
             except (OverflowError, ExecutionError):
                 failed.append("a sum of floats becomes too large on its way")
                 found.append(None)
@@ -113,19 +113,19 @@ def _wrap_aggregate(name: str, failed: list[str]) -> Callable[[Any], Any]:
 
 
 # --- the elements of values as tables for DuckDB
-def collect_loaded_columns(table: LoadedTable, value: Any) -> list[Sequence[Any]]:
+def collect_duckdb_columns(table: LoadedTable, value: Any) -> list[Sequence[Any]]:
     """The numbers of the elements of a value, and what is read of them, by columns."""
     if isinstance(value, Frame):
         return [range(value.length), *(value.columns[key].values for key in table.columns if key is not None)]
-    rows = list_elements(value)
+    rows = list_source_elements(value)
     found = (rows if key is None else [read_column(row, key, None) for row in rows] for key in table.columns)
     return [range(len(rows)), *found]
 
 
-def build_arrow_table(table: LoadedTable, columns: list[Sequence[Any]]) -> Any:
+def build_duckdb_table(table: LoadedTable, columns: list[Sequence[Any]]) -> Any:
     import pyarrow as pa
 
-    typed = [TypedColumn(name, get_column_type(kind) or "") for name, kind in table.columns.values()]
+    typed = [TypedColumn(name, get_sql_column_type(kind) or "") for name, kind in table.columns.values()]
     return pa.Table.from_batches([build_batch([TypedColumn(NUMBER_COLUMN, "BIGINT"), *typed], columns)])
 
 
@@ -205,7 +205,7 @@ class DuckQuery:
         try:
             with interrupt_when_due(run, reading):
                 found = self._iterate_rows(reading, loaded, values, run)
-                sink.rows.extend(found if run.max_rows is None else iterate_within_limit(found, run.max_rows))
+                sink.rows.extend(found if run.max_rows is None else iterate_limited_rows(found, run.max_rows))
         except self.sources.errors as error:
             hint = "look at its limit of memory and the room on its disk"
             raise ExecutionError("X009", f"duckdb: {error}", self.query.span, (hint,)) from error
@@ -222,7 +222,7 @@ class DuckQuery:
 
     def _read_columns(self, table: LoadedTable, run: Run) -> list[Sequence[Any]]:
         try:
-            return collect_loaded_columns(table, self._compute_value(table.value, run))
+            return collect_duckdb_columns(table, self._compute_value(table.value, run))
         except Error as error:
             raise error.with_span(table.value.span) from None
 
@@ -240,7 +240,7 @@ class DuckQuery:
     ) -> Iterator[Row]:
         cursor, functions = reading.cursor, self.written.functions
         for table, columns in loaded:
-            cursor.register(table.name, build_arrow_table(table, columns))
+            cursor.register(table.name, build_duckdb_table(table, columns))
         failed = register_in_duckdb(cursor, functions, run)
         cursor.execute(self.text, dict(values) or None)
         while block := cursor.fetchmany(ROWS_PER_BLOCK):

@@ -19,7 +19,7 @@ from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.lowering.sql_builder import DUCKDB
 from ss2sql.runtime.external.level_query import DuckLevelStatements
 from ss2sql.runtime.external.level_steps import FirstLevels, PythonSteps, SqlSteps, make_level_steps
-from ss2sql.runtime.external.table_statements import Value, batch_of_rows, join_column_names, translate_sql
+from ss2sql.runtime.external.table_statements import Value, batch_of_rows, join_column_names, translate_duckdb_sql
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
@@ -72,7 +72,7 @@ class DuckTables:
     def create_table(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]] = ()) -> None:
         """Makes a table in the place of one that there was."""
         self.connection.execute(
-            translate_sql(DUCKDB, f"CREATE OR REPLACE TABLE {table}({join_column_names(*columns)})")
+            translate_duckdb_sql(DUCKDB, f"CREATE OR REPLACE TABLE {table}({join_column_names(*columns)})")
         )
         self.load_rows(table, columns, rows)
 
@@ -123,7 +123,7 @@ class _PreparedStatements:
 
     def execute_statement(self, text: str, values: dict[str, Value], steps: int | None) -> duckdb.DuckDBPyConnection:
         """Runs a statement, which has a plan for so many `steps`, or none that is kept."""
-        text = translate_sql(DUCKDB, text)
+        text = translate_duckdb_sql(DUCKDB, text)
         # DuckDB wants no values but those that it names.
         wanted = {name: value for name, value in values.items() if re.search(rf"\${name}\b", text)}
         if steps is None or not all(type(value) is int for value in wanted.values()):

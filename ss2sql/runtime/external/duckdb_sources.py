@@ -21,10 +21,10 @@ from sqlglot import exp
 from ss2sql.errors import ExecutionError, SessionError, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type
-from ss2sql.language.operations.intervals import MAX, widen_bounds
+from ss2sql.language.operations.intervals import MAX, widen_number_type
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.portable.portable_expressions import write_cast
-from ss2sql.lowering.portable.pushdown import ExternalTable, choose_number_column, quote_identifier
+from ss2sql.lowering.portable.pushdown import ExternalTable, choose_sql_number_column, quote_sql_identifier
 from ss2sql.lowering.sql_builder import DUCKDB
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.vtables.frames.array_columns import convert_frame_cell
@@ -64,7 +64,7 @@ class DuckColumn:
 
     @property
     def plain(self) -> exp.Column:
-        return exp.Column(this=quote_identifier(self.name))
+        return exp.Column(this=quote_sql_identifier(self.name))
 
     @property
     def decimals(self) -> tuple[int, int] | None:
@@ -130,7 +130,7 @@ class DuckColumn:
         least, greatest = (INT_MIN, INT_MAX) if kind is Kind.INT else (-MAX, MAX)
         if not least <= low <= high <= greatest:
             return ColumnFacts(Type(), None, refused=True)
-        return ColumnFacts(widen_bounds(kind | missing, low, high), self._write_number(nan))
+        return ColumnFacts(widen_number_type(kind | missing, low, high), self._write_number(nan))
 
     def _write_text(self, collated: bool) -> exp.Expr | None:
         if self.kind.startswith(_TIMES):
@@ -141,7 +141,7 @@ class DuckColumn:
     def _parse_expression(self, text: str) -> exp.Expr:
         tree = sqlglot.parse_one(text.format("placeholder"), read="duckdb")
         for column in tree.find_all(exp.Column):
-            column.set("this", quote_identifier(self.name))
+            column.set("this", quote_sql_identifier(self.name))
         return tree
 
     def _write_number(self, nan: int) -> exp.Expr | None:
@@ -307,7 +307,9 @@ class DuckSources:
         if not found:
             return None
         database, home, exact, has_rowid = found[0]
-        item = exp.Table(this=quote_identifier(exact), db=quote_identifier(home), catalog=quote_identifier(database))
+        item = exp.Table(
+            this=quote_sql_identifier(exact), db=quote_sql_identifier(home), catalog=quote_sql_identifier(database)
+        )
         return DuckTableReader(self, name, item, "rowid" if has_rowid else None)
 
     def list_names(self) -> list[str]:
@@ -408,8 +410,8 @@ class DuckTableReader:
         shape = (self.key[1], collated, tuple((name, repr(column)) for name, column in columns.items()))
         if self.number is not None and self.number not in {name.lower() for name in columns}:
             return ExternalTable(self.item, self.number, columns, shape)
-        number = choose_number_column(columns)
-        row = exp.Alias(this=sql_builder.row_number(()), alias=quote_identifier(number))
+        number = choose_sql_number_column(columns)
+        row = exp.Alias(this=sql_builder.row_number(()), alias=quote_sql_identifier(number))
         numbered = exp.Select(expressions=[exp.Star(), row]).from_(self.item.copy())
         return ExternalTable(exp.Subquery(this=numbered), number, columns, shape)
 
@@ -435,7 +437,7 @@ class _DuckValues:
 
         Raises ExecutionError X004 for what is no value of the language, X009 where DuckDB fails.
         """
-        from ss2sql.vtables.frames.arrow import make_arrow_column
+        from ss2sql.vtables.frames.arrow import convert_arrow_column
 
         place = f"the column '{name}' of '{self.reader.name}'"
         if name in self.strange:
@@ -445,7 +447,7 @@ class _DuckValues:
             array = self._read_array(name) if read is None else read()
         except self.reader.sources.errors as error:
             raise ExecutionError("X009", f"{place} cannot be read: {error}") from error
-        return make_arrow_column(array, place)
+        return convert_arrow_column(array, place)
 
     def _read_array(self, name: str) -> Any:
         if self.reader.number is not None:
@@ -455,7 +457,7 @@ class _DuckValues:
         return self.whole.column(name)
 
     def _write_select(self, names: Sequence[str]) -> Any:
-        columns = [exp.Column(this=quote_identifier(name)) for name in names]
+        columns = [exp.Column(this=quote_sql_identifier(name)) for name in names]
         select = exp.Select(expressions=columns).from_(self.outside.item.copy())
-        ordered = select.order_by(exp.Column(this=quote_identifier(self.outside.number)))
+        ordered = select.order_by(exp.Column(this=quote_sql_identifier(self.outside.number)))
         return self.reading.fetch_arrow(DUCKDB.print_tree(ordered))

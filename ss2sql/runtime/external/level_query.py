@@ -24,8 +24,8 @@ from ss2sql.runtime.external.table_statements import (
     OpenedDatabase,
     interrupt_when_due,
     join_column_names,
-    list_column_names,
-    translate_sql,
+    list_duckdb_columns,
+    translate_duckdb_sql,
 )
 from ss2sql.runtime.python.codegen_context import CodegenContext
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
@@ -60,13 +60,13 @@ class LevelStatements:
         self.search, self.steps = search, steps
         self.tries = (TypedColumn("place", "BIGINT"), *steps.rows, *FLAGS, *steps.own)
         self.elements = (TypedColumn("nth", "BIGINT"), *steps.reads)
-        self.shown = ["row", "last"] if steps is TRIED else list_column_names((*steps.rows, *steps.own))  # of paths
-        keys = list_column_names(steps.rows)
+        self.shown = ["row", "last"] if steps is TRIED else list_duckdb_columns((*steps.rows, *steps.own))  # of paths
+        keys = list_duckdb_columns(steps.rows)
         fields = join_column_names(*map(str, steps.rows))
         self.trail = TypedColumn("trail", f"{steps.rows[0].type if len(keys) == 1 else f'STRUCT({fields})'}[]")
         self.trails = (self.trail,) if search.repeats == "no cycle" else ()
         self._keys, self._numbers_by_identity = keys, " AND ".join(f"steps.{name} = tries.{name}" for name in keys)
-        self.outputs = join_column_names(*list_column_names((*self.tries[1:], *self.trails)))
+        self.outputs = join_column_names(*list_duckdb_columns((*self.tries[1:], *self.trails)))
         match search.repeats:
             case "unique":
                 self.chosen = self._write_first_to_each_row()
@@ -112,7 +112,7 @@ class DuckLevelStatements(LevelStatements):
         keys = join_column_names(*(f"tries.{name}" for name in self._keys))
         # One value for both takes 8 % less time.
         flags = "MIN_BY(CASE WHEN NOT goal THEN 1 WHEN goes_on THEN 3 ELSE 2 END, place) AS flags"
-        others = (f"MIN_BY({name}, place) AS {name}" for name in list_column_names(self.steps.own))
+        others = (f"MIN_BY({name}, place) AS {name}" for name in list_duckdb_columns(self.steps.own))
         tries = self._make_handle(self.steps.tries)
         columns = join_column_names(keys, "MIN(place) AS place", flags, *others)
         firsts = f"SELECT {columns} FROM ({tries}) AS tries GROUP BY {keys}"
@@ -124,7 +124,7 @@ class DuckLevelStatements(LevelStatements):
         self.columns = (*numbers, *self.tries[1:], *self.trails)
         places, more = "*", ""
         if steps is TRIED:  # they may be large, so they are put together at the end
-            places, more = join_column_names("place", *list_column_names(self.trails)), "JOIN tries USING (place)"
+            places, more = join_column_names("place", *list_duckdb_columns(self.trails)), "JOIN tries USING (place)"
         self.kept = f"""
             INSERT INTO steps
             SELECT step, place // {MAX_ELEMENTS}, place % {MAX_ELEMENTS}, :depth, {self.outputs}
@@ -255,7 +255,9 @@ class LevelPlan:
     @property
     def sql(self) -> str:
         """The statements of one level."""
-        return "\n".join(f"{translate_sql(self.dialect, statement)};" for statement in self.written.list_statements())
+        return "\n".join(
+            f"{translate_duckdb_sql(self.dialect, statement)};" for statement in self.written.list_statements()
+        )
 
 
 def plan_level_search(query: plan.Query, abilities: EngineAbilities) -> LevelPlan:

@@ -14,13 +14,13 @@ from ss2sql.errors import UnsupportedError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row
 from ss2sql.language.values import FrozenRow, FrozenShapes, State, make_hashable
-from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn, build_element_limit_error
+from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn, build_sql_limit_error
 from ss2sql.runtime.external.level_query import TRIED, LevelStatements
 from ss2sql.runtime.external.table_statements import Value
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
-from ss2sql.runtime.search.step_contract import Expand, Last, list_elements
+from ss2sql.runtime.search.step_contract import Expand, Last, list_step_elements
 
 DIGEST = 32  # bytes
 
@@ -47,7 +47,7 @@ class StepEvaluation:
         tried = self.expand(self.shapes.freeze_state(loads(state)), ())
         for nth, (row, _, goal, goes_on, after, _, _, last) in enumerate(tried):
             if nth == MAX_ELEMENTS:
-                raise build_element_limit_error("a state")
+                raise build_sql_limit_error("a state")
             key, *noted = self.encode_step(row, last, after if goes_on else None)
             yield step * MAX_ELEMENTS + nth, key, goal, goes_on, *noted
 
@@ -65,19 +65,19 @@ def pickle_values(values: State) -> bytes:
     try:
         return dumps(values, 2)
     except ValueError:
-        raise _build_object_error() from None
+        raise _build_level_object_error() from None
 
 
 def _encode_row_key(row: tuple[Any, ...]) -> bytes:
     """Bytes that are the same for equal rows. Raises UnsupportedError where there are objects among their values."""
     key = make_hashable(list(row))
     if not isinstance(key, bytes):
-        raise _build_object_error()
+        raise _build_level_object_error()
     # What is compared with all other rows should be short. Two rows with the same digest of 256 bits nobody has seen.
     return key if len(key) <= DIGEST else blake2b(key, digest_size=DIGEST).digest()
 
 
-def _build_object_error() -> UnsupportedError:
+def _build_level_object_error() -> UnsupportedError:
     hints = ("show and keep numbers, texts and lists, or leave the engine to ss2sql",)
     return UnsupportedError("U001", "a row or state has an object, which no other database can keep", hints=hints)
 
@@ -230,7 +230,7 @@ class SqlSteps(PythonSteps):
         rows = NativeQuery(self.steps.elements).compute_rows(search_run.run).rows
         assert rows is not None
         if len(rows) > MAX_ELEMENTS:
-            raise build_element_limit_error("FROM")
+            raise build_sql_limit_error("FROM")
         self.elements = [(nth, *row[: len(self.steps.reads)]) for nth, row in enumerate(rows)]
 
     def count_tries(self, expanded: int) -> None:
@@ -268,4 +268,4 @@ class SqlSteps(PythonSteps):
         """The elements of the sources in their order, which are the same for all states."""
         noted = self.search_run.noted
         assert noted is not None
-        return list(map(noted.read_elements, list_elements(noted, self.search_run.problem.starts[0])))
+        return list(map(noted.read_elements, list_step_elements(noted, self.search_run.problem.starts[0])))

@@ -24,7 +24,7 @@ from ss2sql.language.rows import make_unique_name
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.portable.portable_expressions import build_refusal
 from ss2sql.lowering.portable.portable_flat import ColumnNames
-from ss2sql.lowering.portable.pushdown import ExternalTable, filter_table, join_tables
+from ss2sql.lowering.portable.pushdown import ExternalTable, join_tables, lower_table_pushdown
 from ss2sql.lowering.sql_builder import DUCKDB
 from ss2sql.runtime.external.duckdb_query import find_duck_frame
 from ss2sql.runtime.external.duckdb_sources import DuckFrame
@@ -127,10 +127,10 @@ def push_down_joins(
     for sources in _find_linked_tables(query.sources, tables, conditions):
         chosen = JoinPushdown(sources, (), {})
         chosen = replace(chosen, conditions=tuple(part for part in conditions if chosen.reads_only_sources(part)))
-        rest = replace(query, where=_remove_conditions(query.where, chosen.conditions))
-        names = _choose_column_names(rest, chosen)
+        rest = replace(query, where=_remove_pushed_conditions(query.where, chosen.conditions))
+        names = _choose_joined_columns(rest, chosen)
         if names and (joining := replace(chosen, names=names)).is_worthwhile(variable):
-            query = _replace_sources(rest, joining)
+            query = _replace_joined_sources(rest, joining)
             found.append(joining)
     return query, found
 
@@ -139,7 +139,7 @@ def _find_linked_tables(
     sources: Iterable[plan.Source], tables: Collection[plan.ValueSource], conditions: Iterable[plan.Expr]
 ) -> list[tuple[plan.ValueSource, ...]]:
     """Tables that follow each other in FROM, each of which must equal one before it in something."""
-    links = {pair for part in conditions if (pair := _get_equated_sources(part))}
+    links = {pair for part in conditions if (pair := _get_pushed_join(part))}
     groups: list[tuple[plan.ValueSource, ...]] = []
     for source in sources:
         if not isinstance(source, plan.ValueSource) or source not in tables:
@@ -151,7 +151,7 @@ def _find_linked_tables(
     return [group for group in groups if len(group) > 1]
 
 
-def _get_equated_sources(part: plan.Expr) -> frozenset[int] | None:
+def _get_pushed_join(part: plan.Expr) -> frozenset[int] | None:
     """The two sources that a condition says to be equal in something."""
     if not (isinstance(part, plan.Call) and part.function.builtin and part.function.name == "eq"):
         return None
@@ -159,13 +159,13 @@ def _get_equated_sources(part: plan.Expr) -> frozenset[int] | None:
     return frozenset.union(*owners) if all(len(read) == 1 for read in owners) and owners[0] != owners[1] else None
 
 
-def _remove_conditions(where: plan.Expr | None, conditions: Collection[plan.Expr]) -> plan.Expr | None:
+def _remove_pushed_conditions(where: plan.Expr | None, conditions: Collection[plan.Expr]) -> plan.Expr | None:
     """What is left of WHERE."""
     left = tuple(part for part in split_and(where) if not any(part is one for one in conditions))
     return replace(where, parts=left) if isinstance(where, plan.And) and len(left) > 1 else next(iter(left), None)
 
 
-def _choose_column_names(rest: plan.Query, joining: JoinPushdown) -> dict[tuple[int, str], str]:
+def _choose_joined_columns(rest: plan.Query, joining: JoinPushdown) -> dict[tuple[int, str], str]:
     """Names for the columns that what is left of a query reads; none where it wants rows as a whole."""
     labels, names = {source.id: source.name for source in joining.sources}, ColumnNames()
     read = [node for node in walk(rest) if isinstance(node, (plan.Element, plan.Column)) and node.source in labels]
@@ -178,7 +178,7 @@ def _choose_column_names(rest: plan.Query, joining: JoinPushdown) -> dict[tuple[
     return {(source, name): names.claim(f"{labels[source]}_{name}", "value") for source, name in wanted}
 
 
-def _replace_sources(rest: plan.Query, joining: JoinPushdown) -> plan.Query:
+def _replace_joined_sources(rest: plan.Query, joining: JoinPushdown) -> plan.Query:
     """The query over one source, whose columns have the names of the joining."""
     first, *others = joining.sources
     types = {(source.id, name): kind for source in joining.sources for name, kind in source.columns or ()}
@@ -246,7 +246,7 @@ class PredicatePushdown:
         if frame.reading.strange:  # texts may compare in another way
             return None
         try:
-            return filter_table(frame.outside, self.source, self.conditions, variable)
+            return lower_table_pushdown(frame.outside, self.source, self.conditions, variable)
         except UnsupportedError:
             return None
 
@@ -268,7 +268,7 @@ def push_down_predicates(
         return query, {}
     if is_volatile(query):  # where something is assigned, conditions may be others for the next row
         return query, {}
-    safe = _find_safe_conditions(query.where)
+    safe = _find_pushed_conditions(query.where)
     query, joinings = push_down_joins(query, safe, variable)
     handed: dict[int, PushedTable] = {joining.sources[0].id: joining for joining in joinings}
     sources = []
@@ -289,7 +289,7 @@ def _can_source_fail(source: plan.Source) -> bool:
     return not (known or isinstance(source, plan.TableSource))
 
 
-def _find_safe_conditions(where: plan.Expr | None) -> list[plan.Expr]:
+def _find_pushed_conditions(where: plan.Expr | None) -> list[plan.Expr]:
     """The parts of WHERE before what may fail or calls a Python function: rows that they do not keep are not missed."""
     found: list[plan.Expr] = []
     for part in split_and(where):

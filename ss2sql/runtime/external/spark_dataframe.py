@@ -15,8 +15,8 @@ from ss2sql.language.column_shapes import (
     ColumnShape,
     Shape,
     build_type_error,
-    convert_shape_floats,
-    fill_from_plan,
+    convert_value_to_shape,
+    infer_missing_shape,
     infer_shape,
     is_untyped,
     make_arrow_type,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pyspark.sql.types import StructType
 
 
-def read_shapes(part: bytes) -> list[ColumnShape]:
+def read_spark_shapes(part: bytes) -> list[ColumnShape]:
     told: list[ColumnShape] = pickle.loads(part)
     return told
 
@@ -43,7 +43,7 @@ def describe_row_shapes(batches: Iterator[pa.RecordBatch], width: int) -> Iterat
 
     told = [ColumnShape()] * width
     for block in batches:
-        columns = _transpose_rows(block.column(0), width)
+        columns = _transpose_spark_rows(block.column(0), width)
         told = [before.merge_shapes(infer_shape(values)) for before, values in zip(told, columns, strict=True)]
     yield pa.record_batch([pa.array([pickle.dumps(told)], pa.binary())], names=["told"])
 
@@ -54,15 +54,15 @@ def unpickle_rows_in_spark(batches: Iterator[pa.RecordBatch], pickled: bytes) ->
 
     shapes: list[Shape] = pickle.loads(pickled)
     for block in batches:
-        columns = _transpose_rows(block.column(2), len(shapes))
+        columns = _transpose_spark_rows(block.column(2), len(shapes))
         arrays = [
-            pa.array([convert_shape_floats(value, shape) for value in values], make_arrow_type(pa, shape))
+            pa.array([convert_value_to_shape(value, shape) for value in values], make_arrow_type(pa, shape))
             for values, shape in zip(columns, shapes, strict=True)
         ]
         yield pa.record_batch([block.column(0), block.column(1), *arrays], schema=_build_schema(shapes))
 
 
-def _transpose_rows(rows: pa.Array, width: int) -> list[tuple[Any, ...]]:
+def _transpose_spark_rows(rows: pa.Array, width: int) -> list[tuple[Any, ...]]:
     """Rows by columns, also where there are none."""
     return list(zip(*map(loads, rows.to_pylist()), strict=True)) or [()] * width
 
@@ -187,11 +187,11 @@ class DataFrameSearch(SparkSearch):
         told = [ColumnShape()] * len(outputs)
         described = rows.select("row").mapInArrow(make_task(describe_row_shapes, len(outputs)), "told BINARY")
         for (part,) in described.collect():
-            told = [one.merge_shapes(other) for one, other in zip(told, read_shapes(bytes(part)), strict=True)]
+            told = [one.merge_shapes(other) for one, other in zip(told, read_spark_shapes(bytes(part)), strict=True)]
         shapes = []
         for output, column in zip(outputs, told, strict=True):
             if is_untyped(column.shape):
                 hint = "select what can be told of it, such as its name"
                 raise build_type_error("Spark", output.name, column, hint)
-            shapes.append(fill_from_plan(column.shape, output.expr.type))
+            shapes.append(infer_missing_shape(column.shape, output.expr.type))
         return rows.mapInArrow(make_task(unpickle_rows_in_spark, pickle.dumps(shapes)), build_spark_types(shapes))

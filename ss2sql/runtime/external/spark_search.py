@@ -21,13 +21,13 @@ from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.runtime.external.level_query import SparkLevelStatements
 from ss2sql.runtime.external.level_steps import FirstLevels, SqlSteps, make_level_steps
 from ss2sql.runtime.external.spark_session import SparkStore, write_spark_schema
-from ss2sql.runtime.external.table_statements import join_column_names, list_column_names
+from ss2sql.runtime.external.table_statements import join_column_names, list_duckdb_columns
 from ss2sql.runtime.external.task_pickle import (
     add_executor_counts,
-    expand_batches,
+    expand_spark_batches,
     make_task,
     pickle_search,
-    read_account,
+    read_spark_counts,
 )
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
@@ -83,7 +83,7 @@ class SparkSteps:
         frontier.createOrReplaceTempView("frontier")
         spread = frontier.select("step", "state").repartition(cores * TASKS_PER_CORE, "step")
         columns = [(column.name, column.type) for column in self.written.tries]
-        steps = make_task(expand_batches, self.store.name, self.parcel, columns)
+        steps = make_task(expand_spark_batches, self.store.name, self.parcel, columns)
         spread.mapInArrow(steps, write_spark_schema(self.written.tries)).createOrReplaceTempView("tries")
 
     def read_counts(self, counts: Row, frontier: DataFrame, expanded: int) -> LevelCounts:
@@ -92,7 +92,7 @@ class SparkSteps:
         stats, before = self.search_run.stats, self.search_run.stats.generated
         if isinstance(self.made, SqlSteps):
             self.made.count_tries(expanded)
-        told: list[dict[str, Any]] = [read_account(bytes(state)) for state in accounts]
+        told: list[dict[str, Any]] = [read_spark_counts(bytes(state)) for state in accounts]
         for one in told:
             if one["trouble"]:
                 hint = "what functions import has to be installed there, or sent with spark.sparkContext.addPyFile"
@@ -243,7 +243,7 @@ class SparkSearch:
         return in_order.selectExpr(f"array({offsets})[part] + nth_of_part + 1 AS {name}", *rows.columns)
 
     def _add_to_closed_list(self, rows: DataFrame) -> None:
-        rows = rows.select(*list_column_names(self.written.steps.rows))
+        rows = rows.select(*list_duckdb_columns(self.written.steps.rows))
         self.met = rows if self.met is None else self.met.unionAll(rows)
         self.tables += 1
         if self.tables == TABLES:

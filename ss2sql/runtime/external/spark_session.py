@@ -13,7 +13,7 @@ from uuid import uuid4
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.lowering.portable.search_steps import TypedColumn
 from ss2sql.lowering.sql_builder import SPARK
-from ss2sql.runtime.external.table_statements import Value, batch_of_rows, translate_sql
+from ss2sql.runtime.external.table_statements import Value, batch_of_rows, translate_duckdb_sql
 from ss2sql.runtime.search.search_run import SearchRun
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class SparkStore:
     """
 
     def __init__(self, session: SparkSession) -> None:
-        self.user, self.session, self.context = session, _clone_session(session), session.sparkContext
+        self.user, self.session, self.context = session, _clone_spark_session(session), session.sparkContext
         for name, value in SETTINGS.items():
             self.session.conf.set(name, value)
         self.name = f"ss2sql-{uuid4().hex[:12]}"
@@ -60,7 +60,7 @@ class SparkStore:
         """The rows of a query, not computed yet."""
         if self.is_stopping:
             raise ExecutionError("X009", "the run has ended")
-        text = translate_sql(SPARK, select)
+        text = translate_duckdb_sql(SPARK, select)
         arguments = {name: _convert_argument(value) for name, value in (values or {}).items() if f":{name}" in text}
         return self.session.sql(text, arguments)
 
@@ -83,7 +83,7 @@ class SparkStore:
         from pyspark.sql import DataFrame
 
         leaf = self._cut_lineage(frame, eager=True)
-        if not is_local(self.context):
+        if not is_spark_local(self.context):
             frame.unpersist()
         context, user = cast(Any, self.context), cast(Any, self.user)
         plan = leaf._jdf.queryExecution().logical()
@@ -92,7 +92,7 @@ class SparkStore:
     def _cut_lineage(self, frame: DataFrame, eager: bool) -> DataFrame:
         from pyspark import StorageLevel
 
-        if is_local(self.context):
+        if is_spark_local(self.context):
             return frame.localCheckpoint(eager)
         return frame.persist(StorageLevel.MEMORY_AND_DISK).checkpoint(eager)
 
@@ -100,7 +100,7 @@ class SparkStore:
         """Lets go of what was kept, wherever that is."""
         rows: Any = leaf._jdf.queryExecution().logical().rdd()
         rows.unpersist(False)
-        if not is_local(self.context):
+        if not is_spark_local(self.context):
             frame.unpersist()
             file = rows.getCheckpointFile()
             if file.isDefined():
@@ -109,7 +109,7 @@ class SparkStore:
                 path.getFileSystem(context._jsc.hadoopConfiguration()).delete(path, True)
 
 
-def is_local(context: SparkContext) -> bool:
+def is_spark_local(context: SparkContext) -> bool:
     """Whether the executors are threads of the driver, so that none can be lost without it."""
     return re.match(r"local(\[|$)", context.master or "") is not None
 
@@ -131,7 +131,7 @@ def _convert_argument(value: Value) -> Any:
     return functions.array(*map(_convert_argument, value)) if isinstance(value, list) else functions.lit(value)
 
 
-def _clone_session(session: SparkSession) -> SparkSession:
+def _clone_spark_session(session: SparkSession) -> SparkSession:
     """A new session with the settings of another one, and the same executors."""
     own = session.newSession()
     before = own.conf.getAll
@@ -150,7 +150,7 @@ class SparkEngine:
         if session is None:
             _check_java()
         else:
-            _check_session(session)
+            _check_spark_session(session)
 
     def open_store(self, search_run: SearchRun) -> SparkStore:
         from pyspark.sql import SparkSession
@@ -178,7 +178,7 @@ def _check_java() -> None:
         raise SessionError("S003", "engine='spark' needs Java 17 or newer, which was not found", hints=(hint,))
 
 
-def _check_session(session: Any) -> None:
+def _check_spark_session(session: Any) -> None:
     from pyspark.errors import PySparkException
     from pyspark.sql import SparkSession
 
@@ -191,6 +191,6 @@ def _check_session(session: Any) -> None:
     except PySparkException as error:
         message = "engine='spark' needs the driver's own session, not one of Spark Connect"
         raise SessionError("S002", message, hints=(hint,)) from error
-    if not is_local(context) and context.getCheckpointDir() is None:
+    if not is_spark_local(context) and context.getCheckpointDir() is None:
         message = "the session has no folder that all executors can reach"
         raise SessionError("S002", message, hints=('spark.sparkContext.setCheckpointDir("hdfs://...")',))

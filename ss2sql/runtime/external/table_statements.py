@@ -26,12 +26,12 @@ def join_column_names(*columns: object) -> str:
     return ", ".join(map(str, columns))
 
 
-def list_column_names(columns: Iterable[TypedColumn]) -> list[str]:
+def list_duckdb_columns(columns: Iterable[TypedColumn]) -> list[str]:
     return [column.name for column in columns]
 
 
 @cache
-def translate_sql(dialect: Dialect, text: str) -> str:
+def translate_duckdb_sql(dialect: Dialect, text: str) -> str:
     """A text, written for DuckDB, in a dialect; to read and to write one takes a millisecond."""
     return dialect.print_tree(sqlglot.parse_one(text, read="duckdb"))
 
@@ -52,17 +52,17 @@ def batch_of_rows(columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]])
 def _make_schema(columns: tuple[TypedColumn, ...]) -> pa.Schema:
     import pyarrow as pa
 
-    return pa.schema([(column.name, _get_arrow_type(column.type)) for column in columns])
+    return pa.schema([(column.name, _get_duckdb_arrow_type(column.type)) for column in columns])
 
 
-def _get_arrow_type(kind: str) -> pa.DataType:
+def _get_duckdb_arrow_type(kind: str) -> pa.DataType:
     import pyarrow as pa
 
     if kind.endswith("[]"):
-        return pa.list_(_get_arrow_type(kind.removesuffix("[]")))
+        return pa.list_(_get_duckdb_arrow_type(kind.removesuffix("[]")))
     if kind.startswith("STRUCT("):
         fields = (field.split(" ") for field in kind[len("STRUCT(") : -1].split(", "))
-        return pa.struct([(name, _get_arrow_type(inner)) for name, inner in fields])
+        return pa.struct([(name, _get_duckdb_arrow_type(inner)) for name, inner in fields])
     scalars = {
         "BIGINT": pa.int64(),
         "BLOB": pa.binary(),

@@ -26,7 +26,7 @@ from ss2sql.language import plan
 from ss2sql.language.cancellation import MAX_LEVELS, deepen_stack
 from ss2sql.language.kinds import ANY, Type
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import list_functions, walk
+from ss2sql.language.plan_traversal import list_plan_functions, walk
 from ss2sql.lowering.portable.search_steps import TypedColumn
 from ss2sql.runtime.external.level_steps import StepEvaluation, Try, pickle_values
 from ss2sql.runtime.external.table_statements import batch_of_rows
@@ -76,9 +76,11 @@ def pickle_search(search_run: SearchRun) -> bytes:
     query = _select_step_query(search_run.query)
     sent: dict[str, UserFunction] = {}
     with deepen_stack(MAX_LEVELS):  # a plan is as deep as its script
-        for name in sorted({known.inverse_of or known.name for known in list_functions(query) if not known.builtin}):
-            sent[name] = _strip_function(host.planned[name], search_run.query.span)
-        variables, frames = _collect_values(query, search_run.run)
+        for name in sorted(
+            {known.inverse_of or known.name for known in list_plan_functions(query) if not known.builtin}
+        ):
+            sent[name] = _pickle_function_code(host.planned[name], search_run.query.span)
+        variables, frames = _collect_pickled_variables(query, search_run.run)
         sources = [node for node in walk(query) if isinstance(node, plan.TableSource)]
         tables = {node.id: (node.columns, host.read_table_rows(node)) for node in sources}
         forms = {node.representation.name for node in walk(query) if isinstance(node, plan.Query) and node is not query}
@@ -95,30 +97,30 @@ def _select_step_query(query: plan.Query) -> plan.Query:
     return replace(query, limit=None, search=replace(query.search, start=start, maximum=None))
 
 
-def _strip_function(entry: UserFunction, span: Span) -> UserFunction:
+def _pickle_function_code(entry: UserFunction, span: Span) -> UserFunction:
     """A function without what is known of its text. Raises UnsupportedError where it cannot be had elsewhere."""
     sent = replace(entry, body="")
     if entry.of_world:
-        raise _build_refusal(
+        raise _build_spark_refusal(
             f"'{entry.name}' belongs to a world, which is in this process only", "take values from it", span
         )
     if entry.volatility != "immutable":
         reason = f"'{entry.name}' is {entry.volatility}: it may depend on what only this process knows"
-        raise _build_refusal(
+        raise _build_spark_refusal(
             reason, "register it with volatility='immutable' if it depends on nothing but its arguments", span
         )
     try:
         _pickle_task(sent, [entry])
     except Exception as error:
-        raise _build_refusal(f"'{entry.name}' cannot be pickled: {error}", _TOP, span) from error
+        raise _build_spark_refusal(f"'{entry.name}' cannot be pickled: {error}", _TOP, span) from error
     return sent
 
 
-def _build_refusal(reason: str, cure: str, span: Span) -> UnsupportedError:
+def _build_spark_refusal(reason: str, cure: str, span: Span) -> UnsupportedError:
     return UnsupportedError("U001", f"{reason}, so Spark cannot have it", span, (cure,))
 
 
-def _collect_values(query: plan.Query, run: Run) -> tuple[dict[str, Any], dict[str, FrameParts]]:
+def _collect_pickled_variables(query: plan.Query, run: Run) -> tuple[dict[str, Any], dict[str, FrameParts]]:
     """The variables that the query reads; one without a value is missed where it is read."""
     variables: dict[str, Any] = {}
     frames: dict[str, FrameParts] = {}
@@ -139,7 +141,7 @@ def _collect_values(query: plan.Query, run: Run) -> tuple[dict[str, Any], dict[s
                 pickle_values((value,))
             except UnsupportedError:
                 cure = "give numbers, texts and lists"
-                raise _build_refusal(f"the variable '{node.name}' holds objects", cure, node.span) from None
+                raise _build_spark_refusal(f"the variable '{node.name}' holds objects", cure, node.span) from None
             variables[node.name] = value
     return variables, frames
 
@@ -149,7 +151,7 @@ def _pickle_task(value: Any, entries: Iterable[UserFunction]) -> bytes:
     from pyspark import cloudpickle
 
     pickler: Any = cloudpickle
-    modules = {module for entry in entries if (module := _find_own_module(entry.function)) is not None}
+    modules = {module for entry in entries if (module := _find_pickled_module(entry.function)) is not None}
     added = [module for module in modules if module.__name__ not in pickler.list_registry_pickle_by_value()]
     for module in added:
         pickler.register_pickle_by_value(module)
@@ -161,7 +163,7 @@ def _pickle_task(value: Any, entries: Iterable[UserFunction]) -> bytes:
     return made
 
 
-def _find_own_module(function: Callable[..., Any]) -> ModuleType | None:
+def _find_pickled_module(function: Callable[..., Any]) -> ModuleType | None:
     """The module that a function is from, if that is a file of the user's."""
     module = sys.modules.get(getattr(function, "__module__", None) or "")
     if module is None or module.__name__ == "__main__":  # which is sent in any case
@@ -281,7 +283,7 @@ _unpacked_tasks: dict[
 ] = {}  # by the names of runs; a process serves one after the other, seldom two
 
 
-def expand_batches(
+def expand_spark_batches(
     batches: Iterable[pa.RecordBatch], name: str, task: Broadcast[bytes], typed: list[tuple[str, str]]
 ) -> Iterator[pa.RecordBatch]:
     """The steps from the states of a task, as rows of `tries`, and what was counted."""
@@ -339,6 +341,6 @@ def _iterate_tries(
         yield rows
 
 
-def read_account(state: bytes) -> dict[str, Any]:
+def read_spark_counts(state: bytes) -> dict[str, Any]:
     told: dict[str, Any] = loads(state)
     return told

@@ -55,7 +55,7 @@ _TEMPORARY_ERRORS = (
 )
 
 
-def add_note(stats: Stats, text: str) -> None:
+def add_graph_note(stats: Stats, text: str) -> None:
     """Tells the user what becomes of the graph."""
     note = f"graph: {text}"
     if note not in stats.notes:
@@ -131,9 +131,9 @@ class CachedSteps(Notes):
                 raise
         self.search_run.stats.graph = self._number
         if self._write_failed and self._unwritten:
-            add_note(self.search_run.stats, f"what is new is not remembered: {self._write_failed}")
+            add_graph_note(self.search_run.stats, f"what is new is not remembered: {self._write_failed}")
         elif self._missed and not self.off:
-            add_note(self.search_run.stats, "what is new is not remembered: the session is read only")
+            add_graph_note(self.search_run.stats, "what is new is not remembered: the session is read only")
 
     def begin_level(self, states: Sequence[State], chosen: Sequence[list[Any]] | None = None) -> None:
         """Looks up what is known of the states of a level, and writes what the level before has found out."""
@@ -229,7 +229,7 @@ class CachedSteps(Notes):
     def _stop_caching(self, reason: NotCacheable) -> None:
         self.off = True
         self._unwritten.clear()
-        add_note(self.search_run.stats, f"not remembered: {reason}")
+        add_graph_note(self.search_run.stats, f"not remembered: {reason}")
 
     # --- steps -----------------------------------------------------------------------------------------
 
@@ -319,11 +319,11 @@ class CachePolicy:
                 raise NotCacheable("the search goes from both ends, and calls no function")
             return self._open_cached_graph(search_run)
         except NotCacheable as reason:
-            add_note(search_run.stats, f"not remembered: {reason}")
+            add_graph_note(search_run.stats, f"not remembered: {reason}")
         except Stopped:
             raise
         except Error as error:  # what cannot be read may be what the search does not read either
-            add_note(search_run.stats, f"not remembered: {error.message}")
+            add_graph_note(search_run.stats, f"not remembered: {error.message}")
         return None
 
     def _open_cached_graph(self, search_run: SearchRun) -> CachedSteps:
@@ -362,7 +362,7 @@ def do_steps_call_user(query: plan.Query) -> bool:
 def _describe_graph(query: plan.Query, keys: GraphFingerprint) -> GraphDescription:
     assert query.search is not None
     functions = [keys.get_function(name).of_world or name for name in keys.functions]
-    parameters = {name: _format_parameter(value) for name, value in keys.parameters.items()}
+    parameters = {name: _format_graph_parameter(value) for name, value in keys.parameters.items()}
     names = [output.name for output in query.columns]
     if query.aggregated:
         names = [expr.span.text for expr in query.rows]
@@ -370,7 +370,7 @@ def _describe_graph(query: plan.Query, keys: GraphFingerprint) -> GraphDescripti
     return GraphDescription(query.span.text, *map(json.dumps, (functions, parameters, variables, names)))
 
 
-def _format_parameter(value: Any) -> Any:
+def _format_graph_parameter(value: Any) -> Any:
     """A parameter as people see it: its value, or a short text of it."""
     try:
         return value if len(encode_values_as_json((value,))) <= MAX_TEXT_LENGTH else format_value(value)

@@ -16,9 +16,9 @@ from ss2sql.errors import Error
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Type
-from ss2sql.language.plan_traversal import can_vary_with, list_functions, list_parts
+from ss2sql.language.plan_traversal import can_vary_with, list_parts, list_plan_functions
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable, fingerprint_function
-from ss2sql.vtables.content_digest import replace_by_keys
+from ss2sql.vtables.content_digest import replace_world_elements
 from ss2sql.vtables.contract import Element, World
 from ss2sql.vtables.frames.frame import Frame
 
@@ -31,27 +31,27 @@ if TYPE_CHECKING:
 MAX_ROWS = 200_000  # of a table or a data frame: reading and comparing them takes 0.2 s
 
 
-def digest_data(value: Any, what: str) -> str:
+def fingerprint_data(value: Any, what: str) -> str:
     """The digest of a value, called `what` where it is refused with NotCacheable."""
     if isinstance(value, Frame):
-        _check_row_count(value.length, what)
+        _check_fingerprint_rows(value.length, what)
         value = value.make_value()
     try:
         return sha256(dumps(value, 2)).hexdigest()
     except ValueError:  # there are elements of worlds in it, which marshal does not know
         pass
     try:
-        return sha256(repr(replace_by_keys(value)).encode("utf-8", "surrogatepass")).hexdigest()
+        return sha256(repr(replace_world_elements(value)).encode("utf-8", "surrogatepass")).hexdigest()
     except NotImplementedError as reason:
         raise NotCacheable(f"{what} cannot be compared: {reason}") from None
 
 
-def find_worlds(value: Any) -> set[World]:
+def find_fingerprint_worlds(value: Any) -> set[World]:
     """The worlds whose elements are in a value."""
     if isinstance(value, Element):
         return {value.world}
     parts = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
-    return set().union(*map(find_worlds, parts))
+    return set().union(*map(find_fingerprint_worlds, parts))
 
 
 def digest_table(source: plan.TableSource, run: Run) -> str:
@@ -60,8 +60,8 @@ def digest_table(source: plan.TableSource, run: Run) -> str:
     if source.table.startswith("ss2sql_"):
         raise NotCacheable(f"{what} belongs to ss2sql and changes with every run")
     rows = run.host.read_table_rows(source)
-    _check_row_count(len(rows), what)
-    return digest_data(list(map(list, rows)), what)
+    _check_fingerprint_rows(len(rows), what)
+    return fingerprint_data(list(map(list, rows)), what)
 
 
 def digest_world(world: World) -> str:
@@ -79,7 +79,7 @@ def digest_world(world: World) -> str:
     return sha256(repr((made, found)).encode()).hexdigest()
 
 
-def _check_row_count(rows: int, what: str) -> None:
+def _check_fingerprint_rows(rows: int, what: str) -> None:
     if rows > MAX_ROWS:
         raise NotCacheable(f"{what} has {rows:,} rows, more than the {MAX_ROWS:,} that are compared")
 
@@ -221,9 +221,9 @@ class GraphFingerprint:
 
     def _describe_variable(self, name: str) -> str:
         value = self.run.get_source(name)
-        digest = digest_data(value, f"the variable '{name}'")
+        digest = fingerprint_data(value, f"the variable '{name}'")
         self.parameters[name] = value
-        return _hash_parts((digest, *sorted(map(self._digest_world, find_worlds(value)))))
+        return _hash_parts((digest, *sorted(map(self._digest_world, find_fingerprint_worlds(value)))))
 
     def _describe_function(self, function: plan.Function) -> Any:
         if function.builtin:
@@ -256,7 +256,7 @@ class GraphFingerprint:
 
 def do_call_functions(*nodes: plan.Expr | plan.Source | None) -> bool:
     """Whether functions of the user are called somewhere in these."""
-    return any(not function.builtin for node in nodes if node is not None for function in list_functions(node))
+    return any(not function.builtin for node in nodes if node is not None for function in list_plan_functions(node))
 
 
 def is_read_per_state(source: plan.Source, query: plan.Query) -> bool:

@@ -134,7 +134,7 @@ class _Writer(Pickler):
         raise NotCacheable(f"reads '{value.__name__}', which cannot be compared")
 
     def _describe_function(self, function: FunctionType) -> Any:
-        codes = list(_list_codes(function.__code__))
+        codes = list(_list_fingerprint_codes(function.__code__))
         instructions = [one for code in codes for one in dis.get_instructions(code)]
         for one in instructions:
             if one.opname == "IMPORT_NAME" and is_of_user(one.argval):
@@ -157,11 +157,11 @@ def _fingerprint_part(value: Any) -> str:
     return made.hash.hexdigest()
 
 
-def _list_codes(code: CodeType) -> Iterator[CodeType]:
+def _list_fingerprint_codes(code: CodeType) -> Iterator[CodeType]:
     yield code
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
-            yield from _list_codes(constant)
+            yield from _list_fingerprint_codes(constant)
 
 
 def _describe_code(code: CodeType) -> Any:

@@ -309,7 +309,7 @@ class Graphs(tuple[Graph, ...]):
         if not self:
             return "no remembered graphs"
         names = ("id", "nodes", "edges", "levels", "used", "functions", "query")
-        rows = [[_format_cell(getattr(graph, name)) for name in names] for graph in self]
+        rows = [[_format_graph_cell(getattr(graph, name)) for name in names] for graph in self]
         widths = [max(map(len, column)) for column in zip(names, *rows, strict=True)]
         padded = ([cell.ljust(width) for cell, width in zip(row, widths, strict=True)] for row in (names, *rows))
         return "\n".join("  ".join(cells).rstrip() for cells in padded)
@@ -318,19 +318,19 @@ class Graphs(tuple[Graph, ...]):
 def list_graphs(store: GraphStore) -> Graphs:
     """The graphs in a store. Raises ExecutionError X009 where it cannot be read."""
     try:
-        return Graphs(_build_graph(store, row) for row in store.describe_graphs())
+        return Graphs(_build_cached_graph(store, row) for row in store.describe_graphs())
     except (apsw.BusyError, apsw.LockedError) as error:
         raise ExecutionError("X009", f"the remembered graphs cannot be read now: {error}") from error
     except (apsw.Error, ValueError, TypeError, RecursionError) as error:
         raise build_damage_error(str(error)) from error
 
 
-def _build_graph(store: GraphStore, row: tuple[Any, ...]) -> Graph:
+def _build_cached_graph(store: GraphStore, row: tuple[Any, ...]) -> Graph:
     number, query, functions, parameters, nodes, edges, levels, created, used = row
     names = tuple(json.loads(functions))
     return Graph(number, query, names, json.loads(parameters), nodes, edges, levels, created, used, store)
 
 
-def _format_cell(value: Any) -> str:
+def _format_graph_cell(value: Any) -> str:
     text = ", ".join(value) if isinstance(value, tuple) else " ".join(str(value).split())
     return text if len(text) <= _MAX_TEXT_LENGTH else f"{text[: _MAX_TEXT_LENGTH - 3]}..."

@@ -21,7 +21,7 @@ from typing import Any
 from ss2sql.errors import ExecutionError, Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.user_functions import UserFunction
-from ss2sql.language.plan_traversal import list_functions
+from ss2sql.language.plan_traversal import list_plan_functions
 from ss2sql.language.values import State
 from ss2sql.runtime.parallel.process_pool import (
     Answer,
@@ -230,7 +230,7 @@ class CallPrefetcher:
             cure = "declare functions immutable that are, and assign nothing inside of the search"
             warn_once(self.run.stats, "the search calls a function that is volatile, or assigns a variable", cure)
             return
-        for function in list_functions(search_run.query):
+        for function in list_plan_functions(search_run.query):
             if not function.builtin and function.name not in self.called:
                 timed = self.called[function.name] = self._get_timed(self.planned[function.name])
                 if isinstance(timed.sent, LocalFunction):

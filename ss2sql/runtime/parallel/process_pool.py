@@ -31,7 +31,7 @@ from typing import Any, TypeAlias
 from ss2sql.errors import WorkersWarning
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.user_functions import UserFunction
-from ss2sql.package_data import find_file
+from ss2sql.package_data import find_package_file
 from ss2sql.runtime.graph_cache.function_fingerprint import fingerprint_function
 from ss2sql.runtime.parallel import IN_WORKER
 from ss2sql.runtime.run.run_state import Stats
@@ -65,13 +65,13 @@ def describe_transfer(entry: UserFunction) -> TransferableFunction | LocalFuncti
     if entry.volatility != "immutable":
         cure = "declare it immutable if it depends on nothing but its arguments"
         return LocalFunction(f"is {entry.volatility}: it may depend on what only this process knows", cure)
-    place = _find_function_place(entry.function)
+    place = _locate_worker_function(entry.function)
     if isinstance(place, LocalFunction):
         return place
     return TransferableFunction(place, fingerprint_function(entry.function, strict=False))
 
 
-def _find_function_place(function: Callable[..., Any]) -> tuple[Any, ...] | LocalFunction:
+def _locate_worker_function(function: Callable[..., Any]) -> tuple[Any, ...] | LocalFunction:
     if type(function) is FunctionType:
         name = function.__qualname__
         if "<lambda>" in name:
@@ -79,7 +79,7 @@ def _find_function_place(function: Callable[..., Any]) -> tuple[Any, ...] | Loca
         if "<locals>" in name:
             return LocalFunction("is defined inside of another function", _TOP)
         if function.__module__ in ("__main__", "<run_path>"):
-            return _find_in_file(function, name)
+            return _locate_in_worker_file(function, name)
     try:
         pickled = pickle.dumps(function, 5)
     except Exception as error:
@@ -93,7 +93,7 @@ def _find_function_place(function: Callable[..., Any]) -> tuple[Any, ...] | Loca
     return "pickled", pickled
 
 
-def _find_in_file(function: FunctionType, name: str) -> tuple[str, ...] | LocalFunction:
+def _locate_in_worker_file(function: FunctionType, name: str) -> tuple[str, ...] | LocalFunction:
     """A function of the script that runs, or of a file of functions that was given on the command line."""
     found = function.__globals__.get(name.partition(".")[0])
     for part in name.split(".")[1:]:
@@ -237,13 +237,13 @@ class _Crew:
 def _start_process() -> subprocess.Popen[bytes]:
     flags = subprocess._args_from_interpreter_flags()  # type: ignore[attr-defined]  # -O, -W, -X: as here
     process = subprocess.Popen(
-        [sys.executable, *flags, str(find_file("ss2sql.runtime.parallel", "worker_process.py"))],
+        [sys.executable, *flags, str(find_package_file("ss2sql.runtime.parallel", "worker_process.py"))],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env={**os.environ, IN_WORKER: "1"},
         start_new_session=True,  # Ctrl-C in a terminal is not for it, not even before it can say so
     )
-    fingerprint = str(find_file("ss2sql.runtime.graph_cache", "function_fingerprint.py"))
+    fingerprint = str(find_package_file("ss2sql.runtime.graph_cache", "function_fingerprint.py"))
     _send_message(process, (list(sys.path), os.getcwd(), sys.getrecursionlimit(), fingerprint))
     return process
 

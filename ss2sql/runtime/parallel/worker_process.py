@@ -100,7 +100,7 @@ def is_plain_worker_value(value: Any) -> bool:
 
 
 @functools.cache
-def _run_file(path: str) -> dict[str, Any]:
+def _run_worker_file(path: str) -> dict[str, Any]:
     return runpy.run_path(path, run_name="<worker>")
 
 
@@ -111,7 +111,7 @@ def load_worker_function(place: tuple[str, ...]) -> Any:
             found: Any = importlib.import_module(module)
         case "file", path, name:
             first, _, name = name.partition(".")
-            found = _run_file(path)[first]
+            found = _run_worker_file(path)[first]
         case _, pickled:
             return pickle.loads(pickled)  # type: ignore[arg-type]
     for part in filter(None, name.split(".")):

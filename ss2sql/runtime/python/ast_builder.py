@@ -147,12 +147,12 @@ POSITION_FIELDS = ("lineno", "end_lineno", "col_offset", "end_col_offset")
 Substitutions = Mapping[str, ast.expr | list[ast.stmt]]
 
 
-def write_template(text: str, build: AstBuilder, words: Substitutions) -> list[ast.stmt]:
+def generate_template(text: str, build: AstBuilder, words: Substitutions) -> list[ast.stmt]:
     """The statements of a text, each word in it replaced by what it stands for.
 
     >>> build = AstBuilder((1, 1, 0, 0))
     >>> words = {"KEY": build.name("row"), "DROP": [build.continue_loop()]}
-    >>> code = write_template("if KEY in closed:\\n    DROP", build, words)
+    >>> code = generate_template("if KEY in closed:\\n    DROP", build, words)
     >>> print(ast.unparse(code[0]))
     if row in closed:
         continue
@@ -177,16 +177,16 @@ def write_template(text: str, build: AstBuilder, words: Substitutions) -> list[a
                 return meant
         return [fill_node(part)]
 
-    return fill_node(_parse_template(text))  # type: ignore[no-any-return]
+    return fill_node(_parse_code_template(text))  # type: ignore[no-any-return]
 
 
 @cache
-def _parse_template(text: str) -> list[ast.stmt]:
+def _parse_code_template(text: str) -> list[ast.stmt]:
     return ast.parse(text).body
 
 
 def strip_positions(code: list[ast.stmt]) -> list[ast.stmt]:
-    """The statements without their places, which mean nothing in a script; `set_positions` gives them others."""
+    """The statements without their places, which mean nothing in a script; `set_code_positions` gives them others."""
     for node in (node for part in code for node in ast.walk(part)):
         for word in POSITION_FIELDS:
             if hasattr(node, word):
@@ -194,7 +194,7 @@ def strip_positions(code: list[ast.stmt]) -> list[ast.stmt]:
     return code
 
 
-def set_positions(tree: ast.AST, at: Mapping[str, int]) -> None:
+def set_code_positions(tree: ast.AST, at: Mapping[str, int]) -> None:
     for node in ast.walk(tree):
         if "lineno" in node._attributes and not hasattr(node, "lineno"):
             for word, value in at.items():
@@ -218,15 +218,15 @@ def copy_tree(node: T) -> T:
     return made  # type: ignore[no-any-return]
 
 
-def list_names_read(code: Iterable[ast.AST]) -> set[str]:
+def list_names_code_reads(code: Iterable[ast.AST]) -> set[str]:
     """The names that are read, in functions further in, too."""
-    return {node.id for node in _iterate_names(code) if isinstance(node.ctx, ast.Load)}
+    return {node.id for node in _iterate_code_names(code) if isinstance(node.ctx, ast.Load)}
 
 
-def list_names_set(code: Iterable[ast.AST]) -> list[str]:
+def list_names_code_sets(code: Iterable[ast.AST]) -> list[str]:
     """The names that are set, once for each time."""
-    return [node.id for node in _iterate_names(code) if isinstance(node.ctx, ast.Store)]
+    return [node.id for node in _iterate_code_names(code) if isinstance(node.ctx, ast.Store)]
 
 
-def _iterate_names(code: Iterable[ast.AST]) -> Iterable[ast.Name]:
+def _iterate_code_names(code: Iterable[ast.AST]) -> Iterable[ast.Name]:
     return (node for part in code for node in ast.walk(part) if isinstance(node, ast.Name))

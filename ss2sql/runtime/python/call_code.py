@@ -11,7 +11,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import walk_own
 from ss2sql.runtime.python.codegen_context import PythonScope
-from ss2sql.runtime.run.call_memo import make_exact_key
+from ss2sql.runtime.run.call_memo import make_call_key
 from ss2sql.runtime.run.run_state import Run
 
 if TYPE_CHECKING:
@@ -28,21 +28,21 @@ def is_memoized_call(node: plan.Expr) -> bool:
     return not (function.builtin or function.vectorized or function.volatility == "volatile")
 
 
-def write_memoized_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -> ast.expr:
+def generate_memoized_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -> ast.expr:
     """The call; it gives the value and its frozen form, or None for that."""
-    from ss2sql.runtime.python.python_expressions import write_expression
+    from ss2sql.runtime.python.python_expressions import generate_expression
 
     codegen = builder.codegen
     build = codegen.build_at(node.place)
     if codegen.source_call is not None and node is codegen.source_call.node:
         return codegen.source_call.write_call(body)
-    values = [write_expression(builder, argument, body) for argument in node.arguments]
+    values = [generate_expression(builder, argument, body) for argument in node.arguments]
     method = _choose_call_method(node, body)
     keys: list[ast.expr] = []
     again: list[ast.expr] = []  # the keys, once they have been computed
     if method == "call_by_keys":
         for index, argument in enumerate(node.arguments):
-            key, values[index] = _write_argument_key(builder, argument, values[index], body)
+            key, values[index] = _generate_argument_key(builder, argument, values[index], body)
             name = key.id if isinstance(key, ast.Name) else codegen.new_name("key")
             keys.append(key if isinstance(key, ast.Name) else build.bind(name, key))
             again.append(build.name(name))
@@ -74,19 +74,19 @@ def find_keyed_sources(places: list[Any]) -> set[int]:
         argument.source
         for place in places
         for node in walk_own(place)
-        if is_memoized_call(node) and not _is_self_keyed(node)
+        if is_memoized_call(node) and not _is_self_keyed_call(node)
         for argument in node.arguments
         if isinstance(argument, plan.Element)
     }
 
 
-def _is_self_keyed(node: plan.Call) -> bool:
+def _is_self_keyed_call(node: plan.Call) -> bool:
     return all(argument.type.is_only(_SELF_KEYED_KINDS) for argument in node.arguments)
 
 
 def _choose_call_method(node: plan.Call, body: PythonScope) -> str:
     """How the call is made: it is worth while to make keys here where one of them serves for several calls."""
-    if _is_self_keyed(node):
+    if _is_self_keyed_call(node):
         return "call_plain"
     return "call_by_keys" if any(_is_key_known_early(argument, body) for argument in node.arguments) else "call_any"
 
@@ -106,7 +106,7 @@ def _has_argument_key(argument: plan.Expr, body: PythonScope) -> TypeGuard[plan.
     return name in body.locals or name in body.parameters
 
 
-def _write_argument_key(
+def _generate_argument_key(
     builder: QueryCompiler, argument: plan.Expr, value: ast.expr, body: PythonScope
 ) -> tuple[ast.expr, ast.expr]:
     """The key of an argument, and the argument; the key is computed first."""
@@ -119,7 +119,7 @@ def _write_argument_key(
         value = value if isinstance(value, ast.NamedExpr) else build.bind(name.id, value)
     if _has_argument_key(argument, body):
         return build.name(codegen.keys[argument.source]), name
-    key = build.call(codegen.use(make_exact_key), value)
+    key = build.call(codegen.use(make_call_key), value)
     facts = codegen.analysis.facts(argument)
     if not _is_key_known_early(argument, body):
         return key, name
@@ -133,7 +133,7 @@ def _write_argument_key(
             return kept, name
         # Where the key is known already, it must not be left out to give the argument its name.
         return build.item(
-            build.pack(value, body.compute_once(facts, build.call(codegen.use(make_exact_key), name), build, "key")), 1
+            build.pack(value, body.compute_once(facts, build.call(codegen.use(make_call_key), name), build, "key")), 1
         ), name
     early = body.name_of(facts)
     if early is None:

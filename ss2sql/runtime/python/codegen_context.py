@@ -31,7 +31,7 @@ from ss2sql.runtime.run.error_locations import PAGE, CodePage
 from ss2sql.runtime.run.run_state import Run
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.python.single_calls import SourceCall
+    from ss2sql.runtime.python.single_calls import SingleSourceCall
     from ss2sql.runtime.search.search_run import FindPaths
 
 COUNTERS = ("generated", "expanded", "pruned")
@@ -256,7 +256,7 @@ class CodegenContext:
         self.keys: dict[int, str] = {}  # source -> the name of its elements' exact keys, see call_memo.py
         self.bindings: list[ast.stmt] = []
         self.definitions: list[ast.stmt] = []
-        self.source_call: SourceCall | None = None  # the call of a source that a search makes once for each state
+        self.source_call: SingleSourceCall | None = None  # the call of a source that a search makes once for each state
         self.by_level: plan.Query | None = None  # the search that is counted, see search_execution.py
         self.watched: plan.Query | None = None  # the search that trace.py hears of
         self.level_searched_query: plan.Query | None = None  # the search whose results `find` finds
@@ -303,7 +303,9 @@ class CodegenContext:
                 self._bound[key] = self.embed(python, function.name)
             else:
                 constant = build.name(self.embed(function, "function"))
-                self.bind(key, function.name, build.call(self.use(get_callable), build.name("run"), constant), build)
+                self.bind(
+                    key, function.name, build.call(self.use(get_run_callable), build.name("run"), constant), build
+                )
         return self._bound[key]
 
     def read_sizes(self, part: str, build: AstBuilder) -> ast.expr:
@@ -316,14 +318,14 @@ class CodegenContext:
         """The value of a script variable: read once where nothing in this code changes it, else each time."""
         run, text = build.name("run"), build.constant(name)
         if not self.analysis.is_fixed(name):
-            return build.call(self.use(get_variable), run, text)
+            return build.call(self.use(get_run_variable), run, text)
         self.use(MissingValueError)
-        value = build.call(self.use(get_variable_if_set), run, text)
+        value = build.call(self.use(get_run_variable_if_set), run, text)
         return build.name(self.bind(("variable", name), name, value, build, "MissingValueError"))
 
     def read_frame(self, name: str, build: AstBuilder) -> ast.expr:
         """A data frame, as it was when the run first read it."""
-        return build.call(self.use(get_frame), build.name("run"), build.constant(name))
+        return build.call(self.use(get_run_frame), build.name("run"), build.constant(name))
 
     def name_counter(self, name: str, body: PythonScope) -> str:
         """A counter of the whole run, to be increased in `body`."""
@@ -364,19 +366,19 @@ class CodegenContext:
         return FunctionType(inner, self.namespace)
 
 
-def get_callable(run: Run, function: plan.Function) -> Callable[..., Any]:
+def get_run_callable(run: Run, function: plan.Function) -> Callable[..., Any]:
     return run.host.get_callable(function, run)
 
 
-def get_variable(run: Run, name: str) -> Any:
+def get_run_variable(run: Run, name: str) -> Any:
     return run.get_variable(name)
 
 
-def get_frame(run: Run, name: str) -> Any:
+def get_run_frame(run: Run, name: str) -> Any:
     return run.get_source(name)
 
 
-def get_variable_if_set(run: Run, name: str) -> Any:
+def get_run_variable_if_set(run: Run, name: str) -> Any:
     """The value of a variable when a query starts; MissingValueError where it has none yet."""
     try:
         return run.get_variable(name)

@@ -37,7 +37,7 @@ class Lookup:
         return self.sure and isinstance(self.key, (plan.Column, plan.Element))
 
 
-def find_lookups(part: plan.Expr, analysis: ExpressionAnalysis, operator: str = "eq") -> list[Lookup]:
+def find_index_lookups(part: plan.Expr, analysis: ExpressionAnalysis, operator: str = "eq") -> list[Lookup]:
     """The condition as lookups: one for each side that reads one source, and nothing else that changes in a run."""
     match part:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name == operator:
@@ -70,7 +70,7 @@ def index_single_column(rows: list[Any], value: int, *positions: int) -> dict[Ha
     return _build_index(map(itemgetter(*positions), rows), map(itemgetter(value), rows))
 
 
-def index_integers(run: Run, table: plan.TableSource, value: int, position: int) -> dict[Hashable, list[Any]]:
+def index_elements_by_int(run: Run, table: plan.TableSource, value: int, position: int) -> dict[Hashable, list[Any]]:
     """The same of a table whose two columns hold whole numbers."""
     found = run.host.read_integer_columns(table, position, value)
     if found is None:
@@ -117,7 +117,7 @@ class KeyIndex:
         return self.rows if self.index is None else self.index.get(_make_key(values), ())
 
 
-def index_computed_keys(rows: list[Any], key_of: Callable[[Any], list[Any]]) -> KeyIndex:
+def index_elements_by_call(rows: list[Any], key_of: Callable[[Any], list[Any]]) -> KeyIndex:
     """The rows by their keys. What is raised for one of them is raised again where its condition is tested."""
     try:
         return KeyIndex(rows, _build_index(map(_make_key, map(key_of, rows)), rows))
@@ -131,6 +131,6 @@ def index_elements(items: list[Any]) -> dict[Hashable, list[Any]]:
     return _build_index(map(make_hashable, items), items)
 
 
-def look_up_elements(index: dict[Hashable, list[Any]], *values: Any) -> list[Any]:
+def look_up_in_index(index: dict[Hashable, list[Any]], *values: Any) -> list[Any]:
     """The elements whose columns equal the values, in their order."""
     return index.get(_make_key(values), [])

@@ -26,10 +26,10 @@ from ss2sql.language.plan_traversal import is_volatile, split_and, walk
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.call_code import find_keyed_sources
 from ss2sql.runtime.python.codegen_context import PythonScope
-from ss2sql.runtime.python.equality_index import find_lookups
+from ss2sql.runtime.python.equality_index import find_index_lookups
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
-from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, write_expression
-from ss2sql.runtime.python.source_loops import SourceLoops, are_elements_rows, list_source_expressions
+from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
+from ss2sql.runtime.python.source_loops import SourceLoops, are_elements_rows, list_loop_expressions
 from ss2sql.runtime.run.array_calls import StagedRows, count_array_calls
 from ss2sql.runtime.run.post_processing import is_row_count
 
@@ -91,7 +91,7 @@ class GroupCollector:
         if argument is None or (is_row_count(node) and self.codegen.analysis.facts(argument).total):
             return 0
         facts = self.codegen.analysis.facts(argument)
-        value = inner.name_or_constant(write_expression(self.builder, argument, inner), build, node.function)
+        value = inner.name_or_constant(generate_expression(self.builder, argument, inner), build, node.function)
         known = [getattr(one, "id", None) for one in self.lists]
         if isinstance(value, ast.Name) and facts.steady and value.id in known:
             return known.index(value.id)
@@ -103,7 +103,7 @@ class GroupCollector:
         build, codegen = self.build, self.codegen
         values, keys = [], []
         for expr in self.query.group:
-            value = write_expression(self.builder, expr, inner)
+            value = generate_expression(self.builder, expr, inner)
             if not self.plain:  # it is read twice, and statements come before expressions
                 value = inner.name_or_constant(value, build, "value")
             values.append(value)
@@ -131,7 +131,7 @@ class GroupCollector:
         group, key = ((self.groups if self.single else self.codegen.new_name("group")), self.codegen.new_name("key"))
         first, *lists = [self._read_list(group, index) for index in (0, *self.of)]
         if self.single:
-            values = [write_expression(self.builder, value, outer) for value in self.query.group]
+            values = [generate_expression(self.builder, value, outer) for value in self.query.group]
             give = build.run(build.yield_(build.pack(*lists, *values)))
             outer.blocks[0].append(build.when(first, give) if self.query.group else give)
             return
@@ -150,7 +150,7 @@ def compile_flat_query(
     loops = SourceLoops(builder, query, body)
     keys = list_key_expressions(query, aggregates)
     outputs = () if query.aggregated else tuple(output.expr for output in query.columns)
-    inside = list_source_expressions(query)
+    inside = list_loop_expressions(query)
     where = () if query.where is None else (query.where,)
     body.count_uses([*inside, *where, *outputs, *keys])
 
@@ -174,7 +174,7 @@ def compile_flat_query(
         groups.write_results()
     else:
         build = builder.codegen.build_at(query.span)
-        row, behind = write_row_and_keys(builder, query, outputs, keys, inner)
+        row, behind = generate_row_and_keys(builder, query, outputs, keys, inner)
         inner.emit(
             build.run(
                 build.yield_(
@@ -196,7 +196,7 @@ def compile_flat_query(
     return name
 
 
-def write_row_and_keys(
+def generate_row_and_keys(
     builder: QueryCompiler,
     query: plan.Query,
     outputs: Sequence[plan.Expr],
@@ -206,12 +206,12 @@ def write_row_and_keys(
     """The columns, and the keys, the last of which are those of ORDER BY: a column that one names is computed once."""
     named = [(number, key.column) for number, key in enumerate(query.order, len(keys) - len(query.order))]
     shared = {number: column for number, column in named if column is not None and is_volatile(keys[number])}
-    row = [write_expression(builder, expr, body) for expr in outputs]
+    row = [generate_expression(builder, expr, body) for expr in outputs]
     if shared:
         build = builder.codegen.build_at(query.span)
         row = [body.name_or_constant(value, build, "column") for value in row]
     return row, [
-        row[shared[number]] if number in shared else write_expression(builder, key, body)
+        row[shared[number]] if number in shared else generate_expression(builder, key, body)
         for number, key in enumerate(keys)
     ]
 
@@ -241,7 +241,7 @@ def place_conditions(
     for part in split_and(query.where):
         facts = builder.codegen.analysis.facts(part)
         level = max((number[source] for source in facts.sources if source in number), default=0)
-        if certain and any(map(loops.plan_lookup, find_lookups(part, builder.codegen.analysis))):
+        if certain and any(map(loops.plan_lookup, find_index_lookups(part, builder.codegen.analysis))):
             reached = max(reached, level)
             if facts.total:
                 continue
@@ -271,7 +271,7 @@ def can_open_inside(query: plan.Query, analysis: ExpressionAnalysis) -> bool:
     # One loop for one: a search may leave the loop over its source, and come back to it later.
     if len(query.sources) > 1 or not isinstance(query.sources[0], (plan.TableSource, plan.ValueSource)):
         return False
-    expressions = [*list_source_expressions(query), *(output.expr for output in query.columns)]
+    expressions = [*list_loop_expressions(query), *(output.expr for output in query.columns)]
     facts = [analysis.facts(expr) for expr in (*expressions, *((query.where,) if query.where is not None else ()))]
     return all(one.steady and one.total for one in facts)
 
@@ -290,11 +290,11 @@ def open_inner_loops(
     loops = SourceLoops(builder, query, body, inside=True)
     outputs = {output.name: output.expr for output in query.columns if output.name in read}
     where = () if query.where is None else (query.where,)
-    body.count_uses([*list_source_expressions(query), *where, *outputs.values()])
+    body.count_uses([*list_loop_expressions(query), *where, *outputs.values()])
     loops.read_constant_sources()
     conditions, guarded = place_conditions(builder, query, loops)
     inner = query.sources[0]
-    wanted = _find_only_column(inner, [*chain.from_iterable(conditions.values()), *outputs.values()])
+    wanted = _find_column_of_loop(inner, [*chain.from_iterable(conditions.values()), *outputs.values()])
     if wanted is not None and loops.has_row_index(inner):
         loops.wanted[inner.id] = wanted
         codegen.single_column_queries.add(inner.id)
@@ -303,19 +303,19 @@ def open_inner_loops(
         codegen.single_column_queries.add(source.id)
         codegen.names[source.id], codegen.tuples[source.id] = codegen.names[inner.id], tuple(outputs)
         return body
-    row = None if inner.id in codegen.single_column_queries else _find_row_tuple(builder, outputs)
+    row = None if inner.id in codegen.single_column_queries else _find_row_tuple_of_loop(builder, outputs)
     if row is not None:
         codegen.names[source.id], codegen.tuples[source.id] = row
         return body
     build = codegen.build_at(source.span)
     codegen.tuples[source.id] = tuple(outputs)
     name = codegen.names[source.id] = codegen.new_name(source.name)
-    body.emit(build.assign(name, build.pack(*(write_expression(builder, expr, body) for expr in outputs.values()))))
+    body.emit(build.assign(name, build.pack(*(generate_expression(builder, expr, body) for expr in outputs.values()))))
     body.locals.append(name)
     return body
 
 
-def _find_only_column(source: plan.Source, read: Sequence[plan.Expr]) -> str | None:
+def _find_column_of_loop(source: plan.Source, read: Sequence[plan.Expr]) -> str | None:
     names = set[str | None]()
     for node in chain.from_iterable(map(walk, read)):
         if isinstance(node, (plan.Column, plan.Element)) and node.source == source.id:
@@ -323,7 +323,9 @@ def _find_only_column(source: plan.Source, read: Sequence[plan.Expr]) -> str | N
     return names.pop() if len(names) == 1 else None
 
 
-def _find_row_tuple(builder: QueryCompiler, outputs: dict[str, plan.Expr]) -> tuple[str, tuple[str, ...]] | None:
+def _find_row_tuple_of_loop(
+    builder: QueryCompiler, outputs: dict[str, plan.Expr]
+) -> tuple[str, tuple[str, ...]] | None:
     """The name of a tuple that holds all outputs, and what its columns are called then ("": none of the outputs)."""
     codegen, sources, names = builder.codegen, set[int](), dict[str, str]()
     for name, output in outputs.items():

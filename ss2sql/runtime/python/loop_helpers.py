@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.language import plan
 from ss2sql.language.element_columns import read_column
-from ss2sql.runtime.run.elements import list_elements
+from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.vtables.frames.frame import Frame
 
@@ -129,24 +129,24 @@ class Parts:
 
 
 # --- what the loops of generated code walk: helpers that it calls
-def attach_computed(items: list[Any], *makers: Callable[[Any], Any]) -> list[tuple[Any, ...]]:
+def loop_with_computed(items: list[Any], *makers: Callable[[Any], Any]) -> list[tuple[Any, ...]]:
     """The items, each with what the makers make of it."""
     return list(zip(items, *(map(maker, items) for maker in makers), strict=True))
 
 
-def read_dict_columns(value: Any, *names: str) -> list[tuple[Any, ...]]:
+def loop_over_dict_columns(value: Any, *names: str) -> list[tuple[Any, ...]]:
     """Columns of the dicts that are the elements of a value."""
-    return [tuple([element.get(name) for name in names]) for element in list_elements(value)]
+    return [tuple([element.get(name) for name in names]) for element in list_source_elements(value)]
 
 
-def read_frame_rows(source: Any, *names: str) -> list[tuple[Any, ...]]:
+def loop_over_frame_rows(source: Any, *names: str) -> list[tuple[Any, ...]]:
     """The rows of a data frame, or of what a function of the user has put in its place."""
     if isinstance(source, Frame):
         return source.list_rows(names)
-    return [tuple(read_column(element, name, None) for name in names) for element in list_elements(source)]
+    return [tuple(read_column(element, name, None) for name in names) for element in list_source_elements(source)]
 
 
-def read_table_rows(
+def loop_over_table_rows(
     run: Run, table: plan.TableSource, wanted: TableFilter | None = None, give: Callable[[], Sequence[Any]] = tuple
 ) -> list[tuple[Any, ...]]:
     """The rows of a table, without what a filter leaves out for the values that a function gives."""
@@ -159,10 +159,10 @@ def read_table_rows(
 
 def iterate_with_checks(run: Run, items: list[Any]) -> Iterator[Any]:
     """The items of a loop that ends when the run has to end; to count them takes 0.02 us more for each."""
-    return chain.from_iterable(_iterate_item_parts(run, ClockChecks(run).check_clock, items))
+    return chain.from_iterable(_loop_over_parts(run, ClockChecks(run).check_clock, items))
 
 
-def _iterate_item_parts(run: Run, check_turn: Callable[[int], int], items: list[Any]) -> Iterator[list[Any]]:
+def _loop_over_parts(run: Run, check_turn: Callable[[int], int], items: list[Any]) -> Iterator[list[Any]]:
     start, progress = 0, run.progress
     while start < len(items):
         if progress is not None:

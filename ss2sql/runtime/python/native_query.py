@@ -14,7 +14,7 @@ from ss2sql.language.plan_traversal import may_run_foreign_code
 from ss2sql.language.rows import Rows
 from ss2sql.runtime.python.codegen_context import CodegenContext
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
-from ss2sql.runtime.python.python_expressions import write_expression
+from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.query_compiler import Dispatch, QueryCompiler
 from ss2sql.runtime.run.call_memo import report_memo_counts
 from ss2sql.runtime.run.error_locations import locate_in_script
@@ -120,7 +120,7 @@ def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Call
     with deepen_stack(analysis.levels):
         codegen = CodegenContext(expr.span, analysis)
         builder = QueryCompiler(codegen, dispatch or (lambda query: NativeQuery(query).compute_value))
-        bound = codegen.compile_module(codegen.build_module(write_expression(builder, expr, codegen.root)))
+        bound = codegen.compile_module(codegen.build_module(generate_expression(builder, expr, codegen.root)))
 
     def run_statement(run: Run) -> Any:
         try:

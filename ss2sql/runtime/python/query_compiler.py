@@ -23,13 +23,13 @@ from ss2sql.runtime.python import flat_query
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis, ExpressionFacts
-from ss2sql.runtime.python.python_expressions import get_group_key, write_expression
+from ss2sql.runtime.python.python_expressions import generate_expression, get_group_key
 from ss2sql.runtime.python.query_execution import get_tuples_function, get_value_function, make_execution
 from ss2sql.runtime.run.array_calls import count_array_calls
-from ss2sql.runtime.run.call_memo import make_exact_key
+from ss2sql.runtime.run.call_memo import make_call_key
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, forget_older_half
 from ss2sql.runtime.run.option_checks import check_count_value
-from ss2sql.runtime.run.post_processing import QueryForm, find_aggregates
+from ss2sql.runtime.run.post_processing import QueryForm, find_grouped_aggregates
 from ss2sql.runtime.run.run_state import Run
 
 MAX_EVAL_DEPTH = 30
@@ -90,7 +90,7 @@ def limit_eval_depth(run: Run, text: Callable[..., Any]) -> Callable[..., Any]:
 
 def compile_statements(statements: tuple[plan.Expr, ...], name_scope: EvalScope) -> Callable[[Run], Callable[..., Any]]:
     """The function that binds a text to a run; the bound text gives the value of its last statement."""
-    from ss2sql.runtime.python.python_expressions import write_expression
+    from ss2sql.runtime.python.python_expressions import generate_expression
 
     analysis = ExpressionAnalysis(statements, open_world=True)
     with deepen_stack(analysis.levels):
@@ -112,9 +112,9 @@ def compile_statements(statements: tuple[plan.Expr, ...], name_scope: EvalScope)
             body.states.add(state)
         for statement in statements[:-1]:
             build = codegen.build_at(statement.span)
-            body.emit(build.run(write_expression(builder, statement, body)))
+            body.emit(build.run(generate_expression(builder, statement, body)))
         build = codegen.build_at(statements[-1].span)
-        body.emit(build.return_(write_expression(builder, statements[-1], body)))
+        body.emit(build.return_(generate_expression(builder, statements[-1], body)))
         body.define_function()
         return codegen.compile_module(codegen.build_module(build.name(body.name)))
 
@@ -170,7 +170,7 @@ class QueryCompiler:
         codegen, facts = self.codegen, self.codegen.analysis.facts(node)
         match node.arguments:
             case (plan.Subquery(query=query) as inner,) if facts.steady and node.type.is_only(SCALAR):
-                read = [part for part in walk(inner) if _reads_outer_rows(part, body)]
+                read = [part for part in walk(inner) if _reads_outer_loop(part, body)]
             case _:
                 return None
         if self.dispatch is not None or facts.groups or not (read and has_constant_source(query)):
@@ -179,15 +179,15 @@ class QueryCompiler:
             return None
         build = codegen.build_at(node.span)
         codegen.page.note_call(node.place, node.function.name)
-        keys = [write_expression(self, part, body) for part in dict.fromkeys(read)]
+        keys = [generate_expression(self, part, body) for part in dict.fromkeys(read)]
         keys = [
-            key if part.type.is_only(SELF_KEYED_KINDS) else build.call(codegen.use(make_exact_key), key)
+            key if part.type.is_only(SELF_KEYED_KINDS) else build.call(codegen.use(make_call_key), key)
             for key, part in zip(keys, dict.fromkeys(read), strict=True)
         ]
         memo = codegen.bind(("reduction", id(node)), "reduced", build.record((), ()), build)
         key, found = codegen.new_name("key"), codegen.new_name("found")
         with body.write_skippable():
-            value = build.call(codegen.name_function(node.function, build), write_expression(self, inner, body))
+            value = build.call(codegen.name_function(node.function, build), generate_expression(self, inner, body))
         bound_key = build.bind(key, keys[0] if len(keys) == 1 else build.pack(*keys))
         codegen.namespace["UNSET"] = UNSET
         known = build.bind(found, build.call(build.part(build.name(memo), "get"), bound_key, build.name("UNSET")))
@@ -208,7 +208,7 @@ class QueryCompiler:
         texts = codegen.bind(
             ("texts", id(node)), "texts", build.call(codegen.use(make_eval_cache), build.name("run"), constant), build
         )
-        function = build.item(build.name(texts), write_expression(self, node.text, body))
+        function = build.item(build.name(texts), generate_expression(self, node.text, body))
         return build.call(function, *self._list_outer_values(sources, states, body, build))
 
     def get_source_facts(self, source: plan.Source) -> ExpressionFacts:
@@ -255,7 +255,7 @@ class QueryCompiler:
             body.states, body.groups = set(states), dict(groups)
             return body
 
-        own, searched = find_aggregates(query), None
+        own, searched = find_grouped_aggregates(query), None
         if query.search is None:
             finder = flat_query.compile_flat_query(self, query, open_part("rows"), own)
         else:
@@ -315,12 +315,12 @@ class QueryCompiler:
         if expr is None:
             return self.codegen.build.constant(None)
         build = self.codegen.build_at(expr.span)
-        value = write_expression(self, expr, body)
+        value = generate_expression(self, expr, body)
         return build.call(self.codegen.use(check_count_value), value, build.constant(least), build.constant(word))
 
     def _write_label(self, expr: plan.Expr, body: PythonScope) -> ast.expr:
         build = self.codegen.build_at(expr.span)
-        return build.call(self.codegen.use(make_label), write_expression(self, expr, body))
+        return build.call(self.codegen.use(make_label), generate_expression(self, expr, body))
 
     def _write_group(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
         """A function of a group's aggregates and keys.
@@ -332,7 +332,7 @@ class QueryCompiler:
             return None
         codegen, build = self.codegen, self.codegen.build_at(query.span)
         body = part("group")
-        names = {get_group_key(node): codegen.new_name(node.function) for node in find_aggregates(query)}
+        names = {get_group_key(node): codegen.new_name(node.function) for node in find_grouped_aggregates(query)}
         names.update({(query.id, index): codegen.new_name("key") for index in range(len(query.group))})
         body.groups.update(names)
         body.parameters = [*names.values(), *body.parameters]
@@ -340,9 +340,9 @@ class QueryCompiler:
         keys = [key.expr for key in query.order] if query.aggregated else []
         body.count_uses([*([query.having] if query.having else []), *outputs, *keys])
         if query.having is not None:
-            kept = write_expression(self, query.having, body)
+            kept = generate_expression(self, query.having, body)
             body.emit(codegen.build_at(query.having.span).if_not(kept, ast.Return(build.constant(None), **build.at)))
-        row, behind = flat_query.write_row_and_keys(
+        row, behind = flat_query.generate_row_and_keys(
             self, query if query.aggregated else replace(query, order=()), outputs, keys, body
         )
         shown = build.pack(*row) if query.aggregated else build.constant(None)
@@ -356,15 +356,15 @@ class QueryCompiler:
             return None
         body = part("arguments")
         build = self.codegen.build_at(query.span)
-        positional = build.pack(*(write_expression(self, expr, body) for expr in representation.arguments))
+        positional = build.pack(*(generate_expression(self, expr, body) for expr in representation.arguments))
         names = tuple(name for name, _ in representation.named)
-        named = build.record(names, tuple(write_expression(self, expr, body) for _, expr in representation.named))
+        named = build.record(names, tuple(generate_expression(self, expr, body) for _, expr in representation.named))
         body.emit(build.return_(build.pack(positional, named)))
         body.define_function()
         return body.name
 
 
-def _reads_outer_rows(part: Any, body: PythonScope) -> bool:
+def _reads_outer_loop(part: Any, body: PythonScope) -> bool:
     match part:
         case plan.Element(source=source) | plan.Column(source=source):
             return body.is_source_visible(source)

@@ -10,8 +10,8 @@ from typing import Any
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row, Rows, build_row_limit_error, make_unique_names
 from ss2sql.language.values import make_hashable
-from ss2sql.runtime.run.array_calls import BLOCK, Blocks, StagedRows, iterate_blocks
-from ss2sql.runtime.run.option_checks import find_lowest_limit
+from ss2sql.runtime.run.array_calls import BLOCK, Blocks, StagedRows, iterate_call_blocks
+from ss2sql.runtime.run.option_checks import find_lowest_run_limit
 from ss2sql.runtime.run.post_processing import PostProcessing, QueryForm
 from ss2sql.runtime.run.run_state import Run
 
@@ -69,7 +69,7 @@ class QueryExecution:
         nothing = settings.limit == 0 and not self._needs_keys  # is evaluated then
         every = _yield_nothing() if nothing else self._find_results(settings, outer)
         answer = Rows(form.columns) if sink is None else sink
-        maximum = find_lowest_limit(settings.maximum, self.run.maximum if outermost and query.search else None)
+        maximum = find_lowest_run_limit(settings.maximum, self.run.maximum if outermost and query.search else None)
         found: Iterator[Any] = every if maximum is None else _take_first(every, maximum, answer)
         found = _drop_duplicates(found, self._needs_keys) if query.distinct else found
         if settings.labels is not None:
@@ -82,10 +82,10 @@ class QueryExecution:
         most = self.run.max_rows if outermost or counted else None
         try:
             if self._needs_keys:
-                group = None if self.group is None else partial(_bind_outer_values, self.group, outer)
+                group = None if self.group is None else partial(_bind_outer_loop_values, self.group, outer)
                 if group is not None and form.array_calls:
                     blocks = Blocks(found, BLOCK)
-                    found = iterate_blocks(self.run, blocks, lambda seen: group(*seen), form.array_calls)
+                    found = iterate_call_blocks(self.run, blocks, lambda seen: group(*seen), form.array_calls)
                 PostProcessing(form, group, settings.limit, settings.offset or 0, most).finish(found, results, answer)
             else:
                 self._fill_results(found, results, settings.limit, settings.offset or 0, most)
@@ -149,7 +149,7 @@ def _drop_duplicates(every: Iterator[Any], keyed: bool) -> Iterator[Any]:
             yield result
 
 
-def _bind_outer_values(function: Callable[..., Any], outer: tuple[Any, ...], *seen: Any) -> Any:
+def _bind_outer_loop_values(function: Callable[..., Any], outer: tuple[Any, ...], *seen: Any) -> Any:
     return function(*seen, *outer)
 
 

@@ -31,10 +31,10 @@ from ss2sql.language.values import FREEZERS, THAWERS, UNSET, FrozenShapes, Shape
 from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.python.expression_facts import OWN_GROUP, ExpressionFacts
 from ss2sql.runtime.python.flat_query import list_key_expressions
-from ss2sql.runtime.python.python_expressions import write_expression
+from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.step_clauses import StepForm, choose_state_shapes, name_frozen_variables
 from ss2sql.runtime.python.step_function import StepFunction, StepLoops
-from ss2sql.runtime.run.elements import list_elements
+from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.search import choose_search
 from ss2sql.runtime.search.bidirectional import Regression, find_regression
 from ss2sql.runtime.search.memorize import add_graph_level
@@ -60,7 +60,7 @@ def list_step_facts(builder: QueryCompiler, query: plan.Query, search: plan.Sear
     return [*map(builder.codegen.analysis.facts, clauses), *map(builder.get_source_facts, query.sources)]
 
 
-def write_noted_steps(
+def generate_noted_steps(
     builder: QueryCompiler,
     query: plan.Query,
     owner: PythonScope,
@@ -176,7 +176,7 @@ class NotedStep(StepFunction):
         taken = build.unpack([*names, "_"], build.name(self.note))
         self.loop.body = [taken, ast.Try(body, [], [], [kept], **build.at)]
 
-    def _choose_items(self, items: ast.expr) -> ast.expr:
+    def _choose_elements(self, items: ast.expr) -> ast.expr:
         """The elements with their notes, which are known or begun."""
         build, known = self.build, self.codegen.new_name("known")
         choose = build.name("choose")
@@ -208,7 +208,7 @@ class BackwardSteps:
         states = []
         for goal in reverse.goals:
             pairs = zip(start, goal, strict=True)
-            values = (old if value is None else write_expression(self.builder, value, body) for old, value in pairs)
+            values = (old if value is None else generate_expression(self.builder, value, body) for old, value in pairs)
             states.append(build.pack(*values))
         body.emit(build.return_(build.array(*states)))
         body.define_function()
@@ -224,7 +224,7 @@ class BackwardSteps:
             if isinstance(expr, plan.Call) and expr.function.inverse_of:
                 values.append(self._write_inverse(expr, body))
             else:
-                values.append(build.name(after) if expr is None else write_expression(self.builder, expr, body))
+                values.append(build.name(after) if expr is None else generate_expression(self.builder, expr, body))
         body.emit(build.return_(build.pack(*values)))
         body.define_function()
         return body.name
@@ -243,7 +243,7 @@ class BackwardSteps:
     def _write_inverse(self, expr: plan.Call, body: PythonScope) -> ast.expr:
         """The value of an inverse; ends the function where it is None."""
         codegen, build = self.codegen, self.codegen.build_at(expr.place)
-        arguments = build.pack(*(write_expression(self.builder, argument, body) for argument in expr.arguments))
+        arguments = build.pack(*(generate_expression(self.builder, argument, body) for argument in expr.arguments))
         codegen.page.note_call(expr.place, expr.function.name)
         value = codegen.new_name("before")
         result = build.call(codegen.name_function(expr.function, build), arguments)
@@ -277,9 +277,9 @@ def compile_search(
     assert search is not None
     keys, memorizes = list_key_expressions(query, aggregates), search.repeats == "memorize"
     shapes, start = choose_state_shapes(search), codegen.new_name("start")
-    _write_starts(builder, query, body, shapes, start)
+    _generate_starts(builder, query, body, shapes, start)
     visits = search.by == "state" and search.repeats != "allowed"
-    key_of = _write_key_function(builder, query, body, shapes) if visits else None
+    key_of = _generate_key_function(builder, query, body, shapes) if visits else None
     loops = StepLoops(builder, query, body)
     loops.read_constant_sources()
     leveled = codegen.by_level is query
@@ -310,10 +310,10 @@ def compile_search(
         function = both
     find_keys = codegen.new_name("keys") if keys else None
     if find_keys is not None:
-        _write_last_step_keys(builder, query, body, find_keys, keys)
+        _generate_last_step_keys(builder, query, body, find_keys, keys)
     noted = build.constant(None)
     if memorizes or led:
-        noted = write_noted_steps(builder, query, body, loops, form, step.columns)
+        noted = generate_noted_steps(builder, query, body, loops, form, step.columns)
     names = [function, find_keys, key_of]
     made = [build.constant(None) if name is None else build.name(name) for name in names]
     body.emit(build.return_(build.pack(build.name("starts"), *made, noted)))
@@ -332,7 +332,7 @@ def join_first_steps(first: Expand, others: Expand) -> Expand:
     return expand_state
 
 
-def _write_starts(
+def _generate_starts(
     builder: QueryCompiler, query: plan.Query, body: PythonScope, shapes: dict[str, Shape], start: str
 ) -> None:
     """START WITH: puts the frozen states in which the search starts into the list `starts`."""
@@ -344,10 +344,12 @@ def _write_starts(
         local = codegen.states[query.id, name] = codegen.new_name(name)
         place = codegen.build_at(expr.span)
         if isinstance(expr, plan.Element) and expr.source in each:
-            items = place.call(codegen.use(list_elements), write_expression(builder, each[expr.source].value, body))
+            items = place.call(
+                codegen.use(list_source_elements), generate_expression(builder, each[expr.source].value, body)
+            )
             body.open_loop([local], items, place)
         else:
-            body.emit(place.assign(local, write_expression(builder, expr, body)))
+            body.emit(place.assign(local, generate_expression(builder, expr, body)))
         body.states.add((query.id, name))
         if each:  # another value in each turn, which nothing may keep
             body.moved[query.id, name] = local
@@ -366,7 +368,9 @@ def _write_starts(
         body.known.pop()
 
 
-def _write_key_function(builder: QueryCompiler, query: plan.Query, owner: PythonScope, shapes: dict[str, Shape]) -> str:
+def _generate_key_function(
+    builder: QueryCompiler, query: plan.Query, owner: PythonScope, shapes: dict[str, Shape]
+) -> str:
     """A function that gives the key of a frozen state, where BY names the state."""
     search, codegen, build = query.search, builder.codegen, builder.codegen.build_at(query.span)
     assert search is not None
@@ -385,7 +389,7 @@ def _write_key_function(builder: QueryCompiler, query: plan.Query, owner: Python
         if isinstance(expr, plan.State) and expr.query == query.id:
             keys.append(build.name(names[expr.name]))
         else:
-            value = write_expression(builder, expr, body)
+            value = generate_expression(builder, expr, body)
             keys.append(value if expr.type.is_only(SCALAR) else build.call(codegen.use(freeze_any), value))
     body.emit(build.return_(keys[0] if len(keys) == 1 else build.pack(*keys)))
     body.define_function()
@@ -408,7 +412,7 @@ def _can_revisit_states(builder: QueryCompiler, query: plan.Query) -> bool:
     return called and all(fact.steady for fact in list_step_facts(builder, query, search))
 
 
-def _write_last_step_keys(
+def _generate_last_step_keys(
     builder: QueryCompiler, query: plan.Query, outer: PythonScope, name: str, keys: Sequence[plan.Expr]
 ) -> None:
     """A function of the elements and the state of a last step: what GROUP BY and ORDER BY see of it."""
@@ -421,5 +425,5 @@ def _write_last_step_keys(
     names = [codegen.names[source.id] for source in query.sources]
     names += [codegen.states[query.id, state] for state, _ in query.search.start]
     body.emit(build.unpack(names, build.name("last")))
-    body.emit(build.return_(build.pack(*(write_expression(builder, key, body) for key in keys))))
+    body.emit(build.return_(build.pack(*(generate_expression(builder, key, body) for key in keys))))
     body.define_function()

@@ -22,7 +22,7 @@ from ss2sql.runtime.python.loop_helpers import make_count_report, make_known_ste
 from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.run.search_paths import Path, measure_depth
 from ss2sql.runtime.search import choose_search
-from ss2sql.runtime.search.memoized_steps import MemoizedSteps, ignore_key
+from ss2sql.runtime.search.memoized_steps import MemoizedSteps, ignore_step_key
 from ss2sql.runtime.search.memorize import run_memorize
 from ss2sql.runtime.search.memorize_by_key import KeyedMemorize
 from ss2sql.runtime.search.search_run import Found, SearchRun
@@ -103,7 +103,7 @@ def find_search_results(
     starts, function, keys, key_of, noted = task.find(*outer)
     noted = noted and make_noted_search(*noted)
     problem = Problem(
-        starts if key_of is None or search.repeats == "no cycle" else _drop_equal_starts(starts, key_of),
+        starts if key_of is None or search.repeats == "no cycle" else _drop_equal_starts_of_run(starts, key_of),
         function,
         search.repeats,
         likeliest=search.order == "probability",
@@ -114,7 +114,7 @@ def find_search_results(
         visits=key_of is not None,
         last=query.last,
         key_of=key_of or id,
-        found=partial(_note_estimate, run),
+        found=partial(_note_search_estimate, run),
     )
     watched = TracedSearch(run.trace, query, problem) if form.watched else None
     problem = problem if watched is None else watched.problem
@@ -136,7 +136,7 @@ def find_search_results(
     )
 
 
-def _note_estimate(run: Run, total: Any, guess: Any) -> None:
+def _note_search_estimate(run: Run, total: Any, guess: Any) -> None:
     run.overestimated |= is_overestimate(guess, total)
 
 
@@ -174,7 +174,7 @@ def _make_expand(task: QueryExecution, form: SearchForm, expand: Expand) -> Expa
         return expand
     compares = task.form.query.search is not None and task.form.query.search.repeats == "no cycle"
     if not most:
-        return (lambda state, closed: expand(state, closed, ignore_key)) if compares else expand
+        return (lambda state, closed: expand(state, closed, ignore_step_key)) if compares else expand
     return MemoizedSteps(
         expand, most, make_known_steps_check(run), partial(make_count_report(run), 0, 0), compares
     ).expand
@@ -200,7 +200,7 @@ def _thaw_paths(
             found.close()  # it may hold tables of a database, and an error that is kept would hold it
 
 
-def _drop_equal_starts(starts: list[State], key_of: Callable[[State], Hashable]) -> list[State]:
+def _drop_equal_starts_of_run(starts: list[State], key_of: Callable[[State], Hashable]) -> list[State]:
     by_key: dict[Hashable, State] = {}
     for start in starts:
         by_key.setdefault(key_of(start), start)

@@ -18,13 +18,13 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR
-from ss2sql.language.plan_traversal import find_direct_assignments, list_call_places, walk
-from ss2sql.language.values import Shape, copy_for_python, is_flat_list, thaw_value
+from ss2sql.language.plan_traversal import find_direct_assignments, list_plan_calls, walk
+from ss2sql.language.values import Shape, copy_for_python, is_flat_list_type, thaw_value
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_code import is_memoized_call
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
-from ss2sql.runtime.python.python_expressions import write_expression
-from ss2sql.runtime.run.call_memo import NO_KEY, MemoizedCalls, make_exact_key
+from ss2sql.runtime.python.python_expressions import generate_expression
+from ss2sql.runtime.run.call_memo import NO_KEY, MemoizedCalls, make_call_key
 from ss2sql.runtime.run.run_state import Places, Run
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 class SingleCall:
     """A call that makes a state, in a search that makes it once for each state and element.
 
-    Where a `SourceCall` makes the elements, each of which is a state, that writes the call. `begin` is done once for a
-    search, `state_statements` once for a state before its elements, `end` at the end.
+    Where a `SingleSourceCall` makes the elements, each of which is a state, that writes the call. `begin` is done once
+    for a search, `state_statements` once for a state before its elements, `end` at the end.
     """
 
     node: plan.Call
@@ -73,16 +73,16 @@ class SingleCall:
         arguments = [self._write_argument(step, argument) for argument in self.node.arguments]
         once, remembered = codegen.new_name(function.name), codegen.new_name(f"{function.name}_remembered")
         count, made, call = codegen.new_name("count"), codegen.new_name("made"), codegen.new_name(function.name)
-        places = at.name(codegen.embed(list_call_places(step.query)[function.name], "places"))
+        places = at.name(codegen.embed(list_plan_calls(step.query)[function.name], "places"))
         known = [at.name("run"), at.name(codegen.embed(function, "function")), places]
         known.append(at.name(step.loops.items[source]))
         known.append(at.constant(source not in step.loops.frozen and source not in codegen.keys))
-        step.owner.emit(at.unpack([once, remembered, count], at.call(codegen.use(make_call_variants), *known)))
+        step.owner.emit(at.unpack([once, remembered, count], at.call(codegen.use(make_single_call_variants), *known)))
         step.owner.locals += [once, remembered, count]
         self.begin.append(at.assign(made, at.constant(0)))
         self.end.append(at.run(at.call(count, at.name(made))))
         # The start may be a row as well, so it may be expanded twice.
-        is_start = _write_start_test(step, at)
+        is_start = _generate_start_test(step, at)
         self.state_statements.append(at.assign(call, at.if_else(is_start, at.name(remembered), at.name(once))))
         codegen.page.note_call(self.node.place, function.name)
         run = at.name("run")  # a slow function must not keep a timeout waiting
@@ -96,10 +96,10 @@ class SingleCall:
 
     def _write_argument(self, step: StepClauses, argument: plan.Expr) -> ast.expr:
         """An argument as a value that the function may change."""
-        value = _write_argument(step, argument, step.inner, self.state_statements)
-        if _is_copied(argument, step) or argument.type.is_only(SCALAR):
+        value = _generate_argument(step, argument, step.inner, self.state_statements)
+        if _is_copied_in_single_call(argument, step) or argument.type.is_only(SCALAR):
             return value
-        build, flat = step.codegen.build_at(argument.span), is_flat_list(argument.type)
+        build, flat = step.codegen.build_at(argument.span), is_flat_list_type(argument.type)
         return build.call(step.codegen.embed(list.copy, "copy") if flat else step.codegen.use(copy_for_python), value)
 
     def _write_early_stop(self, step: StepClauses) -> None:
@@ -117,7 +117,7 @@ class SingleCall:
                 return
             inner.known.append({self.key: self.value})
             with inner.write_skippable():
-                leaves.append(build.negate(write_expression(step.builder, where, inner)))
+                leaves.append(build.negate(generate_expression(step.builder, where, inner)))
             inner.known.pop()
         inner.emit(build.when(build.join_conditions(ast.And(), leaves), build.continue_loop()))
 
@@ -130,7 +130,7 @@ class SingleCall:
 
 
 @dataclass(slots=True)
-class SourceCall:
+class SingleSourceCall:
     """A call that gives the elements of the only source, in a search that makes it once for each state.
 
     `checked`: what it gives is checked as a whole; else each element is, where it is new.
@@ -142,7 +142,7 @@ class SourceCall:
     state_statements: list[ast.stmt] = field(default_factory=list)
 
     @classmethod
-    def find_source_call(cls, step: StepClauses) -> SourceCall | None:
+    def find_source_call(cls, step: StepClauses) -> SingleSourceCall | None:
         """The call of a search of which there is one."""
         source = step.query.sources[0]
         calls = _find_single_calls(step.query, step.codegen.analysis)
@@ -163,18 +163,20 @@ class SourceCall:
         """The call: it gives the value and None."""
         step, node = self.step, self.node
         codegen, build = step.codegen, step.codegen.build_at(node.place)
-        arguments = [_write_argument(step, argument, body, self.state_statements) for argument in node.arguments]
-        fresh = all(_is_copied(argument, step) or argument.type.is_only(SCALAR) for argument in node.arguments)
+        arguments = [_generate_argument(step, argument, body, self.state_statements) for argument in node.arguments]
+        fresh = all(
+            _is_copied_in_single_call(argument, step) or argument.type.is_only(SCALAR) for argument in node.arguments
+        )
         codegen.page.note_call(node.place, node.function.name)
-        places = codegen.embed(list_call_places(step.query)[node.function.name], "places")
+        places = codegen.embed(list_plan_calls(step.query)[node.function.name], "places")
         known = [build.name("run"), build.name(codegen.embed(node.function, "function")), build.name(places)]
-        both = build.call(codegen.use(make_source_calls), *known, build.constant(fresh), build.constant(self.checked))
+        both = build.call(codegen.use(make_single_calls), *known, build.constant(fresh), build.constant(self.checked))
         methods = build.name(codegen.bind((node.function.name, "single"), f"{node.function.name}_calls", both, build))
         remembered, once = (build.item(methods, index) for index in (0, 1))
-        return build.call(build.if_else(_write_start_test(step, build), remembered, once), *arguments)
+        return build.call(build.if_else(_generate_start_test(step, build), remembered, once), *arguments)
 
 
-def _write_start_test(step: StepClauses, build: AstBuilder) -> ast.expr:
+def _generate_start_test(step: StepClauses, build: AstBuilder) -> ast.expr:
     """Whether a state is the start, which a row may be as well, so that it may be expanded twice."""
     state, start = build.pack(*map(build.name, step.frozen_states.values())), build.name(step.form.start)
     if len(step.frozen_states) == 1:
@@ -183,19 +185,19 @@ def _write_start_test(step: StepClauses, build: AstBuilder) -> ast.expr:
     return build.compare(state, ast.Eq(), start)
 
 
-def _is_copied(argument: plan.Expr, step: StepClauses) -> TypeGuard[plan.State]:
+def _is_copied_in_single_call(argument: plan.Expr, step: StepClauses) -> TypeGuard[plan.State]:
     """Whether an argument is a START WITH variable of which its frozen value makes a fresh one at once."""
     if not isinstance(argument, plan.State) or argument.query != step.query.id:
         return False
     return step.shapes[argument.name] in ("flat", "nested")
 
 
-def _write_argument(
+def _generate_argument(
     step: StepClauses, argument: plan.Expr, body: PythonScope, state_statements: list[ast.stmt]
 ) -> ast.expr:
     """An argument: a copy of a START WITH variable, by a statement before it, and anything else as it is."""
-    if not _is_copied(argument, step):
-        return write_expression(step.builder, argument, body)
+    if not _is_copied_in_single_call(argument, step):
+        return generate_expression(step.builder, argument, body)
     codegen, build, shape = step.codegen, step.build, step.shapes[argument.name]
     value = build.name(step.frozen_states[argument.name])
     other = build.call(codegen.use(copy_for_python), build.call(codegen.use(thaw_value), value))
@@ -250,7 +252,7 @@ def _do_rows_determine_states(query: plan.Query, search: plan.Search, analysis: 
     return None not in shown and alike and len(at_once) == len(search.connect)
 
 
-def make_source_calls(
+def make_single_calls(
     run: Run, function: plan.Function, places: Places, fresh: bool, checked: bool
 ) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """The function with its memory and without; both with it where somebody else calls it, too, than at `places`."""
@@ -259,7 +261,7 @@ def make_source_calls(
     return calls.call_any, calls.call_any if elsewhere or calls.foretold else calls.make_single(fresh, checked)
 
 
-def make_call_variants(
+def make_single_call_variants(
     run: Run, function: plan.Function, places: Places, items: Sequence[Any], single: bool
 ) -> tuple[Callable[..., Any], Callable[..., Any], Callable[[int], None]]:
     """The function itself, the function with its memory, and what counts the calls that were made of both.
@@ -276,7 +278,7 @@ def make_call_variants(
         calls.count(-1)  # the memory counts its calls itself
         return call_memoized(*arguments)
 
-    keys = list(map(make_exact_key, items if single else [item[0] for item in items]))
+    keys = list(map(make_call_key, items if single else [item[0] for item in items]))
     elsewhere = run.call_places.get(function.name, {None}) - places
     if elsewhere or calls.foretold or NO_KEY in keys or len(set(keys)) < len(keys):
         return call_memoized, call_memoized, lambda made: None

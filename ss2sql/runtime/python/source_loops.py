@@ -24,25 +24,25 @@ from ss2sql.runtime.python.codegen_context import MAX_LOOPS, PythonScope
 from ss2sql.runtime.python.equality_index import (
     Lookup,
     index_by_columns,
-    index_computed_keys,
     index_elements,
-    index_integers,
+    index_elements_by_call,
+    index_elements_by_int,
     index_plain_rows,
     index_single_column,
     index_tuples,
-    look_up_elements,
+    look_up_in_index,
 )
 from ss2sql.runtime.python.expression_facts import ExpressionFacts
 from ss2sql.runtime.python.loop_helpers import (
-    attach_computed,
     iterate_with_checks,
     iterate_with_progress,
-    read_dict_columns,
-    read_frame_rows,
-    read_table_rows,
+    loop_over_dict_columns,
+    loop_over_frame_rows,
+    loop_over_table_rows,
+    loop_with_computed,
 )
-from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, write_expression
-from ss2sql.runtime.python.world_loops import WorldCondition, find_world_condition, write_world_items
+from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
+from ss2sql.runtime.python.world_loops import WorldCondition, find_world_condition, generate_world_loop
 from ss2sql.runtime.run.array_calls import (
     BLOCK,
     Blocks,
@@ -50,11 +50,11 @@ from ss2sql.runtime.run.array_calls import (
     calls_row_function,
     count_array_calls,
     is_array_call,
-    iterate_blocks,
+    iterate_call_blocks,
     list_certain_calls,
 )
-from ss2sql.runtime.run.call_memo import make_exact_key
-from ss2sql.runtime.run.elements import list_elements, list_elements_or_none
+from ss2sql.runtime.run.call_memo import make_call_key
+from ss2sql.runtime.run.elements import list_elements_or_none, list_source_elements
 
 if TYPE_CHECKING:
     from ss2sql.lowering.table_filter import TableFilter
@@ -133,7 +133,7 @@ class SourceLoops:
                 if self.inside and isinstance(source, plan.TableSource):
                     self.builder.codegen.tuples[source.id] = tuple(name for name, _ in source.columns)
                     continue
-                build, items = self.builder.codegen.build_at(source.span), self._list_items(source, self.owner)
+                build, items = self.builder.codegen.build_at(source.span), self._list_elements(source, self.owner)
                 if self.inside:
                     self.ready[source.id] = items
                     continue
@@ -153,8 +153,8 @@ class SourceLoops:
             makers.append(build.name(codegen.use(freeze_any)))
         if keyed:
             codegen.keys[source.id] = codegen.new_name("exact")
-            makers.append(build.name(codegen.use(make_exact_key)))
-        self.owner.emit(build.assign(name, build.call(codegen.use(attach_computed), build.name(name), *makers)))
+            makers.append(build.name(codegen.use(make_call_key)))
+        self.owner.emit(build.assign(name, build.call(codegen.use(loop_with_computed), build.name(name), *makers)))
 
     @staticmethod
     def has_scalar_elements(source: plan.Source) -> bool:
@@ -258,7 +258,7 @@ class SourceLoops:
         elif isinstance(source, plan.TableSource) and self.inside and source.id in self.lookups:
             items = self._read_table(source, body)  # of which nothing but the index needs to stay
         else:
-            items = self.ready.get(source.id) or self._list_items(source, body)
+            items = self.ready.get(source.id) or self._list_elements(source, body)
         if source.id in self.lookups:
             items = self._look_up_source(source, items, body)
         name = codegen.names[source.id] = codegen.new_name(source.name)
@@ -289,7 +289,7 @@ class SourceLoops:
         for condition in conditions:
             body = self._stage_calls(body, [condition])
             build = self.builder.codegen.build_at(condition.span)
-            body.emit(build.if_not(write_expression(self.builder, condition, body), self._write_skip(body, build)))
+            body.emit(build.if_not(generate_expression(self.builder, condition, body), self._write_skip(body, build)))
         return body
 
     def _skip_empty_sources(self, body: PythonScope, sources: Sequence[plan.Source]) -> None:
@@ -314,7 +314,9 @@ class SourceLoops:
             facts, build = codegen.analysis.facts(call), codegen.build_at(call.place)
             if facts.key is not None and body.name_of(facts) is None:
                 self.calls_rows[-1] |= calls_row_function(*call.arguments)
-                arguments = build.pack(*(write_expression(self.builder, argument, body) for argument in call.arguments))
+                arguments = build.pack(
+                    *(generate_expression(self.builder, argument, body) for argument in call.arguments)
+                )
                 codegen.page.note_call(call.place, call.function.name)
                 body = self._begin_stage(
                     body, build, build.name(codegen.name_function(call.function, build)), arguments
@@ -371,7 +373,7 @@ class SourceLoops:
         rest.before = body
         return rest
 
-    def _list_items(self, source: plan.Source, body: PythonScope) -> ast.expr:
+    def _list_elements(self, source: plan.Source, body: PythonScope) -> ast.expr:
         """The elements of a source as a list of values, or of tuples where `codegen.tuples` says so."""
         builder, codegen = self.builder, self.builder.codegen
         build = codegen.build_at(source.span)
@@ -381,26 +383,30 @@ class SourceLoops:
                 return body.compute_once(ExpressionFacts(), self._read_table(source, body), build, source.name)
             case plan.ValueSource(value=plan.Variable(frame=True) as value, columns=columns) if columns:
                 words = codegen.tuples[source.id] = self._list_columns_read(source.id, tuple(w for w, _ in columns))
-                read = write_expression(builder, value, body)
-                rows = build.call(codegen.use(read_frame_rows), read, *map(build.constant, words))
+                read = generate_expression(builder, value, body)
+                rows = build.call(codegen.use(loop_over_frame_rows), read, *map(build.constant, words))
                 return self._read_once(source, body, rows)
             case plan.ValueSource(value=value) if body is self.owner and (
                 words := self._list_dict_columns_read(source)
             ):
                 codegen.tuples[source.id] = words
                 rows = build.call(
-                    codegen.use(read_dict_columns), write_expression(builder, value, body), *map(build.constant, words)
+                    codegen.use(loop_over_dict_columns),
+                    generate_expression(builder, value, body),
+                    *map(build.constant, words),
                 )
                 return self._read_once(source, body, rows)
             case plan.ValueSource(value=value):
                 codegen.elements[source.id] = source.element
                 if isinstance(value, plan.MakeList):
-                    return self._read_once(source, body, write_expression(builder, value, body))
+                    return self._read_once(source, body, generate_expression(builder, value, body))
                 if isinstance(value, plan.Constant):
-                    return build.name(codegen.embed(list_elements(value.value), "items"))
+                    return build.name(codegen.embed(list_source_elements(value.value), "items"))
                 build = codegen.build_at(value.span)
                 return self._read_once(
-                    source, body, build.call(codegen.use(list_elements), write_expression(builder, value, body))
+                    source,
+                    body,
+                    build.call(codegen.use(list_source_elements), generate_expression(builder, value, body)),
                 )
             case plan.QuerySource(query=query):
                 nested = builder.compile_query(query, body)
@@ -410,10 +416,10 @@ class SourceLoops:
                     return self._read_once(source, body, build.call("list", rows) if nested.found else rows)
                 codegen.elements[source.id] = source.element
                 value_of_query = build.call(nested.value, *nested.arguments)
-                made = list_elements_or_none if source.optional else list_elements
+                made = list_elements_or_none if source.optional else list_source_elements
                 return self._read_once(source, body, build.call(codegen.use(made), value_of_query))
             case plan.WorldSource():
-                return write_world_items(builder, source, self.world_conditions.get(source.id, ()), body)
+                return generate_world_loop(builder, source, self.world_conditions.get(source.id, ()), body)
             case _:
                 assert_never(source)
 
@@ -431,9 +437,9 @@ class SourceLoops:
         build = codegen.build_at(source.span)
         arguments = [build.name("run"), build.name(codegen.embed(source, "table"))]
         if wanted is not None:
-            values = [write_expression(self.builder, one.expr, body) for one in wanted.parameters]
+            values = [generate_expression(self.builder, one.expr, body) for one in wanted.parameters]
             arguments += [build.name(codegen.embed(wanted, "wanted")), build.defer(build.pack(*values))]
-        return build.call(codegen.use(read_table_rows), *arguments)
+        return build.call(codegen.use(loop_over_table_rows), *arguments)
 
     def _find_table_filter(self, source: plan.TableSource) -> TableFilter | None:
         """What SQLite leaves out of the rows of a table, where nobody can notice whether the rest is evaluated."""
@@ -504,11 +510,11 @@ class SourceLoops:
             index = build.call(codegen.use(index_tuples), items, *places)
         kept = body.compute_once(facts, index, build, "index")
         build = codegen.build_at(conditions[0].other.span)
-        values = [write_expression(self.builder, one.other, body) for one in conditions]
+        values = [generate_expression(self.builder, one.other, body) for one in conditions]
         if all(one.other.type.is_only(SCALAR_KINDS) for one in conditions):
             key = values[0] if len(values) == 1 else build.pack(*values)
             return build.call(build.part(kept, "get"), key, build.pack())
-        return build.call(codegen.use(look_up_elements), kept, *values)
+        return build.call(codegen.use(look_up_in_index), kept, *values)
 
     def _write_key_index(self, source: plan.Source, items: ast.expr) -> ast.expr:
         """The index by keys that a function of its own computes."""
@@ -520,7 +526,7 @@ class SourceLoops:
         keys = [one.key for one in conditions]
         key_of.count_uses(keys)
         codegen.names[source.id] = name
-        key_of.emit(build.return_(build.array(*(write_expression(self.builder, key, key_of) for key in keys))))
+        key_of.emit(build.return_(build.array(*(generate_expression(self.builder, key, key_of) for key in keys))))
         key_of.define_function()
         if before is not None:
             codegen.names[source.id] = before
@@ -528,8 +534,8 @@ class SourceLoops:
         if number:
             blocks = build.call(codegen.use(Blocks), items, build.constant(BLOCK))
             given = [build.name("run"), blocks, build.name(key_of.name), build.constant(number)]
-            items = build.call("list", build.call(codegen.use(iterate_blocks), *given))
-        return build.call(codegen.use(index_computed_keys), items, build.name(key_of.name))
+            items = build.call("list", build.call(codegen.use(iterate_call_blocks), *given))
+        return build.call(codegen.use(index_elements_by_call), items, build.name(key_of.name))
 
     def _write_key_lookup(self, source: plan.Source, index: ast.expr, body: PythonScope) -> ast.expr:
         """What the index finds, or all rows where what the keys must equal cannot be computed."""
@@ -537,7 +543,7 @@ class SourceLoops:
         build = codegen.build_at(conditions[0].other.span)
         sure = all(one.sure for one in conditions)
         with nullcontext() if sure else body.write_skippable():
-            values = [write_expression(self.builder, one.other, body) for one in conditions]
+            values = [generate_expression(self.builder, one.other, body) for one in conditions]
         if sure:
             return build.call(build.part(index, "find_rows"), *values)
         index = body.name_or_constant(index, build, "index")
@@ -560,7 +566,7 @@ class SourceLoops:
         if isinstance(source, plan.TableSource) and len(names) == 1 and integers:
             codegen = self.builder.codegen
             table = build.name(codegen.embed(source, "table"))
-            return build.call(codegen.use(index_integers), build.name("run"), table, value, *places)
+            return build.call(codegen.use(index_elements_by_int), build.name("run"), table, value, *places)
         return build.call(self.builder.codegen.use(index_single_column), items, value, *places)
 
     def _read_once(self, source: plan.Source, body: PythonScope, items: ast.expr) -> ast.expr:
@@ -580,6 +586,6 @@ def are_elements_rows(query: plan.Query) -> bool:
     return plain and not shaped and not any(output.label or output.star for output in query.columns)
 
 
-def list_source_expressions(query: plan.Query) -> list[plan.Expr]:
+def list_loop_expressions(query: plan.Query) -> list[plan.Expr]:
     values = [source.value for source in query.sources if isinstance(source, plan.ValueSource)]
     return values + [e for source in query.sources if isinstance(source, plan.WorldSource) for e in source.arguments]

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR, Kind, Type
-from ss2sql.language.values import FREEZERS, Shape, choose_shape, convert_and_freeze, is_flat_list
-from ss2sql.runtime.python.ast_builder import AstBuilder, write_template
+from ss2sql.language.values import FREEZERS, Shape, choose_frozen_shape, convert_and_freeze, is_flat_list_type
+from ss2sql.runtime.python.ast_builder import AstBuilder, generate_template
 from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
-from ss2sql.runtime.python.python_expressions import write_expression
-from ss2sql.runtime.python.single_calls import SingleCall, SourceCall
-from ss2sql.runtime.python.source_loops import SourceLoops, list_source_expressions
+from ss2sql.runtime.python.python_expressions import generate_expression
+from ss2sql.runtime.python.single_calls import SingleCall, SingleSourceCall
+from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions
 from ss2sql.runtime.run import option_checks
 from ss2sql.runtime.search.best_first import TAKEN
 
@@ -127,11 +127,11 @@ class StepClauses:
         conditions = [] if made is None else [made]
         siblings = [key.expr for key in self.search.siblings]
         body.count_uses(
-            [*list_source_expressions(query), *conditions, *siblings, *self.keeps_everything, *self.search.key]
+            [*list_loop_expressions(query), *conditions, *siblings, *self.keeps_everything, *self.search.key]
         )
         # a call that is made once for each step, without a memory
         told = form.watched or form.noted
-        self.source_call = self.codegen.source_call = None if told else SourceCall.find_source_call(self)
+        self.source_call = self.codegen.source_call = None if told else SingleSourceCall.find_source_call(self)
         self.single = None if told else SingleCall.find_single_call(self)
         if self.source_call is not None and self.compares:
             self.single = self.source_call.find_element()
@@ -217,10 +217,10 @@ class StepClauses:
         return values[0] if len(values) == 1 else build.name(self.inner.assign_name(build.pack(*values), build, "key"))
 
     def _add_template(self, text: str, build: AstBuilder, **words: ast.expr | list[ast.stmt]) -> None:
-        self.inner.emit(*write_template(text, build, words))
+        self.inner.emit(*generate_template(text, build, words))
 
     def _write_prune(self) -> list[ast.stmt]:
-        return [*self._write_trace_note("repeated"), *write_template(PRUNE, self.build, {})]
+        return [*self._write_trace_note("repeated"), *generate_template(PRUNE, self.build, {})]
 
     def _write_trace_note(self, word: str) -> list[ast.stmt]:
         """Lets the trace hear of a step that leaves none, with its row where it is known, or nobody could notice."""
@@ -263,7 +263,7 @@ class StepClauses:
 
     def _write_value(self, expr: plan.Expr) -> ast.expr:
         """The value of a clause, a column, or a variable after the step."""
-        return write_expression(self.builder, expr, self.inner)
+        return generate_expression(self.builder, expr, self.inner)
 
     # --- rows ------------------------------------------------------------------------------------------
 
@@ -274,7 +274,7 @@ class StepClauses:
             return self.shapes[expr.name]
         if self.single is not None and self.single.key == self.codegen.analysis.facts(expr).key:
             return self.single.shape
-        if is_flat_list(expr.type):
+        if is_flat_list_type(expr.type):
             return "flat"
         if isinstance(expr, plan.Element) and expr.source not in self.loops.items:  # it is not frozen beforehand
             return next((self.shapes[name] for name, other in self.connect.items() if other == expr), "any")
@@ -298,7 +298,7 @@ class StepClauses:
 
     def _write_frozen(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
         build, freezer = self.codegen.build_at(expr.span), self.codegen.use(FREEZERS[shape])
-        return build.call("tuple" if is_flat_list(expr.type) else freezer, value)
+        return build.call("tuple" if is_flat_list_type(expr.type) else freezer, value)
 
     def _pack_row(self) -> None:
         self.inner.emit(self.build.assign("row", self.build.pack(*self.row)))
@@ -524,7 +524,7 @@ def name_frozen_variables(codegen: CodegenContext, query: plan.Query, shapes: Ma
 
 def _choose_state_shape(known: Type, start: plan.Expr) -> Shape:
     """The shape of a START WITH variable: scalar where all its values are known to be, else that of the first one."""
-    if choose_shape(known) == "scalar":
+    if choose_frozen_shape(known) == "scalar":
         return "scalar"
-    shape = choose_shape(start.type)
+    shape = choose_frozen_shape(start.type)
     return "any" if shape == "scalar" else shape

@@ -43,14 +43,14 @@ from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language import plan
-from ss2sql.language.ordering import sort_rows
+from ss2sql.language.ordering import order_rows
 from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row
 from ss2sql.language.values import THAWERS
-from ss2sql.runtime.python.ast_builder import list_names_read, write_template
+from ss2sql.runtime.python.ast_builder import generate_template, list_names_code_reads
 from ss2sql.runtime.python.call_code import find_keyed_sources, is_memoized_call
 from ss2sql.runtime.python.codegen_context import PythonScope
-from ss2sql.runtime.python.equality_index import Lookup, find_lookups
+from ss2sql.runtime.python.equality_index import Lookup, find_index_lookups
 from ss2sql.runtime.python.flat_query import place_conditions
 from ss2sql.runtime.python.loop_helpers import (
     TURNS_PER_CHECK,
@@ -59,10 +59,10 @@ from ss2sql.runtime.python.loop_helpers import (
     make_countdown_meter,
     make_step_meter,
 )
-from ss2sql.runtime.python.python_expressions import write_expression
-from ss2sql.runtime.python.source_loops import SourceLoops, list_source_expressions
+from ss2sql.runtime.python.python_expressions import generate_expression
+from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions
 from ss2sql.runtime.python.step_clauses import StepClauses, StepForm
-from ss2sql.runtime.python.step_inlining import has_source_code, inline_step_function
+from ss2sql.runtime.python.step_inlining import has_search_loop_code, inline_step_function
 from ss2sql.runtime.run.array_calls import count_array_calls
 from ss2sql.runtime.run.search_paths import (
     START,
@@ -137,10 +137,10 @@ LOOK
 """
 
 
-def sort_siblings(elements: Iterable[tuple[Any, Row]], descending: tuple[bool, ...]) -> list[Any]:
+def sort_step_siblings(elements: Iterable[tuple[Any, Row]], descending: tuple[bool, ...]) -> list[Any]:
     """The elements in the order of ORDER SIBLINGS BY; they come with their keys."""
     pairs = list(elements)
-    return sort_rows([element for element, _ in pairs], [keys for _, keys in pairs], descending)
+    return order_rows([element for element, _ in pairs], [keys for _, keys in pairs], descending)
 
 
 class StepLoops(SourceLoops):
@@ -211,7 +211,7 @@ class StepFunction(StepClauses):
     def write_search(self, loop: Callable[..., Any]) -> str | None:
         """Writes the loop of a search with the step function inlined; gives its name, None if it cannot be inlined."""
         one_by_one = self.resumed and not self.has_list_elements
-        if not has_source_code(loop) or self.search.first is not None or self.takes_arrays or one_by_one:
+        if not has_search_loop_code(loop) or self.search.first is not None or self.takes_arrays or one_by_one:
             return None
         build, codegen, run = self.build, self.codegen, self.build.name("run")
         meter = codegen.bind("meter of steps", "meter", build.call(codegen.use(make_countdown_meter), run), build)
@@ -233,7 +233,7 @@ class StepFunction(StepClauses):
             "outdated": None,
         }
         expanded = 0 if self.edges else -1  # a search is no step, so its start does not count
-        begin = write_template(f"generated = pruned = due = 0\nexpanded = {expanded}\nturns = iter(())", build, {})
+        begin = generate_template(f"generated = pruned = due = 0\nexpanded = {expanded}\nturns = iter(())", build, {})
         begin += [] if self.single is None else self.single.begin
         counted = (build.name(word) for word in ("generated", "expanded", "pruned"))
         end = build.run(build.call(hand_on, *counted))
@@ -252,23 +252,23 @@ class StepFunction(StepClauses):
         `together`: the elements of a state are counted together when it is expanded.
         """
         build, codegen, body = self.build, self.codegen, self.body
-        watch = write_template(look, build, words)
+        watch = generate_template(look, build, words)
         if not together:
-            self.inner.emit(*write_template(COUNT, build, {"LOOK": watch}))
+            self.inner.emit(*generate_template(COUNT, build, {"LOOK": watch}))
         self.write_clauses()
         *before, loop = body.blocks[0]
         assert loop is self.loop
-        items = self._write_items_as_tuples()
+        items = self._write_element_tuples()
         self.loop.iter = build.name("turns")
         if together and (self.edges or self.form.noted):
-            items = self._choose_items(items)
+            items = self._choose_elements(items)
         if self.takes_arrays:
             items = build.call("list", items)
         codegen.use(Parts)
         single = self.single
         for_state = [] if single is None else single.state_statements
         for_state += [] if self.source_call is None else self.source_call.state_statements
-        used = list_names_read([*before, *for_state, items, self.loop])
+        used = list_names_code_reads([*before, *for_state, items, self.loop])
         thawed = []
         for name, shape in self.shapes.items():
             value = codegen.states[self.query.id, name]
@@ -284,7 +284,7 @@ class StepFunction(StepClauses):
             **words,
         }
         text = NOTED if self.form.noted else TOGETHER if together else ONE_BY_ONE
-        return [*thawed, *before, *for_state, *write_template(text, build, around)]
+        return [*thawed, *before, *for_state, *generate_template(text, build, around)]
 
     # --- elements --------------------------------------------------------------------------------------
 
@@ -304,19 +304,19 @@ class StepFunction(StepClauses):
         loop = given.blocks[0][-1]
         assert isinstance(loop, ast.For)
         loop.target = self.loop.target
-        arguments = (write_expression(self.builder, argument, given) for argument in call.arguments)
+        arguments = (generate_expression(self.builder, argument, given) for argument in call.arguments)
         given.emit(build.run(build.yield_(build.pack(*arguments))))
         self.body.blocks[0].insert(-1, given.build_function(build))
         return given.name
 
-    def _choose_items(self, items: ast.expr) -> ast.expr:
+    def _choose_elements(self, items: ast.expr) -> ast.expr:
         """The elements that lead to the goal in time, see runtime/search/bidirectional.py."""
         build = self.build
         nobody = build.compare(build.name("choose"), ast.Is(), build.constant(None))
         state = build.pack(*map(build.name, self.frozen_states.values()))
         return build.if_else(nobody, items, build.call("choose", items, state))
 
-    def _write_items_as_tuples(self) -> ast.expr:
+    def _write_element_tuples(self) -> ast.expr:
         """The elements; those of `FROM [[A, b], [a, B]]` are tuples if they are only unpacked and shown."""
         items, target = self.loop.iter, self.loop.target
         if not (isinstance(items, ast.List) and isinstance(target, ast.Name)):
@@ -343,7 +343,7 @@ class StepFunction(StepClauses):
         states = sorted(self.body.states)
         generator = PythonScope(codegen, codegen.new_name("elements"), [codegen.states[s] for s in states], outer)
         generator.states = self.body.states
-        generator.count_uses([*list_source_expressions(self.query), *(key.expr for key in siblings)])
+        generator.count_uses([*list_loop_expressions(self.query), *(key.expr for key in siblings)])
         innermost = self.loops.open_loops(generator, placed, guarded)
         names = [codegen.names[source.id] for source in self.query.sources]
         for known in () if self.form.noted else (self.loops.frozen, codegen.keys):
@@ -351,14 +351,14 @@ class StepFunction(StepClauses):
         yielded = build.pack(*map(build.name, names)) if len(names) > 1 else build.name(*names)
         if siblings:
             yielded = build.pack(
-                yielded, build.pack(*(write_expression(self.builder, key.expr, innermost) for key in siblings))
+                yielded, build.pack(*(generate_expression(self.builder, key.expr, innermost) for key in siblings))
             )
         innermost.emit(build.run(build.yield_(yielded)))
         innermost.define_function()
         items = build.call(generator.name, *map(build.name, generator.parameters))
         if siblings:
             descending = build.name(codegen.embed(tuple(key.descending for key in siblings), "descending"))
-            items = build.call(codegen.use(sort_siblings), items, descending)
+            items = build.call(codegen.use(sort_step_siblings), items, descending)
         self.body.open_loop(names, items, build)
         self.body.levels.update((source.id, 1) for source in self.query.sources)
 
@@ -375,9 +375,9 @@ class StepFunction(StepClauses):
         if told or not all(facts.steady and facts.total for facts in rows):
             return
         for part, other in zip(stop, where if self.query.where else stop, strict=False):
-            dropped = [] if part is None else find_lookups(part, self.codegen.analysis, "ne")
+            dropped = [] if part is None else find_index_lookups(part, self.codegen.analysis, "ne")
             if self.query.where and other is not None:
-                kept = find_lookups(other, self.codegen.analysis)
+                kept = find_index_lookups(other, self.codegen.analysis)
                 dropped = [one for one in dropped if any(self._do_read_same(one, same) for same in kept)]
             if not any(map(self.loops.plan_lookup, dropped)):
                 return

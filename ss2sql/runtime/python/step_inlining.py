@@ -25,9 +25,9 @@ from typing import Any
 from ss2sql.runtime.python.ast_builder import (
     AstBuilder,
     copy_tree,
-    list_names_read,
-    list_names_set,
-    set_positions,
+    list_names_code_reads,
+    list_names_code_sets,
+    set_code_positions,
     strip_positions,
 )
 
@@ -50,22 +50,22 @@ def inline_step_function(
     code = copy_tree(_get_loop_body(loop))
     facts: dict[str, ast.expr] = {f"problem.{word}": ast.Constant(value) for word, value in known.items()}
     splice = _StepInliner(expand, states)
-    code = splice.transform_block(_ConstantFolder(facts, Counter(list_names_set(code))).transform_block(code))
+    code = splice.transform_block(_ConstantFolder(facts, Counter(list_names_code_sets(code))).transform_block(code))
     whole: list[ast.stmt] = [*begin, ast.Try(code, [], [], [*splice.end_of_turn, end])]
     outer = [word for line in expand.body if isinstance(line, ast.Nonlocal) for word in line.names]
     if outer:
         whole.insert(0, ast.Nonlocal(outer))
     for unread in ("row", "drawn"):
-        if unread not in list_names_read(whole):
-            _remove_assignments(whole, unread)
+        if unread not in list_names_code_reads(whole):
+            _remove_unread_code_names(whole, unread)
     parameters = [ast.arg(word, None) for word in inspect.signature(loop).parameters]
     function = ast.FunctionDef(name, ast.arguments([], parameters, None, [], [], None, []), whole, [], None)
-    set_positions(function, build.at)
+    set_code_positions(function, build.at)
     return function
 
 
 @cache
-def has_source_code(loop: Callable[..., Any]) -> bool:
+def has_search_loop_code(loop: Callable[..., Any]) -> bool:
     """Whether the text of the loop is at hand: a program may be shipped without the files of its packages."""
     try:
         return bool(inspect.getsource(loop))
@@ -80,16 +80,16 @@ def _get_loop_body(loop: Callable[..., Any]) -> list[ast.stmt]:
     return strip_positions(function.body[1:])  # after its docstring
 
 
-def _remove_assignments(code: list[ast.stmt], name: str) -> None:
+def _remove_unread_code_names(code: list[ast.stmt], name: str) -> None:
     """Leaves out what is assigned to a name that nobody reads."""
     for node in [node for part in code for node in ast.walk(part)]:
         for part in ("body", "orelse", "finalbody"):
             lines = getattr(node, part, None)
-            if isinstance(lines, list) and any(_is_assignment_to(line, name) for line in lines):
-                lines[:] = [line for line in lines if not _is_assignment_to(line, name)] or [ast.Pass()]
+            if isinstance(lines, list) and any(_is_code_assignment_to(line, name) for line in lines):
+                lines[:] = [line for line in lines if not _is_code_assignment_to(line, name)] or [ast.Pass()]
 
 
-def _is_assignment_to(line: ast.stmt, name: str) -> bool:
+def _is_code_assignment_to(line: ast.stmt, name: str) -> bool:
     match line:
         case ast.Assign([ast.Name(id=target)]) | ast.AugAssign(ast.Name(id=target)):
             return target == name
@@ -177,9 +177,9 @@ class _StepInliner(_Transformer):
         self.code = [line for line in expand.body if not isinstance(line, (ast.Nonlocal, ast.Return))]
         self.end_of_turn: list[ast.stmt] = []  # of the whole search
         at = next(number for number, line in enumerate(self.code) if isinstance(line, ast.Try))
-        read = list_names_read(self.code[at:])
+        read = list_names_code_reads(self.code[at:])
         own = {"turns", "block", "drawn", "generated", "expanded", "pruned", "due", *states}
-        self.state_code = [n for n in dict.fromkeys(list_names_set(self.code[:at])) if n in read and n not in own]
+        self.state_code = [n for n in dict.fromkeys(list_names_code_sets(self.code[:at])) if n in read and n not in own]
 
     def visit_Assign(self, node: ast.Assign) -> ast.AST:
         match node:

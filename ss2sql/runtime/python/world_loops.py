@@ -14,9 +14,9 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.run.run_state import Run
-from ss2sql.vtables.attached_worlds import AttachedTable
+from ss2sql.vtables.attached_worlds import AttachedWorldTable
 from ss2sql.vtables.reading import NOTHING, Read, Reading, Readings
-from ss2sql.vtables.snapshots import Snapshot, find_first_place, plan_snapshot
+from ss2sql.vtables.snapshots import Snapshot, find_first_table_place, plan_snapshot
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
@@ -49,7 +49,7 @@ def find_world_condition(condition: plan.Expr, sources: Sequence[plan.Source]) -
     return None
 
 
-def _can_use_condition(table: AttachedTable, name: str, operator: str) -> bool:
+def _can_use_condition(table: AttachedWorldTable, name: str, operator: str) -> bool:
     schema = table.schema
     return schema.walked is None and any(c.name == name and operator in c.operators for c in schema.columns)
 
@@ -57,25 +57,27 @@ def _can_use_condition(table: AttachedTable, name: str, operator: str) -> bool:
 # --- code ----------------------------------------------------------------------------------------------
 
 
-def write_world_items(
+def generate_world_loop(
     builder: QueryCompiler, source: plan.WorldSource, demands: Sequence[WorldCondition], body: PythonScope
 ) -> ast.expr:
     """The keys that a source walks, or its rows."""
-    from ss2sql.runtime.python.python_expressions import write_expression
+    from ss2sql.runtime.python.python_expressions import generate_expression
 
     codegen, build = builder.codegen, builder.codegen.build_at(source.span)
-    table: AttachedTable = source.table
+    table: AttachedWorldTable = source.table
     if table.schema.keyed is None:
         codegen.tuples[source.id] = tuple(name for name, _ in source.columns)
     else:
         codegen.worlds[source.id] = table
     reading = build.name(_bind_reading(codegen, table, build))
     if table.schema.parameters:
-        arguments = [write_expression(builder, argument, body) for argument in source.arguments]
-        return build.call(codegen.use(list_world_rows), reading, *arguments)
+        arguments = [generate_expression(builder, argument, body) for argument in source.arguments]
+        return build.call(codegen.use(loop_over_world_rows), reading, *arguments)
     comparisons = tuple((demand.column, demand.operator) for demand in demands)
-    values = [write_expression(builder, demand.value, body) for demand in demands]
-    return build.call(codegen.use(list_world_keys), reading, build.name(codegen.embed(comparisons, "demands")), *values)
+    values = [generate_expression(builder, demand.value, body) for demand in demands]
+    return build.call(
+        codegen.use(loop_over_world_keys), reading, build.name(codegen.embed(comparisons, "demands")), *values
+    )
 
 
 def bind_column_reader(codegen: CodegenContext, source: int, name: str, build: AstBuilder) -> str:
@@ -94,11 +96,11 @@ def bind_element_reader(codegen: CodegenContext, source: int, build: AstBuilder)
     return codegen.bind(("element", id(table)), "element", value, build)
 
 
-def _bind_reading(codegen: CodegenContext, table: AttachedTable, build: AstBuilder) -> str:
+def _bind_reading(codegen: CodegenContext, table: AttachedWorldTable, build: AstBuilder) -> str:
     snapshot = build.name(codegen.embed(plan_snapshot(codegen.analysis.roots), "snapshot"))
     value = build.call(codegen.use(get_readings), build.name("run"), snapshot)
     readings = codegen.bind("readings", "readings", value, build)
-    known = (table.table, find_first_place(table, codegen.analysis.roots))
+    known = (table.table, find_first_table_place(table, codegen.analysis.roots))
     value = build.call(codegen.use(get_reading), build.name(readings), build.name(codegen.embed(known, "table")))
     return codegen.bind(("reading", id(table)), "reading", value, build)
 
@@ -122,9 +124,9 @@ def get_element_reader(reading: Reading) -> Read:
     return reading.get_element
 
 
-def list_world_keys(reading: Reading, demands: Sequence[tuple[str, str]], *values: Any) -> list[Any]:
+def loop_over_world_keys(reading: Reading, demands: Sequence[tuple[str, str]], *values: Any) -> list[Any]:
     return reading.find_keys(demands, values) if demands else reading.list_keys(NOTHING)
 
 
-def list_world_rows(reading: Reading, *arguments: Any) -> list[Any]:
+def loop_over_world_rows(reading: Reading, *arguments: Any) -> list[Any]:
     return reading.call_function(arguments)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.language.area_arguments import check_cells, check_number, check_numbers, refuse_argument
+from ss2sql.language.area_arguments import check_area_cells, check_number, check_numbers, refuse_argument
 from ss2sql.language.cancellation import Check
 from ss2sql.language.rows import Table, request_hidden_columns
 from ss2sql.language.values import format_value
@@ -46,8 +46,8 @@ def as_plane(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) -> 
     origin = check_numbers("plane", "the lower corner", start, 2)
     width, height, edge = check_numbers("plane", "width, height and resolution", size, 3)
     check_number("plane", "the edge of a cell", edge, above=0)
-    columns, rows = (_count_grid_cells(cells, edge) for cells in (width, height))
-    check_cells("plane", columns, rows)
+    columns, rows = (_count_plane_cells(cells, edge) for cells in (width, height))
+    check_area_cells("plane", columns, rows)
     spread = check_number("plane", "a blur in cells", blur)
     if not 0 <= spread <= MAX_BLUR:
         refuse_argument("plane", f"needs a blur of 0 to {MAX_BLUR:,} cells, not {format_value(blur)}")
@@ -67,7 +67,7 @@ def as_plane(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) -> 
     return Grid(cells, origin, edge)
 
 
-def _count_grid_cells(cells: float, edge: float) -> int:
+def _count_plane_cells(cells: float, edge: float) -> int:
     if cells < 1 or cells != int(cells):
         hint = f"{cells:g} m are {max(1, round(cells / edge))} cells of {edge:g} m"
         refuse_argument("plane", f"needs width and height as whole numbers of cells, not {cells:g}", hint)
@@ -90,11 +90,11 @@ def _find_points(table: Table, axes: tuple[int, int]) -> tuple[Any, Any]:
                 "plane", f"cannot add up {format_value(value)}, the '{table.columns[-1]}' of row {index + 1}", hint
             )
         values.append(float(value))
-        points.append(_find_point(table, index, axes))
+        points.append(_find_plane_point(table, index, axes))
     return np.array(points, dtype=float).reshape(-1, 2), np.array(values, dtype=float)
 
 
-def _find_point(table: Table, index: int, axes: tuple[int, int]) -> tuple[float, float]:
+def _find_plane_point(table: Table, index: int, axes: tuple[int, int]) -> tuple[float, float]:
     """Where a row is: its first list or element, else the element of its source."""
     candidates = (*table.rows[index][:-1], *(table.hidden[index] if table.hidden else ()))
     place = next((value for value in candidates if isinstance(value, (list, Element))), None)

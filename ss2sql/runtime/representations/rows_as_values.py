@@ -40,12 +40,12 @@ def as_set(table: Table) -> set[Any]:
 
     Raises RepresentationError V001 for a value without a hash.
     """
-    return set(map(_make_hashable, chain.from_iterable(table)))
+    return set(map(_represent_set_element, chain.from_iterable(table)))
 
 
-def _make_hashable(value: Any) -> Any:
+def _represent_set_element(value: Any) -> Any:
     if isinstance(value, list):
-        return tuple(map(_make_hashable, value))
+        return tuple(map(_represent_set_element, value))
     try:
         hash(value)
     except TypeError:
@@ -123,12 +123,12 @@ def _name_prolog_atoms(rows: list[tuple[Any, ...]]) -> dict[Element, str]:
     for value in _find_world_elements([list(row) for row in rows]):
         if value not in found:
             name = getattr(value, "name", None)
-            found[value] = name if isinstance(name, str) and name else _add_atom_key(value.table.name, value)
+            found[value] = name if isinstance(name, str) and name else _represent_as_atom(value.table.name, value)
     often = Counter(found.values())
-    return {element: name if often[name] == 1 else _add_atom_key(name, element) for element, name in found.items()}
+    return {element: name if often[name] == 1 else _represent_as_atom(name, element) for element, name in found.items()}
 
 
-def _add_atom_key(name: str, element: Element) -> str:
+def _represent_as_atom(name: str, element: Element) -> str:
     key = element.key
     parts = key if isinstance(key, tuple) else (key,)
     return "_".join([name, *map(str, parts)])

@@ -8,7 +8,7 @@ from inspect import signature
 from itertools import chain
 from typing import Any
 
-from ss2sql.errors import Error, RepresentationError, note_place
+from ss2sql.errors import Error, RepresentationError, note_place_on_exception
 from ss2sql.language import plan
 from ss2sql.language.cancellation import ITEMS_PER_CHECK, Check, iterate_with_check
 from ss2sql.language.conversion import format_value
@@ -16,7 +16,7 @@ from ss2sql.language.rows import HIDDEN_COLUMNS_ATTRIBUTE, Path, Row, Rows, Tabl
 from ss2sql.language.values import Opaque, convert_value, copy_for_python
 from ss2sql.runtime import representations
 from ss2sql.runtime.run.run_state import pause_collector
-from ss2sql.runtime.run.search_paths import SearchPaths, measure_lengths
+from ss2sql.runtime.run.search_paths import SearchPaths, measure_path_lengths
 from ss2sql.runtime.run.value_sizes import CELL_SIZE, MAX_SIZE, ValueSizes
 
 # What the language makes of rows so that scripts go on with it: lists where `AS rows` gives tuples.
@@ -120,7 +120,7 @@ class Representations:
         self, query: plan.Query, rows: Rows, arguments: Sequence[Any], named: Mapping[str, Any], sizes: ValueSizes
     ) -> Any:
         """The value of a query inside of a script, as a value of the language."""
-        rows = expand_stars(query, rows, sizes.pause)
+        rows = represent_starred_columns(query, rows, sizes.pause)
         if self.is_shared(query.representation, rows):
             return self.share_values(query.representation, rows, sizes)
         value = self.represent_rows(query.representation, rows, arguments, named, sizes.pause)
@@ -163,7 +163,9 @@ class Representations:
         if rows.paths is None:
             return self._make_row_shape(form, columns, sizes)(rows.rows or [])
         if form.name != "value":
-            sizes.check_room(CELL_SIZE * len(columns) * sum(iterate_with_check(measure_lengths(rows.paths), check)))
+            sizes.check_room(
+                CELL_SIZE * len(columns) * sum(iterate_with_check(measure_path_lengths(rows.paths), check))
+            )
         paths = iterate_checked_paths(map(list, rows.paths), check)
         return sizes.check_value([make(Table(columns, path, check=check)) for path in paths])
 
@@ -198,7 +200,7 @@ class Representations:
 
     def _add_place(self, error: Exception, form: plan.Representation) -> None:
         """Says on an exception of the user where its representation is called."""
-        note_place(error, form.name, [form.span] if form.span else [], "representation")
+        note_place_on_exception(error, form.name, [form.span] if form.span else [], "representation")
 
     def _explain_refusal(self, name: str, number: int, reason: str) -> str:
         """What is wrong with the arguments: Python counts the table, which nobody wrote, among them."""
@@ -233,7 +235,7 @@ class Representations:
         return value
 
 
-def expand_stars(query: plan.Query, rows: Rows, check: Check | None = None) -> Rows:
+def represent_starred_columns(query: plan.Query, rows: Rows, check: Check | None = None) -> Rows:
     """The rows of a query, with those columns taken apart that SELECT * could not know beforehand."""
     stars = frozenset(index for index, output in enumerate(query.columns) if output.star)
     return rows.expand_stars(stars, check) if stars else rows

@@ -131,7 +131,7 @@ class Blocks(Generic[T]):
         return block
 
 
-def iterate_blocks(run: Run, blocks: Blocks[T], try_item: Callable[[T], object], rounds: int) -> Iterator[T]:
+def iterate_call_blocks(run: Run, blocks: Blocks[T], try_item: Callable[[T], object], rounds: int) -> Iterator[T]:
     """The items of blocks, each after the calls were made that `try_item` makes of it."""
     rest = list[T]()
     while block := blocks.collect_block(rest):
@@ -149,7 +149,7 @@ def call_ahead(run: Run, items: Sequence[T], try_item: Callable[[T], object], ro
     waiting = run.waiting = {} if outer is None else outer
     try:
         while number < len(items) and len(waiting) < BLOCK:
-            if _is_waiting(try_item, items[number]):
+            if _is_array_call_waiting(try_item, items[number]):
                 left.append(items[number])
             number += 1
         if outer is not None:
@@ -158,15 +158,15 @@ def call_ahead(run: Run, items: Sequence[T], try_item: Callable[[T], object], ro
             if left:
                 raise PendingError
         for more in reversed(range(rounds)):
-            if not (left and _make_calls(waiting) and more):
+            if not (left and _make_array_calls(waiting) and more):
                 break
-            left = [item for item in left if _is_waiting(try_item, item)]
+            left = [item for item in left if _is_array_call_waiting(try_item, item)]
     finally:
         run.waiting = outer
     return number
 
 
-def _is_waiting(try_item: Callable[[T], object], item: T) -> bool:
+def _is_array_call_waiting(try_item: Callable[[T], object], item: T) -> bool:
     """Whether a call waits that an item makes."""
     try:
         try_item(item)
@@ -181,13 +181,13 @@ def _is_waiting(try_item: Callable[[T], object], item: T) -> bool:
     return False
 
 
-def _make_calls(waiting: dict[Any, Arguments]) -> bool:
+def _make_array_calls(waiting: dict[Any, Arguments]) -> bool:
     """Makes the calls that wait; gives whether all of them are known now."""
     functions: dict[ArrayFunction, dict[Any, Arguments]] = defaultdict(dict)
     for (function, key), arguments in waiting.items():
         functions[function][key] = arguments
     waiting.clear()
-    blocks = [(function, block) for function, rows in functions.items() for block in _sort_by_kinds(rows)]
+    blocks = [(function, block) for function, rows in functions.items() for block in _split_call_blocks(rows)]
     known = [function.call_block(*block) for function, block in blocks]
     return bool(known) and all(known)
 
@@ -211,19 +211,19 @@ class StagedRows:
         size = BLOCK if demand is None and self.run.max_rows is None else FIRST
         for stage, how, reach in self.stages:
             if isinstance(how, ArrayFunction):
-                found = _iterate_calls(how, Blocks(found, size, demand, reach))
+                found = _iterate_array_calls(how, Blocks(found, size, demand, reach))
             elif how:
                 blocks = Blocks[Any](found, size, demand, reach)
-                found = iterate_blocks(self.run, blocks, _make_trial(stage, outer), how)
+                found = iterate_call_blocks(self.run, blocks, _make_array_call_trial(stage, outer), how)
             found = stage(*outer, found)
         return found if demand is None else demand.count_results(found)
 
 
-def _make_trial(stage: Callable[..., Any], outer: tuple[Any, ...]) -> Callable[[Any], object]:
+def _make_array_call_trial(stage: Callable[..., Any], outer: tuple[Any, ...]) -> Callable[[Any], object]:
     return lambda row: next(stage(*outer, (row,)), None)
 
 
-def _iterate_calls(function: ArrayFunction, blocks: Blocks[tuple[Any, Arguments]]) -> Iterator[Any]:
+def _iterate_array_calls(function: ArrayFunction, blocks: Blocks[tuple[Any, Arguments]]) -> Iterator[Any]:
     """Each row with what the function gives for the arguments that come with it."""
     while block := blocks.collect_block([]):
         answers = function.call_rows([arguments for _, arguments in block])
@@ -237,7 +237,7 @@ def _iterate_calls(function: ArrayFunction, blocks: Blocks[tuple[Any, Arguments]
 # --- arrays --------------------------------------------------------------------------------------------
 
 
-def make_array(values: Sequence[Any], kind: type) -> numpy.ndarray[Any, Any]:
+def make_call_array(values: Sequence[Any], kind: type) -> numpy.ndarray[Any, Any]:
     """The values of one argument; `kind` is object for all but numbers."""
     import numpy
 
@@ -249,7 +249,7 @@ def make_array(values: Sequence[Any], kind: type) -> numpy.ndarray[Any, Any]:
     return numpy.array(values, {float: numpy.float64, int: numpy.int64, bool: numpy.bool_}[kind])
 
 
-def list_result_elements(result: Any, number: int, name: str) -> list[Any]:
+def list_array_call_values(result: Any, number: int, name: str) -> list[Any]:
     """The elements of what a function returned for a number of rows. Raises ExecutionError X012."""
     import numpy
 
@@ -261,19 +261,19 @@ def list_result_elements(result: Any, number: int, name: str) -> list[Any]:
         items = list(result)
     else:
         alone = isinstance(result, (numpy.generic, numpy.ndarray))
-        raise _build_length_error(name, number, format_value(result.tolist() if alone else result))
+        raise _build_array_call_error(name, number, format_value(result.tolist() if alone else result))
     if len(items) != number:
-        raise _build_length_error(name, number, "1 element" if len(items) == 1 else f"{len(items):,} elements")
+        raise _build_array_call_error(name, number, "1 element" if len(items) == 1 else f"{len(items):,} elements")
     return items
 
 
-def _build_length_error(name: str, number: int, got: str) -> ExecutionError:
+def _build_array_call_error(name: str, number: int, got: str) -> ExecutionError:
     rows = "1 row" if number == 1 else f"{number:,} rows"
     hints = ("return an array or a list with one element for each row, or register it without vectorized=True",)
     return ExecutionError("X012", f"the function '{name}' takes arrays; for {rows} it returned {got}", hints=hints)
 
 
-def are_numbers(result: Any) -> bool:
+def are_array_numbers(result: Any) -> bool:
     """Whether the elements of an array are numbers of the language, which need no look at each."""
     numpy = sys.modules["numpy"]
     if type(result) is not numpy.ndarray or result.ndim != 1:
@@ -281,22 +281,22 @@ def are_numbers(result: Any) -> bool:
     return bool(result.dtype == numpy.int64 or (result.dtype == numpy.float64 and numpy.isfinite(result).all()))
 
 
-def find_kinds(arguments: Arguments) -> Kinds:
+def find_call_array_kinds(arguments: Arguments) -> Kinds:
     """For each argument float, int, bool, or object for all else."""
     return tuple([kind if kind in NUMBERS else object for kind in map(type, arguments)])
 
 
 def call_for_rows(function: UserFunction, rows: Sequence[Arguments]) -> Any:
     """What the function returns for several rows, whose numbers are of one kind."""
-    kinds = find_kinds(rows[0])
-    return function.function(*map(make_array, zip(*rows, strict=True), kinds))
+    kinds = find_call_array_kinds(rows[0])
+    return function.function(*map(make_call_array, zip(*rows, strict=True), kinds))
 
 
-def make_row_function(function: UserFunction) -> UserFunction:
+def make_row_call_function(function: UserFunction) -> UserFunction:
     """The same function called row by row, for where nothing is known of the rows that come."""
 
     def call(*arguments: Any) -> Any:
-        return list_result_elements(call_for_rows(function, [arguments]), 1, function.name)[0]
+        return list_array_call_values(call_for_rows(function, [arguments]), 1, function.name)[0]
 
     return replace(function, function=call, vectorized=False)
 
@@ -377,7 +377,7 @@ class ArrayFunction:
         if unknown and not made and self.run.waiting is not None:
             self.run.waiting.update(((self, key), row) for key, row in unknown.items())
             raise PendingError
-        known = [self.call_block(*block) for block in _sort_by_kinds(unknown)]
+        known = [self.call_block(*block) for block in _split_call_blocks(unknown)]
         if made:
             return None
         answers = [memo.get(key, self) for key in keys]
@@ -422,10 +422,10 @@ class ArrayFunction:
 
     def _keep_result(self, keys: Sequence[Any], result: Any) -> None:
         try:
-            elements = list_result_elements(result, len(keys), self.name)
+            elements = list_array_call_values(result, len(keys), self.name)
         except Error as error:
             elements = [FailedCall(error)] * len(keys)
-        if are_numbers(result) and len(self.memo) + len(elements) < self.limit:
+        if are_array_numbers(result) and len(self.memo) + len(elements) < self.limit:
             self.memo.update(zip(keys, elements, strict=True))
             return
         giver = f"the function '{self.name}'"
@@ -441,13 +441,13 @@ class ArrayFunction:
         self.memo[key] = answer
 
 
-def _sort_by_kinds(rows: dict[Any, Arguments]) -> list[tuple[list[Any], list[Arguments]]]:
+def _split_call_blocks(rows: dict[Any, Arguments]) -> list[tuple[list[Any], list[Arguments]]]:
     """Blocks of keys and rows with numbers of one kind in each column."""
     if all(len(set(map(type, column))) == 1 for column in zip(*rows.values(), strict=True)):
         return [(list(rows), list(rows.values()))]
     blocks: dict[Kinds, tuple[list[Any], list[Arguments]]] = defaultdict(lambda: ([], []))
     for key, arguments in rows.items():
-        keys, own = blocks[find_kinds(arguments)]
+        keys, own = blocks[find_call_array_kinds(arguments)]
         keys.append(key)
         own.append(arguments)
     return list(blocks.values())

@@ -22,7 +22,7 @@ from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
 from ss2sql.language.conversion import is_finite
 from ss2sql.language.kinds import INT_MAX, INT_MIN
-from ss2sql.language.values import SCALARS, convert_value, copy_deep, copy_for_python, encode_list_form
+from ss2sql.language.values import SCALARS, convert_value, copy_deep, copy_for_python, encode_list_value
 from ss2sql.runtime.run.array_calls import ArrayFunction
 from ss2sql.runtime.run.call_memory import FailedCall, forget_older_half
 from ss2sql.runtime.run.run_state import Run
@@ -51,12 +51,12 @@ _TRUE: Result = (True, True)
 _FALSE: Result = (False, False)
 
 
-def are_arguments_plain(arguments: Iterable[Any]) -> bool:
+def are_call_arguments_plain(arguments: Iterable[Any]) -> bool:
     """Whether all arguments are of kinds in PLAIN."""
     return PLAIN_TYPES.issuperset(map(type, arguments))
 
 
-def make_exact_key(value: Any) -> bytes:
+def make_call_key(value: Any) -> bytes:
     """What tells a value from all that are not the same, 1 from 1.0; NO_KEY where objects are inside."""
     try:
         return dumps(value, 2)
@@ -145,7 +145,7 @@ class MemoizedCalls:
                 return recall_result(key, found)
             if NO_KEY in keys:
                 return call_with_objects(arguments)
-            if type(arguments[-1]) is not list and are_arguments_plain(arguments):
+            if type(arguments[-1]) is not list and are_call_arguments_plain(arguments):
                 return keep_result(key, call_plain(*arguments))
             copies: Any = arguments
             # The bytes of a key are a fresh value but for the reading of them.
@@ -169,20 +169,20 @@ class MemoizedCalls:
             return keep_result(key, result)
 
         def call_any(*arguments: Any) -> Result:
-            if are_arguments_plain(arguments):
+            if are_call_arguments_plain(arguments):
                 return call_plain(*arguments)
-            return call_by_keys(tuple(map(make_exact_key, arguments)), *arguments)
+            return call_by_keys(tuple(map(make_call_key, arguments)), *arguments)
 
         def call_one(argument: Any) -> Result:
             """The same for one argument: 0.7 us less."""
             if type(argument) in PLAIN_TYPES:
                 return call_plain(argument)
-            key = make_exact_key(argument)
+            key = make_call_key(argument)
             found = get(key)
             return found if type(found) is tuple and hit() else missed(found, key, (key,), argument)
 
         def make_single(fresh: bool, checked: bool) -> Callable[..., Result]:
-            work = call if checked else make_checked_call(function, run, made.add, make_list_check(function))
+            work = call if checked else make_checked_call(function, run, made.add, make_call_list_check(function))
             if copied and not fresh:
                 return lambda *arguments: work(map(copy_for_python, arguments))
             return lambda *arguments: work(arguments)
@@ -225,8 +225,8 @@ class MemoizedCalls:
 
         def adopt(arguments: tuple[Any, ...], answer: Any) -> None:
             self.foretold = True
-            keys = tuple(map(make_exact_key, arguments))
-            if are_arguments_plain(arguments):
+            keys = tuple(map(make_call_key, arguments))
+            if are_call_arguments_plain(arguments):
                 key: Hashable = arguments
             elif NO_KEY not in keys:
                 key = b"".join(keys)
@@ -296,7 +296,7 @@ def make_result_check(function: UserFunction) -> Callable[[Any], Result]:
                 if len(marshalled.translate(None, _UNUSUAL)) == len(marshalled):
                     return result, marshalled
                 if len(marshalled.translate(None, _NO_VALUES)) == len(marshalled) and is_finite(result, marshalled):
-                    return result, encode_list_form(
+                    return result, encode_list_value(
                         result
                     )  # floats; 1.1 us for a place, 2.6 by `convert_value` and `make_hashable`
         elif kind is bool:
@@ -308,7 +308,7 @@ def make_result_check(function: UserFunction) -> Callable[[Any], Result]:
     return check_result
 
 
-def make_list_check(function: UserFunction) -> Callable[[Any], Result]:
+def make_call_list_check(function: UserFunction) -> Callable[[Any], Result]:
     """Makes what the function returns a list, each element of which the caller makes a value of the language."""
     giver = f"the function '{function.name}'"
     return lambda result: (result if type(result) is list else convert_value(result, giver), None)
@@ -324,11 +324,11 @@ def bind_function(
     if function.name not in run.callables:
         entry = find(function.inverse_of or function.name)
         entry = entry.make_inverse() if function.inverse_of else entry
-        run.callables[function.name] = _make_callable(entry, bool(function.inverse_of), run, memo_limit)
+        run.callables[function.name] = _make_memoized_callable(entry, bool(function.inverse_of), run, memo_limit)
     return run.callables[function.name]
 
 
-def _make_callable(function: UserFunction, inverse: bool, run: Run, memo_limit: int) -> Any:
+def _make_memoized_callable(function: UserFunction, inverse: bool, run: Run, memo_limit: int) -> Any:
     if function.vectorized and not inverse:
         return ArrayFunction(function, run, memo_limit)
     if function.volatility != "volatile" and not inverse:

@@ -13,7 +13,7 @@ from ss2sql.vtables.frames.frame import Frame
 PLAIN_TYPES = frozenset({type(None), bool, int, float, str, list, dict, bytes})
 
 
-def list_elements(value: Any) -> list[Any]:
+def list_source_elements(value: Any) -> list[Any]:
     """The elements of a value as a new list, which stays as it is when the value changes.
 
     A list gives its items, a dict of equally long lists one dict per row, anything else itself.
@@ -27,7 +27,7 @@ def list_elements(value: Any) -> list[Any]:
     if isinstance(value, Frame):
         return value.list_dicts()
     if kind is dict and value and set(map(type, value.values())) == {list}:
-        return _zip_columns(value)
+        return _zip_from_columns(value)
     if kind not in PLAIN_TYPES and has_adapter(value.object if kind is Opaque else value):
         hint = "attach it: attach(name, object); its tables and columns are then known"
         raise ExecutionError("X005", f"a {type(value).__name__} is a world, and no list", hints=(hint,))
@@ -36,10 +36,10 @@ def list_elements(value: Any) -> list[Any]:
 
 def list_elements_or_none(value: Any) -> list[Any]:
     """The elements of a value; None alone where there are none."""
-    return list_elements(value) or [None]
+    return list_source_elements(value) or [None]
 
 
-def _zip_columns(columns: dict[Any, list[Any]]) -> list[Any]:
+def _zip_from_columns(columns: dict[Any, list[Any]]) -> list[Any]:
     lengths = {name: len(column) for name, column in columns.items()}
     if len(set(lengths.values())) > 1:
         raise ExecutionError(

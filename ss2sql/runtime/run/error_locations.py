@@ -13,7 +13,7 @@ from itertools import islice
 from types import TracebackType
 from typing import TypeAlias
 
-from ss2sql.errors import Error, ExecutionError, Source, Span, Stopped, note_place
+from ss2sql.errors import Error, ExecutionError, Source, Span, Stopped, note_place_on_exception
 
 # First line, last line, first column, last column, as a code object's co_positions gives them.
 Position: TypeAlias = tuple[int | None, int | None, int | None, int | None]
@@ -109,10 +109,10 @@ def locate_in_script(error: Exception) -> Exception:
     if isinstance(error, Error):
         if not isinstance(error, Stopped):
             error.with_span(span)
-            _add_eval_places(error, trail)
+            _add_running_evals(error, trail)
     else:
-        evals = [place for place, _ in _iterate_evals(trail) if place != span]
-        note_place(error, page.find_name(position), [span] if span else [], evals=evals)
+        evals = [place for place, _ in _iterate_running_evals(trail) if place != span]
+        note_place_on_exception(error, page.find_name(position), [span] if span else [], evals=evals)
     return error
 
 
@@ -133,14 +133,14 @@ def _build_unset_error(name: str, error: NameError) -> ExecutionError:
     return ExecutionError("R001", message, hints=("assign it before it is read",)).with_traceback(error.__traceback__)
 
 
-def _add_eval_places(error: Error, trail: list[tuple[CodePage, Position, bool]]) -> None:
+def _add_running_evals(error: Error, trail: list[tuple[CodePage, Position, bool]]) -> None:
     """Adds the places of the evals around the error, innermost first."""
-    for place in _iterate_evals(trail):
+    for place in _iterate_running_evals(trail):
         if place[0] != error.span and place not in error.related:
             error.related += (place,)
 
 
-def _iterate_evals(trail: list[tuple[CodePage, Position, bool]]) -> Iterator[tuple[Span, str]]:
+def _iterate_running_evals(trail: list[tuple[CodePage, Position, bool]]) -> Iterator[tuple[Span, str]]:
     """The evals around the place where a trail ends, innermost first, as an Error relates to them."""
     for page, position, _ in reversed(trail):
         span = page.find_span(position)

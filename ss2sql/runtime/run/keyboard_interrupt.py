@@ -66,7 +66,7 @@ _ctrl_c = _CtrlC()
 
 def can_interrupt(frame: FrameType | None) -> bool:
     """Whether a run may end at once where it is: in code of the user, and in stages that only compute."""
-    if any(map(_does_lose_errors, _iterate_callers(frame))):
+    if any(map(_does_lose_interrupt, _iterate_interrupted_code(frame))):
         return False
     while frame is not None:
         name = frame.f_globals.get("__name__") or ""
@@ -82,13 +82,13 @@ def can_interrupt(frame: FrameType | None) -> bool:
     return True
 
 
-def _iterate_callers(frame: FrameType | None) -> Iterator[FrameType]:
+def _iterate_interrupted_code(frame: FrameType | None) -> Iterator[FrameType]:
     while frame is not None:
         yield frame
         frame = frame.f_back
 
 
-def _does_lose_errors(frame: FrameType) -> bool:
+def _does_lose_interrupt(frame: FrameType) -> bool:
     """Whether Python prints and forgets an error that leaves this frame."""
     code = frame.f_code
     return (

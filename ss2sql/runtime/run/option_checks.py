@@ -13,7 +13,7 @@ from ss2sql.runtime.run.run_state import measure_memory
 from ss2sql.runtime.run.value_sizes import MAX_SIZE, MIN_REMEMBERED_LIMIT
 
 
-def check_bound(name: str, value: Any, least: int) -> None:
+def check_run_limit(name: str, value: Any, least: int) -> None:
     if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < least):
         raise SessionError("S002", f"{name} is a whole number of at least {least}, not {value!r}")
 
@@ -44,12 +44,12 @@ class Limits:
 
     def check_limits(self) -> None:
         """Raises SessionError S002 for limits that make no sense, or that cannot be kept here."""
-        check_bound("max_size", self.max_size, MIN_REMEMBERED_LIMIT)
+        check_run_limit("max_size", self.max_size, MIN_REMEMBERED_LIMIT)
         if self.max_size is None or self.max_size > MAX_SIZE:
             raise SessionError("S002", f"max_size is at most {MAX_SIZE}, not {self.max_size!r}")
-        check_bound("max_memory", self.max_memory, 1)
-        check_bound("max_steps", self.max_steps, 0)
-        check_bound("max_output", self.max_output, 0)
+        check_run_limit("max_memory", self.max_memory, 1)
+        check_run_limit("max_steps", self.max_steps, 0)
+        check_run_limit("max_output", self.max_output, 0)
         if self.max_memory is not None and measure_memory() is None:
             hint = "bound the process from outside"
             message = "max_memory needs /proc/self/statm, which this system does not have"
@@ -66,7 +66,7 @@ _AT_LEAST = {
 }
 
 
-def find_lowest_limit(*counts: int | None) -> int | None:
+def find_lowest_run_limit(*counts: int | None) -> int | None:
     """The lowest of the counts that there are."""
     return min((count for count in counts if count is not None), default=None)
 
@@ -82,12 +82,12 @@ def check_count_value(value: Any, least: int, word: str) -> int:
 
 def check_cost(value: Any) -> Any:
     """The COST of a step; raises ExecutionError X006 if it is not a number of at least 0."""
-    return _check_not_negative(value, "COST")
+    return _check_step_number(value, "COST")
 
 
 def check_heuristic(value: Any) -> Any:
     """The HEURISTIC of a step; raises ExecutionError X006 if it is not a number of at least 0."""
-    return _check_not_negative(value, "HEURISTIC")
+    return _check_step_number(value, "HEURISTIC")
 
 
 def check_probability(value: Any) -> Any:
@@ -105,7 +105,7 @@ def is_proven(promised: Type, check: Callable[[Any], Any]) -> bool:
     return check is not check_probability or (promised.high is not None and promised.high <= 1)
 
 
-def _check_not_negative(value: Any, word: str) -> Any:
+def _check_step_number(value: Any, word: str) -> Any:
     if type(value) not in NUMBERS or value < 0:
         message = f"{word} needs a number of at least 0, not {format_value(value)}"
         reason = _AT_LEAST[word] if type(value) in NUMBERS else f"a cost is a number, for example {word} 1"

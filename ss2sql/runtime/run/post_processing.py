@@ -14,7 +14,7 @@ from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import GROUPS
 from ss2sql.language.plan_traversal import walk_own
 from ss2sql.language.rows import Row, Rows, build_row_limit_error
-from ss2sql.language.values import make_hashable, sort_positions, sort_rows
+from ss2sql.language.values import make_hashable, order_positions, order_rows
 from ss2sql.lowering.sql_query import SqlQuery
 from ss2sql.runtime.run.search_paths import SearchPaths
 
@@ -113,7 +113,7 @@ class PostProcessing:
     def _sort_places(self, count: int, columns: Sequence[Sequence[Any]]) -> list[int]:
         """The places of results in the order of their keys; of those beyond LIMIT none may be there."""
         try:
-            return sort_positions(count, columns, self.form.descending, self.end)
+            return order_positions(count, columns, self.form.descending, self.end)
         except Error as error:
             raise error.with_span(self.query.order[0].expr.span) from None
 
@@ -198,7 +198,7 @@ def _make_group_key(value: Any) -> Any:
     return _make_group_key(list(map(list, value.items()))) if isinstance(value, dict) else value
 
 
-def find_aggregates(query: plan.Query) -> list[plan.Aggregate]:
+def find_grouped_aggregates(query: plan.Query) -> list[plan.Aggregate]:
     """The aggregates over the rows of the query's groups, in the order in which their arguments are evaluated."""
     if not query.grouped:
         return []
@@ -214,7 +214,7 @@ def is_row_count(node: plan.Aggregate) -> bool:
     return node.function == "count" and (node.argument is None or not node.argument.type.may_be(Kind.NONE))
 
 
-def make_aggregate(node: plan.Aggregate) -> Callable[[list[Any]], Any]:
+def make_group_aggregation(node: plan.Aggregate) -> Callable[[list[Any]], Any]:
     """What computes an aggregate of a group's values. None is skipped where there may be any."""
     if is_row_count(node):
         return len
@@ -234,7 +234,7 @@ def finish_sql_rows(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, A
     if lowered.orders:
         descending = tuple(key.descending for key in query.order)
         try:
-            order = sort_rows(list(order), [extras[index][1] for index in order], descending)
+            order = order_rows(list(order), [extras[index][1] for index in order], descending)
         except ExecutionError as error:
             raise error.with_span(query.order[0].expr.span) from None
     if kept.stop is not None and not lowered.limited:

@@ -131,7 +131,7 @@ class KeptSteps(NamedTuple):
     rows: list[Row]
 
 
-def measure_lengths(paths: Sequence[Sequence[Row]]) -> Iterator[int]:
+def measure_path_lengths(paths: Sequence[Sequence[Row]]) -> Iterator[int]:
     """The number of rows of each path."""
     return paths.iterate_lengths() if isinstance(paths, SearchPaths) else map(len, paths)
 
@@ -156,7 +156,9 @@ class SearchPaths(Sequence[list[Row]]):
         self._ends: list[End] = list(ends)
         self._list_all_ends = self._ends if all_ends is None else all_ends
         self._places: dict[int, int] = {}  # of steps among all results, made when first needed
-        self._idle: list[_PathWalk] = []  # stands where the path ends that was read last; another thread begins its own
+        self._idle: list[
+            _BackpointerWalk
+        ] = []  # stands where the path ends that was read last; another thread begins its own
 
     def add_result(self, end: End) -> None:
         self._ends.append(end)
@@ -273,12 +275,12 @@ class SearchPaths(Sequence[list[Row]]):
             if known:
                 walk.add_step(end[0], end[2:])
 
-    def _make_walk(self, width: int) -> _PathWalk:
+    def _make_walk(self, width: int) -> _BackpointerWalk:
         """A walk from path to path that gives cells, `width` of a row, or rows where that is 0."""
         if self._kept is None:
-            return _PathWalk(self._parent_of, lambda step: self._get_end(step)[2:], None, width)
+            return _BackpointerWalk(self._parent_of, lambda step: self._get_end(step)[2:], None, width)
         decode = None if self._decode is tuple else self._decode
-        return _PathWalk(self._parent_of, self._kept.rows.__getitem__, decode, width)
+        return _BackpointerWalk(self._parent_of, self._kept.rows.__getitem__, decode, width)
 
     @property
     def _parent_of(self) -> Callable[[int], int]:
@@ -291,7 +293,7 @@ class SearchPaths(Sequence[list[Row]]):
         return self._list_all_ends[self._places[step]]
 
 
-class _PathWalk:
+class _BackpointerWalk:
     """From path to path: the rows before the end of the one that was read last, or their cells, `width` of a row.
 
     `parent_of` gives the number of a step's parent, `row_of` its row, which `decode` makes values.

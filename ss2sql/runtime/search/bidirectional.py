@@ -28,7 +28,7 @@ from ss2sql.language.plan_traversal import is_volatile, split_and, walk
 from ss2sql.language.values import State
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import SearchRun
-from ss2sql.runtime.search.step_contract import NotedSearch, list_elements
+from ss2sql.runtime.search.step_contract import NotedSearch, list_step_elements
 
 # A state at the goal: the value of each START WITH variable, None for one that no step changes.
 GoalState: TypeAlias = tuple[plan.Expr | None, ...]
@@ -68,7 +68,7 @@ def _build_regression(query: plan.Query) -> Regression:
     steps = dict(search.connect)
     if len(steps) < len(search.connect):
         raise _NotReversibleError("CONNECT BY gives a variable two values")
-    _check_order(query)
+    _check_backward_order(query)
     for source in query.sources:
         if any(isinstance(node, plan.State) and node.query == query.id for node in walk(source)):
             raise _NotReversibleError(f"the elements of '{source.name}' depend on the state")
@@ -78,7 +78,7 @@ def _build_regression(query: plan.Query) -> Regression:
     return Regression(before, goals)
 
 
-def _check_order(query: plan.Query) -> None:
+def _check_backward_order(query: plan.Query) -> None:
     """Raises unless each variable follows from itself, or CONNECT BY changes just one."""
     assert query.search is not None
     for name, expr in query.search.connect:
@@ -125,12 +125,12 @@ def _find_demands(query: plan.Query, part: plan.Expr, steps: dict[str, plan.Expr
     match part:
         case plan.Call(plan.Function(name="eq", builtin=True), (left, right)):
             for value, expr in ((left, right), (right, left)):
-                found = _solve_equality(query, value, expr, steps)
+                found = _solve_backward_equality(query, value, expr, steps)
                 if found:
                     return {name: [one] for name, one in found.items()}
         case plan.Call(plan.Function(name="in", builtin=True), (expr, values)):
             for name, step in steps.items():
-                items = _get_literal_items(values)
+                items = _get_backward_elements(values)
                 if step == expr and items is not None and _is_step_constant(query, values):
                     return {name: items}
         case plan.Or(parts):
@@ -141,7 +141,7 @@ def _find_demands(query: plan.Query, part: plan.Expr, steps: dict[str, plan.Expr
     return {}
 
 
-def _solve_equality(
+def _solve_backward_equality(
     query: plan.Query, value: plan.Expr, expr: plan.Expr, steps: dict[str, plan.Expr]
 ) -> dict[str, plan.Expr]:
     """The values of variables after the step for which the expression equals a fixed value."""
@@ -150,16 +150,16 @@ def _solve_equality(
     for name, step in steps.items():
         if step == expr:
             return {name: value}
-    items = _get_literal_items(value)
+    items = _get_backward_elements(value)
     if not isinstance(expr, plan.MakeList) or items is None or len(items) != len(expr.items):
         return {}
     found: dict[str, plan.Expr] = {}
     for item, part in zip(items, expr.items, strict=True):
-        found.update(_solve_equality(query, item, part, steps))
+        found.update(_solve_backward_equality(query, item, part, steps))
     return found
 
 
-def _get_literal_items(expr: plan.Expr) -> list[plan.Expr] | None:
+def _get_backward_elements(expr: plan.Expr) -> list[plan.Expr] | None:
     if isinstance(expr, plan.MakeList):
         return list(expr.items)
     if isinstance(expr, plan.Constant) and isinstance(expr.value, list):
@@ -183,42 +183,44 @@ def _invert_expression(query: plan.Query, step: plan.Expr, whole: plan.Expr, aft
     if step == whole:
         return after
     match step:
-        case plan.Call(plan.Function(name="add" | "sub" as name, builtin=True), (left, right)) if _is_int(step):
-            in_left = not _is_constant_state(query, left)
-            if in_left and _is_constant_state(query, right):
+        case plan.Call(plan.Function(name="add" | "sub" as name, builtin=True), (left, right)) if _is_backward_int(
+            step
+        ):
+            in_left = not _is_backward_constant(query, left)
+            if in_left and _is_backward_constant(query, right):
                 return _invert_expression(
-                    query, left, whole, _make_call(step, "sub" if name == "add" else "add", after, right)
+                    query, left, whole, _make_backward_call(step, "sub" if name == "add" else "add", after, right)
                 )
-            if _is_constant_state(query, left):
+            if _is_backward_constant(query, left):
                 parts = (after, left) if name == "add" else (left, after)
-                return _invert_expression(query, right, whole, _make_call(step, "sub", *parts))
+                return _invert_expression(query, right, whole, _make_backward_call(step, "sub", *parts))
         case plan.MakeList(items) if isinstance(whole, plan.State) and whole == after and whole.type.size == len(items):
-            own = [_check_item_place(query, item, whole, at) for at, item in enumerate(items)]
+            own = [_check_backward_element(query, item, whole, at) for at, item in enumerate(items)]
             undone = (_invert_expression(query, item, part, part) for item, part in zip(items, own, strict=True))
             return replace(step, items=tuple(undone))
         case plan.Call(function, arguments) if not function.builtin:
             if not function.has_inverse:
                 raise _NotReversibleError(f"'{function.name}' has no inverse: register it with inverse=")
-            place = [at for at, argument in enumerate(arguments) if not _is_constant_state(query, argument)]
+            place = [at for at, argument in enumerate(arguments) if not _is_backward_constant(query, argument)]
             if len(place) == 1 and arguments[place[0]] == whole:
                 inverted = (*arguments[: place[0]], after, *arguments[place[0] + 1 :])
                 return replace(step, function=function.make_inverse(), arguments=inverted)
     raise _NotReversibleError("CONNECT BY is neither a call of a function with an inverse nor a sum of whole numbers")
 
 
-def _is_constant_state(query: plan.Query, expr: plan.Expr) -> bool:
+def _is_backward_constant(query: plan.Query, expr: plan.Expr) -> bool:
     return not any(_iterate_states(query, expr))
 
 
-def _is_int(expr: plan.Expr) -> bool:
+def _is_backward_int(expr: plan.Expr) -> bool:
     return expr.type.is_only(Kind.INT)
 
 
-def _make_call(step: plan.Call, name: str, left: plan.Expr, right: plan.Expr) -> plan.Call:
+def _make_backward_call(step: plan.Call, name: str, left: plan.Expr, right: plan.Expr) -> plan.Call:
     return replace(step, function=replace(step.function, name=name), arguments=(left, right), type=INT)
 
 
-def _check_item_place(query: plan.Query, item: plan.Expr, whole: plan.State, at: int) -> plan.Expr:
+def _check_backward_element(query: plan.Query, item: plan.Expr, whole: plan.State, at: int) -> plan.Expr:
     """Raises unless an item of the new list reads the item at the same place of the old one."""
     for node in walk(item):
         match node:
@@ -323,7 +325,7 @@ def start_backward_search(search_run: SearchRun) -> BackwardSearch | None:
     if noted is None or noted.goals is None:
         return None
     try:
-        items = list_elements(noted, search_run.problem.starts[0])
+        items = list_step_elements(noted, search_run.problem.starts[0])
         if len(items) <= MAX_ELEMENTS:
             return BackwardSearch(search_run, noted, items)
         _note_failure(search_run, f"a state has more than {MAX_ELEMENTS:,} elements")

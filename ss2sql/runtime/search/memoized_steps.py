@@ -105,7 +105,7 @@ class MemoizedSteps:
         """The steps to rows that are not on the path, which is the same whenever one of them is drawn."""
         found, begun = self._get_steps(state)
         if found is None:
-            return self._expand(state, closed, ignore_key)
+            return self._expand(state, closed, ignore_step_key)
         if found.rest is not None:
             return self._walk_open(found, begun, state, closed)
         self._look(found.elements)
@@ -135,10 +135,10 @@ class MemoizedSteps:
             raise
         except Exception:
             pruned = 0
-            yield from islice(self._expand(state, closed, ignore_key), generated, None)
+            yield from islice(self._expand(state, closed, ignore_step_key), generated, None)
         finally:
             self._prune(pruned)
 
 
-def ignore_key(key: object) -> None:
+def ignore_step_key(key: object) -> None:
     """Nobody wants to hear it."""

@@ -25,7 +25,7 @@ from ss2sql.runtime.search.step_contract import Notes, Problem
 
 def run_memorize(search_run: SearchRun) -> Iterator[Found]:
     """The paths of at most `search_run.bound` steps: shortest, cheapest or likeliest first."""
-    yield from iterate_graph_results(search_run, build_graph(search_run))
+    yield from iterate_graph_results(search_run, memorize_graph(search_run))
 
 
 def iterate_graph_results(search_run: SearchRun, graph: RowGraph) -> Iterator[Found]:
@@ -48,7 +48,7 @@ def iterate_graph_results(search_run: SearchRun, graph: RowGraph) -> Iterator[Fo
     yield from map(graph.make_result, others) if marks is None else zip(others, repeat(None))
 
 
-def build_graph(search_run: SearchRun) -> RowGraph:
+def memorize_graph(search_run: SearchRun) -> RowGraph:
     """The graph of the rows within `search_run.bound` steps."""
     if search_run.run.foreteller is not None:
         search_run.run.foreteller.begin_search(search_run)
@@ -56,14 +56,14 @@ def build_graph(search_run: SearchRun) -> RowGraph:
     memory = None if cache_policy is None else cache_policy.open_cached_graph(search_run)
     if memory is not None:
         with memory:
-            return _build_graph(search_run, memory, None)
+            return _memorize_graph(search_run, memory, None)
     backward = start_backward_search(search_run)
     if search_run.noted is None or (search_run.run.foreteller is None and (backward is None or search_run.chooses)):
-        return _build_graph(search_run, None, backward)
-    return _build_graph(search_run, Notes(search_run.noted), backward)
+        return _memorize_graph(search_run, None, backward)
+    return _memorize_graph(search_run, Notes(search_run.noted), backward)
 
 
-def _build_graph(search_run: SearchRun, notes: Notes | None, backward: BackwardSearch | None) -> RowGraph:
+def _memorize_graph(search_run: SearchRun, notes: Notes | None, backward: BackwardSearch | None) -> RowGraph:
     graph = search_run.run.graph = RowGraph(search_run.check, search_run.bound)
     search_run.flush()
     numbers: dict[Hashable, int] = {}

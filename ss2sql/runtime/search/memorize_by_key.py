@@ -52,7 +52,7 @@ class KeyedMemorize:
         """
         problem, bound = self.problem, self.bound
         nodes, roots = self._build_graph()
-        left = _compute_distances(nodes)
+        left = _search_goal_distances(nodes)
         thaw = self.shapes.make_row_thaw() or tuple
         # rank, place in source order, path, its keys, whether it is a result
         queue: list[tuple[Any, tuple[int, ...], list[KeyedEdge], tuple[Hashable, ...], bool]] = []
@@ -162,7 +162,7 @@ def _is_path_value(variable: str) -> bool:
     return not variable.isidentifier()
 
 
-def _compute_distances(nodes: ByNode) -> dict[Hashable, int]:
+def _search_goal_distances(nodes: ByNode) -> dict[Hashable, int]:
     """The least number of steps from each node to a goal."""
     before: dict[Hashable, list[Hashable]] = {}
     found: dict[Hashable, int] = {}

@@ -215,7 +215,7 @@ class DistanceWalks:
     def __init__(self, graph: RowGraph, marks: Sequence[Any]) -> None:
         self.graph = graph
         self.marks = marks
-        self.even, self.odd = _compute_distances(graph)
+        self.even, self.odd = _search_walk_lengths(graph)
         # Of the nodes that were entered, the edges that lead somewhere: their marks, and the nodes that they lead to.
         self.edges: list[list[tuple[Any, int]] | None] = [None] * len(graph.rows)
         self.longer = UNREACHABLE
@@ -298,7 +298,7 @@ class DistanceWalks:
                 self.longer = min(self.longer, depth + max(further, least))
 
 
-def _compute_distances(graph: RowGraph) -> tuple[list[int], list[int]]:
+def _search_walk_lengths(graph: RowGraph) -> tuple[list[int], list[int]]:
     """For each node the steps to the nearest goal by walks of even and of odd length; FAR beyond the longest path."""
     sources = graph.list_predecessors()
     far = [UNREACHABLE] * len(graph.rows)

@@ -49,7 +49,7 @@ class PathBounds:
         self.start: Any = -1 if likeliest else 0
         self.combine: Callable[[Any, Any], Any] = mul if likeliest else add
         self._best = _compute_goal_distances(graph, likeliest)
-        self._exact = (_are_products_exact if likeliest else _are_sums_exact)(graph.weights, graph.longest)
+        self._exact = (_are_path_products_exact if likeliest else _are_path_sums_exact)(graph.weights, graph.longest)
         # Each operation is off by a part in 2^53; a bound and a total take at most so many operations each.
         margin = 4 * (graph.longest + 2) * 2.0**-53
         self._rounding_slack: float = 1 if self._exact else 1 + margin if likeliest else 1 - margin
@@ -137,7 +137,7 @@ def _reverse_path(remaining_path: RemainingPath) -> RemainingPath:
     return after  # type: ignore[no-any-return]
 
 
-def _are_sums_exact(weights: Iterable[Any], longest: int) -> bool:
+def _are_path_sums_exact(weights: Iterable[Any], longest: int) -> bool:
     """Whether no sum of so many weights is rounded."""
     weights = set(weights)
     if all(isinstance(weight, int) for weight in weights):
@@ -146,7 +146,7 @@ def _are_sums_exact(weights: Iterable[Any], longest: int) -> bool:
     return all(weight * scale * longest < 2**53 for weight in weights)
 
 
-def _are_products_exact(weights: Iterable[Any], longest: int) -> bool:
+def _are_path_products_exact(weights: Iterable[Any], longest: int) -> bool:
     """Whether no product of so many weights is rounded: they are powers of two, and not too small."""
     parts = [frexp(weight) for weight in set(weights)]
     return all(fraction == 0.5 and exponent * longest > -1000 for fraction, exponent in parts)
@@ -191,12 +191,12 @@ def enumerate_by_weight(graph: RowGraph, likeliest: bool) -> Iterator[Sequence[i
     """The paths from the start to a goal as lists of edges, the cheapest or likeliest first."""
     return (
         enumerate_by_length(graph)
-        if _is_ordered_by_length(graph, likeliest)
+        if _can_search_by_length(graph, likeliest)
         else PathsByWeight(graph, likeliest).find_paths()
     )
 
 
-def _is_ordered_by_length(graph: RowGraph, likeliest: bool) -> bool:
+def _can_search_by_length(graph: RowGraph, likeliest: bool) -> bool:
     """Whether all weights are equal and each step makes a path worse, so that shorter paths are better."""
     weights = set(graph.weights)
     if len(weights) != 1:

@@ -81,7 +81,7 @@ Expand: TypeAlias = Callable[..., Iterator[Step]]
 Found: TypeAlias = tuple[Sequence[FrozenRow], Any]  # the rows of a path, and the `last` of its last step
 
 
-def _ignore_estimate(total: Any, guess: Any) -> None:
+def _ignore_step_estimate(total: Any, guess: Any) -> None:
     """Nobody asks for results that are cheaper than was expected."""
 
 
@@ -100,7 +100,9 @@ class Problem:
     visits: bool = False  # the starts count as visited, by `key_of(start)`
     last: bool = False  # only the last row of a path is wanted
     key_of: Callable[[State], Any] = id
-    found: Callable[[Any, Any], None] = _ignore_estimate  # (total, guess): A* has found a result below its estimate
+    found: Callable[[Any, Any], None] = (
+        _ignore_step_estimate  # (total, guess): A* has found a result below its estimate
+    )
     on_expand: Callable[..., None] | None = None  # (path): turns to its state; (path, False): back to it
     outdated: Callable[[State, Any], None] | None = None  # a step has waited in vain
 
@@ -169,7 +171,7 @@ def make_noted_search(
 ) -> NotedSearch:
     """A search whose steps are noted, from what is generated."""
     states = places.states
-    take, whole = _make_getter(places.rows), None if None in states else _make_getter(states)
+    take, whole = _make_step_note_getter(places.rows), None if None in states else _make_step_note_getter(states)
 
     def read_next_state(note: Note, before: State) -> State | None:
         if whole is not None:
@@ -185,7 +187,7 @@ def make_noted_search(
     return NotedSearch(expand, goals, before, places, probable, sources, plain, take, read_next_state, nothing)
 
 
-def _make_getter(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
+def _make_step_note_getter(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
     """What takes the values at some places of a note."""
     if len(places) == 1:
         return lambda note: (note[places[0]],)
@@ -222,7 +224,7 @@ class Notes:
         return [(self.noted.make_blank_note(), item) for item in items]
 
 
-def list_elements(noted: NotedSearch, start: State) -> list[Any]:
+def list_step_elements(noted: NotedSearch, start: State) -> list[Any]:
     """The elements of a frozen state, each as it stands in a pair; nothing else is evaluated."""
     notes = Elements(noted)
     for _ in noted.expand(start, (), notes):

@@ -110,7 +110,7 @@ class TracedSearch:
         self.is_memorize = query.search.repeats == "memorize"
         self.totals = problem.weighed and problem.repeats == "unique"  # the step function adds weights up
         self._expand, self._likeliest = problem.expand, problem.likeliest
-        trace.names = name_row_values(query)
+        trace.names = name_traced_values(query)
         starts = list(map(TracedState, problem.starts))
         self.problem = replace(problem, starts=starts, expand=self.expand_state, outdated=self.note_outdated)
 
@@ -168,7 +168,7 @@ class TracedSearch:
         return {name: thaw_value(value) for name, value in zip(names, state, strict=False) if name.isidentifier()}
 
 
-def name_row_values(query: plan.Query) -> list[str]:
+def name_traced_values(query: plan.Query) -> list[str]:
     """What the values of the rows of a search are called."""
     if query.aggregated:
         return list(map(write_in_script, query.rows))

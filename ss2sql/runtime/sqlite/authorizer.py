@@ -79,12 +79,12 @@ class Authorizer:
             return apsw.SQLITE_DENY if (first or "").lower().startswith("sqlite_") else apsw.SQLITE_OK
         if action == apsw.SQLITE_FUNCTION:
             name = (second or "").lower()
-            return apsw.SQLITE_OK if name in self.functions or name in _list_sqlite_functions() else apsw.SQLITE_DENY
+            return apsw.SQLITE_OK if name in self.functions or name in _list_allowed_functions() else apsw.SQLITE_DENY
         return apsw.SQLITE_DENY
 
 
 @cache
-def _list_sqlite_functions() -> frozenset[str]:
+def _list_allowed_functions() -> frozenset[str]:
     from ss2sql.lowering.sqlite_forms import list_form_functions  # loaded by now, if it has written a statement
 
     return list_form_functions() | {"char", "coalesce", "count", "glob", "instr", "row_number", "substr", "typeof"}
@@ -101,7 +101,7 @@ def lock_down_connection(connection: apsw.Connection) -> None:
     connection.config(apsw.SQLITE_DBCONFIG_DEFENSIVE, 1)
 
 
-def find_run_error(error: apsw.Error | UnicodeDecodeError, run: Run) -> Error:
+def find_sqlite_run_error(error: apsw.Error | UnicodeDecodeError, run: Run) -> Error:
     """The error of a run whose statement SQLite broke off."""
     if isinstance(error, apsw.TooBigError) and not isinstance(error, TooLargeToBindError):
         return run.sizes.build_size_error("a text")

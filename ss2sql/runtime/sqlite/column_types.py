@@ -19,7 +19,7 @@ import apsw
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type
-from ss2sql.language.operations.intervals import MAX, widen_bounds
+from ss2sql.language.operations.intervals import MAX, widen_number_type
 
 _KINDS = {"null": Kind.NONE, "integer": Kind.INT, "real": Kind.FLOAT, "text": Kind.STR, "blob": Kind.OBJECT}
 NUMBER = Kind.INT | Kind.FLOAT
@@ -43,7 +43,7 @@ class TableColumn:
 
     @property
     def quoted(self) -> str:
-        return quote_sql_name(self.name)
+        return quote_sqlite_name(self.name)
 
     @property
     def real(self) -> bool:
@@ -65,7 +65,7 @@ class TableColumn:
         return "INT" in declared or not (self.text or "BLOB" in declared or not declared)
 
 
-def quote_sql_name(name: str) -> str:
+def quote_sqlite_name(name: str) -> str:
     """A name as SQL reads it whatever characters it has."""
     return '"' + name.replace('"', '""') + '"'
 
@@ -74,10 +74,10 @@ def infer_table_types(
     connection: apsw.Connection, table: str, columns: Sequence[TableColumn], known: Mapping[str, Type]
 ) -> dict[str, Type]:
     """The types of the columns of a table; those that are `known` where no row breaks them. Raises what apsw raises."""
-    if known and _do_types_hold(connection, table, columns, known):
+    if known and _do_sqlite_types_hold(connection, table, columns, known):
         return {column.name: known[column.name] for column in columns}
     kinds = _find_column_kinds(connection, table, columns)
-    bounded = _find_bounds(connection, table, columns, kinds)
+    bounded = _find_sqlite_bounds(connection, table, columns, kinds)
     return {name: bounded.get(name, Type(found)) for name, found in kinds.items()}
 
 
@@ -89,20 +89,22 @@ def infer_view_types(
     Infinities are looked for all the same: `a * 0` is None in SQLite where `a` is infinite, and NaN in Python.
     """
     try:
-        with _limit_steps(connection):
-            hold = bool(known) and _do_types_hold(connection, view, columns, known)
+        with _limit_sqlite_steps(connection):
+            hold = bool(known) and _do_sqlite_types_hold(connection, view, columns, known)
         if hold:
             return {column.name: known[column.name] for column in columns}
-        with _limit_steps(connection):
+        with _limit_sqlite_steps(connection):
             kinds = _find_column_kinds(connection, view, columns)
-            kinds |= {name: known.kinds for name, known in _find_bounds(connection, view, columns, kinds).items()}
+            kinds |= {
+                name: known.kinds for name, known in _find_sqlite_bounds(connection, view, columns, kinds).items()
+            }
     except _TooManyStepsError:
         kinds = dict.fromkeys((column.name for column in columns), STORED)
     return {name: Type(found) for name, found in kinds.items()}
 
 
 @contextmanager
-def _limit_steps(connection: apsw.Connection) -> Iterator[None]:
+def _limit_sqlite_steps(connection: apsw.Connection) -> Iterator[None]:
     left = TIMES
 
     def count_step() -> bool:
@@ -132,7 +134,7 @@ def _find_column_kinds(connection: apsw.Connection, table: str, columns: Sequenc
     return kinds
 
 
-def _find_bounds(
+def _find_sqlite_bounds(
     connection: apsw.Connection, table: str, columns: Sequence[TableColumn], kinds: Mapping[str, Kind]
 ) -> dict[str, Type]:
     """The types of the columns that hold numbers and None alone.
@@ -150,7 +152,7 @@ def _find_bounds(
     found: tuple[Any, ...]
     (found,) = connection.execute(f"SELECT {', '.join(terms)}{walked}").fetchall()
     return {
-        column.name: widen_bounds(kinds[column.name], low, high)
+        column.name: widen_number_type(kinds[column.name], low, high)
         for column, low, high in zip(numbers, found[::2], found[1::2], strict=True)
     }
 
@@ -158,7 +160,7 @@ def _find_bounds(
 # --- the second look -----------------------------------------------------------------------------------
 
 
-def _do_types_hold(
+def _do_sqlite_types_hold(
     connection: apsw.Connection, table: str, columns: Sequence[TableColumn], known: Mapping[str, Type]
 ) -> bool:
     """Whether no row breaks what is known of the columns."""
@@ -168,10 +170,10 @@ def _do_types_hold(
         allowed = known[column.name]
         if allowed == Type(STORED):
             continue
-        if _do_index_ends_suffice(column, allowed.kinds):
-            probes += [f"SELECT 1 FROM {table} WHERE {gap}" for gap in _iterate_gap_conditions(column, allowed)]
+        if _do_sqlite_ends_suffice(column, allowed.kinds):
+            probes += [f"SELECT 1 FROM {table} WHERE {gap}" for gap in _iterate_sqlite_gaps(column, allowed)]
         else:
-            walked.append(_write_type_test(column, allowed))
+            walked.append(_write_sqlite_type_test(column, allowed))
     # One statement each: SQLite would look at all rows for an OR of them.
     broken = any(connection.execute(f"{probe} LIMIT 1").fetchall() for probe in probes)
     if broken or not walked:
@@ -180,14 +182,14 @@ def _do_types_hold(
     return not connection.execute(f"SELECT 1 FROM {table} WHERE ({tests}) IS NOT TRUE LIMIT 1").fetchall()
 
 
-def _do_index_ends_suffice(column: TableColumn, kinds: Kind) -> bool:
+def _do_sqlite_ends_suffice(column: TableColumn, kinds: Kind) -> bool:
     """Whether all that may break what is known stands together in an index: integers and floats are mixed there."""
     one_of_two = kinds & NUMBER in (Kind.INT, Kind.FLOAT)
     certain = column.rowid or (column.real and kinds & Kind.FLOAT)
     return column.leads_index and not (column.text and kinds & NUMBER) and (not one_of_two or bool(certain))
 
 
-def _iterate_gap_conditions(column: TableColumn, allowed: Type) -> Iterator[str]:
+def _iterate_sqlite_gaps(column: TableColumn, allowed: Type) -> Iterator[str]:
     """Conditions for values that a column does not have, each a stretch of an index: None, numbers, text, BLOBs."""
     name = column.quoted
     if not allowed.may_be(Kind.NONE):
@@ -195,7 +197,7 @@ def _iterate_gap_conditions(column: TableColumn, allowed: Type) -> Iterator[str]
     if not allowed.may_be(NUMBER):
         yield f"{name} < ''"
     else:
-        low, high = _write_bounds(allowed)
+        low, high = _write_sqlite_bounds(allowed)
         if low is not None:
             yield f"{name} < {low}"
         if high is not None:
@@ -206,12 +208,12 @@ def _iterate_gap_conditions(column: TableColumn, allowed: Type) -> Iterator[str]
         yield f"{name} >= x''"
 
 
-def _write_type_test(column: TableColumn, allowed: Type) -> str:
+def _write_sqlite_type_test(column: TableColumn, allowed: Type) -> str:
     """The condition that a value is of a type. The + has SQLite compare values as they are, whatever is declared."""
     name = f"+{column.quoted}"
     parts = []
     if allowed.may_be(NUMBER):
-        low, high = _write_bounds(allowed)
+        low, high = _write_sqlite_bounds(allowed)
         number = [] if low is None else [f"{name} >= {low}"]
         number += [f"{name} < ''"] if high is None else [f"{name} <= {high}"]
         if not allowed.may_be(Kind.FLOAT):
@@ -228,15 +230,15 @@ def _write_type_test(column: TableColumn, allowed: Type) -> str:
     return " OR ".join(parts) or "FALSE"
 
 
-def _write_bounds(allowed: Type) -> tuple[str | None, str | None]:
+def _write_sqlite_bounds(allowed: Type) -> tuple[str | None, str | None]:
     """The bounds of numbers as SQL. In a column of numbers alone, an infinity breaks what is known."""
     finite = allowed.may_be(Kind.FLOAT) and not allowed.may_be(Kind.STR | Kind.OBJECT)
     low = -MAX if allowed.low is None and finite else allowed.low
     high = MAX if allowed.high is None and finite else allowed.high
-    return _write_literal(low), _write_literal(high)
+    return _write_sqlite_literal(low), _write_sqlite_literal(high)
 
 
-def _write_literal(number: float | None) -> str | None:
+def _write_sqlite_literal(number: float | None) -> str | None:
     if number is None:
         return None
     return str(number) if INT_MIN < number < INT_MAX and number == int(number) else repr(float(number))

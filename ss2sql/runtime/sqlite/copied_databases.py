@@ -12,7 +12,7 @@ from typing import Any
 import apsw
 
 from ss2sql.errors import SessionError
-from ss2sql.runtime.sqlite.column_types import quote_sql_name
+from ss2sql.runtime.sqlite.column_types import quote_sqlite_name
 
 # Where a database file says that it is in WAL mode, and what says that it is not: a copy in memory has no WAL.
 WAL_VERSIONS, ROLLBACK = slice(18, 20), b"\x01\x01"
@@ -42,7 +42,7 @@ class CopiedDatabase:
         except sqlite3.Error as error:
             raise self._build_refusal(error) from error
         if self._seen is None:
-            self.connection.execute(f"ATTACH ':memory:' AS {quote_sql_name(self.name)}")
+            self.connection.execute(f"ATTACH ':memory:' AS {quote_sqlite_name(self.name)}")
         if data:
             copy = bytearray(data)
             copy[WAL_VERSIONS] = ROLLBACK

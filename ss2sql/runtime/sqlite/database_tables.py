@@ -18,8 +18,14 @@ from ss2sql.language import plan
 from ss2sql.language.conversion import decode_text
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, build_sqlite_error
-from ss2sql.runtime.sqlite.column_types import STORED, TableColumn, infer_table_types, infer_view_types, quote_sql_name
-from ss2sql.runtime.sqlite.file_locks import attach_file, close_file, detach_file, open_file
+from ss2sql.runtime.sqlite.column_types import (
+    STORED,
+    TableColumn,
+    infer_table_types,
+    infer_view_types,
+    quote_sqlite_name,
+)
+from ss2sql.runtime.sqlite.file_locks import attach_file, close_file, detach_file, open_sqlite_file
 
 if TYPE_CHECKING:
     import sqlite3
@@ -89,7 +95,7 @@ class KnownTable:
         """Finds out the types of columns, going by what was known `before`. Raises what apsw raises."""
         if before is not None and before.columns == self.columns:
             self.types.update(before.types)
-        table = f"{quote_sql_name(self.source.schema)}.{quote_sql_name(self.source.table)}"
+        table = f"{quote_sqlite_name(self.source.schema)}.{quote_sqlite_name(self.source.table)}"
         of_now = {name for name, (version, _) in self.types.items() if version is not None and version == self.version}
         wanted = [one for one in self._find_columns_read(read) if one.name not in of_now]
         seen = [one for one in wanted if one.name in self.types]
@@ -114,10 +120,10 @@ class KnownTable:
         return replace(self.source, columns=columns, texts_for_numbers=texts)
 
 
-def _write_select(source: plan.TableSource, values: Sequence[str], wanted: TableFilter | None = None) -> str:
+def _write_sqlite_select(source: plan.TableSource, values: Sequence[str], wanted: TableFilter | None = None) -> str:
     """The statement that gives these for the rows of a table, in its order."""
-    home = f"{quote_sql_name(source.schema)}.{quote_sql_name(source.table)}{wanted.text if wanted else ''}"
-    order = f" ORDER BY {', '.join(quote_sql_name(key) for key in source.order)}" if source.order else ""
+    home = f"{quote_sqlite_name(source.schema)}.{quote_sqlite_name(source.table)}{wanted.text if wanted else ''}"
+    order = f" ORDER BY {', '.join(quote_sqlite_name(key) for key in source.order)}" if source.order else ""
     limit = "" if wanted is None or wanted.limit is None else f" LIMIT {wanted.limit}"
     return f"SELECT {', '.join(values)} FROM {home}{order}{limit}"
 
@@ -142,14 +148,14 @@ class Tables:
             raise SessionError("S002", what, hints=("give the path of a SQLite file",))
         self._check_free(name)
         try:
-            probe = open_file(str(path), apsw.SQLITE_OPEN_READONLY)
+            probe = open_sqlite_file(str(path), apsw.SQLITE_OPEN_READONLY)
             try:
                 probe.execute("SELECT count(*) FROM sqlite_schema").fetchall()
             finally:
                 close_file(probe)
             self._make_room(name)
             attach_file(self.connection, name, str(path))
-            self.connection.execute(f"PRAGMA {quote_sql_name(name)}.cache_size = {CACHE_SIZE}")
+            self.connection.execute(f"PRAGMA {quote_sqlite_name(name)}.cache_size = {CACHE_SIZE}")
         except apsw.Error as error:
             hint = "an encrypted or damaged file cannot be attached, nor one of another program"
             message = f"{path} is not a SQLite file that can be read: {error}"
@@ -250,7 +256,9 @@ class Tables:
 
     def _check_view(self, schema: str, name: str) -> None:
         """Finds out whether SQLite can read a view, without a look at its rows. Raises apsw.Error."""
-        self.connection.execute(f"EXPLAIN SELECT * FROM {quote_sql_name(schema)}.{quote_sql_name(name)}").fetchall()
+        self.connection.execute(
+            f"EXPLAIN SELECT * FROM {quote_sqlite_name(schema)}.{quote_sqlite_name(name)}"
+        ).fetchall()
 
     def _describe_columns(self, schema: str, name: str) -> list[tuple[Any, ...]]:
         """Name, declared type, place in the primary key, and whether it is hidden, of each column."""
@@ -260,28 +268,28 @@ class Tables:
 
     def read_rows(self, source: plan.TableSource, wanted: TableFilter | None = None) -> list[tuple[Any, ...]]:
         """The rows of a table in its order, without what a filter leaves out."""
-        names = [quote_sql_name(name) for name, _ in source.columns]
-        return self._fetch_rows(_write_select(source, names, wanted), wanted.values if wanted else ())
+        names = [quote_sqlite_name(name) for name, _ in source.columns]
+        return self._fetch_rows(_write_sqlite_select(source, names, wanted), wanted.values if wanted else ())
 
     def read_integer_columns(self, source: plan.TableSource, *places: int) -> list[Any] | None:
         """Columns of whole numbers as arrays, in the order of the table; None where rows are as good.
 
         A million pairs take 0.2 s, as rows 0.5. Of a smaller table it would be the import of NumPy that takes long.
         """
-        home = f"{quote_sql_name(source.schema)}.{quote_sql_name(source.table)}"
+        home = f"{quote_sqlite_name(source.schema)}.{quote_sqlite_name(source.table)}"
         most = self.connection.limit(apsw.SQLITE_LIMIT_LENGTH) // DIGITS
         if not MANY_ROWS <= self._fetch_rows(f"SELECT count(*) FROM {home}")[0][0] <= most:
             return None
         import numpy as np
 
-        names = [quote_sql_name(source.columns[place][0]) for place in places]
+        names = [quote_sqlite_name(source.columns[place][0]) for place in places]
         shown = ", ".join(f"group_concat({name})" for name in names)
-        (texts,) = self._fetch_rows(f"SELECT {shown} FROM ({_write_select(source, names)})")
+        (texts,) = self._fetch_rows(f"SELECT {shown} FROM ({_write_sqlite_select(source, names)})")
         return [np.fromstring(text, np.int64, sep=",") for text in texts]
 
     def read_unreadable_rows(self, source: plan.TableSource) -> list[tuple[Any, ...]]:
         """The same where some texts are not UTF-8: an UnreadableText stands for each of these."""
-        names = [quote_sql_name(name) for name, _ in source.columns]
+        names = [quote_sqlite_name(name) for name, _ in source.columns]
         texts = [f"typeof({name}) = 'text'" for name in names]
         # The bytes of a text are in the encoding of the file.
         values = [f"iif({test}, CAST({name} AS BLOB), {name})" for name, test in zip(names, texts, strict=True)]
@@ -291,7 +299,7 @@ class Tables:
             cells = zip(row[: len(names)], row[len(names) :], strict=True)
             return tuple(decode_text(value, encoding) if is_text else value for value, is_text in cells)
 
-        return list(map(decode_row, self._fetch_rows(_write_select(source, [*values, *texts]))))
+        return list(map(decode_row, self._fetch_rows(_write_sqlite_select(source, [*values, *texts]))))
 
     def _fetch_rows(self, text: str, bindings: tuple[Any, ...] | Mapping[str, Any] = ()) -> list[tuple[Any, ...]]:
         """The rows of a statement. Raises ExecutionError X009 where SQLite refuses it: the file may be locked."""
@@ -304,8 +312,8 @@ class Tables:
         """Changes when this or another connection has changed the database; None where a ROLLBACK may change it."""
         if self.connection.in_transaction:
             return None
-        versions = self._fetch_rows(f"PRAGMA {quote_sql_name(schema)}.data_version")
-        cookies = self._fetch_rows(f"PRAGMA {quote_sql_name(schema)}.schema_version")
+        versions = self._fetch_rows(f"PRAGMA {quote_sqlite_name(schema)}.data_version")
+        cookies = self._fetch_rows(f"PRAGMA {quote_sqlite_name(schema)}.schema_version")
         own = 0 if self.graphs is None else self.graphs.changes
         return (versions, cookies, self.connection.total_changes() - own)
 
@@ -385,7 +393,7 @@ class Tables:
     def _find_collated_columns(self, schema: str, name: str, kind: str, columns: Sequence[str]) -> tuple[str, ...]:
         """The columns that SQLite would not compare byte by byte; any of a view where its database has such."""
         if kind == "view":
-            words = self._fetch_rows(f"SELECT sql LIKE '%collate%' FROM {quote_sql_name(schema)}.sqlite_schema")
+            words = self._fetch_rows(f"SELECT sql LIKE '%collate%' FROM {quote_sqlite_name(schema)}.sqlite_schema")
             return tuple(columns) if schema == "temp" or (1,) in words else ()
         return tuple(column for column in columns if self._find_collation(schema, name, column) != "BINARY")
 

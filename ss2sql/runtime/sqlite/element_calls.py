@@ -12,7 +12,7 @@ from ss2sql.runtime.run.call_memory import UNAMBIGUOUS_TYPES, forget_older_half
 from ss2sql.runtime.sqlite.list_elements import CallRequest, ColumnsFor, ElementColumns, Found
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.sqlite.executor import StatementExecution
+    from ss2sql.runtime.sqlite.executor import SqliteExecution
     from ss2sql.runtime.sqlite.function_callbacks import FunctionCallback
     from ss2sql.runtime.sqlite.search_functions import SearchState
 
@@ -21,7 +21,7 @@ Arguments: TypeAlias = tuple[Any, ...]  # of the table, the list first
 Results: TypeAlias = Callable[[Arguments], Sequence[Any]]  # gives the values of a call for all elements of one list
 
 
-class ElementCalls:
+class SqliteElementCalls:
     """Those of one table in one execution. `walk` gives the columns of a list, `search` counts the steps."""
 
     def __init__(
@@ -29,7 +29,7 @@ class ElementCalls:
         table: ListTable,
         sql_callbacks: Mapping[str, FunctionCallback],
         limit: int,
-        execution: StatementExecution,
+        execution: SqliteExecution,
         walk: Callable[[Any], ElementColumns],
         search: SearchState,
     ) -> None:
@@ -48,7 +48,7 @@ class ElementCalls:
         again: dict[Arguments | bytes, tuple[int, tuple[int, Found]]] = {}  # what is wanted again, its calls first
 
         def read_columns(arguments: Arguments) -> tuple[int, Found]:
-            known = again.get(_make_exact_key(arguments)) if again else None
+            known = again.get(_make_sqlite_call_key(arguments)) if again else None
             if known is not None:
                 calls_saved, found = known
                 search.generated += calls_saved
@@ -72,7 +72,7 @@ class ElementCalls:
             if memo.hits > hits:
                 if len(again) * (len(of_list[0]) + 1) >= limit:
                     forget_older_half(again)
-                again[_make_exact_key(arguments)] = len(of_list[0]), (kept, columns)
+                again[_make_sqlite_call_key(arguments)] = len(of_list[0]), (kept, columns)
             return kept, columns
 
         return read_columns
@@ -105,7 +105,7 @@ class _ElementCall:
         caller: FunctionCallback,
         numbers: Mapping[str, int],
         limit: int,
-        execution: StatementExecution,
+        execution: SqliteExecution,
     ) -> None:
         self.name = call.function
         self.caller = caller
@@ -128,7 +128,7 @@ class _ElementCall:
         def call_for_list(arguments: Arguments) -> Sequence[Any]:
             if size < len(arguments):
                 arguments = tuple([arguments[at] if at in used else None for at in range(len(arguments))])
-            key = _make_exact_key(arguments)
+            key = _make_sqlite_call_key(arguments)
             known = made.get(key)
             if known is not None:
                 caller.memo.hits += len(known)
@@ -179,6 +179,6 @@ class _ElementCall:
         return len(set(rows)) < len(rows)
 
 
-def _make_exact_key(arguments: Arguments) -> Arguments | bytes:
+def _make_sqlite_call_key(arguments: Arguments) -> Arguments | bytes:
     """A key: 1 and 1.0 are one for a dict, but two arguments."""
     return arguments if UNAMBIGUOUS_TYPES.issuperset(map(type, arguments)) else dumps(arguments, 2)

@@ -1,7 +1,7 @@
 """The SQLite executor: runs one lowered query on the session's connection and hands back its rows.
 
 Functions are registered once per connection; what they need of the query that is running they find in
-`Database.current`, the innermost `StatementExecution`. A Python function that runs another script from inside a
+`Database.current`, the innermost `SqliteExecution`. A Python function that runs another script from inside a
 query stacks a new one on top.
 """
 
@@ -23,17 +23,17 @@ from ss2sql.language import plan
 from ss2sql.language.element_columns import read_column
 from ss2sql.language.operations import PREDICATES
 from ss2sql.language.plan_traversal import walk
-from ss2sql.language.rows import Row, Rows, check_room, iterate_within_limit
+from ss2sql.language.rows import Row, Rows, check_row_limit, iterate_limited_rows
 from ss2sql.language.values import get_truth
 from ss2sql.lowering.sql_names import get_builtin_name
 from ss2sql.lowering.sql_query import BlobValue, Bookkeeping, ListTable, Parameter, Sql, SqlQuery
-from ss2sql.runtime.run.array_calls import make_row_function
+from ss2sql.runtime.run.array_calls import make_row_call_function
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, CallMemo, forget_older_half
 from ss2sql.runtime.run.option_checks import check_cost, check_heuristic, check_probability
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.search_paths import SearchPaths
-from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, Authorizer, find_run_error
-from ss2sql.runtime.sqlite.element_calls import ElementCalls
+from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, Authorizer, find_sqlite_run_error
+from ss2sql.runtime.sqlite.element_calls import SqliteElementCalls
 from ss2sql.runtime.sqlite.function_callbacks import (
     CompletedCalls,
     FunctionCallback,
@@ -45,7 +45,7 @@ from ss2sql.runtime.sqlite.function_callbacks import (
 from ss2sql.runtime.sqlite.interning import FALSE, TRUE, Interning, OtherFormError, make_decoder, make_row_decoder
 from ss2sql.runtime.sqlite.list_elements import CallRequest, ColumnsFor, ElementColumns, ListModules
 from ss2sql.runtime.sqlite.search_functions import FUNCTIONS, SearchState, StepNumbers
-from ss2sql.runtime.sqlite.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, read_element_columns
+from ss2sql.runtime.sqlite.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, intern_element_columns
 from ss2sql.runtime.sqlite.virtual_table import WorldModules
 from ss2sql.vtables.frames.frame import Frame
 from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
@@ -55,7 +55,7 @@ CHECK_EVERY = 10_000  # steps of SQLite's virtual machine between looks at the c
 NO_CALLS: Mapping[str, Sequence[Span]] = {}
 
 
-class StatementExecution:
+class SqliteExecution:
     """What the functions of one running statement share."""
 
     def __init__(
@@ -69,7 +69,7 @@ class StatementExecution:
         self.query = query
         self.calls = calls
         self.modules: dict[str, ListTable] = {}  # the lists that its statements walk
-        self.element_calls: dict[str, ElementCalls] = {}  # by the names of modules
+        self.element_calls: dict[str, SqliteElementCalls] = {}  # by the names of modules
         self.interning = Interning(run.sizes)
         self.parts = ItemCache(self.interning)
         self.members = MemberCache(self.interning)
@@ -111,7 +111,7 @@ class Database:
         self.connection = connection
         self.guard = guard = Authorizer(connection)
         self.active_runs = active_runs  # the runs of the session, the innermost last
-        self.stack: list[StatementExecution] = []
+        self.stack: list[SqliteExecution] = []
         self.lists = ListModules(connection, self._open_table, self._make_element_calls)
         self.worlds = WorldModules(connection, lambda: self.current)
         self.search = SearchState()
@@ -139,7 +139,7 @@ class Database:
         connection.set_progress_handler(self._check_progress, CHECK_EVERY)
 
     @property
-    def current(self) -> StatementExecution:
+    def current(self) -> SqliteExecution:
         return self.stack[-1]
 
     # --- registration ----------------------------------------------------------------------------------
@@ -199,7 +199,7 @@ class Database:
         """A function of the user; see function_callbacks.py."""
         memo = self.memos.setdefault(function.name, CallMemo(self.memo_limit))
         if function.vectorized:
-            function = make_row_function(function)
+            function = make_row_call_function(function)
         caller = self.sql_callbacks[function.name] = FunctionCallback(function, memo, self.stack)
         self.guard.add_scalar(sql_name, caller.call)
 
@@ -219,17 +219,17 @@ class Database:
         if calls is None:
             table = execution.modules[name]
             walk = partial(self._encode_elements, execution, table=table)
-            calls = ElementCalls(table, self.sql_callbacks, self.memo_limit, execution, walk, self.search)
+            calls = SqliteElementCalls(table, self.sql_callbacks, self.memo_limit, execution, walk, self.search)
             execution.element_calls[name] = calls
         return calls.make_column_reader(request)
 
-    def _encode_elements(self, execution: StatementExecution, value: Any, table: ListTable) -> ElementColumns:
+    def _encode_elements(self, execution: SqliteExecution, value: Any, table: ListTable) -> ElementColumns:
         """The elements of a value as columns of SQL values; kept, for inner loops ask again and again."""
         key = (value, type(value), table.columns)
         found = execution.elements.get(key)
         if found is None:
             try:
-                found = read_element_columns(execution.interning, value, table.columns)
+                found = intern_element_columns(execution.interning, value, table.columns)
             except Error as error:
                 execution.failed = True
                 raise error.with_span(execution.find_value_source()) from None
@@ -271,7 +271,7 @@ class Database:
         that SQL left over. Raises what a user's function raised, ExecutionError X009
         for an error of SQLite, X010 for more results than run.max_rows; run.calls_made are then the calls so far.
         """
-        execution = StatementExecution(run, lowered.query, lowered.calls, lowered.snapshot)
+        execution = SqliteExecution(run, lowered.query, lowered.calls, lowered.snapshot)
         with self._push_execution(execution):
             try:
                 return self._try_execution(lowered, execution, evaluate, sink, most)
@@ -310,7 +310,7 @@ class Database:
         }
 
     @contextmanager
-    def _push_execution(self, execution: StatementExecution) -> Iterator[None]:
+    def _push_execution(self, execution: SqliteExecution) -> Iterator[None]:
         """Makes the execution the innermost one, with empty memos, and adds up at its end what it has done."""
         run, memos = execution.run, {name: self.memos[name] for name in execution.calls}
         outer = {name: memo.begin_execution() for name, memo in memos.items()}
@@ -325,7 +325,9 @@ class Database:
             run.calls_made = CompletedCalls(execution.interning, memos, execution.element_calls.values())
             if not isinstance(error, READ_ERRORS) or (execution.failed and isinstance(error, UnicodeDecodeError)):
                 raise  # it comes from a function of the user
-            raise find_run_error(error, run).with_span(execution.query.span if execution.query else None) from error
+            raise find_sqlite_run_error(error, run).with_span(
+                execution.query.span if execution.query else None
+            ) from error
         finally:
             self.stack.pop()
             for name, memo in memos.items():
@@ -340,7 +342,7 @@ class Database:
     def _try_execution(
         self,
         lowered: SqlQuery,
-        execution: StatementExecution,
+        execution: SqliteExecution,
         evaluate: Callable[[Parameter], Any],
         sink: Rows,
         most: int | None,
@@ -355,7 +357,7 @@ class Database:
         interning.watched = frozenset(values[name] for name in lowered.plain)
         walked = [self._encode_elements(execution, values[name], ListTable(())) for name in execution.book.sources]
         self.search.steps_per_state = execution.book.arms * prod(elements.length for elements in walked)
-        if _has_other_form(interning, values):
+        if _has_other_handle(interning, values):
             raise OtherFormError
         cursor = self.connection.cursor()
         try:
@@ -365,7 +367,7 @@ class Database:
             if (plain or not searches) and not lowered.keys and not lowered.orders:
                 # The rows are all that is wanted. Plain ones, and ends of paths, are what SQLite gives as it is.
                 found = islice(cursor if late is None else late.iterate_rows(execution.readings, cursor), most)
-                rows = found if execution.run.max_rows is None else iterate_within_limit(found, execution.run.max_rows)
+                rows = found if execution.run.max_rows is None else iterate_limited_rows(found, execution.run.max_rows)
                 if not searches:
                     assert sink.rows is not None
                     execution.results = sink.rows.__len__
@@ -381,7 +383,7 @@ class Database:
             cursor.close(True)  # else an error that somebody keeps would keep the statement open, and the file locked
 
     def _iterate_paths(
-        self, lowered: SqlQuery, execution: StatementExecution, sink: Rows, decode: Callable[[Row], Row]
+        self, lowered: SqlQuery, execution: SqliteExecution, sink: Rows, decode: Callable[[Row], Row]
     ) -> SearchPaths:
         paths = sink.paths = SearchPaths(
             None if lowered.bookkeeping.all_results else self.search.get_kept_steps(), decode
@@ -395,7 +397,7 @@ class Database:
         This is how text that was lowered in one session runs in another that has the same functions.
         """
         self.lists.register_modules(sql.modules)
-        execution = StatementExecution(run, calls=dict.fromkeys(self.memos, ()))
+        execution = SqliteExecution(run, calls=dict.fromkeys(self.memos, ()))
         with self._push_execution(execution):
             self.search.begin_search(execution.interning.frozen, False)
             execution.modules.update(sql.modules)
@@ -403,7 +405,7 @@ class Database:
             return [tuple(map(execution.interning.decode, row)) for row in self._open_cursor(sql, sql.modules, values)]
 
     def _read_results(
-        self, lowered: SqlQuery, execution: StatementExecution, cursor: apsw.Cursor, sink: Rows
+        self, lowered: SqlQuery, execution: SqliteExecution, cursor: apsw.Cursor, sink: Rows
     ) -> Iterator[tuple[Row, Row]]:
         interning = execution.interning
         shown = (*lowered.outputs, *lowered.keys, *lowered.orders)
@@ -424,17 +426,17 @@ class Database:
         for raw in cursor:
             row = decode(raw[2:])
             paths.add_result((*raw[:2], *row[:width]))
-            check_room(len(paths), most)
+            check_row_limit(len(paths), most)
             yield row[width:keys], row[keys:]
 
 
 def _append_result(run: Run, results: list[Any] | None, result: Any) -> None:
     assert results is not None
     results.append(result)
-    check_room(len(results), run.max_rows)
+    check_row_limit(len(results), run.max_rows)
 
 
-def _has_other_form(interning: Interning, values: Mapping[str, Any]) -> bool:
+def _has_other_handle(interning: Interning, values: Mapping[str, Any]) -> bool:
     """Whether a parameter equals one whose handle stands for all such values, in another form."""
     others = [value for value in values.values() if type(value) is bytes and value not in interning.watched]
     return any(interning.are_equal(value, watched) for value in others for watched in interning.watched)

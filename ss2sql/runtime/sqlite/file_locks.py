@@ -23,7 +23,7 @@ from typing import TypeAlias
 import apsw
 
 from ss2sql.errors import SessionError
-from ss2sql.runtime.sqlite.column_types import quote_sql_name
+from ss2sql.runtime.sqlite.column_types import quote_sqlite_name
 
 # The device and the number of a file, which all its names share.
 FileId: TypeAlias = tuple[int, int]
@@ -45,24 +45,24 @@ _inherited_descriptors: dict[int, FileId] = {}
 _inherited_connections: list[apsw.Connection] = []
 
 
-def open_file(path: str, flags: int) -> apsw.Connection:
+def open_sqlite_file(path: str, flags: int) -> apsw.Connection:
     """A connection to a file. Raises SessionError S005 where another copy of SQLite has it open; what apsw raises."""
     with _lock:
         _close_parked_connections()
         with _note_descriptors(path):
             connection = apsw.Connection(path, flags=flags)
-        if identity := _get_identity(path):
+        if identity := _get_locked_file_id(path):
             _files[connection] = {"main": identity}
     return connection
 
 
 def attach_file(connection: apsw.Connection, name: str, path: str) -> None:
-    """Attaches a file to a connection under a name. Raises as `open_file` does."""
+    """Attaches a file to a connection under a name. Raises as `open_sqlite_file` does."""
     with _lock:
         _close_parked_connections()
         with _note_descriptors(path):
-            connection.execute(f"ATTACH ? AS {quote_sql_name(name)}", (path,))
-        if identity := _get_identity(path):
+            connection.execute(f"ATTACH ? AS {quote_sqlite_name(name)}", (path,))
+        if identity := _get_locked_file_id(path):
             _files.setdefault(connection, {})[name] = identity
 
 
@@ -71,10 +71,10 @@ def detach_file(connection: apsw.Connection, name: str) -> None:
     with _lock:
         known = _files.get(connection, {})
         if name in known and _is_shared(known[name]):
-            raise _build_refusal(connection.db_filename(name))
-        connection.execute(f"DETACH {quote_sql_name(name)}")
+            raise _build_sqlite_lock_error(connection.db_filename(name))
+        connection.execute(f"DETACH {quote_sqlite_name(name)}")
         if name in known:
-            _forget_closed(known.pop(name))
+            _forget_closed_files(known.pop(name))
 
 
 def close_file(connection: apsw.Connection) -> None:
@@ -94,7 +94,7 @@ def while_using_files(connection: apsw.Connection) -> Iterator[None]:
     with _lock:
         for name, identity in files.items():
             if _is_shared(identity):
-                raise _build_refusal(connection.db_filename(name))
+                raise _build_sqlite_lock_error(connection.db_filename(name))
     try:
         yield
     finally:
@@ -103,18 +103,18 @@ def while_using_files(connection: apsw.Connection) -> Iterator[None]:
                 if (
                     len(_own_descriptors.get(identity, ())) > 1
                 ):  # descriptors of others may have been closed with the last lock
-                    _forget_closed(identity)
+                    _forget_closed_files(identity)
 
 
 @contextmanager
 def _note_descriptors(path: str) -> Iterator[None]:
-    """While a file is opened: the descriptors that come of it are those of sessions. Raises as `open_file` does."""
-    identity = _get_identity(path)  # None of a file that is not there yet, and so open nowhere
+    """While a file is opened: the descriptors that come of it are those of sessions. Raises as `open_sqlite_file`."""
+    identity = _get_locked_file_id(path)  # None of a file that is not there yet, and so open nowhere
     if identity is not None and _is_shared(identity):
-        raise _build_refusal(path)
+        raise _build_sqlite_lock_error(path)
     before = set() if identity is None else _find_descriptors(identity)
     yield
-    if identity := _get_identity(path):
+    if identity := _get_locked_file_id(path):
         _own_descriptors.setdefault(identity, set()).update(_find_descriptors(identity) - before)
 
 
@@ -126,10 +126,10 @@ def _close_parked_connections() -> None:
             connection.close()
             _files.pop(connection, None)
             for identity in identities:
-                _forget_closed(identity)
+                _forget_closed_files(identity)
 
 
-def _forget_closed(identity: FileId) -> None:
+def _forget_closed_files(identity: FileId) -> None:
     """Leaves those descriptors of sessions that are open."""
     left = _own_descriptors.get(identity, set()) & _find_descriptors(identity)
     if left:
@@ -138,7 +138,7 @@ def _forget_closed(identity: FileId) -> None:
         _own_descriptors.pop(identity, None)
 
 
-def _build_refusal(path: str) -> SessionError:
+def _build_sqlite_lock_error(path: str) -> SessionError:
     message = f"{path} is open in this process in another copy of SQLite, such as sqlite3"
     hints = (
         "close the other connection first, or let ss2sql read through it: attach('name', connection)",
@@ -147,7 +147,7 @@ def _build_refusal(path: str) -> SessionError:
     return SessionError("S005", message, hints=hints)
 
 
-def _get_identity(path: str) -> FileId | None:
+def _get_locked_file_id(path: str) -> FileId | None:
     try:
         status = os.stat(path)
     except (OSError, ValueError):
@@ -188,7 +188,7 @@ def _find_open_files(connection: apsw.Connection) -> list[FileId | None]:
         paths = [connection.db_filename(name) for name in connection.db_names()]
     except apsw.Error:  # another thread works with it
         paths = [connection.filename]
-    return [_get_identity(path) for path in paths if path]
+    return [_get_locked_file_id(path) for path in paths if path]
 
 
 def _note_inherited_descriptors() -> None:

@@ -11,17 +11,17 @@ from itertools import starmap
 from marshal import dumps, loads
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
-from ss2sql.errors import Error, Stopped, note_place
+from ss2sql.errors import Error, Stopped, note_place_on_exception
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.runtime.run.call_memory import CallMemo, FailedCall
 from ss2sql.runtime.sqlite.interning import Interning, OtherFormError
-from ss2sql.runtime.sqlite.list_elements import ElementColumns, build_function_columns
-from ss2sql.runtime.sqlite.sql_functions import read_element_columns
+from ss2sql.runtime.sqlite.list_elements import ElementColumns, build_callback_columns
+from ss2sql.runtime.sqlite.sql_functions import intern_element_columns
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.sqlite.element_calls import ElementCalls
-    from ss2sql.runtime.sqlite.executor import StatementExecution
+    from ss2sql.runtime.sqlite.element_calls import SqliteElementCalls
+    from ss2sql.runtime.sqlite.executor import SqliteExecution
 
 
 # Takes the arguments of several calls for Python code, and what gives them as SQL values; gives the calls' values.
@@ -37,7 +37,7 @@ class CarriedStopError(Exception):
 class FunctionCallback:
     """What calls a function of the user for SQL. The memo is that of the innermost execution, whoever puts it there."""
 
-    def __init__(self, function: UserFunction, memo: CallMemo, stack: list[StatementExecution]) -> None:
+    def __init__(self, function: UserFunction, memo: CallMemo, stack: list[SqliteExecution]) -> None:
         self.function = function
         self.memo = memo
         self.stack = stack
@@ -46,7 +46,7 @@ class FunctionCallback:
         self.call = self._make_sql_call()
 
     def _raise_through_sqlite(
-        self, execution: StatementExecution, arguments: tuple[Any, ...], error: Exception, result: Any
+        self, execution: SqliteExecution, arguments: tuple[Any, ...], error: Exception, result: Any
     ) -> NoReturn:
         """Raises what goes through SQLite for an exception of a call, and has it remembered where calls are."""
         if type(error) is OtherFormError:  # the statement is run again, but this call is not made again
@@ -60,7 +60,7 @@ class FunctionCallback:
         if isinstance(error, Error) and (result is not _MISSING or error.code == "X012"):  # the value is refused
             passing = error.with_span(spans[0] if spans else None)
         else:  # a function raised it, or an object that fails when it is looked at, such as a generator
-            note_place(error, name, spans)
+            note_place_on_exception(error, name, spans)
             if isinstance(error, StopIteration):
                 passing = CarriedStopError(error)
         if self.remembers:
@@ -124,16 +124,16 @@ class FunctionCallback:
 
         return call_from_sql
 
-    def list_elements(self, execution: StatementExecution, arguments: tuple[Any, ...]) -> ElementColumns:
+    def list_elements(self, execution: SqliteExecution, arguments: tuple[Any, ...]) -> ElementColumns:
         """The elements of what the function gives, for a table of SQL; a list is not made one SQL value."""
         memo, interning, giver = self.memo, execution.interning, self.giver
         key = dumps(arguments, 2)
         elements = memo.elements.get(key)
         if elements is not None:
             memo.hits += 1
-            return build_function_columns(elements, arguments)
+            return build_callback_columns(elements, arguments)
         if arguments in memo.plain or key in memo.exact or key in memo.failures:  # called in another clause, too
-            return read_element_columns(interning, self.call(*arguments), ())
+            return intern_element_columns(interning, self.call(*arguments), ())
         run, result, encode = execution.run, _MISSING, interning.encode_object
         convert = interning.decode_copy if self.function.changes else interning.decode_read_only
         if run.interrupted or run.bounds.deadline is not None:
@@ -148,14 +148,14 @@ class FunctionCallback:
                 encoded = encode(result, giver)
                 if remembers:
                     memo.keep_result(arguments, encoded)
-                elements = tuple(read_element_columns(interning, encoded, ()).read_column(0))
+                elements = tuple(intern_element_columns(interning, encoded, ()).read_column(0))
         except Exception as reason:
             self._raise_through_sqlite(execution, arguments, reason, result)
         if remembers:
             memo.keep_elements(key, elements)
-        return build_function_columns(elements, arguments)
+        return build_callback_columns(elements, arguments)
 
-    def call_in_blocks(self, execution: StatementExecution) -> CallBlock:
+    def call_in_blocks(self, execution: SqliteExecution) -> CallBlock:
         """What makes several calls and gives their values, which the caller remembers; 0.5 us each.
 
         It takes the arguments for Python code, and what gives them as SQL values.
@@ -194,7 +194,7 @@ class CompletedCalls:
     """The calls that a statement has made before it ended, as values of the language, by the names of functions."""
 
     def __init__(
-        self, interning: Interning, memos: Mapping[str, CallMemo], element_calls: Iterable[ElementCalls] = ()
+        self, interning: Interning, memos: Mapping[str, CallMemo], element_calls: Iterable[SqliteElementCalls] = ()
     ) -> None:
         self._pool = interning
         self._known = {name: (memo.plain, memo.exact, memo.failures) for name, memo in memos.items()}
@@ -227,7 +227,7 @@ class CompletedCalls:
 
 
 def make_builtin_callback(
-    name: str, python: Callable[..., Any], stack: list[StatementExecution], predicate: bool
+    name: str, python: Callable[..., Any], stack: list[SqliteExecution], predicate: bool
 ) -> Callable[..., Any]:
     """A built-in function on values of the language; its last SQL argument is the place of the call."""
 
@@ -250,7 +250,7 @@ def make_builtin_callback(
     return call_builtin if quick is None else quick(call_builtin, stack)
 
 
-def make_final_callback(aggregate: Any, execution: StatementExecution) -> Callable[[], Any]:
+def make_final_callback(aggregate: Any, execution: SqliteExecution) -> Callable[[], Any]:
     """The aggregate's `final`, whose errors get the place of its call."""
     final = aggregate.final
 
@@ -263,7 +263,7 @@ def make_final_callback(aggregate: Any, execution: StatementExecution) -> Callab
     return locate_errors
 
 
-def _make_item_callback(general: Callable[..., Any], stack: list[StatementExecution]) -> Callable[..., Any]:
+def _make_item_callback(general: Callable[..., Any], stack: list[SqliteExecution]) -> Callable[..., Any]:
     """`item`: the elements of a list are made SQL values once. 0.1 us, where the general way takes 1 us and more."""
 
     def get_item(container: Any, index: Any, place: str) -> Any:
@@ -281,7 +281,7 @@ def _make_item_callback(general: Callable[..., Any], stack: list[StatementExecut
 def _make_membership_callback(negated: bool) -> Callable[..., Callable[..., Any]]:
     """`in` and `not_in`: the elements of a list are put into a set once."""
 
-    def make_quick_test(general: Callable[..., Any], stack: list[StatementExecution]) -> Callable[..., Any]:
+    def make_quick_test(general: Callable[..., Any], stack: list[SqliteExecution]) -> Callable[..., Any]:
         def contains_item(item: Any, container: Any, place: str) -> Any:
             execution = stack[-1]
             try:

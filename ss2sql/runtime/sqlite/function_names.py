@@ -34,7 +34,7 @@ def choose_function_names(functions: Mapping[str, Any]) -> dict[str, str]:
         {},
     )
     for name in sorted(functions, key=lambda word: (word.lower(), word)):
-        candidate = stem = _shorten_function_name(name)
+        candidate = stem = _shorten_sqlite_function(name)
         count = 1
         while candidate.lower() in taken and (name not in OPERATIONS or name in RESERVED_NAMES):
             count += 1
@@ -44,6 +44,6 @@ def choose_function_names(functions: Mapping[str, Any]) -> dict[str, str]:
     return names
 
 
-def _shorten_function_name(name: str) -> str:
+def _shorten_sqlite_function(name: str) -> str:
     """A name that SQLite takes for a function, which has 255 bytes at most, with room for a number."""
     return name.encode()[:240].decode(errors="ignore")

@@ -18,7 +18,7 @@ from ss2sql.language.conversion import (
     build_depth_error,
     convert_value,
     is_marshalled_value,
-    is_shallow_scalar_list,
+    is_shallow_list_value,
 )
 from ss2sql.language.kinds import INT_MAX, INT_MIN, is_encodable
 from ss2sql.language.values import Opaque, copy_for_python, find_several_forms, get_truth, make_hashable
@@ -60,7 +60,7 @@ class Interning:
         tag = urandom(6)
         self._tags = (_FALSY + tag, _TRUTHY + tag)
         self._made = 0
-        # What tells values apart -> handle: marshal bytes; of objects, which have none, see _make_exact_key.
+        # What tells values apart -> handle: marshal bytes; of objects, which have none, see _make_handle_key.
         self._handles: dict[Hashable, bytes] = {}
         # Whether all values were such that equal ones are the same, numbers apart; `mixed` hears of the first other.
         self.pure = True
@@ -128,7 +128,7 @@ class Interning:
                 hash(tuple(value))  # 0.06 us for nine numbers; `dumps` might follow a list inside for ever
             except TypeError:
                 return self.encode(convert_value(value, giver))
-        elif not is_shallow_scalar_list(value):
+        elif not is_shallow_list_value(value):
             return self.encode(convert_value(value, giver))
         marshalled = dumps(value, 2)
         handle = self._handles.get(marshalled)
@@ -139,7 +139,7 @@ class Interning:
         if kind is list and is_marshalled_value(marshalled):
             return self._add_handle(marshalled, marshalled, value)
         handle = self.encode(convert_value(value, giver))
-        if is_shallow_scalar_list(value):  # else these bytes may be those of another object, such as a scalar of NumPy
+        if is_shallow_list_value(value):  # else these bytes may be those of another object, such as a scalar of NumPy
             self._handles[marshalled] = handle
         return handle
 
@@ -238,7 +238,7 @@ class Interning:
     def _encode_objects(self, value: Any) -> bytes:
         """The handle of an object, or of a list or dict with objects inside, which this keeps alive."""
         try:
-            exact = _make_exact_key(value)
+            exact = _make_handle_key(value)
         except RecursionError:
             raise build_depth_error("the script made") from None
         handle = self._handles.get(exact)
@@ -270,13 +270,13 @@ def _ignore_value() -> None:
     """Who hears nothing."""
 
 
-def _make_exact_key(value: Any) -> Hashable:
+def _make_handle_key(value: Any) -> Hashable:
     """What tells a value with objects inside from all others: the structure, marshal bytes, identities of objects."""
     kind = type(value)
     if kind is list or kind is tuple:
-        return kind, *map(_make_exact_key, value)
+        return kind, *map(_make_handle_key, value)
     if kind is dict:
-        return kind, *map(_make_exact_key, chain.from_iterable(value.items()))
+        return kind, *map(_make_handle_key, chain.from_iterable(value.items()))
     if kind in SCALARS or kind is bytes:
         return dumps(value, 2)
     return id(value.object if kind is Opaque else value)

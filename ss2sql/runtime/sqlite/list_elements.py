@@ -15,7 +15,7 @@ from typing import Any, TypeAlias, cast
 import apsw
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.lowering.sql_names import choose_column_names, quote_names
+from ss2sql.lowering.sql_names import choose_sql_names, quote_names
 from ss2sql.lowering.sql_query import ListTable
 
 SqlValue: TypeAlias = Any
@@ -49,7 +49,7 @@ class ElementColumns:
         return column
 
 
-def build_function_columns(elements: Sequence[SqlValue], arguments: tuple[SqlValue, ...]) -> ElementColumns:
+def build_callback_columns(elements: Sequence[SqlValue], arguments: tuple[SqlValue, ...]) -> ElementColumns:
     """The same for a module that calls a function: `elements` of what it gives for the arguments, which follow."""
     length = len(elements)
     made = ElementColumns(None, length, 1 + len(arguments), lambda number: [arguments[number - 1]] * length)
@@ -91,7 +91,7 @@ class ElementModule:
         self.calls = calls
         self.cursor = _CallingCursor if table.calls else _Cursor
         self.name = name
-        self.names = (*choose_column_names(table.columns).values(), *(call.name for call in table.calls))
+        self.names = (*choose_sql_names(table.columns).values(), *(call.name for call in table.calls))
         self.first_call = len(table.columns) + 1
         self.requests: list[CallRequest] = []  # of plans, by their numbers
         self.arguments = max(table.arguments, ARGUMENTS)

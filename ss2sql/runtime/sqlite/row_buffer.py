@@ -24,7 +24,7 @@ Walk: TypeAlias = Callable[[Iterator[Any]], Iterator[None]]
 _PLAIN = Kind.NONE | Kind.INT | Kind.FLOAT | Kind.STR
 
 
-def is_plain_in_sql(kind: Type) -> bool:
+def is_plain_in_sqlite(kind: Type) -> bool:
     """Whether values have their own form in SQL; a bool alone is 0 or 1."""
     return kind.is_only(_PLAIN) or kind.kinds == Kind.BOOL
 
@@ -57,11 +57,11 @@ def make_row_buffer(schema: Schema, numbers: Sequence[int]) -> RowBuffer:
             continue
         name = names[number]
         if not keyed:
-            if name and is_plain_in_sql(schema.kinds[name]):
+            if name and is_plain_in_sqlite(schema.kinds[name]):
                 groups.setdefault("", []).append((number, Place(number - 1)))
         elif name and name == key:
             keys = number if schema.kinds[name].kinds == Kind.INT else 0
-        elif name and is_plain_in_sql(schema.kinds[name]):
+        elif name and is_plain_in_sqlite(schema.kinds[name]):
             group = schema.group_of[name]
             groups.setdefault(group, []).append((number, schema.groups[group].places[name]))
         else:

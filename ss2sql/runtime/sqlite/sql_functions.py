@@ -12,7 +12,7 @@ from ss2sql.language.operations import GROUPS
 from ss2sql.language.rows import Table
 from ss2sql.language.values import convert_value
 from ss2sql.runtime.representations.rows_as_values import as_set
-from ss2sql.runtime.run.elements import list_elements
+from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.sqlite.interning import Interning
 from ss2sql.runtime.sqlite.list_elements import ElementColumns
 from ss2sql.vtables.frames.frame import Frame
@@ -48,13 +48,13 @@ SCALAR_FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 
 
-def read_element_columns(interning: Interning, value: Any, columns: tuple[str, ...]) -> ElementColumns:
+def intern_element_columns(interning: Interning, value: Any, columns: tuple[str, ...]) -> ElementColumns:
     """The elements of a source's value as columns of SQL values: the elements themselves, then their `columns`."""
     elements = interning.decode(value)
     encode = interning.encode
     if isinstance(elements, Frame):
-        return _read_frame_columns(interning, value, elements, columns)
-    items = list_elements(elements)
+        return _intern_frame_columns(interning, value, elements, columns)
+    items = list_source_elements(elements)
     dicts: bool | None = None  # whether they are; nobody knows yet
 
     def make_column(number: int) -> list[Any]:
@@ -74,10 +74,10 @@ def _read_element_column(items: list[Any], name: str, dicts: bool) -> list[Any]:
             return list(map(itemgetter(name), items))
         except KeyError:
             return [item.get(name) for item in items]
-    return [_read_element_part(item, name) for item in items]
+    return [_intern_element_part(item, name) for item in items]
 
 
-def _read_frame_columns(interning: Interning, handle: Any, frame: Frame, columns: tuple[str, ...]) -> ElementColumns:
+def _intern_frame_columns(interning: Interning, handle: Any, frame: Frame, columns: tuple[str, ...]) -> ElementColumns:
     """The columns of a data frame as they are read; numbers and texts are SQL values already."""
 
     def make_column(number: int) -> list[Any]:
@@ -93,7 +93,7 @@ NUMBERS = frozenset({int, float, type(None)})  # which are SQL values as they ar
 _UNENCODED_KINDS = Kind.NONE | Kind.INT | Kind.FLOAT | Kind.STR
 
 
-def _read_element_part(element: Any, name: str) -> Any:
+def _intern_element_part(element: Any, name: str) -> Any:
     """The column of an element; that of a list is one of its own elements, see lowering/union_branches.py."""
     if type(element) is list:
         return element[int(name.removeprefix("this_"))]

@@ -11,7 +11,7 @@ from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.runtime.sqlite.interning import Interning
-from ss2sql.runtime.sqlite.row_buffer import Fill, Walk, is_plain_in_sql
+from ss2sql.runtime.sqlite.row_buffer import Fill, Walk, is_plain_in_sqlite
 from ss2sql.vtables.reading import NOTHING, Reading
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ Read: TypeAlias = Callable[[Any], SqlValue]
 
 
 @lru_cache(maxsize=1000)
-def read_plan(plan: str) -> tuple[tuple[str, str], ...]:
+def read_cursor_plan(plan: str) -> tuple[tuple[str, str], ...]:
     """The columns and comparisons, or the parameters, of a plan's arguments, in their order."""
     if plan == "all":
         return ()
@@ -51,7 +51,7 @@ class Cursor:
         if self.reading is None:
             self.reading, self.interning = self.module.current()
             self.row.buffer_columns(())
-        demands = read_plan(plan)
+        demands = read_cursor_plan(plan)
         if self.module.parameters:
             found = self._read_rows(self.reading, demands, arguments)
         else:
@@ -109,7 +109,7 @@ class Cursor:
         if number < first:
             name = module.columns[number - 1][0]
             read, kind = reading.make_reader(name), reading.schema.kinds[name]
-            if is_plain_in_sql(kind):
+            if is_plain_in_sqlite(kind):
                 return read
             if reading.schema.keyed is None:
                 return lambda row: interning.encode(read(row))

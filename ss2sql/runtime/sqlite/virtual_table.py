@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import apsw
 
-from ss2sql.lowering.sql_names import ROW_NUMBER, choose_column_names, quote_names
+from ss2sql.lowering.sql_names import ROW_NUMBER, choose_sql_names, quote_names
 from ss2sql.runtime.sqlite.interning import Interning
 from ss2sql.runtime.sqlite.row_buffer import RowBuffer, make_row_buffer
 from ss2sql.runtime.sqlite.table_cursor import Cursor
-from ss2sql.vtables.attached_worlds import AttachedTable
+from ss2sql.vtables.attached_worlds import AttachedWorldTable
 from ss2sql.vtables.reading import Reading
 from ss2sql.vtables.schema import Schema, world_error
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.sqlite.executor import StatementExecution
+    from ss2sql.runtime.sqlite.executor import SqliteExecution
 
 SqlValue: TypeAlias = Any
 Current: TypeAlias = Callable[[], tuple[Reading, Interning]]
@@ -43,13 +43,13 @@ class WorldModules:
     `current` gives the execution that runs.
     """
 
-    def __init__(self, connection: apsw.Connection, current: Callable[[], StatementExecution]) -> None:
+    def __init__(self, connection: apsw.Connection, current: Callable[[], SqliteExecution]) -> None:
         self.connection = connection
         self.current = current
-        self.tables: dict[str, AttachedTable] = {}  # by module, those that are attached now
+        self.tables: dict[str, AttachedWorldTable] = {}  # by module, those that are attached now
         self._signatures: dict[str, object] = {}
 
-    def choose_name(self, wanted: str, table: AttachedTable) -> str:
+    def choose_name(self, wanted: str, table: AttachedWorldTable) -> str:
         """The name of the module for a table, registered at the first request."""
         name, count = wanted, 1
         while self._signatures.get(name, table.signature) != table.signature or self._is_taken(name):
@@ -64,9 +64,9 @@ class WorldModules:
         rows = self.connection.execute("SELECT 1 FROM pragma_table_list WHERE name = ? COLLATE NOCASE", (name,))
         return name not in self._signatures and rows.fetchone() is not None
 
-    def _register_module(self, name: str, table: AttachedTable) -> None:
+    def _register_module(self, name: str, table: AttachedWorldTable) -> None:
         schema = table.schema
-        names = choose_column_names(tuple(schema.kinds))
+        names = choose_sql_names(tuple(schema.kinds))
         own = schema.walked is None and not schema.parameters
         columns = [(c.name, c.operators if own else frozenset[str]()) for c in schema.columns]
         module = WorldModule(
@@ -93,7 +93,7 @@ class WorldModules:
         readings = execution.readings
         return readings.get_reading(table.table, readings.places.get(table)), execution.interning
 
-    def forget_tables(self, tables: Iterable[AttachedTable]) -> None:
+    def forget_tables(self, tables: Iterable[AttachedWorldTable]) -> None:
         """Releases tables that are no longer attached."""
         for table in tables:
             if self.tables.get(table.module) is table:

@@ -49,13 +49,13 @@ def find_reader(source: Any, name: str) -> Reader | None:
         if own in _CURES:
             raise SessionError("S002", f"a {own[0]}.{own[1]} cannot be attached", hints=(_CURES[own],))
         if own in _FILES:
-            return _find_module(_FILES[own]).reader(source, name)  # type: ignore[no-any-return]
+            return _find_frame_module(_FILES[own]).reader(source, name)  # type: ignore[no-any-return]
     if hasattr(type(source), "__arrow_c_stream__"):
-        return _find_module("arrow").reader(_read_arrow_table(source), name)  # type: ignore[no-any-return]
+        return _find_frame_module("arrow").reader(_read_arrow_table(source), name)  # type: ignore[no-any-return]
     return None
 
 
-def _find_module(name: str) -> Any:
+def _find_frame_module(name: str) -> Any:
     return import_module(f"ss2sql.vtables.frames.{name}")
 
 

@@ -17,8 +17,8 @@ import numpy
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import convert_value
 from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type, type_of
-from ss2sql.language.operations.intervals import widen_bounds
-from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
+from ss2sql.language.operations.intervals import widen_number_type
+from ss2sql.vtables.frames.frame import Column, Frame, name_frame_columns
 
 if TYPE_CHECKING:
     from ss2sql.vtables.frames import Reader
@@ -52,11 +52,11 @@ def convert_frame_cell(value: Any) -> Any:
     if isinstance(value, datetime.timedelta):
         return value.total_seconds()
     if isinstance(value, Decimal):
-        return convert_decimal(value)
-    return _convert_numpy(value)
+        return convert_frame_decimal(value)
+    return _convert_frame_cells(value)
 
 
-def convert_decimal(value: Decimal) -> int | float | None:
+def convert_frame_decimal(value: Decimal) -> int | float | None:
     """A decimal as a number: an integer if it has no decimal places."""
     if value.is_nan():
         return None
@@ -64,7 +64,7 @@ def convert_decimal(value: Decimal) -> int | float | None:
     return int(value) if isinstance(exponent, int) and exponent >= 0 else float(value)
 
 
-def _convert_numpy(value: Any) -> Any:
+def _convert_frame_cells(value: Any) -> Any:
     """Converts arrays in cells, and scalars of NumPy; other values are converted later."""
     numpy = sys.modules.get("numpy")
     if numpy is None or not isinstance(value, (numpy.ndarray, numpy.generic)):
@@ -94,42 +94,44 @@ def convert_array(array: Array, missing: Array | None, place: str, suffix: str =
     """
     match array.dtype.kind:
         case "b":
-            return _make_known_column(Kind.BOOL, array, missing)
+            return _make_frame_column(Kind.BOOL, array, missing)
         case "i" | "u":
-            return _make_number_column(Kind.INT, array, missing, place)
+            return _make_frame_numbers(Kind.INT, array, missing, place)
         case "f":
             doubles = array.astype(numpy.float64) if array.dtype != numpy.float64 else array
-            return _make_number_column(Kind.FLOAT, doubles, _join_gaps(missing, numpy.isnan(doubles)), place)
+            return _make_frame_numbers(Kind.FLOAT, doubles, _join_nulls(missing, numpy.isnan(doubles)), place)
         case "M":
-            return make_text_column(_join_gaps(missing, numpy.isnat(array)), lambda: _format_times(array, suffix))
+            return make_frame_texts(
+                _join_nulls(missing, numpy.isnat(array)), lambda: _format_frame_times(array, suffix)
+            )
         case "m":
-            return _make_duration_column(array, missing, place)
-    return make_object_column(array.tolist(), place)
+            return _make_frame_durations(array, missing, place)
+    return make_frame_objects(array.tolist(), place)
 
 
-def make_object_column(values: list[Any], place: str) -> Column:
+def make_frame_objects(values: list[Any], place: str) -> Column:
     known = convert_value(convert_frame_cells(values), place)
     return Column(type_of(known).item or Type(), lambda: known)
 
 
-def make_text_column(missing: Array | None, make: Callable[[], list[Any]]) -> Column:
+def make_frame_texts(missing: Array | None, make: Callable[[], list[Any]]) -> Column:
     """The column for strings that UTF-8 can encode. `make` gives them, with any value where they are missing."""
-    return Column(Type(Kind.STR | _find_gaps(missing)), lambda: _insert_none(make(), missing))
+    return Column(Type(Kind.STR | _find_nulls(missing)), lambda: _insert_nulls(make(), missing))
 
 
-def make_empty_column(length: int) -> Column:
+def make_frame_nulls(length: int) -> Column:
     return Column(Type(Kind.NONE), lambda: [None] * length)
 
 
-def make_time_column(array: Array, missing: Array | None) -> Column:
+def make_frame_times(array: Array, missing: Array | None) -> Column:
     """The column for times of the day, given as times of the first day."""
-    return make_text_column(missing, lambda: [text.partition("T")[2] for text in _format_times(array, "")])
+    return make_frame_texts(missing, lambda: [text.partition("T")[2] for text in _format_frame_times(array, "")])
 
 
-def _make_number_column(kind: Kind, array: Array, missing: Array | None, place: str) -> Column:
+def _make_frame_numbers(kind: Kind, array: Array, missing: Array | None, place: str) -> Column:
     present = array if missing is None else array[~missing]
     if not present.size:
-        return _make_known_column(kind, array, missing)
+        return _make_frame_column(kind, array, missing)
     low, high = present.min().item(), present.max().item()
     least, greatest = (INT_MIN, INT_MAX) if kind is Kind.INT else (-numpy.finfo(float).max, numpy.finfo(float).max)
     if low < least or high > greatest:
@@ -137,25 +139,25 @@ def _make_number_column(kind: Kind, array: Array, missing: Array | None, place: 
         row = int(numpy.flatnonzero(wrong if missing is None else wrong & ~missing)[0])
         values: list[Any] = [None] * row + [array[row].item()]
         convert_value(values, place)  # raises, with the row's number
-    return _make_known_column(kind, array, missing, widen_bounds(kind | _find_gaps(missing), low, high))
+    return _make_frame_column(kind, array, missing, widen_number_type(kind | _find_nulls(missing), low, high))
 
 
-def _make_known_column(kind: Kind, array: Array, missing: Array | None, known: Type | None = None) -> Column:
+def _make_frame_column(kind: Kind, array: Array, missing: Array | None, known: Type | None = None) -> Column:
     if known is None:
-        known = Type(kind | _find_gaps(missing), 0, 1) if kind is Kind.BOOL else Type(kind | _find_gaps(missing))
-    return Column(known, lambda: _insert_none(array.tolist(), missing))
+        known = Type(kind | _find_nulls(missing), 0, 1) if kind is Kind.BOOL else Type(kind | _find_nulls(missing))
+    return Column(known, lambda: _insert_nulls(array.tolist(), missing))
 
 
-def _find_gaps(missing: Array | None) -> Kind:
+def _find_nulls(missing: Array | None) -> Kind:
     return Kind.NONE if missing is not None and missing.any() else Kind(0)
 
 
-def _join_gaps(missing: Array | None, also: Array) -> Array | None:
+def _join_nulls(missing: Array | None, also: Array) -> Array | None:
     both = also if missing is None else missing | also
     return both if both.any() else None
 
 
-def _insert_none(values: list[Any], missing: Array | None) -> list[Any]:
+def _insert_nulls(values: list[Any], missing: Array | None) -> list[Any]:
     """The values with None where they are missing; the list is changed in place."""
     if missing is not None:
         for row in numpy.flatnonzero(missing).tolist():
@@ -163,7 +165,7 @@ def _insert_none(values: list[Any], missing: Array | None) -> list[Any]:
     return values
 
 
-def _format_times(array: Array, suffix: str) -> list[str]:
+def _format_frame_times(array: Array, suffix: str) -> list[str]:
     """Dates as 2024-02-01, times as 2024-02-01T12:30:00, with six or nine places of a second where it has any."""
     unit = numpy.datetime_data(array.dtype)[0]
     if unit in ("Y", "M", "W", "D", "generic"):
@@ -180,11 +182,11 @@ def _trim_zeros(text: str) -> str:
     return f"{whole}.{digits[:6] if digits.endswith('000') and len(digits) == 9 else digits.ljust(6, '0')}"
 
 
-def _make_duration_column(array: Array, missing: Array | None, place: str) -> Column:
+def _make_frame_durations(array: Array, missing: Array | None, place: str) -> Column:
     if numpy.datetime_data(array.dtype)[0] in ("Y", "M"):
         hints = ("convert it to days or seconds",)
         raise ExecutionError("X004", f"{place} holds durations in months, which have no length", hints=hints)
-    return convert_array(array / numpy.timedelta64(1, "s"), _join_gaps(missing, numpy.isnat(array)), place)
+    return convert_array(array / numpy.timedelta64(1, "s"), _join_nulls(missing, numpy.isnat(array)), place)
 
 
 def reader(source: Any, name: str) -> Reader | None:
@@ -193,6 +195,6 @@ def reader(source: Any, name: str) -> Reader | None:
 
 
 def _read_array(array: Any, name: str) -> Frame:
-    names = distinct_names(array.dtype.names, name)
+    names = name_frame_columns(array.dtype.names, name)
     columns = {word: convert_array(array[word], None, f"the column '{word}' of '{name}'") for word in names}
     return Frame(columns, len(array))

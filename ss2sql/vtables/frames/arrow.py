@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.language.kinds import INT_MIN
 from ss2sql.vtables.frames.array_columns import (
     convert_array,
-    make_empty_column,
-    make_object_column,
-    make_text_column,
-    make_time_column,
+    make_frame_nulls,
+    make_frame_objects,
+    make_frame_texts,
+    make_frame_times,
 )
-from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
+from ss2sql.vtables.frames.frame import Column, Frame, name_frame_columns
 
 if TYPE_CHECKING:
     from ss2sql.vtables.frames import Reader
@@ -34,13 +34,13 @@ def reader(source: Any, name: str) -> Reader:
 
 
 def _read_arrow(table: Any, name: str) -> Frame:
-    names = distinct_names(table.schema.names, name)
+    names = name_frame_columns(table.schema.names, name)
     parts = zip(names, table.columns, strict=True)
-    columns = {word: make_arrow_column(part, f"the column '{word}' of '{name}'") for word, part in parts}
+    columns = {word: convert_arrow_column(part, f"the column '{word}' of '{name}'") for word, part in parts}
     return Frame(columns, table.num_rows)
 
 
-def make_arrow_column(array: Any, place: str) -> Column:
+def convert_arrow_column(array: Any, place: str) -> Column:
     """The column for an array, in one piece or in several."""
     types = pyarrow.types
     kind, length = array.type, len(array)
@@ -49,28 +49,28 @@ def make_arrow_column(array: Any, place: str) -> Column:
     array = array.combine_chunks() if isinstance(array, pyarrow.ChunkedArray) else array
     missing = array.is_null().to_numpy(zero_copy_only=False) if array.null_count else None
     if types.is_null(kind):
-        return make_empty_column(length)
+        return make_frame_nulls(length)
     if types.is_string(kind) or types.is_large_string(kind):
-        return make_text_column(missing, array.to_pylist)
+        return make_frame_texts(missing, array.to_pylist)
     if types.is_boolean(kind):
         return convert_array(array.fill_null(False).to_numpy(zero_copy_only=False), missing, place)
     if types.is_integer(kind) or types.is_floating(kind):
         return convert_array(array.fill_null(0).to_numpy(zero_copy_only=False), missing, place)
     if types.is_date(kind):
-        return convert_array(_count_ticks(array.cast(pyarrow.date32()), 32).view("M8[D]"), missing, place)
+        return convert_array(_count_arrow_ticks(array.cast(pyarrow.date32()), 32).view("M8[D]"), missing, place)
     if types.is_timestamp(kind):
         suffix = "" if kind.tz is None else "+00:00"
-        return convert_array(_count_ticks(array, 64).view(f"M8[{kind.unit}]"), missing, place, suffix)
+        return convert_array(_count_arrow_ticks(array, 64).view(f"M8[{kind.unit}]"), missing, place, suffix)
     if types.is_duration(kind):
-        return convert_array(_count_ticks(array, 64).view(f"m8[{kind.unit}]"), missing, place)
+        return convert_array(_count_arrow_ticks(array, 64).view(f"m8[{kind.unit}]"), missing, place)
     if types.is_time(kind):
-        return make_time_column(
-            _count_ticks(array, 32 if types.is_time32(kind) else 64).view(f"M8[{kind.unit}]"), missing
+        return make_frame_times(
+            _count_arrow_ticks(array, 32 if types.is_time32(kind) else 64).view(f"M8[{kind.unit}]"), missing
         )
-    return make_object_column(array.to_pylist(), place)
+    return make_frame_objects(array.to_pylist(), place)
 
 
-def _count_ticks(array: Any, bits: int) -> Any:
+def _count_arrow_ticks(array: Any, bits: int) -> Any:
     """The ticks of times as integers of 64 bits, NaT where they are missing."""
     counted = array.cast(pyarrow.int32()).cast(pyarrow.int64()) if bits == 32 else array.cast(pyarrow.int64())
     return counted.fill_null(INT_MIN).to_numpy(zero_copy_only=False)

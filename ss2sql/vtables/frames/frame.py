@@ -35,7 +35,7 @@ class Frame(Typed):
         self.columns = columns
         self.length = length
         empty = Type(Kind.LIST, item=Type(Kind.DICT, columns=()), columns=())  # rows without columns
-        super().__init__(_type_of(columns) if columns else empty)
+        super().__init__(_type_of_frame(columns) if columns else empty)
 
     def make_value(self) -> Any:
         """The value of the language: a dict of columns; of a frame without columns a list of empty rows."""
@@ -57,12 +57,12 @@ class Frame(Typed):
         return f"<data frame of {self.length:,} rows: {', '.join(self.columns)}>"
 
 
-def _type_of(columns: dict[str, Column]) -> Type:
+def _type_of_frame(columns: dict[str, Column]) -> Type:
     types = ((name, column.type) for name, column in columns.items())
     return Type(Kind.DICT, columns=tuple((n, Type(Kind.LIST, item=t, columns=t.columns or ())) for n, t in types))
 
 
-def distinct_names(labels: Iterable[Hashable], owner: str) -> list[str]:
+def name_frame_columns(labels: Iterable[Hashable], owner: str) -> list[str]:
     """The names of columns: strings unchanged, the parts of a tuple joined by `_`, other labels as strings.
 
     Raises ExecutionError X005 where two columns have one name.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.vtables.frames.array_columns import convert_array, make_object_column
-from ss2sql.vtables.frames.frame import Column, Frame, distinct_names
+from ss2sql.vtables.frames.array_columns import convert_array, make_frame_objects
+from ss2sql.vtables.frames.frame import Column, Frame, name_frame_columns
 
 if TYPE_CHECKING:
     from ss2sql.vtables.frames import Reader
@@ -26,7 +26,7 @@ def _read_pandas(source: Any, name: str) -> Frame:
     levels = [level for level in range(frame.index.nlevels) if frame.index.names[level] is not None]
     parts = [frame.index.get_level_values(level).to_series() for level in levels]
     parts += [frame.iloc[:, position] for position in range(frame.shape[1])]
-    names = distinct_names([*(frame.index.names[level] for level in levels), *frame.columns], name)
+    names = name_frame_columns([*(frame.index.names[level] for level in levels), *frame.columns], name)
     columns = {
         word: _convert_series(part, f"the column '{word}' of '{name}'") for word, part in zip(names, parts, strict=True)
     }
@@ -38,12 +38,12 @@ def _convert_series(series: Any, place: str) -> Column:
     if isinstance(kind, pandas.DatetimeTZDtype):
         return convert_array(series.dt.tz_convert("UTC").dt.tz_localize(None).to_numpy(), None, place, "+00:00")
     if isinstance(kind, pandas.ArrowDtype) or getattr(kind, "storage", "") == "pyarrow":
-        from ss2sql.vtables.frames.arrow import make_arrow_column
+        from ss2sql.vtables.frames.arrow import convert_arrow_column
 
-        return make_arrow_column(series.array.__arrow_array__(), place)
+        return convert_arrow_column(series.array.__arrow_array__(), place)
     if isinstance(kind, pandas.api.extensions.ExtensionDtype):
         numbers = getattr(kind, "numpy_dtype", None)
         if numbers is not None and numbers.kind in "biuf":  # Int64, boolean and their like
             return convert_array(series.to_numpy(dtype=numbers, na_value=0), series.isna().to_numpy(), place)
-        return make_object_column(series.astype(object).tolist(), place)
+        return make_frame_objects(series.astype(object).tolist(), place)
     return convert_array(series.to_numpy(), None, place)

@@ -23,7 +23,7 @@ from ss2sql.vtables.body_functions import (  # fmt: skip
     VECTOR,
     RequestedPairs,
     compute_euler_angles,
-    list_shape_columns,
+    list_body_shape_columns,
     make_body_columns,
     make_gone_error,
 )
@@ -297,10 +297,10 @@ class MuJoCoBodies(_Oriented):
     weight = _read_from_model("body_mass")
 
     def read_shapes(self, keys: Keys) -> tuple[Any, ...]:
-        return list_shape_columns(self.world.shapes.list_body_kinds()[self.check_keys(keys)])
+        return list_body_shape_columns(self.world.shapes.list_body_kinds()[self.check_keys(keys)])
 
     def read_volumes(self, keys: Keys) -> list[float | None]:
-        return _list_bounds(self.world.shapes.measure_body_volumes()[self.check_keys(keys)])
+        return _list_mujoco_bounds(self.world.shapes.measure_body_volumes()[self.check_keys(keys)])
 
     def read_boxes(self, keys: Keys) -> Array:
         return self.world.shapes.measure_body_boxes()[self.check_keys(keys)]
@@ -351,10 +351,10 @@ class MuJoCoGeoms(_Oriented):
         return self.world.shapes.read_quaternions(self.check_keys(keys))
 
     def read_shapes(self, keys: Keys) -> tuple[Any, ...]:
-        return list_shape_columns(KINDS[self.world.model.geom_type[self.check_keys(keys)]])
+        return list_body_shape_columns(KINDS[self.world.model.geom_type[self.check_keys(keys)]])
 
     def read_volumes(self, keys: Keys) -> list[float | None]:
-        return _list_bounds(self.world.shapes.measure_volumes()[self.check_keys(keys)])
+        return _list_mujoco_bounds(self.world.shapes.measure_volumes()[self.check_keys(keys)])
 
     def read_boxes(self, keys: Keys) -> Array:
         return self.world.shapes.measure_boxes()[self.check_keys(keys)]
@@ -390,13 +390,13 @@ class MuJoCoJoints(_Numbered):
         simple = model.jnt_type[index] >= 2
         positions = data.qpos[model.jnt_qposadr[index]]
         velocities = data.qvel[model.jnt_dofadr[index]]
-        return _replace_unknown(simple, positions), _replace_unknown(simple, velocities)
+        return _replace_mujoco_unknown(simple, positions), _replace_mujoco_unknown(simple, velocities)
 
     def read_limits(self, keys: Keys) -> tuple[list[float | None], list[float | None]]:
         model, index = self.world.model, self.check_keys(keys)
         limited = model.jnt_limited[index].astype(bool)
         lower, upper = model.jnt_range[index].T
-        return _replace_unknown(limited, lower), _replace_unknown(limited, upper)
+        return _replace_mujoco_unknown(limited, lower), _replace_mujoco_unknown(limited, upper)
 
 
 class MuJoCoSensors(_Numbered):
@@ -458,9 +458,9 @@ class MuJoCoContacts(TableFunction):
                 yield (*map(element, pair), *pair, *points, normal, gaps[number], world.measure_force(number))
 
 
-def _list_bounds(values: Array) -> list[float | None]:
+def _list_mujoco_bounds(values: Array) -> list[float | None]:
     return [None if value != value else value for value in values.tolist()]
 
 
-def _replace_unknown(known: Array, values: Array) -> list[float | None]:
+def _replace_mujoco_unknown(known: Array, values: Array) -> list[float | None]:
     return [value if yes else None for yes, value in zip(known.tolist(), values.tolist(), strict=True)]

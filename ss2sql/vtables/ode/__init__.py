@@ -20,8 +20,8 @@ from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps, Qu
 from ss2sql.vtables.ode.ode_tables import (
     OdeBodies,
     OdeContacts,
-    measure_distance,
     measure_distance_to_plane,
+    measure_geom_distance,
     name_shape,
     read_geom_size,
     read_position,
@@ -91,7 +91,7 @@ class OdeWorld(BodyWorld):
 
     def _is_in_space(self, geom: Any) -> bool:
         # getSpace is stale for a removed geom, and None for spaces within a space.
-        return bool(self.space.query(geom) or any(space.query(geom) for space in _list_spaces(self.space)))
+        return bool(self.space.query(geom) or any(space.query(geom) for space in _list_ode_spaces(self.space)))
 
     def list_near_pairs(self) -> list[tuple[int, int]]:
         """The pairs of geoms whose boxes overlap and which may touch, ordered by number."""
@@ -106,7 +106,7 @@ class OdeWorld(BodyWorld):
                 first, second = of(one), of(other)
                 pairs.add((min(first, second), max(first, second)))
 
-        for space in [self.space, *_list_spaces(self.space)]:
+        for space in [self.space, *_list_ode_spaces(self.space)]:
             space.collide(None, note_pair)
         return sorted(pairs)
 
@@ -158,7 +158,7 @@ class OdeWorld(BodyWorld):
             return inf
         if name_shape(second) == "plane":
             return measure_distance_to_plane(shape_geom(first), *second.getParams())
-        return measure_distance(shape_geom(first), shape_geom(second))
+        return measure_geom_distance(shape_geom(first), shape_geom(second))
 
     def put_body(self, body: int, position: Vector, turn: Quaternion) -> None:
         geom = self.get_geom(body)
@@ -178,11 +178,11 @@ def _walk_geoms(space: Any) -> Iterator[Any]:
             yield geom
 
 
-def _list_spaces(space: Any) -> Iterator[Any]:
+def _list_ode_spaces(space: Any) -> Iterator[Any]:
     for geom in space:
         if geom.isSpace():
             yield geom
-            yield from _list_spaces(geom)
+            yield from _list_ode_spaces(geom)
 
 
 def _can_touch(one: Any, other: Any) -> bool:

@@ -25,7 +25,7 @@ from ss2sql.vtables.body_functions import (
     Quaternion,
     RequestedPairs,
     Vector,
-    clip_to_finite,
+    clip_body_corner,
     make_body_columns,
 )
 from ss2sql.vtables.contract import Column, TableFunction, Where
@@ -78,7 +78,7 @@ def make_convex(kind: str, size: Sequence[float], centre: Sequence[float], axes:
     raise ValueError(f"a {kind} has no distance that could be computed")
 
 
-def measure_distance(one: Convex, other: Convex) -> float:
+def measure_geom_distance(one: Convex, other: Convex) -> float:
     """The shortest distance of two solids; 0 where the cores touch, less where only the layers overlap."""
     return _measure_core_distance(one, other) - one.layer - other.layer
 
@@ -280,7 +280,7 @@ class OdeBodies(Posed):
 
     def read_box(self, key: int) -> tuple[Vector, Vector]:
         low_x, high_x, low_y, high_y, low_z, high_z = self.get_geom(key).getAABB()
-        return clip_to_finite((low_x, low_y, low_z)), clip_to_finite((high_x, high_y, high_z))
+        return clip_body_corner((low_x, low_y, low_z)), clip_body_corner((high_x, high_y, high_z))
 
     def is_touchable(self, key: int) -> bool:
         return bool(self.get_geom(key).isEnabled())

@@ -31,7 +31,7 @@ from ss2sql.vtables.body_functions import (  # fmt: skip
     Posed,
     Quaternion,
     Vector,
-    clip_to_finite,
+    clip_body_corner,
     make_body_columns,
     make_gone_error,
 )
@@ -92,7 +92,7 @@ class _OpenRaveSolids(Posed):
     def read_box(self, key: Any) -> tuple[Vector, Vector]:
         found = self.get_part(key).ComputeAABB()
         middle, half = np.asarray(found.pos()), np.asarray(found.extents())
-        return clip_to_finite(middle - half), clip_to_finite(middle + half)
+        return clip_body_corner(middle - half), clip_body_corner(middle + half)
 
     def is_touchable(self, key: Any) -> bool:
         return bool(self.get_part(key).IsEnabled())

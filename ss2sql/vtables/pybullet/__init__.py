@@ -19,13 +19,13 @@ from ss2sql.vtables.pybullet.collision import CollisionFunctions, CollisionShape
 from ss2sql.vtables.pybullet.contact_tables import BulletClosest, BulletContacts, BulletNear, Rays
 from ss2sql.vtables.pybullet.joints import BulletJoints, BulletShapes, Cameras
 from ss2sql.vtables.pybullet.links import BulletLinks
-from ss2sql.vtables.pybullet.occupancy_grid import Representations
+from ss2sql.vtables.pybullet.occupancy_grid import BulletRepresentations
 from ss2sql.vtables.schema import get_world_tables, world_error
 
 __all__ = ["PyBulletWorld"]
 
 
-class PyBulletWorld(Representations, CollisionFunctions):
+class PyBulletWorld(BulletRepresentations, CollisionFunctions):
     """A PyBullet simulation. Lengths are in metres, masses in kilograms, angles in radians.
 
     Args:

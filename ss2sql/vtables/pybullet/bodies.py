@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ss2sql.vtables.body_functions import FAR, PLACES, SHAPE, SPIN, VELOCITY, list_shape_columns, make_body_columns
+from ss2sql.vtables.body_functions import FAR, PLACES, SHAPE, SPIN, VELOCITY, list_body_shape_columns, make_body_columns
 from ss2sql.vtables.contract import Column, Element, Table, Where
 from ss2sql.vtables.pybullet.links import SOFT, UNKNOWN
 from ss2sql.vtables.pybullet.poses import Box, unite_boxes
@@ -116,12 +116,14 @@ def get_spatial_index(world: Any) -> SpatialIndex:
 KINDS = {2: "sphere", 3: "box", 4: "cylinder", 5: "mesh", 6: "plane", 7: "capsule", 9: "terrain"}  # PyBullet's GEOM_...
 _TYPES = (*KINDS.values(), "compound", "ghost")
 FORM_ROWS = {
-    (kind, robot): (*list_shape_columns(kind), robot, kind != "ghost") for kind in _TYPES for robot in (False, True)
+    (kind, robot): (*list_body_shape_columns(kind), robot, kind != "ghost")
+    for kind in _TYPES
+    for robot in (False, True)
 }
 SINGLE_ROWS: dict[int, tuple[Any, ...]] = {  # of bodies with one shape
     number: FORM_ROWS[kind, False] for number, kind in KINDS.items()
 }
-SOFT_ROW = (*list_shape_columns(None), False, True)
+SOFT_ROW = (*list_body_shape_columns(None), False, True)
 FIXED = 4  # PyBullet's JOINT_FIXED
 
 

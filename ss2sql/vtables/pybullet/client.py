@@ -36,7 +36,7 @@ def _make_client_type() -> Any:
     return Client
 
 
-def start_simulation() -> Any:
+def start_bullet() -> Any:
     """A new simulation without a window, a `pybullet_utils.bullet_client.BulletClient`."""
     return _make_client_type()()
 

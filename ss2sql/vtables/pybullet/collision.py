@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ss2sql.errors import ExecutionError
-from ss2sql.vtables.body_functions import BodyWorld, Quaternion, Vector, make_parameter_error, read_numbers
+from ss2sql.vtables.body_functions import BodyWorld, Quaternion, Vector, make_parameter_error, read_body_numbers
 from ss2sql.vtables.contract import Element, function
 from ss2sql.vtables.pybullet.bodies import KINDS, measure_box
 from ss2sql.vtables.pybullet.links import SOFT, read_link_pose
@@ -30,7 +30,7 @@ from ss2sql.vtables.pybullet.poses import (
     Point,
     Pose,
     Rotation,
-    compose_rotations,
+    compose_pose_turns,
     convert_pose_to_local,
     convert_pose_to_world,
     get_link_poses,
@@ -182,11 +182,11 @@ def _is_safe_to_read(world: Any, body: int, link: int, visible: Sequence[Shape])
         return True
     if len(visible) > 1:
         return False
-    measured = _Measured(world, body, link, visible[0])
+    measured = _MeasuredLink(world, body, link, visible[0])
     return measured.is_plain() or (link < 0 and not measured.can_have_ends())
 
 
-class _Measured:
+class _MeasuredLink:
     """A link with one visual capsule, and the box around its collision shapes."""
 
     def __init__(self, world: Any, body: int, link: int, capsule: Shape) -> None:
@@ -255,7 +255,9 @@ class Robot:
         self.turn = turn
         self._shapes = tuple(parts)
         self.parts = tuple(Part(shape, place, o, extent.measure_reach(o)) for shape, extent, (place, o) in self._shapes)
-        self.box = unite_boxes([_make_reach_box(part.place, part.reach) for part in self.parts] or [(ORIGIN, ORIGIN)])
+        self.box = unite_boxes(
+            [_make_collision_box(part.place, part.reach) for part in self.parts] or [(ORIGIN, ORIGIN)]
+        )
         self._turned: dict[Rotation, Robot] = {turn: self}
 
     def turn_base(self, turn: Rotation) -> Robot:
@@ -265,13 +267,13 @@ class Robot:
             if len(self._turned) >= MOST_TURNS:
                 self._turned.clear()
             _, offset = convert_pose_to_local((ORIGIN, self.turn), (ORIGIN, UPRIGHT))
-            more = ORIGIN, compose_rotations(turn, offset)  # from the one orientation to the other
+            more = ORIGIN, compose_pose_turns(turn, offset)  # from the one orientation to the other
             parts = [(shape, extent, convert_pose_to_world(more, pose)) for shape, extent, pose in self._shapes]
             known = self._turned[turn] = Robot(turn, parts)
         return known
 
 
-def _make_reach_box(place: Point, reach: Point) -> Box:
+def _make_collision_box(place: Point, reach: Point) -> Box:
     (x, y, z), (a, b, c) = place, reach
     return (x - a, y - b, z - c), (x + a, y + b, z + c)
 
@@ -453,7 +455,7 @@ class CollisionFunctions(BodyFunctions):
         A body in place of the pose: whether these two collide now. Nothing at all: whether it collides with any, now.
         Bodies collide where they come nearer than `margin`, in m: 0 counts what just touches, -0.001 lets it touch.
         """
-        near = _check_margin("collision", margin)
+        near = _check_collision_margin("collision", margin)
         body = self.find_body(one)
         if other is None:
             return self.is_touching(body, near)
@@ -464,7 +466,7 @@ class CollisionFunctions(BodyFunctions):
     @function("volatile")
     def checkCollision(self, body: Any, margin: Any = 0.0) -> bool:  # noqa: N802 - the paper's word
         """Whether a body collides with any other where it is now, after all `move`s; `margin` as in `collision`."""
-        return self.is_touching(self.find_body(body), _check_margin("checkCollision", margin))
+        return self.is_touching(self.find_body(body), _check_collision_margin("checkCollision", margin))
 
     def measure_gap(self, one: int, other: int) -> float:
         points = self.calls.getClosestPoints(one, other, 1e6)
@@ -526,8 +528,8 @@ class CollisionFunctions(BodyFunctions):
         return self._shape_cache
 
 
-def _check_margin(name: str, value: Any) -> float:
-    found = read_numbers([value], 1)
+def _check_collision_margin(name: str, value: Any) -> float:
+    found = read_body_numbers([value], 1)
     if found is None:
         raise make_parameter_error(name, "a margin in metres", value)
     return found[0]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import dist
 from typing import Any
 
-from ss2sql.vtables.body_functions import PAIR, VECTOR, make_parameter_error, read_numbers
+from ss2sql.vtables.body_functions import PAIR, VECTOR, make_parameter_error, read_body_numbers
 from ss2sql.vtables.contract import Column, TableFunction
 from ss2sql.vtables.pybullet.bodies import get_spatial_index
 
@@ -42,7 +42,7 @@ class BulletClosest(TableFunction):
 
     def rows(self, a: Any, b: Any, distance: float) -> Iterator[tuple[Any, ...]]:
         world = self.world
-        if read_numbers([distance], 1) is None:
+        if read_body_numbers([distance], 1) is None:
             raise make_parameter_error("closest", "a distance in metres", distance)
         for one, other in world.iterate_pairs(a, b):
             for point in world.calls.getClosestPoints(one, other, distance) or ():
@@ -59,7 +59,7 @@ class BulletNear(TableFunction):
     text = "the bodies whose centre of mass is at most radius metres away from a point or from that of a body"
 
     def rows(self, point: Any, radius: float) -> list[int]:
-        if read_numbers([radius], 1) is None:
+        if read_body_numbers([radius], 1) is None:
             raise make_parameter_error("near", "a radius in metres", radius)
         return get_spatial_index(self.world).find_near(self.world.find_point(point), radius)
 
@@ -99,7 +99,7 @@ def _read_ray_points(world: Any, value: Any) -> list[tuple[float, ...]]:
 
 
 def _read_ray_point(value: Any) -> tuple[float, ...]:
-    point = read_numbers(value, 3)
+    point = read_body_numbers(value, 3)
     if point is None:
         raise make_parameter_error("rays", "points [x, y, z]", value)
     return point

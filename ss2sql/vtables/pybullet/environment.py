@@ -125,7 +125,7 @@ class Environment(Scene):
         scene = world.scene
         super().__init__(getattr(scene, "seed", 0))
         self.ids: dict[int, int] = {}  # of the copies, by those of the originals
-        _read_settings(world.calls, self.client)
+        _copy_bullet_settings(world.calls, self.client)
         self.bounds = measure_bounds(world)  # type: ignore[misc]
         self.views = {"corner": _make_view(*self.bounds)}  # type: ignore[misc]
         for name in ("views", "places", "outlines", "steps"):
@@ -155,7 +155,7 @@ def _make_view(low: Point, high: Point) -> View:
     return View((x + 0.4 * away, y - 0.75 * away, z + 0.55 * away), (x, y, z))
 
 
-def _read_settings(calls: Any, client: Any) -> None:
+def _copy_bullet_settings(calls: Any, client: Any) -> None:
     parameters = calls.getPhysicsEngineParameters()
     client.setGravity(*(parameters[f"gravityAcceleration{axis}"] for axis in "XYZ"))
     client.setTimeStep(parameters["fixedTimeStep"])

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from ss2sql.language.area_arguments import check_cells, check_number, check_numbers, refuse_argument
+from ss2sql.language.area_arguments import check_area_cells, check_number, check_numbers, refuse_argument
 from ss2sql.language.area_grid import Grid
 from ss2sql.language.rows import Table, request_hidden_columns
 from ss2sql.language.values import format_value
@@ -75,7 +75,7 @@ def resolve_area(world: Any, form: str, cell: Any, area: Any) -> tuple[list[floa
         if low[0] >= high[0] or low[1] >= high[1]:
             refuse_argument(form, f"needs the lower corner of the area first, unlike {format_value(area)}")
     counts = [(high[axis] - low[axis]) / edge for axis in (0, 1)]
-    check_cells(form, *counts)
+    check_area_cells(form, *counts)
     columns, rows = (ceil(count - 1e-9) for count in counts)
     return low, edge, columns, rows
 
@@ -104,17 +104,17 @@ def make_occupancy_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) 
     height = check_number("occupancygrid", "the height z", z)
     origin, edge, columns, rows = resolve_area(world, "occupancygrid", cell, area)
     cells = np.zeros((rows, columns), dtype=bool)
-    plates = _make_plates(world, edge) if bodies else []
+    plates = _make_grid_plates(world, edge) if bodies else []
     for body in bodies:
         low, high = measure_box(world, body)
         if low[2] - edge <= height <= high[2] + edge:
             meets = _make_tester(world, plates, body, origin, edge, height)
-            mark = _mark_rows if _is_convex(world, body, edge) else _mark_occupied_cells
+            mark = _mark_occupied_rows if _is_convex(world, body, edge) else _mark_occupied_cells
             mark(cells, meets, _find_covered_cells((low, high), origin, edge, columns, rows))
     return Grid(cells, origin, edge)
 
 
-def _make_plates(world: Any, edge: float) -> list[int]:
+def _make_grid_plates(world: Any, edge: float) -> list[int]:
     """The shapes of plates of 1, 2, 4 ... cells along their edges, made once for each size of cells."""
     stock: ShapeCache = world.__dict__.setdefault("plates", ShapeCache(world.calls))
     stock.clear_after_reset()
@@ -186,7 +186,7 @@ def _search_occupied_cells(meets: Meets, ranges: Ranges, known: Any = None) -> I
                     waiting.append((level - 1, x, y))
 
 
-def _mark_rows(cells: Any, meets: Meets, ranges: Ranges) -> None:
+def _mark_occupied_rows(cells: Any, meets: Meets, ranges: Ranges) -> None:
     """Marks the cells of a convex body, from one of them upwards and downwards row by row."""
     left, right, lower, upper = ranges
     middle = ((left + right) // 2, (lower + upper) // 2)
@@ -194,19 +194,19 @@ def _mark_rows(cells: Any, meets: Meets, ranges: Ranges) -> None:
     start = middle if inside else next(_search_occupied_cells(meets, ranges), None)
     if start is None:
         return
-    first = _find_ends(meets, start[1], start[0], (left, right - 1), (left, right - 1))
+    first = _find_cell_ends(meets, start[1], start[0], (left, right - 1), (left, right - 1))
     cells[start[1], first[0] : first[1] + 1] = True
     for rows in (range(start[1] + 1, upper), range(start[1] - 1, lower - 1, -1)):
         ends = first
         for row in rows:
-            column = _find_any_cell(meets, row, ends, (left, right - 1))
+            column = _find_occupied_cell(meets, row, ends, (left, right - 1))
             if column is None:
                 break
-            ends = _find_ends(meets, row, column, ends, (left, right - 1))
+            ends = _find_cell_ends(meets, row, column, ends, (left, right - 1))
             cells[row, ends[0] : ends[1] + 1] = True
 
 
-def _find_any_cell(meets: Meets, row: int, ends: tuple[int, int], limits: tuple[int, int]) -> int | None:
+def _find_occupied_cell(meets: Meets, row: int, ends: tuple[int, int], limits: tuple[int, int]) -> int | None:
     """A cell of a convex body in a row; `ends` are those of the adjacent row."""
     tried = tuple(dict.fromkeys((sum(ends) // 2, *ends)))
     for column in tried:
@@ -217,13 +217,15 @@ def _find_any_cell(meets: Meets, row: int, ends: tuple[int, int], limits: tuple[
     return next((column for column in rest if meets(0, column, row)), None)
 
 
-def _find_ends(meets: Meets, row: int, inside: int, ends: tuple[int, int], limits: tuple[int, int]) -> tuple[int, int]:
+def _find_cell_ends(
+    meets: Meets, row: int, inside: int, ends: tuple[int, int], limits: tuple[int, int]
+) -> tuple[int, int]:
     """The first and the last cell of a convex body in a row. `inside` is one of them, `ends` may be near."""
-    first = _find_last_cell(meets, row, inside, ends[0], limits[0], -1)
-    return first, _find_last_cell(meets, row, inside, ends[1], limits[1], 1)
+    first = _find_last_occupied_cell(meets, row, inside, ends[0], limits[0], -1)
+    return first, _find_last_occupied_cell(meets, row, inside, ends[1], limits[1], 1)
 
 
-def _find_last_cell(meets: Meets, row: int, inside: int, near: int, limit: int, step: int) -> int:
+def _find_last_occupied_cell(meets: Meets, row: int, inside: int, near: int, limit: int, step: int) -> int:
     """The last occupied cell from `inside` to `limit`."""
     occupied, free = inside, limit + step
     for column in (limit, near, near + step, near - step):
@@ -263,11 +265,11 @@ def make_sensor_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> 
     for body in bodies:
         sensor = world.sensors[body]
         selected = np.flatnonzero(are_in_cone(sensor, points))
-        seen[selected[_find_visible(world, body, sensor, points[selected])]] += 1
+        seen[selected[_find_cells_sensor_sees(world, body, sensor, points[selected])]] += 1
     return grid
 
 
-def _find_visible(world: Any, body: int, sensor: Any, ends: Any) -> Any:
+def _find_cells_sensor_sees(world: Any, body: int, sensor: Any, ends: Any) -> Any:
     """For each point whether a ray from the sensor reaches it."""
     found = np.zeros(len(ends), dtype=bool)
     starts = np.broadcast_to(np.asarray(sensor.position, dtype=float), ends.shape).copy()
@@ -298,7 +300,7 @@ def _cast_rays(world: Any, starts: Any, ends: Any) -> tuple[Any, Any]:
 
 
 # --- the representations of a simulation: `AS occupancygrid`, `AS sensorgrid` and `AS environment`
-class Representations:
+class BulletRepresentations:
     """The representations of selected bodies; bodies of another simulation are read there."""
 
     representations: ClassVar[Mapping[str, str]] = {

@@ -25,7 +25,7 @@ def rotate_point(turn: Sequence[float], point: Sequence[float]) -> Point:
     return px + w * tx + y * tz - z * ty, py + w * ty + z * tx - x * tz, pz + w * tz + x * ty - y * tx
 
 
-def compose_rotations(first: Sequence[float], second: Sequence[float]) -> Rotation:
+def compose_pose_turns(first: Sequence[float], second: Sequence[float]) -> Rotation:
     """One turn after another: `second` first, as with matrices."""
     ax, ay, az, aw = first
     bx, by, bz, bw = second
@@ -41,7 +41,7 @@ def convert_pose_to_world(pose: Pose, local: Pose) -> Pose:
     """A pose relative to another one, as a pose of the world."""
     (x, y, z), turn = pose
     dx, dy, dz = rotate_point(turn, local[0])
-    return (x + dx, y + dy, z + dz), compose_rotations(turn, local[1])
+    return (x + dx, y + dy, z + dz), compose_pose_turns(turn, local[1])
 
 
 def convert_pose_to_local(pose: Pose, other: Pose) -> Pose:
@@ -49,7 +49,7 @@ def convert_pose_to_local(pose: Pose, other: Pose) -> Pose:
     (x, y, z), (a, b, c, w) = pose
     back = (-a, -b, -c, w)
     (px, py, pz), turn = other
-    return rotate_point(back, (px - x, py - y, pz - z)), compose_rotations(back, turn)
+    return rotate_point(back, (px - x, py - y, pz - z)), compose_pose_turns(back, turn)
 
 
 def unite_boxes(boxes: Sequence[Any]) -> Box:

@@ -12,7 +12,7 @@ import numpy as np
 
 from ss2sql.errors import SessionError, suggest_names
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.vtables.pybullet.client import import_pybullet, start_simulation
+from ss2sql.vtables.pybullet.client import import_pybullet, start_bullet
 
 Vector = tuple[float, float, float]
 Colour = tuple[float, float, float]
@@ -93,7 +93,7 @@ def make_visual_shape(client: Any, solid: Solid, colour: Colour) -> int:
         half = (solid.x / 2, solid.y / 2, solid.z / 2)
         return int(client.createVisualShape(bullet.GEOM_BOX, halfExtents=half, rgbaColor=rgba))
     vertices, normals, indices = (
-        _make_square(solid) if isinstance(solid, Plane) else _revolve_outline(_make_outline(solid))
+        _make_bullet_square(solid) if isinstance(solid, Plane) else _revolve_bullet_outline(_make_bullet_outline(solid))
     )
     return int(
         client.createVisualShape(
@@ -107,7 +107,7 @@ Mesh = tuple[list[list[float]], list[list[float]], list[int]]
 Outline = list[tuple[float, float, float, float]]
 
 
-def _make_outline(solid: Sphere | Cylinder | Capsule) -> Outline:
+def _make_bullet_outline(solid: Sphere | Cylinder | Capsule) -> Outline:
     """Half the cross section of a round solid from top to bottom: radius and height, then the normal."""
     match solid:
         case Cylinder(radius, length):
@@ -117,18 +117,18 @@ def _make_outline(solid: Sphere | Cylinder | Capsule) -> Outline:
                 (radius, bottom, 1.0, 0.0), (radius, bottom, 0.0, -1.0), (0.0, bottom, 0.0, -1.0),
             ]  # fmt: skip
         case Sphere(radius):
-            return _make_arc(radius, 0.0, np.linspace(0, pi, 13 if radius > 0.1 else 9))
+            return _make_bullet_arc(radius, 0.0, np.linspace(0, pi, 13 if radius > 0.1 else 9))
         case Capsule(radius, length):
-            upper = _make_arc(radius, length / 2, np.linspace(0, pi / 2, 7))
-            return upper + _make_arc(radius, -length / 2, np.linspace(pi / 2, pi, 7))
+            upper = _make_bullet_arc(radius, length / 2, np.linspace(0, pi / 2, 7))
+            return upper + _make_bullet_arc(radius, -length / 2, np.linspace(pi / 2, pi, 7))
 
 
-def _make_arc(radius: float, height: float, angles: Iterable[float]) -> Outline:
+def _make_bullet_arc(radius: float, height: float, angles: Iterable[float]) -> Outline:
     normals = [(float(np.sin(angle)), float(np.cos(angle))) for angle in angles]
     return [(radius * x, height + radius * z, x, z) for x, z in normals]
 
 
-def _revolve_outline(outline: Outline) -> Mesh:
+def _revolve_bullet_outline(outline: Outline) -> Mesh:
     """The solid of revolution of an outline around the z axis."""
     slices = 2 * len(outline) if len(outline) > 6 else 24
     angles = np.linspace(0, 2 * pi, slices + 1)
@@ -143,7 +143,7 @@ def _revolve_outline(outline: Outline) -> Mesh:
     return vertices.tolist(), normals.tolist(), indices.tolist()
 
 
-def _make_square(plane: Plane) -> Mesh:
+def _make_bullet_square(plane: Plane) -> Mesh:
     normal = np.array(plane.normal)
     first = np.roll(normal, 1)  # at right angles to it: the planes of scenes follow the axes
     second = np.cross(normal, first)
@@ -195,7 +195,7 @@ class Scene:
     bounds: ClassVar[tuple[Vector, Vector]]
 
     def __init__(self, seed: int, client: Any = None) -> None:
-        self.client = start_simulation() if client is None else client
+        self.client = start_bullet() if client is None else client
         self.client.resetSimulation()
         self.client.setTimeStep(TIME_STEP)
         self.client.setPhysicsEngineParameter(deterministicOverlappingPairs=1)
