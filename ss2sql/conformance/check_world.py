@@ -248,7 +248,7 @@ def check_world(
 
 
 @contextmanager
-def _guard_rule(rule: str, table: str) -> Iterator[None]:
+def _guard_judged_rule(rule: str, table: str) -> Iterator[None]:
     """Exceptions inside break a rule."""
     try:
         yield
@@ -266,7 +266,7 @@ class _Judge:
         if world is None:
             raise BrokenRuleError("there is an adapter", type(source).__name__, "no adapter serves this type")
         self.world: World = world
-        with _guard_rule("declarations hold together", type(world).__name__):
+        with _guard_judged_rule("declarations hold together", type(world).__name__):
             get_world_tables(world)
             self.attached = AttachedWorld("world", world, lambda name, table: name)
 
@@ -318,21 +318,21 @@ class _Judge:
         self.report.elements[table.name] = len(keys)
 
     def _list_keys(self, table: Table, where: Where) -> list[Any]:
-        with _guard_rule("keys can be listed", table.name), CacheOfQuery(self.world, {}):
+        with _guard_judged_rule("keys can be listed", table.name), CacheOfQuery(self.world, {}):
             return list(table.keys(where))
 
     def _read_rows(self, table: Table, schema: Schema, keys: Sequence[Hashable]) -> list[dict[str, Any]]:
         """All columns of the elements with these keys, read anew."""
         reading = Reading(schema)
         reading.announced = keys
-        with _guard_rule("values fit their columns", table.name):
+        with _guard_judged_rule("values fit their columns", table.name):
             readers = {name: reading.make_reader(name) for name in schema.kinds}
             return [{name: read(key) for name, read in readers.items()} for key in keys]
 
     def _check_blocks(self, table: Table, schema: Schema, keys: list[Any]) -> None:
         """Blocks, which queries use unchecked, are lists of tuples with values of the declared types."""
         for group in sorted(schema.blocks):
-            with _guard_rule("blocks fit their columns", table.name):
+            with _guard_judged_rule("blocks fit their columns", table.name):
                 found = list(getattr(table, group)(keys))
                 clean = [schema.convert_row(group, row) for row in found]
             if len(found) != len(keys):
@@ -410,7 +410,7 @@ class _Judge:
             self.report.skipped.append(table.name)
         for arguments in calls:
             shown = f"{table.name}({', '.join(map(repr, arguments))})"
-            with _guard_rule("table functions give rows that fit", shown):
+            with _guard_judged_rule("table functions give rows that fit", shown):
                 rows, again = (Reading(schema, self._make_reading(schema)).call_function(arguments) for _ in range(2))
             if rows != again:
                 raise BrokenRuleError("reading changes nothing", shown, f"it gives {rows}, then {again}")

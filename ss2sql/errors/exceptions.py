@@ -210,13 +210,13 @@ class _Page:
         self.add_line(text)
         hanging = [(place, one) for place, one in zip(places[:-1], marks[:-1], strict=True) if one.label]
         if hanging:
-            self.add_line(self._draw_bars(hanging))
+            self.add_line(self._draw_mark_lines(hanging))
         while hanging:
             place, one = hanging.pop()
-            bars, used = self._draw_bars(hanging), hanging[-1][0] + 1 if hanging else 0
+            bars, used = self._draw_mark_lines(hanging), hanging[-1][0] + 1 if hanging else 0
             self.add_line(bars + " " * (place - used) + self.color_text(one.style, one.label))
 
-    def _draw_bars(self, hanging: list[tuple[int, _Mark]]) -> str:
+    def _draw_mark_lines(self, hanging: list[tuple[int, _Mark]]) -> str:
         """The lines from marks down to their labels."""
         text, at = "", 0
         for place, one in hanging:

@@ -24,7 +24,7 @@ from ss2sql.runtime.graph_cache.graph_store import (
     CachedStep,
     GraphDescription,
     GraphStore,
-    build_damage_error,
+    build_damaged_graph_error,
     decode_steps,
     encode_steps,
     encode_values_as_json,
@@ -154,7 +154,7 @@ class CachedSteps(Notes):
         except _TEMPORARY_ERRORS as error:
             self._write_failed = str(error)
         except (*READ_ERRORS, ValueError) as error:
-            raise build_damage_error(str(error)) from error
+            raise build_damaged_graph_error(str(error)) from error
         if self.graph.elements:
             self.pairs[: len(self._states)] = map(self._load_pairs, self._states)
 
@@ -212,7 +212,7 @@ class CachedSteps(Notes):
             self._write_failed = str(error)
             return False
         except READ_ERRORS as error:
-            raise build_damage_error(str(error)) from error
+            raise build_damaged_graph_error(str(error)) from error
         self._last_write = True
         for text, *_ in part:
             del self._unwritten[text]
@@ -243,7 +243,9 @@ class CachedSteps(Notes):
         if steps is None:
             return super().pair_elements(at, items)
         if len(items) != len(steps):
-            raise build_damage_error("a state has other steps now; is a function declared immutable that is not?")
+            raise build_damaged_graph_error(
+                "a state has other steps now; is a function declared immutable that is not?"
+            )
         return list(zip(map(self._make_note, steps), items, strict=True))
 
     def _load_pairs(self, state: CachedState) -> list[Pair] | None:

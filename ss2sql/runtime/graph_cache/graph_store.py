@@ -49,7 +49,7 @@ class CachedStep:
         self.verdicts = verdicts
 
 
-def _thaw_or_refuse(value: Any) -> Any:
+def _thaw_stored_value(value: Any) -> Any:
     if isinstance(value, Frozen):
         return value.value
     value = value.object if isinstance(value, Opaque) else value
@@ -57,7 +57,7 @@ def _thaw_or_refuse(value: Any) -> Any:
 
 
 _encode = json.JSONEncoder(
-    ensure_ascii=False, allow_nan=False, check_circular=False, separators=(",", ":"), default=_thaw_or_refuse
+    ensure_ascii=False, allow_nan=False, check_circular=False, separators=(",", ":"), default=_thaw_stored_value
 ).encode
 # What only another program writes, or a long number or a text: large integers, NaN, infinities, halves of characters.
 _SUSPECT = re.compile(r"\d{16}|\d[eE]|[IN]|\\u[dD]")
@@ -260,7 +260,7 @@ class GraphStore:
         return graph, made
 
 
-def build_damage_error(reason: str) -> ExecutionError:
+def build_damaged_graph_error(reason: str) -> ExecutionError:
     return ExecutionError("X009", f"the remembered graphs cannot be read: {reason}", hints=(CURE,))
 
 
@@ -322,7 +322,7 @@ def list_graphs(store: GraphStore) -> Graphs:
     except (apsw.BusyError, apsw.LockedError) as error:
         raise ExecutionError("X009", f"the remembered graphs cannot be read now: {error}") from error
     except (apsw.Error, ValueError, TypeError, RecursionError) as error:
-        raise build_damage_error(str(error)) from error
+        raise build_damaged_graph_error(str(error)) from error
 
 
 def _build_cached_graph(store: GraphStore, row: tuple[Any, ...]) -> Graph:

@@ -29,7 +29,7 @@ from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.python.equality_index import find_index_lookups
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
-from ss2sql.runtime.python.source_loops import SourceLoops, are_elements_rows, list_loop_expressions
+from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions, loops_over_query_rows
 from ss2sql.runtime.run.array_calls import StagedRows, count_array_calls
 from ss2sql.runtime.run.post_processing import is_row_count
 
@@ -264,7 +264,7 @@ def place_conditions(
 # --- queries in FROM whose loops stand right inside the loops of the query around them
 def can_open_inside(query: plan.Query, analysis: ExpressionAnalysis) -> bool:
     """Whether the loops of a query can stand in those of the query around it."""
-    if not are_elements_rows(query) or query.grouped or query.order or query.limit is not None:
+    if not loops_over_query_rows(query) or query.grouped or query.order or query.limit is not None:
         return False
     if len({output.name for output in query.columns}) < len(query.columns):
         return False

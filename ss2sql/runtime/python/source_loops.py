@@ -47,8 +47,8 @@ from ss2sql.runtime.run.array_calls import (
     BLOCK,
     Blocks,
     Reach,
-    calls_row_function,
     count_array_calls,
+    has_calls_without_arrays,
     is_array_call,
     iterate_call_blocks,
     list_certain_calls,
@@ -313,7 +313,7 @@ class SourceLoops:
         for call in chain.from_iterable(map(list_certain_calls, parts)):
             facts, build = codegen.analysis.facts(call), codegen.build_at(call.place)
             if facts.key is not None and body.name_of(facts) is None:
-                self.calls_rows[-1] |= calls_row_function(*call.arguments)
+                self.calls_rows[-1] |= has_calls_without_arrays(*call.arguments)
                 arguments = build.pack(
                     *(generate_expression(self.builder, argument, body) for argument in call.arguments)
                 )
@@ -331,7 +331,7 @@ class SourceLoops:
         calls = (node for part in parts for node in walk(part) if is_array_call(node))
         number = sum(id(node) not in certain for node in calls)
         body = self._begin_stage(body, codegen.build, codegen.build.constant(number)) if number else body
-        self.calls_rows[-1] |= calls_row_function(*parts)
+        self.calls_rows[-1] |= has_calls_without_arrays(*parts)
         return body
 
     def _begin_stage(
@@ -410,7 +410,7 @@ class SourceLoops:
                 )
             case plan.QuerySource(query=query):
                 nested = builder.compile_query(query, body)
-                if are_elements_rows(query):
+                if loops_over_query_rows(query):
                     codegen.tuples[source.id] = tuple(output.name for output in query.columns)
                     rows = build.call(nested.found or nested.tuples, *nested.arguments)
                     return self._read_once(source, body, build.call("list", rows) if nested.found else rows)
@@ -578,7 +578,7 @@ class SourceLoops:
         )
 
 
-def are_elements_rows(query: plan.Query) -> bool:
+def loops_over_query_rows(query: plan.Query) -> bool:
     """Whether the elements of a query in FROM are its rows, so that no representation is called."""
     representation = query.representation
     plain = representation.name == "dict" and not (representation.arguments or representation.named)

@@ -60,7 +60,7 @@ def count_array_calls(*nodes: Any) -> int:
     return sum(is_array_call(part) for node in nodes for part in walk(node))
 
 
-def calls_row_function(*nodes: Any) -> bool:
+def has_calls_without_arrays(*nodes: Any) -> bool:
     """Whether a function of the user or of a world is called that does not take arrays, which LIMIT bounds."""
     calls = (part for node in nodes for part in walk(node) if isinstance(part, plan.Call))
     return any(not (call.function.builtin or call.function.vectorized) for call in calls)

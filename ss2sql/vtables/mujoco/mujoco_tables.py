@@ -163,7 +163,7 @@ _JOINTS = ("free", "ball", "slide", "hinge")
 _GEOM_COLUMNS = f"{POSITION} {ROTATION} {SHAPE} rot volume aabb".split()
 
 
-def _find_named(names: Sequence[str], where: Where, count: int) -> Iterable[int]:
+def _find_mujoco_numbers(names: Sequence[str], where: Where, count: int) -> Iterable[int]:
     """The numbers that meet conditions on `id` and `name`."""
     number, name = where.equal("id"), where.equal("name")
     if number is not None:
@@ -182,7 +182,7 @@ class _Numbered(Table):
     world: MuJoCoWorld
 
     def keys(self, where: Where) -> Iterable[int]:
-        return _find_named(self.names, where, self.size)
+        return _find_mujoco_numbers(self.names, where, self.size)
 
     @property
     def size(self) -> int:
@@ -254,7 +254,7 @@ class MuJoCoBodies(_Oriented):
     }  # fmt: skip
 
     def keys(self, where: Where) -> Iterable[int]:
-        allowed = _find_named(self.names, where, self.size)
+        allowed = _find_mujoco_numbers(self.names, where, self.size)
         if where.keys().isdisjoint("xyz"):
             return allowed
         inside = self.world.filter_by_position(where)
