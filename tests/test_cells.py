@@ -118,7 +118,7 @@ def test_what_is_true_of_other_expressions_says_nothing_of_the_index() -> None:
 
 
 def test_a_search_over_a_grid() -> None:
-    """Python is asked for an item alone that lies outside, and keeps the rows and the paths."""
+    """Python evaluates only an item that lies outside, and keeps the rows and the paths."""
     query = """SELECT to(x + dx, x), to(y + dy, y) FROM moves WHERE x + dx == 4 AND y + dy == 3
         START WITH x = 0, y = 0 CONNECT BY BREADTH FIRST UNIQUE x = x + dx, y = y + dy
         STOP WITH x + dx < 0 OR x + dx > 4 OR y + dy < 0 OR y + dy >= 4 OR grid[y + dy][x + dx] == 1;"""

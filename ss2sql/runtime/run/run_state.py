@@ -255,8 +255,10 @@ class Run:
 
         Other threads may need it. A full collection among the modules of ss2sql alone takes 15 ms.
         """
-        if gc.isenabled():
-            self.collects_at = time.monotonic() + 1.0
+        if not gc.isenabled():  # whoever paused it ends the pause
+            yield
+            return
+        self.collects_at = time.monotonic() + 1.0
         try:
             with pause_collector():
                 yield
