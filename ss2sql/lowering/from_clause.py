@@ -73,7 +73,7 @@ def lower_source(
         case plan.QuerySource(optional=True):
             return _lower_left_join(selects, source, scope, siblings)
         case plan.QuerySource(query=query):
-            if _can_lower_into_join(query) and not (search is None and _reads_only_outer_rows(query, siblings)):
+            if can_lower_into_join(query) and not (search is None and _reads_only_outer_rows(query, siblings)):
                 return _lower_joined_query(selects, source, scope, siblings, search)
             lateral = can_vary_with(query, siblings, search)
             whole = search is not None
@@ -173,7 +173,7 @@ def lower_record(columns: dict[str, Node]) -> Node:
     return sql_builder.call("record", *arguments)
 
 
-def _can_lower_into_join(query: plan.Query) -> bool:
+def can_lower_into_join(query: plan.Query) -> bool:
     """Whether a query in FROM may be merged with the one around it: nothing but a product, filters and columns."""
     plain = not (query.search or query.grouped or query.order or query.limit or query.having)
     if not plain or query.representation.name != "dict" or any(output.label for output in query.columns):

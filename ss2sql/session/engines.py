@@ -68,7 +68,7 @@ def _open_duckdb_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
         duck.open_tables,
         duck.close_engine,
         (duckdb.Error,),
-        lambda *parts: DuckSearch(*parts).find_results(),
+        lambda *parts: DuckSearch(sources, *parts).find_results(),
         sources=sources,
     )
 

@@ -21,6 +21,7 @@ from second_opinion import DECISIONS, TYPES, twin
 from sessions import code_of
 
 import ss2sql
+from ss2sql.runtime.external import duckdb_search, duckdb_sources
 
 pytest.importorskip("duckdb")
 
@@ -59,6 +60,39 @@ def test_searches_walk_tables(ss: ss2sql.Session, own: Any) -> None:
     script += " CONNECT BY {} n = r.b STOP WITH r.a != n AS list"
     assert agree(ss, script.format("UNIQUE")).value == [[2, 4, 5]]
     assert agree(ss, script.format("BREADTH FIRST")).value == [[2, 4, 5], [3, 4, 5]]
+
+
+# Searches from 1 whose elements are a query in FROM: whether their steps are SQL, and the paths.
+WALKS = [
+    ("b FROM (SELECT * FROM roads WHERE a == n) {} n = b", True, [[2], [3], [2, 4], [2, 4, 5]]),
+    ("b FROM (SELECT * FROM roads WHERE b != 3 AND a == n) {} n = b", True, [[2], [2, 4], [2, 4, 5]]),
+    ("b FROM (SELECT b, a + 0 AS at FROM roads WHERE b < 5 AND a == n) {} n = b", True, [[2], [3], [2, 4]]),
+    ("b FROM (SELECT x.b FROM x = roads, k = kinds WHERE x.a == n AND k.of == x.b AND k.open) {} n = b", True,
+     [[3], [3, 4]]),
+    ("b FROM (SELECT * FROM roads WHERE a == n LIMIT 1) {} n = b", False, [[2], [2, 4], [2, 4, 5]]),
+    ("r.this['b'] AS b FROM r = (SELECT * FROM roads WHERE a == n) {} n = r.this['b']", False,
+     [[2], [3], [2, 4], [2, 4, 5]]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("walk", "in_sql", "paths"), WALKS)
+def test_steps_join_tables_where_they_are(
+    ss: ss2sql.Session, own: Any, monkeypatch: pytest.MonkeyPatch, walk: str, in_sql: bool, paths: list[list[int]]
+) -> None:
+    own.execute("CREATE TABLE roads AS SELECT * FROM (VALUES (1, 2), (1, 3), (2, 4), (3, 4), (4, 5)) AS v(a, b)")
+    own.execute("CREATE TABLE kinds AS SELECT * FROM (VALUES (3, TRUE), (4, TRUE), (2, FALSE)) AS v(of, open)")
+    monkeypatch.setattr(duckdb_search, "TRIES", 0)  # so that the first levels are DuckDB's, too
+    script = "SELECT " + walk.format("START WITH n = 1 CONNECT BY {}")
+    for order in ("UNIQUE", "BREADTH FIRST", "BREADTH FIRST NO CYCLE"):
+        for more in ("", "GROUP BY n", "ORDER BY n DESC, b"):
+            agree(ss, f"{script.format(order)} {more} AS list")
+    found, native = (ss.run(f"{script.format('UNIQUE')} AS list", engine=engine) for engine in ("duckdb", "native"))
+    assert found.value == paths
+    assert (found.stats.generated, found.stats.expanded) == (native.stats.generated, native.stats.expanded)
+    assert ("in SQL" in str(found.explain())) == in_sql
+    if in_sql:  # no row of the tables becomes one of Python
+        monkeypatch.delattr(duckdb_sources._DuckValues, "read_column")
+        assert ss.eval(f"{script.format('UNIQUE')} AS list") == paths
 
 
 def test_what_is_committed_counts(ss: ss2sql.Session, own: Any) -> None:

@@ -2,7 +2,8 @@
 
 They are made from `steps`, which has those of the level before (`depth`) with the columns of their row, and one for
 each START WITH variable that none of these has; `goes_on` says which are expanded. `elements` has what is read of the
-sources, one row for each combination. A step's `place` is that of its state and its combination.
+sources, one row for each combination. A step's `place` is that of its state and its combination. Conditions of a query
+in FROM that read the state join the two: `FROM (SELECT * FROM edges WHERE src == node)` is `elements.src = steps.node`.
 """
 
 from __future__ import annotations
@@ -18,9 +19,10 @@ from sqlglot import exp
 from ss2sql.errors import UnsupportedError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.kinds import INT, Kind
-from ss2sql.language.plan_traversal import find_direct_assignments, walk
+from ss2sql.language.kinds import BOOL, INT, Kind
+from ss2sql.language.plan_traversal import find_direct_assignments, list_states, split_and, walk
 from ss2sql.lowering import sql_builder
+from ss2sql.lowering.from_clause import can_lower_into_join
 from ss2sql.lowering.portable.portable_expressions import (
     PortableExpressions,
     build_refusal,
@@ -59,6 +61,7 @@ class StepSelect:
     parameters: dict[str, str]  # script variable -> what stands for it in the text
     goal: bool | None  # of every row; None: it depends on the row
     goes_on: bool | None  # likewise
+    counted: str | None = None  # a SELECT that counts the elements of all states; None: each state has all of them
 
     def match_columns(self, state: Sequence[Any] | None) -> dict[TypedColumn, Any]:
         """The columns that have a state, with their values; none where there is no state."""
@@ -81,8 +84,6 @@ class _StepWriter:
         self.query, self.search = query, query.search
         self.portable = PortableExpressions()
         self.reads: list[tuple[plan.Element | plan.Column, TypedColumn]] = []
-        for source in query.sources:
-            self._check_source(source)
         for node in walk(query):
             if isinstance(node, plan.Call) and not node.function.builtin:
                 raise build_refusal(f"{node.function.name} is a Python function", node.span)
@@ -95,11 +96,12 @@ class _StepWriter:
             for output in query.columns
         )
         self.states = self._list_state_columns()
-        scope = SqlScope()
-        for source in query.sources:
-            scope = scope.with_source(source.id, partial(self._read_column, source))
+        self.sources: list[plan.Source] = []
+        self.conditions: list[plan.Expr] = []  # of queries in FROM
         before = {(query.id, name): sql_builder.column(kept.name, "frontier") for name, kept in self.states}
-        self.name_scope = SqlScope(scope.sources, before)
+        self.name_scope = SqlScope({}, before)
+        for source in query.sources:
+            self._open_source(source)
 
     def _get_sql_type(self, expr: plan.Expr) -> str:
         kind = expr.type
@@ -126,9 +128,28 @@ class _StepWriter:
             states.append((name, column))
         return states
 
+    def _open_source(self, source: plan.Source) -> None:
+        """Makes a source visible; of a query in FROM that is a join, its sources, conditions, and columns."""
+        if not isinstance(source, plan.QuerySource) or source.optional or not can_lower_into_join(source.query):
+            self._check_source(source)
+            self.sources.append(source)
+            self.name_scope = self.name_scope.with_source(source.id, partial(self._read_column, source))
+            return
+        for inner in source.query.sources:
+            self._open_source(inner)
+        self.conditions += split_and(source.query.where)
+        columns = {output.name: output.expr for output in source.query.columns}
+
+        def read_column(expr: plan.Element | plan.Column) -> Node:
+            if isinstance(expr, plan.Element):
+                raise build_refusal("a whole row is a dict, which has no type there", expr.span)
+            return self.portable.lower_value(columns[expr.name], self.name_scope)
+
+        self.name_scope = self.name_scope.with_source(source.id, read_column)
+
     def _check_source(self, source: plan.Source) -> None:
         """That the source has the same elements for all states."""
-        own = {other.id for other in self.query.sources}
+        own = set(self.name_scope.sources)
         for node in walk(source):
             if isinstance(node, plan.State) and node.query == self.query.id:
                 raise build_refusal("what stands in FROM depends on the state", source.span)
@@ -146,12 +167,14 @@ class _StepWriter:
         return sql_builder.column(self.reads[-1][1].name, "elements")
 
     def _query_elements(self) -> plan.Query:
-        """What is read of the sources, for each combination in their order."""
+        """What is read of the sources, for each combination in their order that may be one of elements."""
+        fixed = [part for part in self.conditions if not list_states(part)]
         columns = tuple(plan.Output(column.name, expr) for expr, column in self.reads)
         return replace(
             self.query,
             columns=columns or (plan.Output("nothing", plan.Constant(0, INT, span=self.query.span)),),
-            where=None,
+            sources=tuple(self.sources),
+            where=plan.And(tuple(fixed), BOOL, span=self.query.span) if fixed else None,
             search=None,
             group=(),
             having=None,
@@ -165,6 +188,10 @@ class _StepWriter:
 
     def write_steps(self, apart: bool) -> StepSelect:
         goal, goes_on, kept = self._write_flags()
+        if any(map(list_states, self.conditions)) and (self.query.group or self.query.order):
+            reason = "GROUP BY and ORDER BY read the elements of a state, which are chosen in FROM"
+            raise build_refusal(reason, (*self.query.group, *(key.expr for key in self.query.order))[0].span)
+        joined = [self.portable.lower_condition(part, self.name_scope) for part in self.conditions if list_states(part)]
         place: Node = sqlglot.parse_one(f"frontier.step * {MAX_ELEMENTS} + elements.nth", read="duckdb")
         outputs: list[Node] = [sql_builder.alias(place, "place")]
         for output, column in zip(self.query.columns, self.rows, strict=True):
@@ -175,8 +202,10 @@ class _StepWriter:
         outputs += [self._cast_column(following[name], column) for name, column in own]
         expanded: Node = sqlglot.parse_one("frontier.depth = :depth - 1 AND frontier.goes_on", read="duckdb")
         frontier = sql_builder.table("frontier", "frontier") if apart else sql_builder.table("steps", "frontier")
-        where = sql_builder.conjunction(kept if apart else [expanded, *kept])
-        select = sql_builder.select(outputs, [frontier, sql_builder.table("elements", "elements")], where)
+        items = [frontier, sql_builder.table("elements", "elements")]
+        matched = joined if apart else [expanded, *joined]
+        select = sql_builder.select(outputs, items, sql_builder.conjunction([*matched, *kept]))
+        count = sql_builder.select([exp.Count(this=exp.Star())], items, sql_builder.conjunction(matched))
         states = tuple(column for _, column in self.states)
         return StepSelect(
             select.sql("duckdb"),
@@ -188,6 +217,7 @@ class _StepWriter:
             self.portable.parameters,
             _get_constant_truth(goal),
             _get_constant_truth(goes_on),
+            count.sql("duckdb") if joined else None,
         )
 
     def _write_flags(self) -> tuple[Node, Node, list[Node]]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from inspect import Parameter, Signature
 from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import Error, ExecutionError
+from ss2sql.errors import Error, ExecutionError, UnsupportedError
 from ss2sql.language import plan
 from ss2sql.language.element_columns import read_column
 from ss2sql.language.kinds import Kind
@@ -181,9 +181,20 @@ class DuckQuery:
         """The rows of the query, see `NativeQuery.compute_rows`. Raises UnsupportedError where only a run can tell."""
         sink = sink or Rows(tuple(output.name for output in self.query.columns), [])
         assert sink.rows is not None
+        found = chain.from_iterable(self._read_blocks(run, _fetch_blocks))
+        sink.rows.extend(found if run.max_rows is None else iterate_limited_rows(found, run.max_rows))
+        return sink
+
+    def fetch_table(self, run: Run) -> Any:
+        """The rows of a query without LIMIT as an Arrow table; raises what `compute_rows` raises."""
+        (table,) = self._read_blocks(run, lambda *statement: [_fetch_table(*statement)])
+        return table
+
+    def _read_blocks(self, run: Run, fetch: Callable[..., Iterable[Any]]) -> Iterator[Any]:
+        """What `fetch(cursor, text, values)` gives of the statement."""
         limit = self._evaluate_limit(run)
         if limit == 0:
-            return sink  # nothing of the query is evaluated
+            return  # nothing of the query is evaluated
         reading = self.sources.open_transaction(run)
         with self.sources.convert_errors():
             strange = reading.strange
@@ -204,12 +215,10 @@ class DuckQuery:
         run.bound[self] = values
         try:
             with interrupt_when_due(run, reading):
-                found = self._iterate_rows(reading, loaded, values, run)
-                sink.rows.extend(found if run.max_rows is None else iterate_limited_rows(found, run.max_rows))
+                yield from self._run_statement(reading, loaded, values, run, fetch)
         except self.sources.errors as error:
             hint = "look at its limit of memory and the room on its disk"
             raise ExecutionError("X009", f"duckdb: {error}", self.query.span, (hint,)) from error
-        return sink
 
     def _evaluate_limit(self, run: Run) -> int | None:
         limit = self.query.limit
@@ -231,20 +240,21 @@ class DuckQuery:
             self._computed[id(expr)] = compile_statement(expr)
         return self._computed[id(expr)](run)
 
-    def _iterate_rows(
+    def _run_statement(
         self,
         reading: DuckTransaction,
         loaded: list[tuple[LoadedTable, list[Sequence[Any]]]],
         values: Mapping[str, Any],
         run: Run,
-    ) -> Iterator[Row]:
+        fetch: Callable[..., Iterable[Any]],
+    ) -> Iterator[Any]:
         cursor, functions = reading.cursor, self.written.functions
         for table, columns in loaded:
             cursor.register(table.name, build_duckdb_table(table, columns))
         failed = register_in_duckdb(cursor, functions, run)
-        cursor.execute(self.text, dict(values) or None)
-        while block := cursor.fetchmany(ROWS_PER_BLOCK):
-            yield from () if failed else block
+        for block in fetch(cursor, self.text, dict(values) or None):
+            if not failed:
+                yield block
             run.check()
         for table, _ in loaded:  # where anything fails, they go with the transaction
             cursor.unregister(table.name)
@@ -285,6 +295,27 @@ class DuckQuery:
         if max(sizes) * self._count_joined_values > run.sizes.limit:
             reason = "texts or lists may become larger than max_size"
             raise build_refusal(reason, self.query.span, "give a larger max_size")
+
+
+def _fetch_blocks(cursor: duckdb.DuckDBPyConnection, text: str, values: dict[str, Any] | None) -> Iterator[list[Row]]:
+    cursor.execute(text, values)
+    while block := cursor.fetchmany(ROWS_PER_BLOCK):
+        yield block
+
+
+def _fetch_table(cursor: duckdb.DuckDBPyConnection, text: str, values: dict[str, Any] | None) -> Any:
+    return cursor.sql(text, params=values).to_arrow_table()
+
+
+def fetch_duckdb_rows(sources: DuckSources, query: plan.Query, run: Run) -> Any:
+    """The rows of a query over tables of DuckDB as an Arrow table; None where Python has to read its sources."""
+    values = [node for node in walk(query) if isinstance(node, plan.ValueSource)]
+    if not any(find_duck_frame(source, run.get_source) for source in values):
+        return None
+    try:
+        return DuckQuery(query, sources, run.get_source).fetch_table(run)
+    except UnsupportedError:
+        return None
 
 
 def _estimate_size(value: Any) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import count, groupby
 from operator import itemgetter
 from tempfile import TemporaryDirectory
@@ -17,14 +18,17 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.lowering.sql_builder import DUCKDB
+from ss2sql.runtime.external.duckdb_query import fetch_duckdb_rows
+from ss2sql.runtime.external.duckdb_sources import DuckSources
 from ss2sql.runtime.external.level_query import DuckLevelStatements
 from ss2sql.runtime.external.level_steps import FirstLevels, PythonSteps, SqlSteps, make_level_steps
-from ss2sql.runtime.external.table_statements import Value, batch_of_rows, join_column_names, translate_duckdb_sql
+from ss2sql.runtime.external.table_statements import Value, join_column_names, table_of_rows, translate_duckdb_sql
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
 if TYPE_CHECKING:
     import duckdb
+    import pyarrow as pa  # type: ignore[import-untyped]
 
 
 ROWS_PER_BLOCK = 10_000  # rows that are read at once
@@ -77,12 +81,13 @@ class DuckTables:
         self.load_rows(table, columns, rows)
 
     def load_rows(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> None:
-        import pyarrow as pa  # type: ignore[import-untyped]
-
         if rows:
-            self.connection.register("block", pa.Table.from_batches([batch_of_rows(columns, rows)]))
-            self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
-            self.connection.unregister("block")
+            self.load_block(table, table_of_rows(columns, rows))
+
+    def load_block(self, table: str, block: pa.Table) -> None:
+        self.connection.register("block", block)
+        self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
+        self.connection.unregister("block")
 
     def run_statement(self, text: str, **values: Value) -> None:
         self.writer.execute_statement(text, values, None)
@@ -142,9 +147,11 @@ BLOCK = 5_000  # steps that are added to their table at once
 
 
 class DuckSearch:
-    def __init__(self, search_run: SearchRun, tables: DuckTables, written: DuckLevelStatements) -> None:
+    def __init__(
+        self, sources: DuckSources, search_run: SearchRun, tables: DuckTables, written: DuckLevelStatements
+    ) -> None:
         self.search_run, self.tables, self.written = search_run, tables, written
-        self.steps: PythonSteps = make_level_steps(search_run, written)
+        self.steps: PythonSteps = make_level_steps(search_run, written, partial(fetch_duckdb_rows, sources))
 
     def find_results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
@@ -171,7 +178,8 @@ class DuckSearch:
             first, before = first + len(level), first
         self.tables.create_table("steps", self.written.columns, rows)
         if isinstance(steps, SqlSteps):
-            self.tables.create_table("elements", self.written.elements, steps.elements)
+            self.tables.create_table("elements", self.written.elements)
+            self.tables.load_block("elements", steps.elements)
         return first
 
     def _search_levels(self, depth: int, steps: int, going: int) -> Iterator[Found]:
@@ -181,7 +189,9 @@ class DuckSearch:
             depth += 1
             generated = search_run.stats.generated
             if isinstance(self.steps, SqlSteps):
-                self.steps.count_tries(going)
+                counted = self.steps.steps.counted
+                ((matched,),) = [(None,)] if counted is None else tables.read_rows(counted, kept=True, depth=depth)
+                self.steps.count_tries(going, matched)
             else:
                 self._expand_level(depth)
             kept = tables.add_rows(written.kept, steps, depth=depth, **self.steps.values)

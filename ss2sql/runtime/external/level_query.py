@@ -179,7 +179,7 @@ class SparkLevelStatements(LevelStatements):
 
     counts = """
         SELECT COUNT(CASE WHEN place >= 0 THEN 1 END), COUNT(CASE WHEN goal THEN 1 END),
-          COUNT(CASE WHEN goes_on THEN 1 END), {accounts}
+          COUNT(CASE WHEN goes_on THEN 1 END), {accounts}, ({counted})
         FROM kept
     """
 
@@ -189,7 +189,7 @@ class SparkLevelStatements(LevelStatements):
         self.chosen = f"SELECT place, {self.outputs} FROM ({self.chosen}) AS chosen"
         self.kept = f"SELECT {step}, * FROM ({self.chosen}) AS unnumbered"
         accounts = "LIST(CASE WHEN place < 0 THEN state END)" if steps is TRIED else "[]"
-        self.counts = self.counts.format(accounts=accounts)
+        self.counts = self.counts.format(accounts=accounts, counted=steps.counted or "SELECT NULL")
 
     def _write_first_to_each_row(self) -> str:
         # The rows before are looked up for the first try to each row alone.

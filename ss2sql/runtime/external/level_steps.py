@@ -8,19 +8,23 @@ from collections.abc import Callable, Container, Hashable, Iterator, Sequence
 from functools import cached_property
 from hashlib import blake2b
 from marshal import dumps, loads
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.errors import UnsupportedError
 from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language import plan
 from ss2sql.language.rows import Row
 from ss2sql.language.values import FrozenRow, FrozenShapes, State, make_hashable
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn, build_sql_limit_error
 from ss2sql.runtime.external.level_query import TRIED, LevelStatements
-from ss2sql.runtime.external.table_statements import Value
+from ss2sql.runtime.external.table_statements import Value, number_rows, table_of_rows
 from ss2sql.runtime.python.native_query import NativeQuery
-from ss2sql.runtime.run.run_state import GraphLevel
+from ss2sql.runtime.run.run_state import GraphLevel, Run
 from ss2sql.runtime.search.search_run import Found, SearchRun
 from ss2sql.runtime.search.step_contract import Expand, Last, list_step_elements
+
+if TYPE_CHECKING:
+    import pyarrow as pa  # type: ignore[import-untyped]
 
 DIGEST = 32  # bytes
 
@@ -163,8 +167,12 @@ class FirstLevels:
         ], goal.last
 
 
-def make_level_steps(search_run: SearchRun, written: LevelStatements) -> PythonSteps:
-    return PythonSteps(search_run, written) if written.steps is TRIED else SqlSteps(search_run, written)
+# Reads the rows of a query that is no search as an Arrow table; None where they have to pass through Python.
+FetchRows: TypeAlias = Callable[[plan.Query, Run], "pa.Table | None"]
+
+
+def make_level_steps(search_run: SearchRun, written: LevelStatements, fetch: FetchRows | None = None) -> PythonSteps:
+    return PythonSteps(search_run, written) if written.steps is TRIED else SqlSteps(search_run, written, fetch)
 
 
 class PythonSteps:
@@ -223,18 +231,24 @@ class SqlSteps(PythonSteps):
     `elements` has what is read of the sources, `nth` counts them.
     """
 
-    def __init__(self, search_run: SearchRun, written: LevelStatements) -> None:
+    def __init__(self, search_run: SearchRun, written: LevelStatements, fetch: FetchRows | None) -> None:
         super().__init__(search_run, written)
         self.values = {label: search_run.run.get_source(name) for label, name in self.steps.parameters.items()}
-        assert self.steps.elements is not None
-        rows = NativeQuery(self.steps.elements).compute_rows(search_run.run).rows
-        assert rows is not None
-        if len(rows) > MAX_ELEMENTS:
+        query = self.steps.elements
+        assert query is not None
+        table = None if fetch is None else fetch(query, search_run.run)
+        if table is None:
+            table = table_of_rows(self._list_fetched(query), NativeQuery(query).compute_rows(search_run.run).rows or ())
+        if len(table) > MAX_ELEMENTS:
             raise build_sql_limit_error("FROM")
-        self.elements = [(nth, *row[: len(self.steps.reads)]) for nth, row in enumerate(rows)]
+        self.elements = number_rows(written.elements, table.select(range(len(self.steps.reads))))
 
-    def count_tries(self, expanded: int) -> None:
-        self.search_run.stats.generated += expanded * len(self.elements)
+    def _list_fetched(self, query: plan.Query) -> tuple[TypedColumn, ...]:
+        return self.steps.reads or (TypedColumn(query.columns[0].name, "BIGINT"),)
+
+    def count_tries(self, expanded: int, generated: int | None) -> None:
+        """Counts the states that were expanded, and the elements that they have: all unless there is a number."""
+        self.search_run.stats.generated += expanded * len(self.elements) if generated is None else generated
         self.search_run.stats.expanded += expanded
 
     def list_known_values(self, begun: FirstStep) -> tuple[Any, ...]:

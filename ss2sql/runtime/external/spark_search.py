@@ -66,7 +66,7 @@ class SparkSteps:
     def send_to_executors(self) -> None:
         """Has the executors get what they need for all levels: the search itself, or the values of elements."""
         if isinstance(self.made, SqlSteps):
-            elements = self.store.load_rows(self.written.elements, self.made.elements)
+            elements = self.store.session.createDataFrame(self.made.elements)
             elements.coalesce(1).createOrReplaceTempView("elements")
         else:
             self.parcel = self.store.context.broadcast(self.packed)
@@ -88,10 +88,10 @@ class SparkSteps:
 
     def read_counts(self, counts: Row, frontier: DataFrame, expanded: int) -> LevelCounts:
         """What the row of `counts` tells. Raises what has kept a task from its work, or has failed there."""
-        kept, goals, going, accounts = counts
+        kept, goals, going, accounts, matched = counts
         stats, before = self.search_run.stats, self.search_run.stats.generated
         if isinstance(self.made, SqlSteps):
-            self.made.count_tries(expanded)
+            self.made.count_tries(expanded, None if matched is None else int(matched))
         told: list[dict[str, Any]] = [read_spark_counts(bytes(state)) for state in accounts]
         for one in told:
             if one["trouble"]:

@@ -13,7 +13,7 @@ from uuid import uuid4
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.lowering.portable.search_steps import TypedColumn
 from ss2sql.lowering.sql_builder import SPARK
-from ss2sql.runtime.external.table_statements import Value, batch_of_rows, translate_duckdb_sql
+from ss2sql.runtime.external.table_statements import Value, table_of_rows, translate_duckdb_sql
 from ss2sql.runtime.search.search_run import SearchRun
 
 if TYPE_CHECKING:
@@ -65,9 +65,7 @@ class SparkStore:
         return self.session.sql(text, arguments)
 
     def load_rows(self, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> DataFrame:
-        import pyarrow as pa  # type: ignore[import-untyped]
-
-        return self.session.createDataFrame(pa.Table.from_batches([batch_of_rows(columns, rows)]))
+        return self.session.createDataFrame(table_of_rows(columns, rows))
 
     def persist_frame(self, frame: DataFrame) -> DataFrame:
         """The same rows, computed when they are first read, and kept from then on.

@@ -48,6 +48,20 @@ def batch_of_rows(columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]])
     return build_batch(columns, list(zip(*rows, strict=True)) or [()] * len(columns))
 
 
+def table_of_rows(columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> pa.Table:
+    import pyarrow as pa
+
+    return pa.Table.from_batches([batch_of_rows(columns, rows)])
+
+
+def number_rows(columns: Sequence[TypedColumn], rows: pa.Table) -> pa.Table:
+    """The rows with their numbers in front; `columns` says what the columns are."""
+    import numpy as np
+    import pyarrow as pa
+
+    return pa.table([pa.array(np.arange(len(rows))), *rows.columns], schema=_make_schema(tuple(columns)))
+
+
 @cache
 def _make_schema(columns: tuple[TypedColumn, ...]) -> pa.Schema:
     import pyarrow as pa
