@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Container, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import cache, cached_property
@@ -233,7 +233,7 @@ class SessionHost:
         self,
         values: Mapping[str, Any] | None = None,
         open_names: bool = False,
-        read: Callable[[], Container[str] | None] = lambda: None,
+        read: Callable[[], frozenset[str] | None] = lambda: None,
     ) -> Catalog:
         """The names that scripts may use; `read` gives the known columns of tables that they read."""
         values_by_name = dict(values or {})
@@ -275,6 +275,8 @@ class SessionHost:
     def resolve_script(self, tree: ast.Script, values: Mapping[str, Any], open_names: bool) -> plan.Program:
         """The plan of a script, resolved against the present and the given values."""
         read = cache(lambda: collect_syntax_columns(tree, *self.names.late.values()))
+        for run in self.active_runs[-1:]:
+            run.reads = read
         catalog = self.make_catalog(values, open_names, read)
         return retry_with_stack(lambda: resolve(tree, catalog))
 

@@ -69,7 +69,7 @@ def list_tables(
         found[name] = tables.list_columns(name)
     if others is not None:
         for name in others.list_names():
-            found.setdefault(name, tuple(column for column, _ in others.read_columns(name)))
+            found.setdefault(name, tuple(column for column, _ in others.describe_table(name)))
     for world in worlds.values():
         found.update((describe_table_call(table), tuple(table.schema.kinds)) for table in world.tables.values())
     return found
@@ -85,7 +85,7 @@ def describe_attached_table(
     if owner in worlds and rest in worlds[owner].tables:
         return "\n".join(describe_table_lines(worlds[owner].tables[rest]))
     source = tables.find_table(owner, rest) if rest else tables.find_table(None, name)
-    columns = source.columns if source is not None else () if others is None else others.read_columns(name)
+    columns = source.columns if source is not None else () if others is None else others.describe_table(name)
     if not columns:
         known = [*worlds, *tables.list_names(), *(() if others is None else others.list_names())]
         known += [table.title for world in worlds.values() for table in world.tables.values()]

@@ -153,7 +153,7 @@ class SymbolTable:
             )  # fmt: skip
             yield from ((name, kind.lower()) for name, kind in rows)
             if not rows and names.others is not None:
-                yield from ((name, _format_symbol_type(kind)) for name, kind in names.others.read_columns(source))
+                yield from ((name, _format_symbol_type(kind)) for name, kind in names.others.describe_table(source))
 
     def _read_head(self, name: str) -> Any:
         """The first elements of a variable: reading the types of 300,000 dicts would take 2 s."""

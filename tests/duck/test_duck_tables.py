@@ -5,6 +5,7 @@ Its tables and views as sources, and Parquet files and data frames.
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from sessions import code_of
 import ss2sql
 from ss2sql.runtime.external import duckdb_search, duckdb_sources
 
-pytest.importorskip("duckdb")
+duckdb = pytest.importorskip("duckdb")
 
 # --- tables of the connection ----------------------------------------------------------------------------
 
@@ -256,6 +257,57 @@ def test_parquet_files(parquet: Path, engine: Any) -> None:
         assert ss.eval("SELECT t.a FROM t, u WHERE t.a == u.a AND u.s == 'n1' AS list") == [1, 3]
         ss.detach("t")
         assert code_of(ss.run, "SELECT a FROM t") == "R003"
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The columns whose least values were asked for."""
+    asked: list[str] = []
+    fetch = duckdb_sources.DuckTransaction.fetch_rows
+
+    def look(self: Any, text: str, values: Any = None) -> Any:
+        asked.extend(sorted(set(re.findall(r"MIN\((\w+)\)", text))))
+        return fetch(self, text, values)
+
+    monkeypatch.setattr(duckdb_sources.DuckTransaction, "fetch_rows", look)
+    return asked
+
+
+@pytest.mark.parametrize(
+    ("script", "columns"),
+    [
+        ("SELECT a FROM t WHERE b == 2 AS list", ["a", "b"]),
+        ("SELECT x.a FROM x = t, y = [1] AS list", ["a"]),
+        ("SELECT count(*) FROM t AS value", []),
+        ("SELECT * FROM t AS rows", ["a", "b", "c"]),
+        ("SELECT this FROM t AS list", ["a", "b", "c"]),
+        ("eval('SELECT a FROM t AS list')", ["a", "b", "c"]),
+    ],
+)
+def test_facts_are_found_of_columns_that_are_read(
+    ss: ss2sql.Session, own: Any, asked: list[str], script: str, columns: list[str]
+) -> None:
+    own.execute("CREATE TABLE t AS SELECT 1 AS a, 2 AS b, 3 AS c")
+    ss.eval(script, engine="native") if "this" in script else ss.eval(script)
+    assert asked == columns
+    query = ss.compile("SELECT c FROM t AS list")
+    assert query.run().value == [3]
+    own.execute("INSERT INTO t VALUES (4, 5, NULL)")
+    assert query.run().value == [3, None]
+    assert dict(ss.tables()) == {"t": ("a", "b", "c")}
+    assert "b  int 2..8" in ss.describe("t")  # bounds are rounded up, so that types change less often
+
+
+def test_facts_of_a_file_are_kept_while_it_is_the_same(parquet: Path, asked: list[str]) -> None:
+    with ss2sql.connect() as ss:
+        ss.attach("t", parquet)
+        first = ss.eval("SELECT a FROM t AS list")
+        assert asked == ["a"]
+        assert ss.eval("SELECT a FROM t WHERE a > 1 AS list") == [one for one in first if one > 1]
+        assert asked == ["a"]
+        duckdb.sql("SELECT 70000 AS a").write_parquet(str(parquet))
+        assert ss.eval("SELECT a FROM t AS list") == [70000]
+        assert asked == ["a", "a"]
 
 
 def test_a_file_that_is_none(tmp_path: Path) -> None:

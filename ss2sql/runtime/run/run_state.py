@@ -208,6 +208,7 @@ class Run:
     snapshots: dict[str, Any] = field(default_factory=dict)  # values of attached objects, each read once
     readings: dict[object, Any] = field(default_factory=dict)  # what was read of another database
     cleanups: list[Callable[[], object]] = field(default_factory=list)  # release the readings
+    reads: Callable[[], frozenset[str] | None] = frozenset  # the columns that its script may read; None: all
     handed: dict[str, Callable[[], Any]] = field(default_factory=dict)  # tables of another database, by their variables
     callables: dict[str, Callable[..., Any]] = field(default_factory=dict)  # functions by name, with their memos
     calls_made: Iterable[tuple[str, tuple[Any, ...], Any]] = ()  # by a statement that failed in SQL
