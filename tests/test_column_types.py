@@ -1,4 +1,4 @@
-"""What is known of the columns of tables and views: never too little, found out within limits, and quickly again."""
+"""What is known of the columns of tables and views: never too little, and found out within limits."""
 
 from __future__ import annotations
 
@@ -111,25 +111,21 @@ def test_a_look_ends_with_the_timeout_and_when_interrupted(file: Path, call: str
         getattr(ss, call)(argument)
 
 
-# --- the second look -----------------------------------------------------------------------------------
+# --- after a change -------------------------------------------------------------------------------------
 
 
-def test_after_a_commit_only_what_is_needed_is_looked_at(ss: ss2sql.Session, file: Path) -> None:
-    write(file, "CREATE TABLE t(id INTEGER PRIMARY KEY, r REAL, s TEXT, n INTEGER); CREATE INDEX by_r ON t(r);"
-                "CREATE INDEX by_s ON t(s); CREATE TABLE other(a)")  # fmt: skip
-    write(file, f"INSERT INTO t SELECT n, n * 0.5, 'x' || n, n FROM ({BIG})")
+def test_only_what_is_read_is_looked_at_and_once_for_each_state_of_the_file(ss: ss2sql.Session, file: Path) -> None:
+    write(file, "CREATE TABLE t(id INTEGER PRIMARY KEY, s TEXT, n INTEGER); CREATE TABLE other(a)")
+    write(file, f"INSERT INTO t SELECT n, 'x' || n, n FROM ({BIG})")
     find = ss.host.tables.find_table
-    for read, least, most in ((["id", "r", "s"], 0, 10), (["n"], ROWS // 100, ROWS // 9), ([], 0, 10)):
-        first = steps_of(ss, lambda read=read: find(None, "t", read))
-        assert first > ROWS // 100 or not read
-        assert steps_of(ss, lambda read=read: find(None, "t", read)) < 2
-        write(file, "INSERT INTO other VALUES (1)")
-        assert least <= steps_of(ss, lambda read=read: find(None, "t", read)) < most
+    for read, least, most in ((["id"], 0, 10), (["s"], ROWS // 100, ROWS // 9), ([], 0, 10)):
+        for _ in range(2):
+            assert least <= steps_of(ss, lambda read=read: find(None, "t", read)) < most
+            assert steps_of(ss, lambda read=read: find(None, "t", read)) < 2
+            write(file, "INSERT INTO other VALUES (1)")
     source = find(None, "t", ["s"])
     assert source is not None
-    assert {name: kind.kinds for name, kind in source.columns} == {
-        "id": Kind.INT, "r": STORED, "s": Kind.STR, "n": STORED
-    }  # fmt: skip
+    assert {name: kind.kinds for name, kind in source.columns} == {"id": Kind.INT, "s": Kind.STR, "n": STORED}
 
 
 VALUES: Any = st.one_of(

@@ -6,7 +6,7 @@ What the data show of the columns, see `column_types.py`, is kept until the data
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Container, Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -61,10 +61,7 @@ Version: TypeAlias = tuple[Any, ...] | None
 
 
 class KnownTable:
-    """A table or view as it was found in a version of its database, with the types of columns that were looked at.
-
-    `types` has for each of them the version, too.
-    """
+    """A table or view as it was found in a version of its database, with the types of columns that were looked at."""
 
     def __init__(
         self, version: Version, source: plan.TableSource, columns: tuple[TableColumn, ...], keys: frozenset[str]
@@ -73,44 +70,20 @@ class KnownTable:
         self.source = source
         self.columns = columns
         self.keys = keys
-        self.types: dict[str, tuple[Version, Type]] = {}
+        self.types: dict[str, Type] = {}
 
-    def is_complete_for(self, version: Version, read: Container[str] | None) -> bool:
-        """Whether all is known that somebody asks for who reads these columns."""
-        if version is None or self.version != version:
-            return False
-        return all(o.name in self.types and self.types[o.name][0] == version for o in self._find_columns_read(read))
+    def find_unknown_columns(self, read: Container[str] | None) -> list[TableColumn]:
+        """The columns that somebody reads who reads these, as far as their types are not known."""
+        return [one for one in self._find_columns_read(read) if one.name not in self.types]
 
     def _find_columns_read(self, read: Container[str] | None) -> list[TableColumn]:
         """The columns that are read; those of the primary key, which sorts rows, always are."""
         return [one for one in self.columns if read is None or one.name in read or one.name in self.keys]
 
-    def find_types(
-        self,
-        types_of: Callable[[apsw.Connection, str, Sequence[TableColumn], Mapping[str, Type]], dict[str, Type]],
-        connection: apsw.Connection,
-        before: KnownTable | None,
-        read: Container[str] | None,
-    ) -> None:
-        """Finds out the types of columns, going by what was known `before`. Raises what apsw raises."""
-        if before is not None and before.columns == self.columns:
-            self.types.update(before.types)
-        table = f"{quote_sqlite_name(self.source.schema)}.{quote_sqlite_name(self.source.table)}"
-        of_now = {name for name, (version, _) in self.types.items() if version is not None and version == self.version}
-        wanted = [one for one in self._find_columns_read(read) if one.name not in of_now]
-        seen = [one for one in wanted if one.name in self.types]
-        new = [one for one in wanted if one.name not in self.types]
-        for columns in filter(None, (seen, new)):
-            known = {one.name: self.types[one.name][1] for one in columns if one.name in self.types}
-            types = types_of(connection, table, columns, known)
-            self.types.update((name, (self.version, found)) for name, found in types.items())
-
     def build_source(self, read: Container[str] | None) -> plan.TableSource:
         """The source with the types of the columns that are read; the others are of all kinds."""
         names_read = {one.name for one in self._find_columns_read(read)}
-        typed = (
-            (one.name, self.types[one.name][1] if one.name in names_read else Type(STORED)) for one in self.columns
-        )
+        typed = ((one.name, self.types[one.name] if one.name in names_read else Type(STORED)) for one in self.columns)
         columns = tuple(typed)
         texts = tuple(
             one.name
@@ -218,19 +191,29 @@ class Tables:
         listed = self._find_listing(schema, name)
         if listed is None:
             return None
-        home, exact, kind, without_rowid = listed
-        version = self._read_version(home)
-        known = self._known.get((home, exact))
-        if known is not None and known.is_complete_for(version, read):
+        home, exact, kind, _ = listed
+        version, known = self._read_version(home), self._known.get((home, exact))
+        if known is not None and (version is None or known.version != version):
+            del self._known[home, exact]
+        elif known is not None and not known.find_unknown_columns(read):
             return known.build_source(read)
         try:
             with self.connection:  # all of it is read from one state of the file
-                found = self._read_table(home, exact, kind, bool(without_rowid), version, known, read)
+                self._learn_table(listed, version, read)
         except READ_ERRORS as error:
             hints = (f"look at the definition of the {kind} in the database",)
             raise ExecutionError("X009", f"the {kind} '{name}' cannot be read: {error}", hints=hints) from error
-        self._known[(home, exact)] = found
-        return found.build_source(read)
+        return self._known[home, exact].build_source(read)
+
+    def _learn_table(self, listed: tuple[Any, ...], version: Version, read: Container[str] | None) -> None:
+        """Finds out what is not known yet of a table in this version. Raises what apsw raises."""
+        home, exact, kind, without_rowid = listed
+        known = self._known.get((home, exact)) or self._describe_table(home, exact, kind, bool(without_rowid), version)
+        if columns := known.find_unknown_columns(read):
+            table = f"{quote_sqlite_name(home)}.{quote_sqlite_name(exact)}"
+            infer_types = infer_view_types if kind == "view" else infer_table_types
+            known.types.update(infer_types(self.connection, table, columns))
+        self._known[home, exact] = known
 
     def list_columns(self, name: str) -> tuple[str, ...]:
         """The columns of a table or view, without a look at its rows; none of a view that cannot be read."""
@@ -317,16 +300,7 @@ class Tables:
         own = 0 if self.graphs is None else self.graphs.changes
         return (versions, cookies, self.connection.total_changes() - own)
 
-    def _read_table(
-        self,
-        schema: str,
-        name: str,
-        kind: str,
-        without_rowid: bool,
-        version: Version,
-        before: KnownTable | None,
-        read: Container[str] | None,
-    ) -> KnownTable:
+    def _describe_table(self, schema: str, name: str, kind: str, without_rowid: bool, version: Version) -> KnownTable:
         rows = [row for row in self._describe_columns(schema, name) if row[3] != 1]
         columns = [column for column, *_ in rows]
         keys = [column for _, column in sorted((key, column) for column, _, key, _ in rows if key)]
@@ -351,9 +325,7 @@ class Tables:
         if kind == "view":
             self._check_view(schema, name)
             declared = tuple(TableColumn(c, words) for c, words, *_ in rows)
-        known = KnownTable(version, source, declared, frozenset(keys))
-        known.find_types(infer_view_types if kind == "view" else infer_table_types, self.connection, before, read)
-        return known
+        return KnownTable(version, source, declared, frozenset(keys))
 
     def _find_indexes(
         self, schema: str, name: str, order: tuple[str, ...], keys: list[str], listed: list[tuple[str, str]]
