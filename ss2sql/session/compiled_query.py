@@ -32,7 +32,7 @@ from ss2sql.vtables.snapshots import can_move_world
 if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_query import DuckQuery
     from ss2sql.runtime.external.level_query import LevelQuery
-    from ss2sql.runtime.external.predicate_pushdown import PushedTable
+    from ss2sql.runtime.external.predicate_pushdown import PredicatePushdown
     from ss2sql.session.host import SessionHost
 
 
@@ -72,7 +72,7 @@ class CompiledQuery:
         self.world = host.make_rewrite_context(variable)
         query, self.rewrites = optimise(self.written, host.disabled, self.world)
         self.query = query
-        self.handed: dict[str, PushedTable] = {}
+        self.handed: dict[str, PredicatePushdown] = {}
         self.lowered: SqlQuery | None = None
         self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
         self.refusal = None
@@ -204,8 +204,7 @@ class CompiledQuery:
 
     def refresh_if_outdated(self, run: Run) -> None:
         """Makes the query anew where it relies on what is no longer so. Raises what keeps it from its engine."""
-        held = self.made and self.world.is_still_valid(run.get_source)
-        if not (held and all(handed.can_run_with(run.get_source) for handed in self.handed.values())):
+        if not (self.made and self.world.is_still_valid(run.get_source)):
             self._compile_query(run.get_source)
         if run.maximum is not None and self.lowered and self.wanted == "auto" and can_stop_early(self.query, True):
             self.native, self.lowered, self.reason = NativeQuery(self.query), None, CUT_DEEP_DOWN

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from level_searches import agree, by_sheet
 from programs import ProgramCase, programs
 from programs.drawn import SEED, amount, drawn
-from programs.joins import joins
 from second_opinion import DECISIONS, TYPES, twin
 from sessions import code_of
 
@@ -376,10 +375,8 @@ def store(own: Any, case: ProgramCase, kept: str) -> None:
         pytest.param(TWINS, "views", "duckdb", "engine: duckdb", 4, marks=pytest.mark.slow),
         (TWINS, "tables", "database", "DuckDB hands over", 10),
         pytest.param(TWINS, "tables", "native", "DuckDB hands over", 10, marks=pytest.mark.slow),
-        (joins(), "tables", "database", "DuckDB hands over the rows of x, y", 10),
-        pytest.param(joins(), "tables", "native", "DuckDB hands over the rows of x, y", 5, marks=pytest.mark.slow),
     ],
-    ids=["variables", "tables", "views", "narrowed-database", "narrowed-native", "joined-database", "joined-native"],
+    ids=["variables", "tables", "views", "narrowed-database", "narrowed-native"],
 )
 def test_random_queries(own: Any, cases: Any, kept: str, engine: Any, told: str, least: int) -> None:
     done = 0

@@ -119,45 +119,13 @@ def lower_table_pushdown(
     """
     label = "kept"
     scope = SqlScope().with_source(source.id, partial(_read_sql_column, label, outside.columns, source.name))
-    where = _write_conjunction(conditions, variable, scope)
+    portable = PortableExpressions(variable)
+    where = sql_builder.conjunction([portable.lower_condition(condition, scope) for condition in conditions])
     number = choose_sql_number_column(outside.columns)
     numbered = exp.Alias(this=_build_sql_column(outside.number, label), alias=quote_sql_identifier(number))
     every = exp.Column(this=exp.Star(), table=quote_sql_identifier(label))
     select = sql_builder.select([every, numbered], [_add_sql_alias(outside.item, label)], where)
     return ExternalTable(exp.Subquery(this=select), number, outside.columns, (*outside.shape, select.sql("duckdb")))
-
-
-def join_tables(
-    tables: Sequence[tuple[plan.ValueSource, ExternalTable]],
-    names: Mapping[tuple[int, str], str],
-    conditions: Sequence[plan.Expr],
-    variable: Callable[[str], Any],
-) -> exp.Select:
-    """The rows of the product of tables that keep all conditions, in its order. Raises as `lower_table_pushdown`.
-
-    Args:
-        tables: what reads each table, and the table.
-        names: under which names to give the columns of sources.
-        conditions: of the rows of the product, none of which can fail.
-        variable: gives the values of script variables.
-    """
-    labels, scope, label_of = ColumnNames(), SqlScope(), dict[int, str]()
-    items, places = list[Node](), list[Node]()
-    for source, outside in tables:
-        label = label_of[source.id] = labels.claim(source.name, "source")
-        items.append(_add_sql_alias(outside.item, label))
-        places.append(_build_sql_column(outside.number, label))
-        scope = scope.with_source(source.id, partial(_read_sql_column, label, outside.columns, source.name))
-    outputs = [
-        sql_builder.alias(_build_sql_column(name, label_of[source]), new) for (source, name), new in names.items()
-    ]
-    where = _write_conjunction(conditions, variable, scope)
-    return sql_builder.select(outputs, items, where, [(place, False) for place in places])
-
-
-def _write_conjunction(conditions: Sequence[plan.Expr], variable: Callable[[str], Any], scope: SqlScope) -> Node | None:
-    portable = PortableExpressions(variable)
-    return sql_builder.conjunction([portable.lower_condition(condition, scope) for condition in conditions])
 
 
 def choose_sql_number_column(columns: Iterable[str]) -> str:

@@ -282,8 +282,7 @@ def _collect_notes(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[str
     query = outlined.query
     for handed in outlined.handed:
         conditions = " AND ".join(" ".join(part.span.text.split()) for part in handed.conditions)
-        tables = ", ".join(source.name for source in handed.sources)
-        yield f"DuckDB hands over the rows of {tables} with {conditions}"
+        yield f"DuckDB hands over the rows of {handed.source.name} with {conditions}"
     if outlined.lowered is not None or query.search is None or query.search.repeats != "memorize":
         return
     remembered = outlined.host.graphs is not None and do_steps_call_user(query)

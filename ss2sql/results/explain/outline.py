@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ss2sql.frontend.user_functions import UserFunction
     from ss2sql.runtime.external.duckdb_query import DuckQuery
     from ss2sql.runtime.external.level_query import LevelQuery
-    from ss2sql.runtime.external.predicate_pushdown import PushedTable
+    from ss2sql.runtime.external.predicate_pushdown import PredicatePushdown
     from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
     from ss2sql.runtime.sqlite.executor import Database
 
@@ -52,7 +52,7 @@ class OutlinedQuery:
     cures: tuple[str, ...]
     rewrites: tuple[str, ...]
     tell: Callable[[], Sql]  # makes `sql`
-    handed: tuple[PushedTable, ...]  # reads in place of tables of DuckDB
+    handed: tuple[PredicatePushdown, ...]  # reads in place of tables of DuckDB
 
     @property
     def sql(self) -> Sql:

@@ -254,10 +254,6 @@ class DuckFrame(Frame):
         """Makes what DuckDB raises ExecutionError X009, at the source that is read."""
         return self.reader.reader.sources.convert_errors(span)
 
-    def read_column_values(self, name: str, read: Callable[[], Any]) -> list[Any]:
-        """The values of a column in the rows that `read` gives as an array. Raises ExecutionError X004 and X009."""
-        return self.reader.read_column(name, read).values
-
     def measure_longest_text(self) -> int:
         """The bytes of the longest text of the table."""
         if self._longest is None:
@@ -474,11 +470,8 @@ class _DuckValues:
     def make_lazy_column(self, name: str, kind: Type) -> FrameColumn:
         return FrameColumn(kind, lambda: self.read_column(name).values)
 
-    def read_column(self, name: str, read: Callable[[], Any] | None = None) -> FrameColumn:
-        """The column, of the rows that `read` gives as an array, or of all of them.
-
-        Raises ExecutionError X004 for what is no value of the language, X009 where DuckDB fails.
-        """
+    def read_column(self, name: str) -> FrameColumn:
+        """The column. Raises ExecutionError X004 for what is no value of the language, X009 where DuckDB fails."""
         from ss2sql.vtables.frames.arrow import convert_arrow_column
 
         place = f"the column '{name}' of '{self.reader.name}'"
@@ -486,7 +479,7 @@ class _DuckValues:
             hint = "make texts or numbers of them in a view of DuckDB"
             raise ExecutionError("X004", f"{place} holds values of the type {self.strange[name]}", hints=(hint,))
         try:
-            array = self._read_array(name) if read is None else read()
+            array = self._read_array(name)
         except self.reader.sources.errors as error:
             raise ExecutionError("X009", f"{place} cannot be read: {error}") from error
         return convert_arrow_column(array, place)
