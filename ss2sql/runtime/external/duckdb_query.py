@@ -32,7 +32,6 @@ from ss2sql.runtime.python.native_query import compile_statement
 from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.run.option_checks import check_count_value
 from ss2sql.runtime.run.run_state import Run
-from ss2sql.runtime.run.value_sizes import CELL_SIZE
 from ss2sql.vtables.frames.frame import Frame
 
 if TYPE_CHECKING:
@@ -165,6 +164,13 @@ class DuckQuery:
         """The values in FROM, also in that of queries in FROM."""
         return [node for node in walk(self.query) if isinstance(node, plan.ValueSource)]
 
+    @cached_property
+    def _joins_values(self) -> bool:
+        """Whether texts or lists are put together."""
+        joined = Kind.STR | Kind.LIST
+        calls = (node for node in walk(self.query) if isinstance(node, plan.Call))
+        return any(call.function.name == "add" and call.type.may_be(joined) for call in calls)
+
     def _write_query(self, variable: Callable[[str], Any]) -> tuple[PushdownQuery, str]:
         """The query over the tables that its sources are now, and its text."""
         frames = {source.id: find_duck_frame(source, variable) for source in self._value_sources}
@@ -183,6 +189,8 @@ class DuckQuery:
         assert sink.rows is not None
         found = chain.from_iterable(self._read_blocks(run, _fetch_blocks))
         sink.rows.extend(found if run.max_rows is None else iterate_limited_rows(found, run.max_rows))
+        for value in chain.from_iterable(sink.rows) if self._joins_values else ():
+            run.sizes.check_value(value)
         return sink
 
     def fetch_table(self, run: Run) -> Any:
@@ -211,7 +219,6 @@ class DuckQuery:
             name: limit if name == LIMIT_PARAMETER else run.get_variable(wanted)
             for name, wanted in self.parameters.items()
         }
-        self._check_sizes(run, reading, loaded, values)
         run.bound[self] = values
         try:
             with interrupt_when_due(run, reading):
@@ -263,39 +270,6 @@ class DuckQuery:
         if failed:
             raise build_refusal(failed[0], self.query.span)
 
-    # --- sizes ---------------------------------------------------------------------------------------------
-
-    @cached_property
-    def _count_joined_values(self) -> int:
-        """How many values at the most a text or list can be put together from; 0 where none is."""
-        nodes = list(walk(self.query))
-        joined = Kind.STR | Kind.LIST
-        if not any(isinstance(n, plan.Call) and n.function.name == "add" and n.type.may_be(joined) for n in nodes):
-            return 0
-        return len(nodes)
-
-    def _check_sizes(
-        self,
-        run: Run,
-        reading: DuckTransaction,
-        loaded: list[tuple[LoadedTable, list[Sequence[Any]]]],
-        values: Mapping[str, Any],
-    ) -> None:
-        """Raises UnsupportedError where a text or list could become larger than one may be."""
-        if not self._count_joined_values:
-            return
-        cells = (value for _, (_, *columns) in loaded for column in columns for value in column)
-        sizes = [
-            _estimate_size(self.query.span.source.text),
-            *map(_estimate_size, cells),
-            *map(_estimate_size, values.values()),
-        ]
-        frames = (find_duck_frame(source, run.get_source) for source in self._value_sources)
-        sizes += [frame.measure_longest_text() for frame in frames if frame is not None]
-        if max(sizes) * self._count_joined_values > run.sizes.limit:
-            reason = "texts or lists may become larger than max_size"
-            raise build_refusal(reason, self.query.span, "give a larger max_size")
-
 
 def _fetch_blocks(cursor: duckdb.DuckDBPyConnection, text: str, values: dict[str, Any] | None) -> Iterator[list[Row]]:
     cursor.execute(text, values)
@@ -316,13 +290,6 @@ def fetch_duckdb_rows(sources: DuckSources, query: plan.Query, run: Run) -> Any:
         return DuckQuery(query, sources, run.get_source).fetch_table(run)
     except UnsupportedError:
         return None
-
-
-def _estimate_size(value: Any) -> int:
-    """What a value takes at the most, as value_sizes.py counts."""
-    if isinstance(value, str):
-        return 4 * len(value)
-    return CELL_SIZE + sum(map(_estimate_size, value)) if isinstance(value, list) else CELL_SIZE
 
 
 def find_duck_frame(source: plan.ValueSource, variable: Callable[[str], Any]) -> DuckFrame | None:

@@ -228,7 +228,7 @@ class DuckTransaction:
 class DuckFrame(Frame):
     """A table of DuckDB as a data frame: how it is written in SQL, what has read it, and the `reader` of its values."""
 
-    __slots__ = ("_longest", "outside", "reader", "reading")
+    __slots__ = ("outside", "reader", "reading")
 
     def __init__(
         self,
@@ -240,7 +240,6 @@ class DuckFrame(Frame):
     ) -> None:
         super().__init__(columns, length)
         self.outside, self.reading, self.reader = outside, reading, reader
-        self._longest: int | None = None
 
     def restrict_rows(self, outside: ExternalTable) -> DuckFrame:
         """The table with some of its rows, which `outside` chooses."""
@@ -253,16 +252,6 @@ class DuckFrame(Frame):
     def convert_errors(self, span: Span) -> AbstractContextManager[None]:
         """Makes what DuckDB raises ExecutionError X009, at the source that is read."""
         return self.reader.reader.sources.convert_errors(span)
-
-    def measure_longest_text(self) -> int:
-        """The bytes of the longest text of the table."""
-        if self._longest is None:
-            texts = [node for n, node in self.outside.columns.items() if node and self.columns[n].type.may_be(Kind.STR)]
-            lengths = [exp.Max(this=exp.Anonymous(this="STRLEN", expressions=[text.copy()])) for text in texts]
-            select = exp.Select(expressions=[exp.Count(this=exp.Star()), *lengths]).from_(self.outside.item.copy())
-            ((_, *found),) = self.reading.fetch_rows(DUCKDB.print_tree(select))
-            self._longest = max((length or 0 for length in found), default=0)
-        return self._longest
 
 
 class DuckSources:
