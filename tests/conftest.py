@@ -113,7 +113,7 @@ def eager(monkeypatch: pytest.MonkeyPatch) -> None:
     """All calls are worth other processes."""
     from ss2sql.runtime.parallel import block_calls
 
-    values = {"SAMPLES": 0, "CHEAP": 0.0, "LEAST": 0.0, "FEWEST": 1, "START": 0.0, "PATIENCE": 30.0}
+    values = {"SAMPLES": 0, "CHEAP": 0.0, "LEAST": 0.0, "START": 0.0, "PATIENCE": 30.0}
     for name, value in values.items():
         monkeypatch.setattr(block_calls, name, value)
 

@@ -64,9 +64,8 @@ def same(session: ss2sql.Session, script: str, **named: Any) -> int:
 
 
 def processes_of(session: ss2sql.Session) -> list[subprocess.Popen[bytes]]:
-    processes = session.host.processes
-    crew = processes._crew if processes is not None else None
-    return list(crew.processes) if crew is not None else []
+    pool = session.host.processes
+    return list(pool.processes) if pool is not None else []
 
 
 @pytest.fixture
@@ -264,7 +263,7 @@ import os, signal, worker_functions
 ss = ss2sql.connect()
 ss.function("onward", worker_functions.onward, volatility="immutable")
 ss.run({graph()!r}, workers=2)
-print(*(process.pid for process in ss.host.processes._crew.processes), flush=True)
+print(*(process.pid for process in ss.host.processes.processes), flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 

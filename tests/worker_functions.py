@@ -11,12 +11,16 @@ from typing import Any
 
 
 class Calls:
-    """The number of calls that this process has made. It is an object, so it is none of what functions consist of."""
+    """The number of calls that this process has made, which is none of what functions consist of."""
 
-    made = 0
+    def __init__(self) -> None:
+        self.made = 0
 
     def append(self, call: tuple[Any, ...]) -> None:
         self.made += 1
+
+    def __reduce__(self) -> Any:
+        return Calls, ()
 
 
 MADE = Calls()

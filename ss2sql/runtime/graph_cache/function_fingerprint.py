@@ -13,7 +13,7 @@ import dis
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache, partial
+from functools import cache
 from hashlib import sha256
 from inspect import CO_NESTED
 from pathlib import Path
@@ -43,12 +43,9 @@ class NotCacheable(Exception):  # noqa: N818 - it is a finding, not an error
     """Something cannot be remembered; the text says why."""
 
 
-def fingerprint_function(function: Callable[..., Any], strict: bool = True) -> str:
-    """The fingerprint of a function or class. Raises NotCacheable, with a clause whose subject it is.
-
-    Where it is not `strict`, what cannot be compared is left out, and so is the state of objects.
-    """
-    made = Fingerprint(strict)
+def fingerprint_function(function: Callable[..., Any]) -> str:
+    """The fingerprint of a function or class. Raises NotCacheable, with a clause whose subject it is."""
+    made = Fingerprint()
     made.add_value(function, "its own state")
     return made.hash.hexdigest()
 
@@ -56,8 +53,7 @@ def fingerprint_function(function: Callable[..., Any], strict: bool = True) -> s
 class Fingerprint:
     """One fingerprint in the making. A function or class that is met a second time goes by the number of its first."""
 
-    def __init__(self, strict: bool = True) -> None:
-        self.strict = strict
+    def __init__(self) -> None:
         self.hash = sha256(f"{sys.implementation.name} {sys.version_info[:2]}".encode())
         self.met: dict[Any, tuple[int, Any]] = {}
 
@@ -65,11 +61,9 @@ class Fingerprint:
         """Takes in a value, which is called `name` where it is refused."""
         try:
             _Writer(self).dump(value)
+        except NotCacheable:
+            raise
         except Exception as error:  # whatever an object raises that is to tell its state
-            if isinstance(error, NotCacheable) and self.strict:
-                raise
-            if not self.strict:
-                return
             raise NotCacheable(f"reads {name}, which cannot be compared: {error}") from error
 
     def add_named(self, names: set[str], mentioned: set[str], values: dict[str, Any], where: str) -> None:
@@ -97,7 +91,7 @@ class _Writer(Pickler):
         if kind in _PLAIN or kind is MethodType:
             return None
         if kind in (set, frozenset):
-            return kind.__name__, sorted(map(_fingerprint_part, value))  # sets have no order
+            return kind.__name__, sorted(value, key=repr)  # sets have no order
         if kind is CodeType:
             return _describe_code(value)
         if kind in (property, staticmethod, classmethod):
@@ -105,9 +99,7 @@ class _Writer(Pickler):
             return kind.__name__, parts
         if isinstance(value, ModuleType) or (callable(value) and isinstance(getattr(value, "__qualname__", 0), str)):
             return self._describe_named(value, kind)
-        if self.made.strict or kind.__module__ == "numpy":
-            return None
-        return "object", kind, value.func if kind is partial else None
+        return None
 
     def _describe_named(self, value: Any, kind: type) -> Any:
         """What has a name and a place: a function, a class, a module."""
@@ -149,12 +141,6 @@ class _Writer(Pickler):
         self.made.add_named(set(closure), mentioned, closure, "")
         self.made.add_value((function.__defaults__, function.__kwdefaults__), f"a default of '{function.__name__}'")
         return "function", function.__code__
-
-
-def _fingerprint_part(value: Any) -> str:
-    made = Fingerprint()
-    made.add_value(value, "a set")
-    return made.hash.hexdigest()
 
 
 def _list_fingerprint_codes(code: CodeType) -> Iterator[CodeType]:

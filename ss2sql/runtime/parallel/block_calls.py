@@ -1,8 +1,8 @@
 """The calls that a block of states needs, made by other processes before the states are expanded.
 
 The step function is run ahead over the states of a block, with notes (runtime/search/step_contract.py): a call of the
-user's whose result is not known is not made, but sent to the processes. Then the steps that needed it are taken
-again. In the end the states are expanded as ever, with the notes at hand; so the paths, their order and the errors are
+user's that is not remembered is not made, but sent to the processes, and remembered with what it gives. Then the steps
+that needed it are taken again. In the end the states are expanded as ever; so the paths, their order and the errors are
 those of one process, whatever the processes do. A call that raises elsewhere is made once more, here.
 
 To hand a call to another process and to take back its result costs 10 to 15 us.
@@ -11,9 +11,9 @@ To hand a call to another process and to take back its result costs 10 to 15 us.
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Hashable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
-from marshal import dumps
-from pickle import loads
+from dataclasses import field
+from marshal import dumps, loads
+from pickle import loads as unpickle
 from queue import Empty, SimpleQueue
 from time import perf_counter
 from typing import Any
@@ -22,7 +22,7 @@ from ss2sql.errors import ExecutionError, Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language.plan_traversal import list_plan_functions
-from ss2sql.language.values import State
+from ss2sql.language.values import State, convert_value
 from ss2sql.runtime.parallel.process_pool import (
     Answer,
     LocalFunction,
@@ -33,7 +33,7 @@ from ss2sql.runtime.parallel.process_pool import (
     warn_once,
 )
 from ss2sql.runtime.parallel.worker_process import NO_VALUE
-from ss2sql.runtime.run.call_memo import Result, make_checked_call, report_memo_counts
+from ss2sql.runtime.run.call_memo import Result, report_memo_counts
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search.search_run import SearchRun
 from ss2sql.runtime.search.step_contract import Notes, Pair
@@ -44,8 +44,7 @@ LONG = 0.01  # seconds of a call that is sample enough by itself
 CHEAP = 50e-6  # seconds of a call below which it stays here
 START = 0.05  # seconds of work before processes are started, which takes longer if the user's modules are large
 PATIENCE = 0.0  # seconds that this process waits for those that start; until they are ready it makes the calls itself
-LEAST = 0.001  # seconds of work that are worth a round of messages
-FEWEST = 2  # calls that are worth it
+LEAST = 0.001  # seconds of work for each worker that are worth a round of messages
 BATCH = 0.01  # seconds of work for one message
 LOOK = 0.02  # seconds between two looks at whether the run has to end
 
@@ -58,14 +57,15 @@ class PendingError(BaseException):
 class TimedCalls:
     """A function of the user in one run: what its calls have cost here and elsewhere, and which of them wait.
 
-    `sent` is what other processes get, or why they cannot have it.
+    `sent` is what other processes get, or why they cannot have it. Each call of a block is asked for once.
     """
 
     name: str
     sent: TransferableFunction | LocalFunction
     calls: int = 0
     seconds: float = 0.0
-    waiting: dict[bytes, None] = field(default_factory=dict)
+    waiting: list[bytes] = field(default_factory=list)
+    asked: set[bytes] = field(default_factory=set)
 
     @property
     def cost(self) -> float:
@@ -86,9 +86,23 @@ class TimedCalls:
     def is_shared(self) -> bool:
         return self.may_be_shared and self.is_known
 
+    def note_time(self, calls: int, seconds: float) -> None:
+        self.calls += calls
+        self.seconds += seconds
+
+    def ask(self, arguments: tuple[Any, ...]) -> None:
+        """Has a call wait that no one has asked for; one with objects is made here."""
+        try:
+            key = dumps(arguments, 2)
+        except ValueError:
+            return
+        if key not in self.asked:
+            self.asked.add(key)
+            self.waiting.append(key)
+
     def split_waiting(self, workers: int) -> list[list[bytes]]:
         """The calls that wait in equal parts, as many for each worker as make messages worth while."""
-        calls, self.waiting = list(self.waiting), {}
+        calls, self.waiting = self.waiting, []
         parts = min(len(calls), workers * max(1, round(len(calls) * self.cost / (BATCH * workers))))
         return [calls[number::parts] for number in range(parts)]
 
@@ -109,19 +123,18 @@ class BlockCalls:
         self.open = self.notes.pairs[self.at] = self.notes.pair_elements(self.at, items)
         return self.open
 
-    def evaluate_open_steps(self, seen: Container[Hashable], claimed: set[Hashable]) -> bool:
+    def evaluate_open_steps(self, seen: Container[Hashable]) -> bool:
         """Takes the steps that are open; gives whether some of them still wait for a result.
 
-        `claimed` are rows that steps of the block lead to. Where a step fails, the search ends.
+        Where a step fails, the search ends.
         """
-        closed, waiting = _Either(seen, claimed), list[Pair]()
+        waiting = list[Pair]()
         while True:
             for note, _ in self.open or ():
                 note[-1] = False
             try:
-                for _, key, goal, *_ in self.notes.noted.expand(self.state, closed, self):
-                    if goal is not None:
-                        claimed.add(key)
+                for _ in self.notes.noted.expand(self.state, seen, self):
+                    pass
                 break
             except PendingError:
                 evaluated = sum(note[-1] for note, _ in self.open or ())
@@ -137,15 +150,6 @@ class BlockCalls:
         return bool(waiting)
 
 
-@dataclass(frozen=True, slots=True)
-class _Either:
-    one: Container[Hashable]
-    other: Container[Hashable]
-
-    def __contains__(self, key: Hashable) -> bool:
-        return key in self.one or key in self.other
-
-
 class CallPrefetcher:
     """Makes calls of one run in other processes; says what hinders it."""
 
@@ -157,56 +161,55 @@ class CallPrefetcher:
         self.processes = processes
         self.planned = planned
         self.remembers = remembers
-        self.searches: list[int] = []  # those with MEMORIZE
-        self.called: dict[str, TimedCalls] = {}  # the functions that these call
+        self.searches: set[int] = set()  # those with MEMORIZE
+        self.searched: set[str] = set()  # the functions that these call
         self.functions: dict[str, TimedCalls] = {}
         self.noting = False
-        self.results: dict[tuple[str, bytes], bytes | None] = {}
         self.answers: SimpleQueue[Answer] = SimpleQueue()
-        self.outstanding = 0
 
     # --- calls -----------------------------------------------------------------------------------------
 
     def make_timed_call(self, entry: UserFunction, real: Callable[[Any], Result]) -> Callable[[Any], Result]:
-        """A call as generated code makes it where it is not remembered: `real`, or what another process gave."""
+        """A call as it is made where it is not remembered: `real`, unless it is one for other processes."""
         timed = self._get_timed(entry)
-        name, calls, results = entry.name, self.run.stats.calls, self.results
-        as_result = make_checked_call(replace(entry, function=loads), self.run)
 
         def call_timed(arguments: Any) -> Result:
-            values = tuple(arguments)
-            if self.noting or results:
-                key = _make_call_key(name, values)
-                found = results.get(key)
-                if found:
-                    calls[name] -= 1  # it was counted when it came
-                    return as_result((found,))
-                if self.noting and (key is None or key in results or timed.is_shared):
-                    if key is not None and key not in results:
-                        timed.waiting[key[1]] = None
-                    raise PendingError
+            if self.noting and timed.is_shared:
+                timed.ask(tuple(arguments))
+                raise PendingError
             started = perf_counter()
-            try:
-                result = real(values)
-            except Stopped:
-                raise
-            except Exception:
-                calls[name] -= self.noting  # it will be made again
-                raise
-            timed.calls += 1
-            timed.seconds += perf_counter() - started
+            result = real(arguments)
+            timed.note_time(1, perf_counter() - started)
             return result
 
         return call_timed
 
     def _get_timed(self, entry: UserFunction) -> TimedCalls:
-        return self.functions.setdefault(entry.name, TimedCalls(entry.name, describe_transfer(entry)))
+        if entry.name not in self.functions:
+            self.functions[entry.name] = TimedCalls(entry.name, describe_transfer(entry))
+        return self.functions[entry.name]
 
     def _keep_local(self, timed: TimedCalls, kept: LocalFunction) -> None:
         timed.sent = kept
         warn_once(self.run.stats, f"'{timed.name}' is called in this process only: it {kept.reason}", kept.cure)
 
     # --- blocks of states ------------------------------------------------------------------------------
+
+    def begin_search(self, search_run: SearchRun) -> None:
+        """Takes note of a search, and says what stays in this process."""
+        if search_run.query.id in self.searches:
+            return
+        self.searches.add(search_run.query.id)
+        if search_run.noted is None:
+            cure = "declare functions immutable that are, and assign nothing inside of the search"
+            warn_once(self.run.stats, "the search calls a function that is volatile, or assigns a variable", cure)
+            return
+        for function in list_plan_functions(search_run.query):
+            if not function.builtin and function.name not in self.searched:
+                self.searched.add(function.name)
+                timed = self._get_timed(self.planned[function.name])
+                if isinstance(timed.sent, LocalFunction):
+                    self._keep_local(timed, timed.sent)
 
     def prefetch_blocks(self, level: Sequence[State], notes: Notes, seen: Container[Hashable]) -> Iterator[State]:
         """The states of a level; before they come out their calls are made, block by block.
@@ -216,35 +219,17 @@ class CallPrefetcher:
         for place in range(0, len(level), BLOCK):
             block = level[place : place + BLOCK]
             if self.remembers and any(timed.may_be_shared for timed in self.functions.values()):
-                ahead = [BlockCalls(notes, at, state) for at, state in enumerate(block, place)]
-                self._prefetch_calls(ahead, seen)
+                self._prefetch_calls([BlockCalls(notes, at, state) for at, state in enumerate(block, place)], seen)
             yield from block
-            self.results.clear()
-
-    def begin_search(self, search_run: SearchRun) -> None:
-        """Takes note of a search, and says what stays in this process."""
-        if search_run.query.id in self.searches:
-            return
-        self.searches.append(search_run.query.id)
-        if search_run.noted is None:
-            cure = "declare functions immutable that are, and assign nothing inside of the search"
-            warn_once(self.run.stats, "the search calls a function that is volatile, or assigns a variable", cure)
-            return
-        for function in list_plan_functions(search_run.query):
-            if not function.builtin and function.name not in self.called:
-                timed = self.called[function.name] = self._get_timed(self.planned[function.name])
-                if isinstance(timed.sent, LocalFunction):
-                    self._keep_local(timed, timed.sent)
 
     def _prefetch_calls(self, ahead: list[BlockCalls], seen: Container[Hashable]) -> None:
-        claimed: set[Hashable] = set()
         self.noting = True
         try:
-            while ahead:
-                ahead = [one for one in ahead if one.evaluate_open_steps(seen, claimed)]
-                if not self._send_calls():
+            while ahead := [one for one in ahead if one.evaluate_open_steps(seen)]:
+                sent = self._send_calls()
+                if not sent:
                     break
-                self._await_answers()
+                self._await_answers(sent)
         except BaseException:  # a timeout, Ctrl-C, a process that died: nobody waits for the answers any more
             self.processes.end_processes()
             raise
@@ -252,6 +237,7 @@ class CallPrefetcher:
             self.noting = False
             for timed in self.functions.values():
                 timed.waiting.clear()
+                timed.asked.clear()
 
     def report_idle(self) -> None:
         """Says why there was nothing to do, if so."""
@@ -261,27 +247,27 @@ class CallPrefetcher:
             warn_once(stats, "no effect: only searches with MEMORIZE have levels")
         elif not self.remembers:
             warn_once(stats, "no effect: calls are not remembered", "leave 'memo' out of connect(disable=...)")
-        elif not self.called and not any(note.startswith("workers: ") for note in stats.notes):
+        elif not self.searched and not any(note.startswith("workers: ") for note in stats.notes):
             warn_once(stats, "no effect: the search calls no Python function")
-        for timed in self.called.values():
+        for timed in map(self.functions.__getitem__, sorted(self.searched)):
             if isinstance(timed.sent, TransferableFunction) and timed.calls and not timed.is_shared:
                 stats.notes.append(f"workers: a call of '{timed.name}' is too short to be made by another process")
 
     # --- messages --------------------------------------------------------------------------------------
 
-    def _send_calls(self) -> bool:
-        """Gives calls that wait to the processes, where that is worth it."""
+    def _send_calls(self) -> int:
+        """Gives calls that wait to the processes, where that is worth it; gives the number of messages."""
         waiting = [timed for timed in self.functions.values() if timed.waiting]
         work = sum(len(timed.waiting) * timed.cost for timed in waiting)
-        enough = work >= LEAST * self.workers and sum(len(timed.waiting) for timed in waiting) >= FEWEST
-        if not enough or not self._can_start(work):
-            return False
+        if not waiting or work < LEAST * self.workers or not self._can_start(work):
+            return 0
+        sent = 0
         for timed in waiting:
             assert isinstance(timed.sent, TransferableFunction)
             for batch in timed.split_waiting(self.workers):
                 self.processes.add_task(Task(timed.name, timed.sent, batch, self.answers))
-                self.outstanding += 1
-        return True
+                sent += 1
+        return sent
 
     def _can_start(self, work: float) -> bool:
         """Whether processes are ready; they are started when that is worth it for what has been to do until now."""
@@ -292,48 +278,47 @@ class CallPrefetcher:
         try:
             self.processes.start_processes(self.workers, [one for one in sent if isinstance(one, TransferableFunction)])
         except OSError as error:
-            for timed in self.called.values():
+            for timed in self.functions.values():
                 timed.sent = LocalFunction("")
             warn_once(self.run.stats, f"no other process can be started: {error}")
             return False
         return self.processes.are_ready(PATIENCE)
 
-    def _await_answers(self) -> None:
-        """Waits for all answers; raises ExecutionError X013 where a process has died."""
-        while self.outstanding:
+    def _await_answers(self, sent: int) -> None:
+        """Waits for so many answers; raises ExecutionError X013 where a process has died."""
+        while sent:
             self.run.check()
             try:
                 answer = self.answers.get(timeout=LOOK)
             except Empty:
                 continue
-            self.outstanding -= 1
+            sent -= 1
             self._take_answer(answer)
 
     def _take_answer(self, answer: Answer) -> None:
-        task = answer.task
-        timed = self.functions[task.name]
-        if answer.died and not answer.ended:
+        name, timed = answer.task.name, self.functions[answer.task.name]
+        if answer.died:
             hints = (
-                f"'{timed.name}' ends its process or needs more memory than there is; workers=1 calls it in this one",
+                f"'{name}' ends its process or needs more memory than there is; workers=1 calls it in this one",
                 "the session works on, with new workers",
             )
-            raise ExecutionError("X013", f"a worker {answer.died} while it called '{timed.name}'", hints=hints)
+            raise ExecutionError("X013", f"a worker {answer.died} while it called '{name}'", hints=hints)
         if answer.refused:
-            self._keep_local(
-                timed, LocalFunction(answer.refused, "what a module is made of must not change while it is used")
-            )
+            cure = "what a module is made of must not change while it is used"
+            self._keep_local(timed, LocalFunction(answer.refused, cure))
         if NO_VALUE in answer.results:
             self._keep_local(timed, LocalFunction("returns objects, which would be others in another process"))
-        timed.calls += len(answer.results)
-        timed.seconds += answer.seconds
-        self.run.stats.calls[timed.name] += sum(map(bool, answer.results))
-        for arguments, result in zip(task.calls, answer.results, strict=False):
-            self.results[timed.name, arguments] = result
+        timed.note_time(len(answer.results), answer.seconds)
+        for arguments, result in zip(answer.task.calls, answer.results, strict=False):
+            if result:
+                self._remember(name, loads(arguments), unpickle(result))
 
-
-def _make_call_key(name: str, arguments: tuple[Any, ...]) -> Any:
-    """What tells a call from others; None where there are objects among the arguments."""
-    try:
-        return name, dumps(arguments, 2)
-    except ValueError:
-        return None
+    def _remember(self, name: str, arguments: tuple[Any, ...], result: Any) -> None:
+        """Remembers a call that was made elsewhere; one that gives no value of the language is made once more, here."""
+        try:
+            value = convert_value(result, f"the function '{name}'")
+        except ExecutionError:
+            return
+        self.run.stats.calls[name] += 1
+        known: Any = self.run.callables[name]
+        known.adopt(arguments, value)

@@ -24,7 +24,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import field
 from pathlib import Path
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from types import FunctionType
 from typing import Any, TypeAlias
 
@@ -32,7 +32,7 @@ from ss2sql.errors import WorkersWarning
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.package_data import find_package_file
-from ss2sql.runtime.graph_cache.function_fingerprint import fingerprint_function
+from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable, fingerprint_function
 from ss2sql.runtime.parallel import IN_WORKER
 from ss2sql.runtime.run.run_state import Stats
 
@@ -68,7 +68,10 @@ def describe_transfer(entry: UserFunction) -> TransferableFunction | LocalFuncti
     place = _locate_worker_function(entry.function)
     if isinstance(place, LocalFunction):
         return place
-    return TransferableFunction(place, fingerprint_function(entry.function, strict=False))
+    try:
+        return TransferableFunction(place, fingerprint_function(entry.function))
+    except NotCacheable as reason:
+        return LocalFunction(str(reason), "have it read nothing but plain data")
 
 
 def _locate_worker_function(function: Callable[..., Any]) -> tuple[Any, ...] | LocalFunction:
@@ -165,73 +168,57 @@ class Answer:
     seconds: float = 0.0
     refused: str = ""
     died: str = ""
-    ended: bool = False
 
 
 Tasks: TypeAlias = SimpleQueue[Task | None]
 
 
 class ProcessPool:
-    """The worker processes of one session."""
+    """The worker processes of one session, which share a queue of tasks; each is served by a thread here."""
 
     def __init__(self) -> None:
-        self._crew: _Crew | None = None
-        self._at_the_end: weakref.finalize[[], ProcessPool] | None = None
+        self.processes: list[subprocess.Popen[bytes]] = []
+        self._tasks: Tasks = SimpleQueue()
+        self._ready = threading.Event()
+        self._kill: Callable[[], object] = int
 
     @property
     def started(self) -> bool:
-        return self._crew is not None
+        return bool(self.processes)
 
     def are_ready(self, patience: float) -> bool:
         """Whether one of them waits for work already, or does after so many seconds."""
-        return self._crew is not None and self._crew.ready.wait(patience)
+        return self._ready.wait(patience)
 
     def start_processes(self, number: int, functions: Sequence[TransferableFunction]) -> None:
         """Sees to it that there are so many processes; new ones have these functions before they are ready."""
-        if self._crew is not None and self._crew.size != number:
-            self.end_processes()
-        if self._crew is None:
-            self._crew = _Crew(functions, number)
-            self._at_the_end = weakref.finalize(self, self._crew.kill_processes)
-
-    def add_task(self, task: Task) -> None:
-        assert self._crew is not None
-        self._crew.tasks.put(task)
-
-    def end_processes(self) -> None:
-        """Ends the processes at once, whatever they do; waiting tasks are answered as `ended`."""
-        self._crew = None
-        if self._at_the_end is not None:
-            self._at_the_end()
-
-
-class _Crew:
-    """Processes that share a queue of tasks, and the threads that serve them."""
-
-    def __init__(self, functions: Sequence[TransferableFunction], size: int) -> None:
-        self.size = size
-        self.parent = os.getpid()
-        self.tasks: Tasks = SimpleQueue()
-        self.ready, self.over = threading.Event(), threading.Event()
-        self.processes = [_start_process() for _ in range(size)]
+        if len(self.processes) == number:
+            return
+        self.end_processes()
+        self._tasks, self._ready = SimpleQueue(), threading.Event()
+        self.processes = [_start_process() for _ in range(number)]
+        self._kill = weakref.finalize(self, _kill_processes, self.processes, self._tasks, os.getpid())
         for process in self.processes:
-            arguments = (process, functions, self.tasks, self.ready, self.over)
+            arguments = (process, functions, self._tasks, self._ready)
             threading.Thread(target=_serve_process, args=arguments, name="ss2sql worker", daemon=True).start()
 
-    def kill_processes(self) -> None:
-        if os.getpid() != self.parent:  # a copy of the process that started them, made by `fork`
-            return
-        self.over.set()
-        with suppress(Empty):
-            while True:
-                task = self.tasks.get_nowait()
-                if task is not None:
-                    task.answers.put(Answer(task, ended=True))
-        for process in self.processes:
-            process.kill()
-            self.tasks.put(None)
-        for process in self.processes:
-            process.wait()
+    def add_task(self, task: Task) -> None:
+        self._tasks.put(task)
+
+    def end_processes(self) -> None:
+        """Ends the processes at once, whatever they do; nobody waits for their answers any more."""
+        self._kill()
+        self.processes = []
+
+
+def _kill_processes(processes: Sequence[subprocess.Popen[bytes]], tasks: Tasks, parent: int) -> None:
+    if os.getpid() != parent:  # a copy of the process that started them, made by `fork`
+        return
+    for process in processes:
+        process.kill()
+        tasks.put(None)
+    for process in processes:
+        process.wait()
 
 
 def _start_process() -> subprocess.Popen[bytes]:
@@ -260,7 +247,6 @@ def _serve_process(
     functions: Sequence[TransferableFunction],
     tasks: Tasks,
     ready: threading.Event,
-    over: threading.Event,
 ) -> None:
     """Hands tasks to a process until it ends; a thread of its own."""
     assert process.stdin is not None
@@ -275,7 +261,7 @@ def _serve_process(
             _send_message(process, (task.function.place, task.function.fingerprint, task.calls))
             task.answers.put(Answer(task, *pickle.load(process.stdout)))
         except (EOFError, OSError, ValueError, pickle.UnpicklingError):
-            task.answers.put(Answer(task, died=_describe_process_end(process), ended=over.is_set()))
+            task.answers.put(Answer(task, died=_describe_process_end(process)))
             break
     for pipe in (process.stdin, process.stdout):
         with suppress(OSError):  # there was something left to write

@@ -46,7 +46,7 @@ def answer_messages() -> None:
             try:
                 with redirect_stdout(io.StringIO()):
                     found = load_worker_function(place)
-                if fingerprint(found, False) != expected:
+                if fingerprint(found) != expected:
                     found = "is another one in a fresh process"
             except BaseException as error:  # whatever the user's module does: it is no reason to die
                 found = f"cannot be found by a fresh process: {type(error).__name__}: {error}"

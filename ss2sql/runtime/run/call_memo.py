@@ -234,8 +234,10 @@ class MemoizedCalls:
                 key = (objects.encode(list(arguments)),)
             else:
                 return
-            if len(memo) < limit:
-                memo[key] = answer if type(answer) is FailedCall else (answer, None)
+            if type(answer) is not FailedCall:
+                keep_result(key, (answer, None))
+            elif len(memo) < limit:
+                memo[key] = answer
 
         self.adopt, self.foretold = adopt, run.foreteller is not None
         self.body, self.count = function.function, made.count_more
