@@ -13,6 +13,7 @@ from remembering import KNOWN, MAZE, asked, calls, connect, fresh, near, run, sc
 from sessions import code_of, write
 
 import ss2sql
+from ss2sql.runtime.graph_cache import cached_steps
 
 
 def test_the_same_query_again_and_another_goal_ask_nothing(file: Path) -> None:
@@ -179,7 +180,8 @@ def test_graphs_can_be_listed_and_dropped(file: Path) -> None:
         assert asked(file, f"SELECT count(*) FROM ss2sql_{table}") == [(0,)]
 
 
-def test_a_graph_that_is_dropped_meanwhile_is_begun_again(file: Path) -> None:
+def test_a_graph_that_is_dropped_meanwhile_is_begun_again(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cached_steps, "PART", 0.0)
     path = str(file)
     spoil = """DELETE FROM ss2sql_graphs;
         INSERT INTO ss2sql_graphs VALUES (NULL, 'other', '', '[]', '{}', '[]', '[]', 0, '', '')"""

@@ -1,7 +1,7 @@
 """The steps of a search with MEMORIZE, as far as they are known, and notes of those that had to be evaluated.
 
-A level is looked up before its states are expanded. What was found out is written when a level, or a part of a long
-one, is done: of each state all steps or none.
+A level is looked up before its states are expanded. What was found out is written every half second, and in the end: of
+each state all steps or none.
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from ss2sql.runtime.graph_cache.fingerprint import GraphFingerprint, do_call_fun
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
 from ss2sql.runtime.graph_cache.graph_store import (
     CachedStep,
-    GraphDescription,
     GraphStore,
     build_damaged_graph_error,
     decode_steps,
@@ -39,9 +38,7 @@ if TYPE_CHECKING:
     from ss2sql.vtables.attached_worlds import AttachedWorld
 
 
-# Writing may take one part in so many of the time, so a search with many small levels writes several together.
-SHARE = 20
-PART = 0.5  # seconds after which a part of a level is written
+PART = 0.5  # seconds after which a part of what is new is written
 MAX_STEPS_WRITTEN = 1_500  # that are written in one transaction, which takes 15 ms
 MOMENT = 0.01  # seconds after which a run that was stopped begins no other one
 
@@ -72,44 +69,37 @@ class CachedState:
     loaded: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class CachedGraph:
-    """A graph in the tables of a file; `clauses` are the keys of those whose values are kept, by their names in notes.
-
-    With `elements` those are kept. `find_changed_function` names one that is not what it was when the search began.
-    """
-
-    store: GraphStore
-    key: str
-    described: GraphDescription
-    clauses: dict[str, str]
-    elements: bool
-    find_changed_function: Callable[[], str | None]
-
-
 class CachedSteps(Notes):
     """The steps of one search. A context: what is new is written in its end, too, whatever ends it."""
 
-    def __init__(self, search_run: SearchRun, graph: CachedGraph) -> None:
+    def __init__(
+        self,
+        search_run: SearchRun,
+        store: GraphStore,
+        key: str,
+        keys: GraphFingerprint,
+        clauses: dict[str, str],
+        elements: bool,
+    ) -> None:
+        """`clauses` are the keys of those whose values are kept, by their names in notes, as are `elements` if so."""
         assert search_run.noted is not None
         super().__init__(search_run.noted)
-        self.search_run = search_run
-        self.graph = graph
+        self.search_run, self.store, self.keys = search_run, store, keys
+        self.key, self.described = key, _describe_graph(search_run.query, keys)
+        self.elements = elements
         rows, frozen, shapes, states, *_ = self.noted.places
-        self._clauses = [(key, self.noted.places.clauses[name]) for name, key in graph.clauses.items()]
+        self._clauses = [(key, self.noted.places.clauses[name]) for name, key in clauses.items()]
         self._columns = list(zip(rows, frozen, map(FREEZERS.__getitem__, shapes), strict=True))
         self._places = [(place, at) for at, place in enumerate(states) if place is not None and place not in rows]
         self._widths = len(rows), len(states), self.noted.sources
         self.off = False
         self._number: int | None = None  # of the graph
-        self._made = False  # by this search
         self._states: list[CachedState] = []  # of this level
         self._unwritten: dict[str, CachedState] = {}
         self._own: set[str] = set()  # states that this search has written
         self._begun = self._complete = 0  # levels
-        self._written, self._seconds = perf_counter(), 0.0
-        self._write_failed = ""
-        self._missed = self._last_write = False
+        self._written = perf_counter()
+        self._unkept = ""  # why what is new is not remembered
 
     # --- levels ----------------------------------------------------------------------------------------
 
@@ -121,19 +111,18 @@ class CachedSteps(Notes):
             self._finish_state()
             self._complete = self._begun
         try:
-            name = self.graph.find_changed_function() if self._unwritten or self._last_write else None
-            if name is None:
-                self._write_states(kind is not None and issubclass(kind, (Stopped, KeyboardInterrupt)))
-            else:
-                self._abandon_graph(name)
+            changed = self.keys.find_changed_function() if self._unwritten or self._own else None
+            if changed is not None:  # nobody would find the graph again
+                self.store.drop_graph(self._number)
+                self._number = None
+                self._stop_caching(NotCacheable(f"'{changed}' changes what it reads"))
+            self._write_states(kind is not None and issubclass(kind, (Stopped, KeyboardInterrupt)))
         except ExecutionError:
             if kind is None:
                 raise
         self.search_run.stats.graph = self._number
-        if self._write_failed and self._unwritten:
-            add_graph_note(self.search_run.stats, f"what is new is not remembered: {self._write_failed}")
-        elif self._missed and not self.off:
-            add_graph_note(self.search_run.stats, "what is new is not remembered: the session is read only")
+        if self._unkept and not self.off and (self._unwritten or not self.store.writable):
+            add_graph_note(self.search_run.stats, f"what is new is not remembered: {self._unkept}")
 
     def begin_level(self, states: Sequence[State], chosen: Sequence[list[Any]] | None = None) -> None:
         """Looks up what is known of the states of a level, and writes what the level before has found out."""
@@ -143,8 +132,6 @@ class CachedSteps(Notes):
             return
         self._complete = self._begun
         self._begun += 1
-        if self._is_due(0.0):
-            self._write_states()
         self._states = []
         try:
             with pause_collector():
@@ -152,28 +139,24 @@ class CachedSteps(Notes):
         except NotCacheable as reason:
             self._stop_caching(reason)
         except _TEMPORARY_ERRORS as error:
-            self._write_failed = str(error)
+            self._unkept = str(error)
         except (*READ_ERRORS, ValueError) as error:
             raise build_damaged_graph_error(str(error)) from error
-        if self.graph.elements:
+        if self.elements:
             self.pairs[: len(self._states)] = map(self._load_pairs, self._states)
 
     def _load_states(self, states: Sequence[State]) -> list[CachedState]:
         texts = list(map(encode_values_as_json, states))
         held = dict(self._unwritten)
-        self._number = self.graph.store.find_graph(self.graph.key) if self._number is None else self._number
+        self._number = self.store.find_graph(self.key) if self._number is None else self._number
         new = [text for text in dict.fromkeys(texts) if text not in held]
-        known = {} if self._number is None else self.graph.store.read_states(self._number, new)
+        known = {} if self._number is None else self.store.read_states(self._number, new)
         steps = dict(zip(known, decode_steps(list(known.values()), self._widths), strict=True))
         for text, state in zip(texts, states, strict=True):
             if text not in held:
                 loaded = text in steps and text not in self._own
                 held[text] = CachedState(tuple(map(thaw_value, state)), text, steps.get(text), loaded)
         return list(map(held.__getitem__, texts))
-
-    def _is_due(self, least: float) -> bool:
-        passed = perf_counter() - self._written
-        return bool(self._unwritten) and passed >= least and passed >= SHARE * self._seconds
 
     def _write_states(self, stopped: bool = False) -> None:
         """Writes what is new, in parts, so that a run can be stopped between them.
@@ -187,11 +170,10 @@ class CachedSteps(Notes):
             elif perf_counter() - started > MOMENT:
                 break
         self._written = perf_counter()
-        self._seconds = self._written - started
 
     def _write_part(self) -> bool:
         """Writes some states; where somebody else is in the way that has to wait, and the answer is no."""
-        store = self.graph.store
+        store = self.store
         if self.off or not (store.writable and (self._unwritten or self._number)):
             return False
         part, length = list[tuple[str, int, str]](), 0
@@ -203,28 +185,19 @@ class CachedSteps(Notes):
                 if length >= MAX_STEPS_WRITTEN:
                     break
             if part or store.is_use_unnoted(self._number):
-                self._number, made = store.write_states(self.graph.key, self.graph.described, part, self._complete)
-                self._made |= made
+                self._number = store.write_states(self.key, self.described, part, self._complete)
         except NotCacheable as reason:
             self._stop_caching(reason)
             return False
         except _TEMPORARY_ERRORS as error:
-            self._write_failed = str(error)
+            self._unkept = str(error)
             return False
         except READ_ERRORS as error:
             raise build_damaged_graph_error(str(error)) from error
-        self._last_write = True
         for text, *_ in part:
             del self._unwritten[text]
             self._own.add(text)
         return True
-
-    def _abandon_graph(self, name: str) -> None:
-        """Gives up a graph that nobody would find again: a function keeps something in what it reads."""
-        if self._last_write and self._made:
-            self.graph.store.drop_graph(self._number)
-            self._number = None
-        self._stop_caching(NotCacheable(f"'{name}' changes what it reads"))
 
     def _stop_caching(self, reason: NotCacheable) -> None:
         self.off = True
@@ -279,7 +252,7 @@ class CachedSteps(Notes):
         state, pairs = self._states[self.at], self.pairs[self.at] or []
         new = state.steps is None
         if state.steps is None:
-            elements_of = self.noted.read_elements if self.graph.elements else lambda item: None
+            elements_of = self.noted.read_elements if self.elements else lambda item: None
             state.steps = [CachedStep(self.noted.row(note), None, elements_of(item), {}) for note, item in pairs]
         elif state.loaded:
             self.search_run.stats.remembered_steps += len(pairs)
@@ -292,10 +265,11 @@ class CachedSteps(Notes):
                     step.verdicts[key] = note[place]
                     new = True
         self.pairs[self.at] = None
-        if new and self.graph.store.writable:
+        if new and self.store.writable:
             self._unwritten[state.text] = state
-        self._missed |= new and not self.graph.store.writable
-        if self._is_due(PART):
+        elif new:
+            self._unkept = "the session is read only"
+        if self._unwritten and perf_counter() - self._written >= PART:
             self._write_states()
 
 
@@ -334,7 +308,6 @@ class CachePolicy:
         assert search_run.noted is not None
         keys = GraphFingerprint(query, search_run.run, self.get_function, self.worlds)
         key = keys.make_graph_key()
-        described = _describe_graph(query, keys)
         weight = "probability" if search.order == "probability" else "cost"
         parts = (
             ("stop", "condition", search.stop),
@@ -349,8 +322,7 @@ class CachePolicy:
         elements = search_run.noted.plain and any(
             is_read_per_state(s, query) and do_call_functions(s) for s in query.sources
         )
-        graph = CachedGraph(self.store, key, described, clauses, elements, keys.find_changed_function)
-        return CachedSteps(search_run, graph)
+        return CachedSteps(search_run, self.store, key, keys, clauses, elements)
 
 
 def do_steps_call_user(query: plan.Query) -> bool:
@@ -361,7 +333,8 @@ def do_steps_call_user(query: plan.Query) -> bool:
     return do_call_functions(*query.sources, *clauses, query.where, search.stop, search.weight)
 
 
-def _describe_graph(query: plan.Query, keys: GraphFingerprint) -> GraphDescription:
+def _describe_graph(query: plan.Query, keys: GraphFingerprint) -> tuple[str, ...]:
+    """What people are told of a graph, see TABLES."""
     assert query.search is not None
     functions = [keys.get_function(name).of_world or name for name in keys.functions]
     parameters = {name: _format_graph_parameter(value) for name, value in keys.parameters.items()}
@@ -369,7 +342,7 @@ def _describe_graph(query: plan.Query, keys: GraphFingerprint) -> GraphDescripti
     if query.aggregated:
         names = [expr.span.text for expr in query.rows]
     variables = [name for name, _ in query.search.start]
-    return GraphDescription(query.span.text, *map(json.dumps, (functions, parameters, variables, names)))
+    return query.span.text, *map(json.dumps, (functions, parameters, variables, names))
 
 
 def _format_graph_parameter(value: Any) -> Any:

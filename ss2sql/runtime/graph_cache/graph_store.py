@@ -144,17 +144,6 @@ CURE = f"drop the tables {', '.join(TABLES)}; or connect(path, disable=['remembe
 _MOMENT = "%Y-%m-%d %H:%M"  # UTC
 
 
-@dataclass(frozen=True, slots=True)
-class GraphDescription:
-    """What people are told of a graph: JSON but for the text of the query."""
-
-    query: str
-    functions: str
-    parameters: str
-    variables: str
-    columns: str
-
-
 class GraphStore:
     """The tables, over the session's own connection. `changes` counts the rows that were changed here."""
 
@@ -234,19 +223,20 @@ class GraphStore:
         return dict(found)
 
     def write_states(
-        self, key: str, described: GraphDescription, states: Sequence[tuple[str, int, str]], levels: int
-    ) -> tuple[int, bool]:
-        """Writes states with their steps; gives the number of the graph, and whether it was made for this."""
+        self, key: str, described: Sequence[str], states: Sequence[tuple[str, int, str]], levels: int
+    ) -> int:
+        """Writes states with their steps; gives the number of the graph, which is made where there is none.
+
+        It is `described` by its query, functions, parameters, variables and columns.
+        """
         now = time.strftime(_MOMENT, time.gmtime())
         with self._while_writing():
             graph = self.find_graph(key)
-            made = graph is None
             if graph is None:
-                one = described
                 self.fetch_rows(
                     "INSERT INTO ss2sql_graphs(key, query, functions, parameters, variables, columns, levels, created,"
                     " used) VALUES (?, ?, ?, ?, ?, ?, 0, ?, ?)",
-                    key, one.query, one.functions, one.parameters, one.variables, one.columns, now, now,
+                    key, *described, now, now,
                 )  # fmt: skip
                 graph = self.connection.last_insert_rowid()
             self.connection.executemany(
@@ -257,7 +247,7 @@ class GraphStore:
                 "UPDATE ss2sql_graphs SET used = ?1, levels = ?2 WHERE id = ?3 AND (used < ?1 OR levels < ?2)",
                 now, levels, graph,
             )  # fmt: skip
-        return graph, made
+        return graph
 
 
 def build_damaged_graph_error(reason: str) -> ExecutionError:
