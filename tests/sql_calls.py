@@ -1,10 +1,15 @@
-"""Which functions a statement of SQL calls."""
+"""What SQL that a result shows calls, and gives in another session that has the same functions."""
 
 from __future__ import annotations
 
 import re
+from typing import Any
 
+import ss2sql
 from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS
+from ss2sql.lowering.sql_query import Sql
+from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.sqlite.executor import SqliteExecution, _encode_parameter
 
 WORDS = {"from", "in", "as", "when", "then", "else", "and", "or", "not", "where", "over", "select", "by", "cast"}
 
@@ -14,3 +19,16 @@ def python_calls(text: str) -> set[str]:
     without_strings = re.sub(r"'(?:[^']|'')*'", "''", text)
     called = {name.lower() for name in re.findall(r'(\w+)"?\(', without_strings)}
     return {name for name in called - SQLITE_FUNCTIONS - WORDS if not name.startswith("elements")}
+
+
+def run_shown_sql(session: ss2sql.Session, sql: Sql) -> list[tuple[Any, ...]]:
+    """The rows of SQL as a result shows it, with the values beside it."""
+    database = session.host.database
+    database.lists.register_modules(sql.modules)
+    execution = SqliteExecution(Run(session.host), calls=dict.fromkeys(database.memos, ()))
+    with database._push_execution(execution):
+        database.search.begin_search(execution.interning.frozen, False)
+        execution.modules.update(sql.modules)
+        values = {name: _encode_parameter(execution.interning, value) for name, value in sql.parameters.items()}
+        rows = database._open_cursor(sql, sql.modules, values)
+        return [tuple(map(execution.interning.decode, row)) for row in rows]

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from programs import ProgramCase
 from programs.drawn import amount, drawn
-from sql_calls import python_calls
+from sql_calls import python_calls, run_shown_sql
 
 import ss2sql
 
@@ -175,9 +175,7 @@ def test_the_packed_list_is_explained_and_can_be_pasted(ss: ss2sql.Session) -> N
     ss.attach("grid", GRID)
     result = ss.run("SELECT grid[a.this][0] FROM a = [0, 1] AS list;", engine="database")
     assert result.sql.parameters["grid_cells"] == bytes([0, 1, 0, 5, 0, 2])
-    assert [
-        row[0] for row in ss.host.database.run_shown_sql(result.sql, ss2sql.runtime.run.run_state.Run(ss.host))
-    ] == [0, 5]
+    assert [row[0] for row in run_shown_sql(ss, result.sql)] == [0, 5]
     assert "cells: indexes into lists of numbers became places in a block of bytes" in str(result.explain())
 
 

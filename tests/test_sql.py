@@ -8,12 +8,11 @@ from typing import Any
 import apsw
 import pytest
 from listings import HANOI, MOVES, move
-from sql_calls import python_calls
+from sql_calls import python_calls, run_shown_sql
 from trees import calls_of
 
 import ss2sql
 from ss2sql.language.plan_traversal import format_plan
-from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.sqlite.interning import Interning
 
 
@@ -57,7 +56,7 @@ def test_the_text_gives_the_same_rows_in_another_connection_with_the_same_functi
 ) -> None:
     result = staff.run(script, engine="database")
     other = session()
-    assert other.host.database.run_shown_sql(result.sql, Run(other.host)) == list(result)
+    assert run_shown_sql(other, result.sql) == list(result)
     assert len(list(result)) > 0
 
 
@@ -67,7 +66,7 @@ def test_the_text_of_a_search_gives_the_same_last_rows(staff: ss2sql.Session, op
     script = listing.replace("NO CYCLE # or UNIQUE", "").replace("CONNECT BY", f"CONNECT BY {option}")
     result = staff.run(script, engine="database")
     other = session()
-    pasted = other.host.database.run_shown_sql(result.sql, Run(other.host))
+    pasted = run_shown_sql(other, result.sql)
     assert [row[2:] for row in pasted] == [path[-1] for path in result.paths]
     assert len(pasted) > 0
 

@@ -26,7 +26,7 @@ from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row, Rows, check_row_limit, iterate_limited_rows
 from ss2sql.language.values import get_truth
 from ss2sql.lowering.sql_names import get_builtin_name
-from ss2sql.lowering.sql_query import BlobValue, Bookkeeping, ListTable, Parameter, Sql, SqlQuery
+from ss2sql.lowering.sql_query import BlobValue, Bookkeeping, ListTable, Parameter, SqlQuery
 from ss2sql.runtime.run.array_calls import make_row_call_function
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, CallMemo, forget_older_half
 from ss2sql.runtime.run.option_checks import check_cost, check_heuristic, check_probability
@@ -390,19 +390,6 @@ class Database:
         )
         execution.results = paths.__len__
         return paths
-
-    def run_shown_sql(self, sql: Sql, run: Run) -> list[Row]:
-        """Runs SQL as a result shows it, with the values beside it, and gives its rows as they come.
-
-        This is how text that was lowered in one session runs in another that has the same functions.
-        """
-        self.lists.register_modules(sql.modules)
-        execution = SqliteExecution(run, calls=dict.fromkeys(self.memos, ()))
-        with self._push_execution(execution):
-            self.search.begin_search(execution.interning.frozen, False)
-            execution.modules.update(sql.modules)
-            values = {name: _encode_parameter(execution.interning, value) for name, value in sql.parameters.items()}
-            return [tuple(map(execution.interning.decode, row)) for row in self._open_cursor(sql, sql.modules, values)]
 
     def _read_results(
         self, lowered: SqlQuery, execution: SqliteExecution, cursor: apsw.Cursor, sink: Rows

@@ -7,7 +7,7 @@ SQLite.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import apsw
@@ -65,20 +65,7 @@ class WorldModules:
         return name not in self._signatures and rows.fetchone() is not None
 
     def _register_module(self, name: str, table: AttachedWorldTable) -> None:
-        schema = table.schema
-        names = choose_sql_names(tuple(schema.kinds))
-        own = schema.walked is None and not schema.parameters
-        columns = [(c.name, c.operators if own else frozenset[str]()) for c in schema.columns]
-        module = WorldModule(
-            table.title,
-            columns,
-            tuple(names.values()),
-            table.key,
-            schema.parameters,
-            schema.required,
-            schema.signature,
-            lambda: self._get_current(name),
-        )
+        module = WorldModule(table, lambda: self._get_current(name))
         self.connection.create_module(
             name, cast(Any, module), use_bestindex_object=True, eponymous=True, eponymous_only=True, read_only=True
         )
@@ -101,30 +88,19 @@ class WorldModules:
 
 
 class WorldModule:
-    """The module for one table. `current` gives the reading of the query that runs, and its Interning.
+    """The module for tables of one schema. `current` gives the reading of the query that runs, and its Interning.
 
-    `names` are the names of the columns in SQL, `columns` those of the table with the comparisons that each can pass
-    on; `parameters` are those of a table function, the first `required` of which have no default.
+    `columns` are those of the table with the comparisons that each can pass on.
     """
 
-    def __init__(
-        self,
-        name: str,
-        columns: Sequence[tuple[str, frozenset[str]]],
-        names: Sequence[str],
-        key: str,
-        parameters: Sequence[str],
-        required: int,
-        signature: str,
-        current: Current,
-    ) -> None:
-        self.name = name
-        self.columns = tuple(columns)
-        self.names = tuple(names)
-        self.key = key
-        self.parameters = tuple(parameters)
-        self.required = required
-        self.signature = signature
+    def __init__(self, table: AttachedWorldTable, current: Current) -> None:
+        schema = table.schema
+        own = schema.walked is None and not schema.parameters
+        self.name, self.key, self.signature = table.title, table.key, schema.signature
+        self.columns = tuple((c.name, c.operators if own else frozenset[str]()) for c in schema.columns)
+        self.names = tuple(choose_sql_names(tuple(schema.kinds)).values())
+        self.parameters = tuple(schema.parameters)
+        self.required = schema.required  # the first ones, which have no default
         self.current = current
         self._row_buffers: dict[tuple[int, ...], RowBuffer] = {}
 
