@@ -155,7 +155,7 @@ def of_run(result: ss2sql.Result, picture: bool) -> Told:
     told: dict[str, Callable[[], Any]] = {
         "sql": lambda: golden.sql_text(result.sql), "value": lambda: written(result.value),
         "rows": lambda: repr(list(result)), "counted": lambda: repr(result.stats),
-        "explain": lambda: explained(result.explain(levels=True)), "shown": lambda: repr(result),
+        "explain": lambda: explained(result.explain()), "shown": lambda: repr(result),
         "html": result._repr_html_, "csv": result.csv, "json": result.json,
         "graph": lambda: written([list(result.graph().nodes(data=True)), list(result.graph().edges(data=True))]),
     }  # fmt: skip

@@ -36,7 +36,7 @@ def test_analyze_alone_runs_and_tells_what_was_done() -> None:
     assert "called" not in found.stderr
     assert "double is volatile: it calls print" in found.stdout
     assert "the run:" not in found.stdout
-    assert "warning: nothing shows that this search ends" in call("-e", COUNT.format("")).stdout
+    assert "warning: nothing bounds this search" in call("-e", COUNT.format("")).stdout
     found = call("-e", "SELECT double(this) FROM [1, 2];", "--functions", "functions.py", "--analyze")
     assert (found.exit_code, found.stderr.count("called")) == (0, 2)
     assert "called\n" not in found.stdout

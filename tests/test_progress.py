@@ -13,10 +13,9 @@ import ss2sql
 from ss2sql.language import plan
 from ss2sql.language.rows import Rows
 from ss2sql.runtime.run.run_state import GraphLevel, ResultSink, Run
-from ss2sql.runtime.run.search_paths import SearchPaths
 from ss2sql.runtime.search.search_run import RowGraph
 from ss2sql.session import execution, progress
-from ss2sql.session.progress import MAX_DEPTH_LOOKS, Progress, measure_progress_depth
+from ss2sql.session.progress import Progress
 
 SEARCH = "SELECT n FROM [1] WHERE n == 4 START WITH n = 1 CONNECT BY MEMORIZE 5 n = n + 1;"
 
@@ -103,17 +102,6 @@ def test_what_it_says_also_of_a_native_search() -> None:
     assert said(run, 2.0) == "2 s | 3,000 results, 1,500/s"
     run.sink = ResultSink(Rows(("n",), [(1,)]), "database")
     assert said(run, 2.0) == "2 s | 1 result, 0/s"
-    run = run_of(generated=10)
-    line, _, _ = line_of(run)
-    line.reached = [(1,), (2,)]  # depth first: the rows on the path, behind which a step is looked at
-    assert line.describe_progress(1.0) == "1 s | 10 steps, 10/s | depth 3"
-    line.reached = (((None, (1,)), (2,)), (3,))  # the way back
-    assert line.describe_progress(1.0) == "1 s | 10 steps, 10/s | depth 4"
-    way = None
-    for number in range(MAX_DEPTH_LOOKS + 5):
-        way = (way, (number,))
-    line.reached = way
-    assert "depth 100,001+" in line.describe_progress(1.0)
 
 
 def test_a_bar_where_the_total_is_known_and_for_the_first_list() -> None:
@@ -147,21 +135,6 @@ def test_a_bar_where_the_total_is_known_and_for_the_first_list() -> None:
     assert line.describe_progress(1.0) == "1 s"
 
 
-KEPT = [(1, 0), (2, 0), (3, 1), (4, 1), (5, 2), (6, 3)]  # steps, each with the one before it
-
-
-@pytest.mark.parametrize(
-    ("steps", "depth"),
-    [([], 0), (KEPT[:1], 1), (KEPT, 3), ([(1, 0), (3, 1), (5, 3), (6, 3), (4, 1), (2, 0), (7, 2)], 2)],
-    ids=["none", "one", "breadth first", "depth first"],
-)
-def test_how_deep_a_search_of_the_database_is(steps: list[tuple[int, int]], depth: int) -> None:
-    """By the last result, or by the steps that are kept."""
-    paths = SearchPaths(None, tuple, [(number, parent, "row") for number, parent in steps])
-    assert (paths.measure_depth(100), paths.measure_depth(0)) == ((depth, True), (0, not steps))
-    assert measure_progress_depth([0, *range(MAX_DEPTH_LOOKS + 4)]) == (MAX_DEPTH_LOOKS, False)
-
-
 @pytest.fixture
 def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     """Standard error as a terminal, on which lines appear at once."""
@@ -192,7 +165,7 @@ def test_of_both_engines(terminal: Terminal, engine: str, script: str) -> None:
     shown(script, engine)
     text = terminal.getvalue()
     assert "0 results" in text
-    assert ("step" in text) == ("depth" in text) == ("UNIQUE" in script)
+    assert ("step" in text) == ("UNIQUE" in script)
     assert ("%" in text) == ("UNIQUE" not in script)
     assert terminal.line == ""
 

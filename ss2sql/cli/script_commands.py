@@ -146,9 +146,7 @@ def explain_command(inputs: ScriptInputs, analyze: bool, form: str, progress: bo
                 _print_explanation(stopped.partial.explain(), form)
             raise
         result.value  # noqa: B018 - the time that AS takes is to be told, too
-        with redirect_output():  # functions may print when they are called again
-            found = result.explain(levels=True)
-        _print_explanation(found, form)
+        _print_explanation(result.explain(), form)
 
 
 def _refuse_options_of_runs() -> None:

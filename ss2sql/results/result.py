@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from ss2sql.results.explain.explanation import Explanation
     from ss2sql.results.watching.animation import Page
     from ss2sql.results.watching.search_trace import SearchTrace
-    from ss2sql.runtime.run.run_state import Run
 
 Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled", "memory", "steps"]
 
@@ -93,7 +92,6 @@ class Result:
     stats: Stats
     answer: QueryResult | None = field(default=None)
     outline: tuple[OutlinedStatement, ...] = ()
-    rerun: Callable[[Callable[[Run], Any]], Any] | None = field(default=None, compare=False)
     notes: tuple[str, ...] = ()
     traced: SearchTrace | None = field(default=None, compare=False)
 
@@ -155,19 +153,15 @@ class Result:
         rows = self.answer.rows
         return len(rows.rows or ()) if rows.paths is None else sum(measure_path_lengths(rows.paths))
 
-    def explain(self, levels: bool = False) -> Explanation:
+    def explain(self) -> Explanation:
         """What became of the script, and what the run has done: a text, whose `as_dict()` gives the same as data.
 
         Engines and why, rewrites, functions with the number of their calls, SQLite's plan in words, the SQL with the
         values that were bound, the time of each stage, the levels of a search.
-
-        Args:
-            levels: whether to go through a search once more, natively, to count its steps level by level: how many were
-                generated, expanded and pruned. Of MEMORIZE that is known without.
         """
         from ss2sql.results.explain.explanation import explain_run  # it knows compiled scripts, which know results
 
-        return explain_run(self.outline, self, levels=levels)
+        return explain_run(self.outline, self)
 
     @property
     def trace(self) -> Result:

@@ -118,7 +118,7 @@ def _execute_statements(host: SessionHost, query: Query, options: RunOptions, pr
         run.stats.seconds["run"] -= run.stats.seconds.get("shape", 0.0)  # what was shaped meanwhile
     if run.foreteller is not None:
         run.foreteller.report_idle()
-    return _build_script_result(host, run, statements, value)
+    return _build_script_result(run, statements, value)
 
 
 def _execute_for_last_value(
@@ -143,26 +143,6 @@ def _execute_for_last_value(
     return value
 
 
-def _make_script_rerun(
-    host: SessionHost, arguments: dict[str, Any], maximum: int | None
-) -> Callable[[Callable[[Run], Any]], Any]:
-    """A function that does something in another run under the same conditions; it keeps nothing of the first run."""
-
-    def rerun_counted(work: Callable[[Run], Any]) -> Any:
-        def run_again(run: Run) -> Any:
-            run.arguments, run.maximum = arguments, maximum
-            host.runs.append(run)
-            try:
-                host.forget_stable_calls(run)
-                return work(run)
-            finally:
-                host.runs.remove(run)
-
-        return run_in_session(host, run_again)
-
-    return rerun_counted
-
-
 def _collect_session_trace(run: Run, statement: CompiledStatement) -> tuple[SearchTrace | None, tuple[str, ...]]:
     if run.trace is None:
         return None, ()
@@ -172,7 +152,7 @@ def _collect_session_trace(run: Run, statement: CompiledStatement) -> tuple[Sear
     return make_trace(run.trace, tree, written), tuple(collect_notes(run.trace, tree))
 
 
-def _build_script_result(host: SessionHost, run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:
+def _build_script_result(run: Run, statements: Sequence[CompiledStatement], value: Any) -> Result:
     answer: QueryResult | None = run.answer if statements[-1].is_query else None
     if answer is not None:
         answer.begin = run.bounds.get_remaining().begin_reading
@@ -186,7 +166,6 @@ def _build_script_result(host: SessionHost, run: Run, statements: Sequence[Compi
         run.stats,
         answer,
         outline_compiled_script(statements, run),
-        _make_script_rerun(host, run.arguments, run.maximum),
         (*told, *run.notes),
         traced,
     )

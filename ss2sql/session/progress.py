@@ -1,6 +1,6 @@
 """One line on the terminal that says how far a long run is.
 
-    12 s | [####......] 42% | 402,116 steps, 33,509/s | depth 7 | 12 results
+    12 s | [####......] 42% | 402,116 steps, 33,509/s | 12 results
 
 It appears after a second, is written anew ten times a second at the most, and is gone in the end. It has neither
 colours nor control codes but for the carriage return, so it looks the same everywhere. The bar is there where the total
@@ -18,8 +18,6 @@ from typing import TYPE_CHECKING, Any, TextIO
 from ss2sql.errors import SessionError
 from ss2sql.language import plan
 from ss2sql.results import count_words
-from ss2sql.runtime.run import search_paths
-from ss2sql.runtime.run.search_paths import SearchPaths
 
 if TYPE_CHECKING:
     from ss2sql.runtime.run.run_state import Run
@@ -28,7 +26,6 @@ if TYPE_CHECKING:
 FIRST_SECONDS = 1.0  # seconds before the line appears
 REPEAT_SECONDS = 0.1  # seconds until it is written anew
 BAR_WIDTH = 10  # characters of the bar
-MAX_DEPTH_LOOKS = 100_000  # steps that are walked to find out how deep the search is, 5 ms
 
 
 def check_progress_option(wanted: str | bool) -> None:
@@ -52,8 +49,7 @@ def make_progress(run: Run, wanted: str | bool) -> Progress | None:
 class Progress:
     """The line of one run. `show_line` is called again and again while it works, `remove_line` when it is over.
 
-    Executors say here how far they are: `search` is the state of the search that SQLite runs, `reached` the rows on the
-    path of a native search, or the backpointer of the present step, see search_paths.py.
+    Executors say here how far they are: `search` is the state of the search that SQLite runs.
     """
 
     def __init__(self, run: Run, stream: TextIO, clock: Callable[[], float], width: Callable[[], int]) -> None:
@@ -66,7 +62,6 @@ class Progress:
         self._shown = 0  # characters of the line as it stands there
         self._walked: tuple[Any, int, int] | None = None  # what is walked, how much of it is done, and of how much
         self.search: SearchState | None = None
-        self.reached: Any = None
 
     def note_progress(self, cursor: Any, search: SearchState) -> None:
         """Notes where the statement is that SQLite runs; `cursor` walks the first list that it reads."""
@@ -81,7 +76,7 @@ class Progress:
 
     def begin_statement(self) -> None:
         """Forgets what the statement before has noted."""
-        self._walked = self.reached = self.search = None
+        self._walked = self.search = None
 
     def show_line(self) -> None:
         """Writes the line if it is time to."""
@@ -117,9 +112,6 @@ class Progress:
         steps = stats.generated or (0 if self.search is None else self.search.entered)
         if steps:
             parts.append(f"{count_words(steps, 'step')}, {steps / seconds:,.0f}/s")
-        depth, whole = (0, True) if graph is not None else self._measure_depth()
-        if depth and (whole or depth > MAX_DEPTH_LOOKS // 2):
-            parts.append(f"depth {depth:,}{'' if whole else '+'}")
         if results is not None:
             rate = f", {results / seconds:,.0f}/s" if results and not steps else ""
             parts.append(count_words(results, "result") + rate)
@@ -134,24 +126,6 @@ class Progress:
         if flat and self._walked is not None and self._walked[1] < self._walked[2]:
             parts.append(self._walked[1] / self._walked[2])
         return min(max(parts), 1.0) if parts else None
-
-    def _measure_depth(self) -> tuple[int, bool]:
-        """The steps from the start to where the search is, 0 where there is none; and whether these are all."""
-        if self.search is not None:
-            if self.search.entered:
-                return measure_progress_depth(self.search.parents)
-            paths = None if self._run.sink is None else self._run.sink.rows.paths
-            return paths.measure_depth(MAX_DEPTH_LOOKS) if isinstance(paths, SearchPaths) else (0, True)
-        depth, whole = search_paths.measure_depth(self.reached, MAX_DEPTH_LOOKS)
-        return (0 if self.reached is None else depth + 1), whole
-
-
-def measure_progress_depth(parents: list[int]) -> tuple[int, bool]:
-    """How far from the start the step is that was kept last, by the numbers of parents; and whether that is all."""
-    number, depth = len(parents) - 1, 0
-    while number and depth < MAX_DEPTH_LOOKS:
-        number, depth = parents[number], depth + 1
-    return depth, not number
 
 
 def find_progress_end(run: Run) -> int | None:

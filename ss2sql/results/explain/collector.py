@@ -1,11 +1,4 @@
-"""Collects the facts about a script: engines, rewrites, functions, whether a search ends, the run and its levels.
-
-A search counts all its steps together, because counting by level would cost time in its innermost loop. So a second,
-native run of the same search counts them, where calling functions again has no effect.
-
-It does where it has MAXIMUM or MEMORIZE n, where STOP WITH or the condition of CONNECT BY counts its steps, or where
-rows or keys do not repeat and there are only so many. What cannot be shown may still end; `explain` advises a bound.
-"""
+"""Collects the facts about a script: engines, rewrites, functions, whether a search is bounded, the run, its levels."""
 
 from __future__ import annotations
 
@@ -19,12 +12,10 @@ from ss2sql.frontend.inlining.substitution import FunctionBody, InlinedCall
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
-from ss2sql.language.plan_traversal import find_direct_assignments, list_plan_functions, split_and, walk
-from ss2sql.language.step_identity import split_stop_conditions
+from ss2sql.language.plan_traversal import list_plan_functions, walk
 from ss2sql.language.values import format_value
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.lowering.rewrites.inline_functions import list_calls_to_rewrite
-from ss2sql.lowering.rewrites.rewrite_context import negate_expression
 from ss2sql.results.explain.engine_plans import (
     describe_duckdb_plan,
     describe_python_plan,
@@ -46,143 +37,35 @@ from ss2sql.results.explain.findings import (
 from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement
 from ss2sql.results.result_notes import find_notes
 from ss2sql.runtime.graph_cache.cached_steps import do_steps_call_user
-from ss2sql.runtime.python import NativeQuery
-from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
-from ss2sql.runtime.python.search_execution import LevelCount, LevelCounter
 from ss2sql.runtime.run.run_state import Stats
 from ss2sql.runtime.run.search_paths import SearchPaths, measure_path_lengths
 from ss2sql.runtime.search.bidirectional import find_regression
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
-    from ss2sql.runtime.run.run_state import Run
 
 
-def count_levels(result: Result) -> list[LevelCount] | str:
-    """The steps of the result's search by level, or the reason why they cannot be counted."""
-    query = result.outline[-1].queries[-1].query if result.outline and result.outline[-1].queries else None
-    if result.answer is None or query is None or query.search is None:
-        return "the result is not that of a search"
-    if not ExpressionAnalysis((query,)).facts(query).steady:
-        return "what it calls or assigns is not to be done twice"
-    if any(isinstance(node, plan.WorldSource) for node in walk(query)):
-        return "it reads a world"
-    if result.status not in ("complete", "maximum"):
-        return "the search was broken off"
-    if result.rerun is None:
-        return "the search cannot be run again"
-    found: list[LevelCount] = result.rerun(lambda run: _count_again(query, run))
-    return found
-
-
-def _count_again(query: plan.Query, run: Run) -> list[LevelCount]:
-    run.by_level = LevelCounter(run.stats)
-    NativeQuery(query, by_level=True).compute_rows(run)
-    run.by_level.add_counts()
-    levels: list[LevelCount] = run.by_level.levels
-    return levels
-
-
-# --- whether a search can be shown to end
-CHANGING_NODES = (plan.Eval, plan.Assign, plan.AssignLate, plan.TemporalAssign)
-ADVICE = (
-    "nothing shows that this search ends: bound it with MAXIMUM, by counting its steps in STOP WITH, or by timeout="
-)
-
-
-def _is_bounded(query: plan.Query, search: plan.Search) -> bool:
-    if search.maximum is not None or search.bound is not None:
-        return True
-    made = split_and(search.made) if search.first is None else ()
-    if any(
-        _does_end_by_steps(p, query, search) for p in (*split_stop_conditions(query), *map(negate_expression, made))
-    ):
-        return True
-    if search.repeats == "allowed" or any(isinstance(node, CHANGING_NODES) for node in walk(query)):
-        return False
-    return all(_is_of_sources(expr, query, query.id) for expr in _list_compared(query, search))
-
-
-def _list_compared(query: plan.Query, search: plan.Search) -> list[plan.Expr]:
-    """What is compared; of the state reached what CONNECT BY assigns."""
-    if search.by != "state":
-        return list(search.key or (output.expr for output in query.columns))
-    values = find_direct_assignments(query)
-    states = [node for key in search.key for node in walk(key) if isinstance(node, plan.State)]
-    return [values.get(state.name, state) for state in states]
-
-
-def _does_end_by_steps(stop: plan.Expr, query: plan.Query, search: plan.Search) -> bool:
-    """Whether a condition always holds, or compares a variable that grows with every step and does not miss a limit."""
-    match stop:
-        case plan.Constant(value=value):
-            return bool(value)
-        case plan.Call(plan.Function(name="eq" | "ge" | "gt" as name, builtin=True), (plan.State() as state, limit)):
-            pass
-        case plan.Call(plan.Function(name="le" | "lt" as name, builtin=True), (limit, plan.State() as state)):
-            pass
-        case _:
-            return False
-    match find_direct_assignments(query).get(state.name):
-        case plan.Call(
-            plan.Function(name="add", builtin=True),
-            (plan.State(name=own), plan.Constant(value=step)) | (plan.Constant(value=step), plan.State(name=own)),
-        ) if own == state.name and type(step) is int and step > 0:
-            pass
-        case _:
-            return False
-    if any(isinstance(node, (plan.State, plan.Element, plan.Column)) for node in walk(limit)):
-        return False
-    ends = [end.value for end in (dict(search.start).get(state.name), limit) if isinstance(end, plan.Constant)]
-    met = list(map(type, ends)) == [int, int] and ends[1] >= ends[0] and (ends[1] - ends[0]) % step == 0
-    return met or name != "eq"
-
-
-def _is_of_sources(expr: plan.Expr, query: plan.Query, search: int) -> bool:
-    """Whether an expression has only so many values: it is made of elements of sources that are the same throughout."""
-    still = {source.id for source in query.sources if _is_constant_source(source, search)}
-    for node in walk(expr):
-        match node:
-            case plan.State(query=own) if own == search:
-                return False
-            case plan.Element(source=source) | plan.Column(source=source):
-                if source not in still:
-                    return False
-            case plan.Call(function) if function.volatility == "volatile":
-                return False
-    return True
-
-
-def _is_constant_source(source: plan.Source, search: int) -> bool:
-    """Whether a source has the same elements for every state, or a part of what a still table has."""
-    if isinstance(source, plan.QuerySource):
-        inner = source.query
-        plain = inner.search is None and not inner.grouped
-        return plain and all(_is_of_sources(output.expr, inner, search) for output in inner.columns)
-    return not any(isinstance(node, plan.State) and node.query == search for node in walk(source))
-
-
-# --- collects the facts about a script: engines, rewrites, functions, SQLite's plan, the run
 MOST_TEXT = 70  # characters of a bound value, and of its expression
+ADVICE = "nothing bounds this search: bound it with MAXIMUM, by a condition in STOP WITH or CONNECT BY, or by timeout="
 
 
 def collect_facts(
-    outlined: Sequence[OutlinedStatement], result: Result | None, missing: Sequence[str] = (), levels: bool = False
+    outlined: Sequence[OutlinedStatement], result: Result | None, missing: Sequence[str] = ()
 ) -> ScriptFacts:
-    """All facts about the statements, and about the run of a result, with its `levels` counted."""
+    """All facts about the statements, and about the run of a result."""
     stats = None if result is None else result.stats
     statements = tuple(
         StatementFacts(statement.text, tuple(_collect_query(query, stats) for query in statement.queries))
         for statement in outlined
     )
-    return ScriptFacts(statements, None if result is None else _collect_run(result, levels), tuple(missing))
+    return ScriptFacts(statements, None if result is None else _collect_run(result), tuple(missing))
 
 
 def _collect_query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
     lowered, query = outlined.lowered, outlined.query
     lines, missing = _collect_plan(outlined)
     cures = (hint.removesuffix("leave the engine to ss2sql").removesuffix(", or ") for hint in outlined.cures)
-    endless = (n for n in walk(query) if isinstance(n, plan.Query) and n.search and not _is_bounded(n, n.search))
+    endless = (n for n in walk(query) if isinstance(n, plan.Query) and n.search and not _is_bounded(n.search))
     return QueryFacts(
         text=outlined.written.span.text,
         engine=outlined.engine,
@@ -199,6 +82,11 @@ def _collect_query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:
         sql=lowered.text if lowered else str(outlined.sql) if outlined.levels or outlined.duck else None,
         parameters=tuple(_collect_parameter_facts(outlined)),
     )
+
+
+def _is_bounded(search: plan.Search) -> bool:
+    bounds = (search.maximum, search.bound, search.stop, search.made)
+    return search.repeats != "allowed" or any(bound is not None for bound in bounds)
 
 
 def _collect_plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
@@ -314,10 +202,9 @@ def _find_bidirectional_fact(query: plan.Query, stats: Stats | None, remembered:
 # --- the run -------------------------------------------------------------------------------------------
 
 
-def _collect_run(result: Result, by_level: bool) -> RunFacts:
+def _collect_run(result: Result) -> RunFacts:
     stats = result.stats
     rows = None if result.answer is None else result.answer.rows
-    levels, notes = _collect_levels(result, by_level)
     return RunFacts(
         status=result.status,
         engine=result.engine,
@@ -327,27 +214,12 @@ def _collect_run(result: Result, by_level: bool) -> RunFacts:
         expanded=stats.expanded,
         pruned=stats.pruned,
         seconds=dict(stats.seconds),
-        levels=levels,
-        notes=(*result.notes, *stats.notes, *notes),
+        levels=_collect_levels(result),
+        notes=(*result.notes, *stats.notes),
     )
 
 
-def _collect_levels(result: Result, by_level: bool) -> tuple[LevelTable | None, tuple[str, ...]]:
-    """The levels of a search, counted where that is wanted, and why they could not be."""
-    counted = count_levels(result) if by_level and not result.stats.levels else "not wanted"
-    if isinstance(counted, str):
-        wanted = by_level and not result.stats.levels and result.stats.generated
-        return _collect_level_facts(result), (f"steps are not counted by level: {counted}",) if wanted else ()
-    paths = None if result.answer is None else result.answer.rows.paths
-    results = Counter(measure_path_lengths(paths or ()))
-    rows = tuple(
-        (number, level.generated, level.expanded, level.pruned, results[number])
-        for number, level in enumerate(counted, 1)
-    )
-    return LevelTable("the search by level", ("level", "generated", "expanded", "pruned", "results"), rows), ()
-
-
-def _collect_level_facts(result: Result) -> LevelTable | None:
+def _collect_levels(result: Result) -> LevelTable | None:
     """The graph of MEMORIZE by levels; of other searches the results, and the steps that SQLite has kept."""
     if result.stats.levels and result.engine not in ("database", "native"):
         told = tuple((n, x.steps, x.pruned) for n, x in enumerate(result.stats.levels, 1))

@@ -7,16 +7,11 @@ lowered queries has its sentence here; any other is shown unchanged.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-import sqlglot
-from sqlglot import TokenType
-
-from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.lowering.portable.pushdown import PushdownQuery
-from ss2sql.lowering.sql_query import SqlQuery
 from ss2sql.results.explain.findings import PlanLine, cut_explained_script, describe_queue
 from ss2sql.results.explain.outline import OutlinedQuery
 from ss2sql.runtime.external.level_query import WORDS, LevelPlan
@@ -117,244 +112,61 @@ def _describe_post_processing(query: plan.Query) -> Iterator[PlanLine]:
         yield PlanLine(0, "keeps as many as LIMIT says")
 
 
-MOST_TEXT = 60  # characters of a source
-
-
-@dataclass(frozen=True, slots=True)
-class PlanNode:
-    """A line of SQLite's plan with the lines under it."""
-
-    text: str
-    inner: tuple[PlanNode, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class PlanNames:
-    """The meaning of a statement's names: values and tables; and the order of its queue."""
-
-    walked: Mapping[str, str]
-    tables: Mapping[str, str]
-    queue: str
-
-
 def describe_sqlite_plan(outlined: OutlinedQuery) -> tuple[PlanLine, ...]:
     """SQLite's plan of a query. Raises apsw.Error where it is unavailable: the session is closed, a table is gone."""
-    assert outlined.lowered is not None
-    rows = _read_explained_plan(outlined)
-    names = _collect_names(outlined.lowered, describe_queue(outlined.query))
-    return tuple(_put_plan_in_words(_nest_plan_rows(rows, 0), names, 0))
-
-
-def _read_explained_plan(outlined: OutlinedQuery) -> list[tuple[int, int, int, str]]:
     assert outlined.lowered is not None
     explaining = replace(outlined.lowered, text=f"EXPLAIN QUERY PLAN {outlined.lowered.text}")
     cursor = outlined.host.database.open_cursor(explaining, Interning(), lambda parameter: 0)
     try:
-        return list(cursor)
+        rows: list[tuple[int, int, int, str]] = list(cursor)
     finally:
         cursor.close(True)
+    return tuple(_nest_plan_lines(rows, 0, 0, describe_queue(outlined.query)))
 
 
-def _nest_plan_rows(rows: list[tuple[int, int, int, str]], parent: int) -> tuple[PlanNode, ...]:
-    return tuple(PlanNode(text, _nest_plan_rows(rows, own)) for own, above, _, text in rows if above == parent)
-
-
-def _put_plan_in_words(
-    lines: tuple[PlanNode, ...], names: PlanNames, depth: int, recursive: bool = False
-) -> list[PlanLine]:
-    """The lines in words. Loops over tables are nested: a later one runs for each row of the one before."""
-    made: list[PlanLine] = []
+def _nest_plan_lines(
+    rows: Sequence[tuple[int, int, int, str]], parent: int, depth: int, queue: str, recursive: bool = False
+) -> Iterator[PlanLine]:
+    """The lines below a parent. Loops over tables are nested: a later one runs for each row of the one before."""
     loops = 0
-    for line in lines:
-        words = _describe_line(line.text, names, recursive)
-        if line.text.startswith(("SCAN ", "SEARCH ")):
+    for own, above, _, text in rows:
+        if above != parent:
+            continue
+        waiting = recursive and text == "SCAN search"
+        words = f"takes the steps that wait in a queue one by one, {queue}" if waiting else _put_line_in_words(text)
+        if text.startswith(("SCAN ", "SEARCH ")):
             words = f"for each of them, {words}" if loops else words
             loops += 1
-        made.append(PlanLine(depth, words, line.text))
-        made.extend(_put_plan_in_words(line.inner, names, depth + 1, recursive or line.text == "RECURSIVE STEP"))
-    return made
+        yield PlanLine(depth, words, text)
+        yield from _nest_plan_lines(rows, own, depth + 1, queue, recursive or text == "RECURSIVE STEP")
 
 
-def _collect_names(lowered: SqlQuery, queue: str) -> PlanNames:
-    """The sources of a statement by the names that its plan uses."""
-    texts = {parameter.name: parameter.expr.span.text or parameter.name for parameter in lowered.parameters}
-    walked: dict[str, str] = {}
-    tables: dict[str, str] = {}
-    for name, argument, alias in _find_explained_sources(lowered.text):
-        table = lowered.modules.get(name)
-        if table is not None:
-            argument = argument if table.function is None else f"{table.function}({argument})"
-            walked[alias] = _put_alias_in_words(_put_source_in_words(argument, texts), alias if alias != name else "")
-        else:
-            tables[alias] = name if name in (alias, f"{alias}_once") else _put_alias_in_words(name, alias)
-    return PlanNames(walked, tables, queue)
-
-
-def _find_explained_sources(text: str) -> Iterator[tuple[str, str, str]]:
-    """The sources after FROM and JOIN: a name, its arguments in parentheses, and its alias."""
-    tokens = sqlglot.tokenize(text, read="sqlite")
-    kinds = [token.token_type for token in tokens]
-    for index, kind in enumerate(kinds):
-        if kind not in (TokenType.FROM, TokenType.JOIN) or kinds[index + 1] == TokenType.L_PAREN:
-            continue
-        name = alias = tokens[index + 1].text
-        end = index + 2
-        argument = ""
-        if kinds[end : end + 1] == [TokenType.L_PAREN]:
-            close = _find_closing_parenthesis(kinds, end)
-            argument = text[tokens[end].end + 1 : tokens[close].start]
-            end = close + 1
-        if kinds[end : end + 1] == [TokenType.ALIAS]:
-            alias = tokens[end + 1].text
-        yield name, argument, alias
-
-
-def _find_closing_parenthesis(kinds: list[TokenType], opening: int) -> int:
-    """The index of the parenthesis that closes the one at an index."""
-    depth = 0
-    for place in range(opening, len(kinds)):
-        depth += (kinds[place] == TokenType.L_PAREN) - (kinds[place] == TokenType.R_PAREN)
-        if not depth:
-            return place
-    raise AssertionError("lowered text has as many closing parentheses as opening ones")
-
-
-def _put_source_in_words(argument: str, texts: Mapping[str, str]) -> str:
-    """A source; a bound value in the script's notation."""
-    alone = re.fullmatch(r":(\w+)(?: /\*.*\*/)?", argument.strip(), re.DOTALL)
-    return cut_explained_script(texts.get(alone[1], alone[1]) if alone else argument, MOST_TEXT)
-
-
-def _put_alias_in_words(name: str, alias: str) -> str:
-    """A source and its alias, unless they are equal."""
-    return name if alias in ("", "this", name, name.rpartition(".")[2]) else f"{name} (as {alias})"
-
-
-# --- sentences -----------------------------------------------------------------------------------------
-
-# With HEURISTIC a step is in the queue twice: as a result at its cost, and to be expanded with the estimate.
-REPLACED_LINES = {
-    "COMPOUND QUERY": "each step waits twice, for its own turn and for that of the steps after it:",
-    "LEFT-MOST SUBQUERY": "the steps after it:",
-    "UNION ALL": "its second turn:",
-}
-
-NAME = r"(?P<name>\S+|.+?)"
-WHERE = r" \((?P<where>.*)\)"
-
-
-def _describe_line(text: str, names: PlanNames, recursive: bool) -> str:
-    if recursive and text == "SCAN search":
-        return f"takes the steps that wait in a queue one by one, {names.queue}"
-    if recursive and text in REPLACED_LINES:
-        return REPLACED_LINES[text]
+def _put_line_in_words(text: str) -> str:
     for pattern, words in SENTENCES:
-        found = re.fullmatch(pattern, text)
-        if found:
-            return words(found, names)
-    return f"{text} (as SQLite says it)"
+        if found := re.fullmatch(pattern, text):
+            return found.expand(words)
+    return text
 
 
-def _name_plan_table(found: re.Match[str], names: PlanNames) -> str:
-    name = found["name"]
-    return "an inner query" if name.startswith("(") else names.tables.get(name, name)
-
-
-def _format_conditions(text: str) -> str:
-    """`src=? AND n>?` with an ellipsis for each unknown value."""
-    return re.sub(r"(\S+?)(<=|>=|=|<|>)\?", r"\1 \2 …", text).replace(" AND ", " and ")
-
-
-def _describe_scan(found: re.Match[str], names: PlanNames) -> str:
-    if found["name"] == "search":
-        return "gives the results as the search finds them"
-    index = found["index"]
-    return f"reads every row of {_name_plan_table(found, names)}" + (
-        f" in the order of its index {index}" if index else ""
-    )
-
-
-def _describe_virtual(found: re.Match[str], names: PlanNames) -> str:
-    """A virtual table; those of worlds list the adapter's filters in their plan."""
-    name, demands = found["name"], found["asked"]
-    if demands.startswith("each element"):
-        left_out = re.fullmatch(r"each element, (.*) IS NOT \?", demands)
-        but = f" but those whose {left_out[1]} is …" if left_out else ""
-        return f"walks the elements of {names.walked.get(name, name)}{but}"
-    table = names.tables.get(name, name)
-    if demands == "all":
-        return f"reads every element of {table}"
-    parts = demands.split(", ")
-    parameters = [part.removesuffix(" := ?") for part in parts if part.endswith(" := ?")]
-    filters = [part for part in parts if not part.endswith(" := ?")]
-    words = f"asks for the elements of {table}"
-    if parameters:
-        words += f" for a given {' and '.join(parameters)}"
-    return words + (f" with {_put_ranges_in_words(filters)}; the adapter uses these conditions" if filters else "")
-
-
-def _put_ranges_in_words(filters: list[str]) -> str:
-    """`x >= ?` and `x <= ?` as one condition."""
-    ranges: dict[str, list[str]] = {}
-    for condition in filters:
-        column, operator, _ = condition.rsplit(" ", 2)
-        ranges.setdefault(column, []).append(operator)
-    both = {column: {operator[0] for operator in operators} == {"<", ">"} for column, operators in ranges.items()}
-    return " and ".join(
-        f"{column} from … to …" if both[column] else " and ".join(f"{column} {operator} …" for operator in operators)
-        for column, operators in sorted(ranges.items())
-    )
-
-
-def _describe_search(found: re.Match[str], names: PlanNames) -> str:
-    kind, where = found["kind"], _format_conditions(found["where"])
-    rows = f"looks up the rows of {_name_plan_table(found, names)} with {where}"
-    if kind.startswith("AUTOMATIC"):
-        return f"{rows} in an index that SQLite makes for this query"
-    if kind == "INTEGER PRIMARY KEY" and found["where"] == "rowid=?":
-        return f"looks up the row of {_name_plan_table(found, names)} by its number"
-    if kind.endswith("PRIMARY KEY"):
-        return f"{rows} by its primary key"
-    covering = kind.startswith("COVERING ")
-    index = kind.removeprefix("COVERING ").removeprefix("INDEX ")
-    return f"{rows} in its index {index}" + (", which has all that is needed" if covering else "")
-
-
-def _describe_sort(found: re.Match[str], names: PlanNames) -> str:
-    what = found["what"]
-    if what == "ORDER BY":
-        return "sorts the rows for ORDER BY"
-    if what == "GROUP BY":
-        return "sorts the rows into groups"
-    if what.endswith("ORDER BY"):
-        return "sorts rows that are equal so far by the other terms of ORDER BY"
-    return f"keeps rows in order, for {what}"
-
-
-def _say_always(words: str) -> Callable[[re.Match[str], PlanNames], str]:
-    return lambda found, names: words
-
-
-SENTENCES: tuple[tuple[str, Callable[[re.Match[str], PlanNames], str]], ...] = (
-    (rf"SCAN {NAME} VIRTUAL TABLE INDEX \d+:(?P<asked>.*)", _describe_virtual),
-    (r"SCAN CONSTANT ROW|SCAN \d+ CONSTANT ROWS?", _say_always("makes a row of what is known")),
-    (rf"SCAN {NAME}(?: USING (?:COVERING )?INDEX (?P<index>\S+))?", _describe_scan),
-    (rf"SEARCH {NAME} USING (?P<kind>.*?){WHERE}(?: LEFT-JOIN)?", _describe_search),
-    (
-        rf"BLOOM FILTER ON {NAME}{WHERE}",
-        _say_always("keeps a note of the values there, to skip lookups that find nothing"),
-    ),
-    (r"CO-ROUTINE search", _say_always("searches step by step:")),
-    (rf"CO-ROUTINE {NAME}", lambda found, names: f"makes the rows of {_name_plan_table(found, names)} on demand:"),
-    (rf"MATERIALIZE {NAME}", lambda found, names: f"once, beforehand, and kept as {_name_plan_table(found, names)}:"),
-    (r"SETUP|INITIAL RECURSIVE PART", _say_always("the start:")),
-    (r"RECURSIVE STEP", _say_always("the steps:")),
-    (r"CORRELATED SCALAR SUBQUERY \d+", _say_always("for each row, computes the value of a query of its own:")),
-    (r"SCALAR SUBQUERY \d+", _say_always("once, computes the value of a query of its own:")),
-    (r"CORRELATED LIST SUBQUERY \d+", _say_always("for each row, makes a list by a query of its own:")),
-    (r"(?:LIST|REUSE LIST) SUBQUERY \d+", _say_always("once, makes a list by a query of its own:")),
-    (r"USE TEMP B-TREE FOR (?P<what>.*)", _describe_sort),
-    (r"COMPOUND QUERY", _say_always("puts the rows of several queries together:")),
-    (r"LEFT-MOST SUBQUERY", _say_always("the first query:")),
-    (r"UNION ALL", _say_always("the next query:")),
+# The kinds of lines for lowered queries and their words; any other is shown as it is. Names are those of the SQL.
+SENTENCES = (
+    (r"SCAN (.+) VIRTUAL TABLE INDEX \d+:each element.*", r"walks the elements of \1"),
+    (r"SCAN (.+) VIRTUAL TABLE INDEX \d+:all", r"reads every element of \1"),
+    (r"SCAN (.+) VIRTUAL TABLE INDEX \d+:(.*)", r"asks for the elements of \1 with \2"),
+    (r"SCAN CONSTANT ROW|SCAN \d+ CONSTANT ROWS?", "makes a row of what is known"),
+    (r"SCAN search", "gives the results as the search finds them"),
+    (r"SCAN (\S+)", r"reads every row of \1"),
+    (r"SCAN (\S+) USING (?:COVERING )?INDEX (\S+)", r"reads every row of \1 in the order of its index \2"),
+    (r"SEARCH (\S+) USING AUTOMATIC.*? \((.*)\).*", r"looks up \2 in an index of \1 that SQLite makes for this query"),
+    (r"SEARCH (\S+) USING (?:COVERING )?INDEX (\S+) \((.*)\).*", r"looks up \3 in the index \2 of \1"),
+    (r"SEARCH (\S+) USING .*PRIMARY KEY \((.*)\).*", r"looks up \2 in \1 by its primary key"),
+    (r"BLOOM FILTER ON (\S+) .*", r"keeps a note of the values of \1, to skip lookups that find nothing"),
+    (r"CO-ROUTINE search", "searches step by step:"),
+    (r"CO-ROUTINE (.+)", r"makes the rows of \1 on demand:"),
+    (r"MATERIALIZE (.+)", r"once, beforehand, and kept as \1:"),
+    (r"SETUP|INITIAL RECURSIVE PART", "the start:"),
+    (r"RECURSIVE STEP", "the steps:"),
+    (r"CORRELATED (?:SCALAR|LIST) SUBQUERY \d+", "for each row, a query of its own:"),
+    (r"(?:REUSE )?(?:SCALAR|LIST) SUBQUERY \d+", "once, a query of its own:"),
+    (r"USE TEMP B-TREE FOR (.*)", r"sorts the rows for \1"),
 )

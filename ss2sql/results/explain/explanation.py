@@ -174,7 +174,6 @@ def explain_run(
     outlined: Sequence[OutlinedStatement],
     result: Result | None = None,
     missing: Sequence[str] = (),
-    levels: bool = False,
 ) -> Explanation:
     """For every statement and query the engine and the reason, the plan, and the facts of the run."""
-    return Explanation(collect_facts(outlined, result, missing, levels))
+    return Explanation(collect_facts(outlined, result, missing))

@@ -257,7 +257,6 @@ class CodegenContext:
         self.bindings: list[ast.stmt] = []
         self.definitions: list[ast.stmt] = []
         self.source_call: SingleSourceCall | None = None  # the call of a source that a search makes once for each state
-        self.by_level: plan.Query | None = None  # the search that is counted, see search_execution.py
         self.watched: plan.Query | None = None  # the search that trace.py hears of
         self.level_searched_query: plan.Query | None = None  # the search whose results `find` finds
         self.find: FindPaths | None = None

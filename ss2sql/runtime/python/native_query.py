@@ -29,23 +29,19 @@ if TYPE_CHECKING:
 class NativeQuery:
     """A query that stands by itself, compiled to Python once, to be run many times.
 
-    The steps of a search are counted `by_level` on demand, see search_execution.py; one that is `watched` goes step by
-    step, and `run.trace` hears of it. `find` finds its results in the place of a loop. `levels` says how deeply its
-    expressions are nested.
+    A search that is `watched` goes step by step, and `run.trace` hears of it. `find` finds its results in place of a
+    loop. `levels` says how deeply its expressions are nested.
     """
 
     engine = "native"
 
-    def __init__(
-        self, query: plan.Query, by_level: bool = False, find: FindPaths | None = None, watched: bool = False
-    ) -> None:
+    def __init__(self, query: plan.Query, find: FindPaths | None = None, watched: bool = False) -> None:
         self.query = query
         analysis = ExpressionAnalysis((query,))
         self.levels = analysis.levels
         self._runs_foreign_code = may_run_foreign_code(query)
         with deepen_stack(self.levels):
             codegen = CodegenContext(query.span, analysis)
-            codegen.by_level = query if by_level else None
             codegen.watched = query if watched else None
             codegen.level_searched_query, codegen.find = query, find
             nested = QueryCompiler(codegen).compile_query(query, codegen.root)

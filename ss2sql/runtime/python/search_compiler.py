@@ -265,7 +265,6 @@ class SearchForm:
     inlined: bool  # the step function stands in its loop
     chooses: bool  # MEMORIZE may choose among the elements of a state there
     remembered: bool  # steps are remembered, see memoized_steps.py
-    counts_levels: bool  # steps are counted by level
     watched: bool  # the trace of the run hears of the steps
 
 
@@ -282,10 +281,9 @@ def compile_search(
     key_of = _generate_key_function(builder, query, body, shapes) if visits else None
     loops = StepLoops(builder, query, body)
     loops.read_constant_sources()
-    leveled = codegen.by_level is query
     watched = codegen.watched is query
     led = codegen.find is not None and query is codegen.level_searched_query  # by others, who ask for its steps
-    remembered = _can_revisit_states(builder, query) and not (leveled or watched or led)
+    remembered = _can_revisit_states(builder, query) and not (watched or led)
     complete = remembered and search.repeats == "no cycle"
     form = StepForm(shapes, start, bool(keys) or (memorizes and not search.plain), complete, watched, key_of)
     first = None
@@ -295,7 +293,7 @@ def compile_search(
         first = StepFunction(builder, query, other, form, search.first).write_function()
     step = StepFunction(builder, query, loops, form, search.made)
     inlined = None
-    if INLINE_STEPS and not (remembered or leveled or watched or led) and (search.plain or not memorizes):
+    if INLINE_STEPS and not (remembered or watched or led) and (search.plain or not memorizes):
         inlined = step.write_search(add_graph_level if memorizes else choose_search(search))
     function = inlined or step.write_function()
     if inlined is None or memorizes:
@@ -320,7 +318,7 @@ def compile_search(
     body.define_function()
     known = FrozenShapes(tuple(shapes.values()), tuple(step.columns))
     chooses = step.has_list_elements and inlined is not None
-    return body.name, SearchForm(known, inlined is not None, chooses, remembered, leveled, watched)
+    return body.name, SearchForm(known, inlined is not None, chooses, remembered, watched)
 
 
 def join_first_steps(first: Expand, others: Expand) -> Expand:

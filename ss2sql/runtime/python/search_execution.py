@@ -8,19 +8,17 @@ back, to the steps from another state; what has been counted since the time befo
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Hashable, Iterator
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import partial
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.ordering import is_overestimate
 from ss2sql.language.rows import Row
 from ss2sql.language.values import State, Thaw
 from ss2sql.runtime.python.loop_helpers import make_count_report, make_known_steps_check
-from ss2sql.runtime.run.run_state import Run, Stats
-from ss2sql.runtime.run.search_paths import Path, measure_depth
+from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search import choose_search
 from ss2sql.runtime.search.memoized_steps import MemoizedSteps, ignore_step_key
 from ss2sql.runtime.search.memorize import run_memorize
@@ -32,66 +30,6 @@ from ss2sql.runtime.search.trace import TracedSearch
 if TYPE_CHECKING:
     from ss2sql.runtime.python.query_execution import QueryExecution
     from ss2sql.runtime.python.search_compiler import SearchForm
-
-
-@dataclass(slots=True)
-class LevelCount:
-    """The steps of one level: how many were tried, how many of these led on, and how many a guard kept out."""
-
-    generated: int = 0
-    expanded: int = 0
-    pruned: int = 0
-
-
-@dataclass(slots=True)
-class LevelCounter:
-    """The counts of one run, by level."""
-
-    stats: Stats
-    levels: list[LevelCount] = field(default_factory=list)
-    depth: int = 0
-    generated: int = 0
-    pruned: int = 0
-
-    def enter_depth(self, depth: int, generated: int, pruned: int, first: bool) -> None:
-        """The search turns to the steps from a state at this depth, for the `first` time or again.
-
-        `generated` and `pruned` are what it has not yet told the run.
-        """
-        self.add_counts(generated, pruned)
-        self.depth = depth
-        if first and depth:
-            self._get_level(depth).expanded += 1
-
-    def add_counts(self, generated: int = 0, pruned: int = 0) -> None:
-        """Notes what was counted since the last time."""
-        generated, pruned = generated + self.stats.generated, pruned + self.stats.pruned
-        if (generated, pruned) != (self.generated, self.pruned):
-            level = self._get_level(self.depth + 1)
-            level.generated += generated - self.generated
-            level.pruned += pruned - self.pruned
-            self.generated, self.pruned = generated, pruned
-
-    def _get_level(self, number: int) -> LevelCount:
-        while len(self.levels) < number:
-            self.levels.append(LevelCount())
-        return self.levels[number - 1]
-
-
-def make_watcher(run: Run, leveled: bool, flush: Callable[[], None]) -> Callable[..., None] | None:
-    """What hears to which state a search turns: the line of progress, and counts by level, where they are wanted."""
-    progress, by_level = run.progress, run.by_level if leveled else None
-    if progress is None and by_level is None:
-        return None
-
-    def watch_state(path: Path, first: bool = True) -> None:
-        if progress is not None:
-            progress.reached = path
-        if by_level is not None:
-            flush()
-            by_level.enter_depth(measure_depth(path)[0], 0, 0, first)
-
-    return watch_state
 
 
 # --- the results of a compiled search, as its task asks for them: the loop that finds them, and values in place of fr
@@ -128,8 +66,8 @@ def find_search_results(
     if search.repeats == "memorize":
         search_run = _build_search_run(task, search, form, problem, bound, noted)
         return _thaw_paths(task, run_memorize(search_run), keys, None)
-    expand = problem.expand if form.watched else _make_expand(task, form, function)
-    problem = replace(problem, expand=expand, on_expand=make_watcher(run, form.counts_levels, task.report_counts))
+    if not form.watched:
+        problem = replace(problem, expand=_make_expand(task, form, function))
     paths = (function if form.inlined else choose_search(search))(problem)
     return _thaw_paths(
         task, paths if watched is None else watched.strip_traces(paths), keys, form.shapes.make_row_thaw()

@@ -66,7 +66,6 @@ from ss2sql.runtime.python.step_inlining import has_search_loop_code, inline_ste
 from ss2sql.runtime.run.array_calls import count_array_calls
 from ss2sql.runtime.run.search_paths import (
     START,
-    Parents,
     PathKeys,
     collect_path_by_parents,
     follow_backpointers,
@@ -84,7 +83,6 @@ HELPERS: tuple[Callable[..., Any], ...] = (
     collect_path_by_parents,
     follow_backpointers,
     make_start_backpointer,
-    Parents,
     PathKeys,
 )  # of the loops
 MAX_NESTED_LOOPS = 8  # loops over sources inside of the loop of the search; Python nests twenty blocks

@@ -220,7 +220,6 @@ class Run:
     progress: Any = None
     graph: Any = None  # that MEMORIZE works on
     collects_at: float = inf  # when the garbage collector, which pauses, has to go on
-    by_level: Any = None  # counts the steps of a search by level
     trace: Any = None  # receives the events of the last statement's search
     call_places: Mapping[str, Places] = field(default_factory=dict)  # where the script calls functions of the user
 

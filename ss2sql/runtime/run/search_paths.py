@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from itertools import chain
-from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias, overload
 
 from ss2sql.language.rows import Row
@@ -21,14 +19,7 @@ KeyedBackpointer: TypeAlias = tuple[Any, Row, Hashable, int]
 START = object()  # what is before the first row of a path
 
 
-class Parents(NamedTuple):
-    """A row that is reached once, with the key of the row before each such row."""
-
-    before: dict[Any, Any]
-    key: Any
-
-
-Path: TypeAlias = list[Row] | Backpointer | KeyedBackpointer | Parents | None
+Path: TypeAlias = list[Row] | Backpointer | KeyedBackpointer | None
 
 
 def follow_backpointers(backpointer: Backpointer | KeyedBackpointer | None) -> tuple[Row, ...]:
@@ -71,23 +62,6 @@ def collect_path_by_parents(
             break
         key = before[key]
     return tuple(path[::-1])
-
-
-def measure_depth(path: Path, most: float = float("inf")) -> tuple[int, bool]:
-    """The number of steps from the start, `most` at the most, and whether these are all."""
-    if type(path) is list:
-        return len(path), True
-    if type(path) is tuple and len(path) == 4:
-        return path[3], True
-    depth, end = 0, None
-    at: Any = path
-    before: dict[Any, Any] | None = None
-    if isinstance(path, Parents):
-        end, (before, at) = START, path
-    while at is not end and depth < most:
-        at = at[0] if before is None else before[at]
-        depth += 1
-    return depth, at is end
 
 
 class PathKeys:
@@ -220,24 +194,6 @@ class SearchPaths(Sequence[list[Row]]):
         counts = Counter(levels.values())
         del counts[0]
         return counts
-
-    def measure_depth(self, most: int) -> tuple[int, bool]:
-        """How far from the start the last result is, where every step is one; whether that is all, after `most` looks.
-
-        A step has a greater number than its parent; breadth first the results are in the order of their numbers, depth
-        first the parent of one is not far before it.
-        """
-        ends, place, depth = self._ends, len(self._ends) - 1, 0
-        wanted = ends[-1][0] if ends and self._kept is None else 0
-        for _ in range(most):
-            if not wanted or place < 0:
-                break
-            if ends[place][0] == wanted:
-                wanted, depth, place = ends[place][1], depth + 1, place - 1
-                continue
-            found = bisect_left(ends, wanted, 0, place, key=itemgetter(0))
-            place = found if ends[found][0] == wanted else place - 1
-        return depth, not wanted
 
     def __len__(self) -> int:
         return len(self._ends)

@@ -12,7 +12,6 @@ from typing import Any
 
 from ss2sql.runtime.run.search_paths import (
     START,
-    Parents,
     PathKeys,
     collect_path_by_parents,
     follow_backpointers,
@@ -25,7 +24,7 @@ TAKEN = -2  # less than every total
 
 def uniform_cost(problem: Problem) -> Iterator[Found]:
     """Uniform cost: every path, or with NO CYCLE every path on which no key occurs twice."""
-    expand, watch, likeliest = problem.expand, problem.on_expand, problem.likeliest
+    expand, likeliest = problem.expand, problem.likeliest
     trail = PathKeys() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else ()
     queue: list[Any] = []
@@ -42,8 +41,6 @@ def uniform_cost(problem: Problem) -> Iterator[Found]:
             continue
         if trail:
             trail.move_to(path)
-        if watch:
-            watch(path)
         for row, key, goal, goes_on, after, weight, _, last in expand(state, closed):
             number += 1
             new = (path, row, key, path[3] + 1 if path else 1) if trail else (path, row)
@@ -53,7 +50,7 @@ def uniform_cost(problem: Problem) -> Iterator[Found]:
 
 def a_star(problem: Problem) -> Iterator[Found]:
     """A* over all paths: a result waits at its total, its expansion at total plus estimate."""
-    expand, watch, found = problem.expand, problem.on_expand, problem.found
+    expand, found = problem.expand, problem.found
     trail = PathKeys() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else ()
     queue: list[Any] = []
@@ -73,8 +70,6 @@ def a_star(problem: Problem) -> Iterator[Found]:
             highest = guess
         if trail:
             trail.move_to(path)
-        if watch:
-            watch(path)
         for row, key, goal, goes_on, after, weight, estimate, last in expand(state, closed):
             rank = total + weight
             number += 1
@@ -87,7 +82,7 @@ def a_star(problem: Problem) -> Iterator[Found]:
 
 def uniform_cost_unique(problem: Problem) -> Iterator[Found]:
     """Dijkstra: each key once, by its best path. `best` has its total, or TAKEN once it has come out of the queue."""
-    expand, watch = problem.expand, problem.on_expand
+    expand = problem.expand
     best: dict[Any, Any] = {}
     parents: dict[Any, Any] = {}  # of the keys that have come out
     rows: Any = {} if problem.alone or problem.apart else None
@@ -111,8 +106,6 @@ def uniform_cost_unique(problem: Problem) -> Iterator[Found]:
                 yield collect_path_by_parents(parents, key, rows, problem.last), last
             if not goes_on:
                 continue
-        if watch:
-            watch(Parents(parents, key))
         before = key
         for row, key, goal, goes_on, after, rank, _, last in expand(state, best, best, total):
             best[key] = rank
@@ -124,7 +117,7 @@ def uniform_cost_unique(problem: Problem) -> Iterator[Found]:
 
 def a_star_unique(problem: Problem) -> Iterator[Found]:
     """A*. The heuristic may be inconsistent: a key is taken again when a cheaper path to it appears."""
-    expand, watch, found = problem.expand, problem.on_expand, problem.found
+    expand, found = problem.expand, problem.found
     best: dict[Any, Any] = {START: 0}  # the least total of a path to each key so far
     taken: dict[Any, Any] = {}  # those at which keys came out of the queue
     closed: set[Any] = set()
@@ -151,8 +144,6 @@ def a_star_unique(problem: Problem) -> Iterator[Found]:
                     found(guess, highest)
                 yield (path[1],) if problem.last else follow_backpointers(path), last
             continue
-        if watch:
-            watch(path)
         for row, key, goal, goes_on, after, rank, estimate, last in expand(state, taken, best, total):
             best[key] = rank
             number += 1
@@ -164,7 +155,7 @@ def a_star_unique(problem: Problem) -> Iterator[Found]:
 
 def greedy_best_first(problem: Problem) -> Iterator[Found]:
     """The step with the smallest estimate is extended first. A result is given out when it is generated."""
-    expand, watch, unique = problem.expand, problem.on_expand, problem.repeats == "unique"
+    expand, unique = problem.expand, problem.repeats == "unique"
     trail = PathKeys() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else set()
     queue: list[Any] = []
@@ -178,8 +169,6 @@ def greedy_best_first(problem: Problem) -> Iterator[Found]:
         _, _, path, state = heappop(queue)
         if trail:
             trail.move_to(path)
-        if watch:
-            watch(path)
         for row, key, goal, goes_on, after, _, estimate, last in expand(state, closed):
             if unique:
                 closed.add(key)

@@ -11,7 +11,6 @@ from typing import Any
 
 from ss2sql.runtime.run.search_paths import (
     START,
-    Parents,
     PathKeys,
     collect_path_by_parents,
     follow_backpointers,
@@ -22,7 +21,7 @@ from ss2sql.runtime.search.step_contract import Found, Problem
 
 def breadth_first(problem: Problem) -> Iterator[Found]:
     """Every path, with NO CYCLE those without a repeated key."""
-    expand, watch = problem.expand, problem.on_expand
+    expand = problem.expand
     trail = PathKeys() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else ()
     queue: deque[Any] = deque()
@@ -32,8 +31,6 @@ def breadth_first(problem: Problem) -> Iterator[Found]:
         path, state = queue.popleft()
         if trail:
             trail.move_to(path)
-        if watch:
-            watch(path)
         for row, key, goal, goes_on, after, _, _, last in expand(state, closed):
             new = (path, row, key, path[3] + 1 if path else 1) if trail else (path, row)
             if goal:
@@ -47,7 +44,7 @@ def breadth_first_unique(problem: Problem) -> Iterator[Found]:
 
     A dict is twice as fast as a chain of tuples in an 8-puzzle, because the garbage collector has less to do.
     """
-    expand, watch = problem.expand, problem.on_expand
+    expand = problem.expand
     parents: dict[Any, Any] = {}
     rows: Any = {} if problem.alone or problem.apart else None
     queue: deque[Any] = deque()
@@ -57,8 +54,6 @@ def breadth_first_unique(problem: Problem) -> Iterator[Found]:
             parents[problem.key_of(state)] = START
     while queue:
         before, state = queue.popleft()
-        if watch:
-            watch(Parents(parents, before))
         for row, key, goal, goes_on, after, _, _, last in expand(state, parents):
             parents[key] = before
             if problem.apart:

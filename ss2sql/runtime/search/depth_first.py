@@ -13,7 +13,7 @@ def depth_first(problem: Problem) -> Iterator[Found]:
 
     `closed` has the keys on the path with NO CYCLE, all keys so far with UNIQUE.
     """
-    expand, watch, repeats = problem.expand, problem.on_expand, problem.repeats
+    expand, repeats = problem.expand, problem.repeats
     unique, no_cycle = repeats == "unique", repeats == "no cycle"
     closed: Any = () if repeats == "allowed" else set()
     path: list[Any] = []
@@ -25,8 +25,6 @@ def depth_first(problem: Problem) -> Iterator[Found]:
             elif problem.key_of(state) in closed:
                 continue
             closed.add(problem.key_of(state))
-        if watch:
-            watch(path)
         steps = iter(expand(state, closed))
         while True:
             for row, key, goal, goes_on, after, _, _, last in steps:
@@ -39,8 +37,6 @@ def depth_first(problem: Problem) -> Iterator[Found]:
                         closed.add(key)
                     path.append(row)
                     stack.append((steps, key))
-                    if watch:
-                        watch(path)
                     steps = iter(expand(after, closed))
                     break
             else:
@@ -48,7 +44,5 @@ def depth_first(problem: Problem) -> Iterator[Found]:
                     break
                 steps, key = stack.pop()
                 path.pop()
-                if watch:
-                    watch(path, False)
                 if no_cycle:
                     closed.discard(key)

@@ -103,7 +103,6 @@ class Problem:
     found: Callable[[Any, Any], None] = (
         _ignore_step_estimate  # (total, guess): A* has found a result below its estimate
     )
-    on_expand: Callable[..., None] | None = None  # (path): turns to its state; (path, False): back to it
     outdated: Callable[[State, Any], None] | None = None  # a step has waited in vain
 
 
