@@ -35,7 +35,7 @@ autodoc_typehints_format = "short"
 
 
 # Lines on white ground; pages.css shows them so that they suit the dark theme. All other pictures are scenes.
-PLOTS = ("images/plots/", "images/roads.png", "images/race.png", "images/watching.png", "benchmarks.png")
+PLOTS = ("images/plots/", "images/roads.png", "images/watching.png", "benchmarks.png")
 
 
 def mark_plots(_app: Any, tree: nodes.document) -> None:

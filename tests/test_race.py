@@ -365,11 +365,9 @@ def test_engines_and_strategies_are_chosen() -> None:
         ["DEPTH FIRST", "native"], ["UNIQUE", "native"], ["COST this[2]", "native"]]  # fmt: skip
 
 
-def test_figures_as_json_and_a_picture(folder: Path) -> None:
-    pytest.importorskip("matplotlib")
-    answer = bench("roads.ss", "--repeat", "2", "--memory", "--json", "race.json", "-o", "race.png")
-    assert answer.stderr.splitlines() == ["written to race.json", "written to race.png"]
-    assert (folder / "race.png").read_bytes().startswith(b"\x89PNG")
+def test_figures_as_json(folder: Path) -> None:
+    answer = bench("roads.ss", "--repeat", "2", "--json", "race.json")
+    assert answer.stderr.splitlines() == ["written to race.json"]
     told = json.loads((folder / "race.json").read_text())
     (heat,) = told["statements"]
     assert (told["repeat"], heat["place"], heat["reference"]) == (2, "roads.ss:3:1", "DEPTH FIRST")
@@ -377,7 +375,6 @@ def test_figures_as_json_and_a_picture(folder: Path) -> None:
     assert (first["strategy"], first["engine"], first["paths"], first["rows"]) == ("DEPTH FIRST", "database", 8, 30)
     assert first["best"] == min(first["seconds"])
     assert len(first["seconds"]) == 2
-    assert first["memory"] > 0
     assert min(cell["ratio"] for cell in heat["cells"] if cell["ratio"]) == 1
     (folder / "f.py").write_text("def f(x):\n    return divmod(x, 3)[0]\n")
     bench("-e", "SELECT f(this) FROM [1, 2, 3, 3];", "--functions", "f.py", "--json", "race.json", "--repeat", "1")

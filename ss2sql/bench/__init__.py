@@ -7,7 +7,6 @@ out and times one statement; report shows it.
 from __future__ import annotations
 
 from ss2sql.bench.report import collect_race_report as collect_race_report
-from ss2sql.bench.report import draw_chart as draw_chart
 from ss2sql.bench.report import print_runs as print_runs
 from ss2sql.bench.results import BenchResult as BenchResult
 from ss2sql.bench.results import BenchRules as BenchRules

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import os
 import time
-import tracemalloc
 from contextlib import redirect_stdout
 from dataclasses import asdict, field
 from statistics import median
 from typing import Any
-
-import apsw
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.resolver import resolve
@@ -28,15 +25,13 @@ from ss2sql.session.session import Session
 class BenchRules:
     """The settings: engines, strategies, the number of runs after a first one, and a limit in seconds.
 
-    `strategies` are options of CONNECT BY as a user writes them; "all" means all that suit the search. With `memory`
-    each runs once more, slowly, to measure its memory.
+    `strategies` are options of CONNECT BY as a user writes them; "all" means all that suit the search.
     """
 
     engines: tuple[Engine, ...] = ("database", "native")
     strategies: tuple[str, ...] = ("all",)
     repeat: int = 5
     timeout: float = 10.0
-    memory: bool = False
 
 
 @dataclass(slots=True)
@@ -51,7 +46,6 @@ class BenchResult:
     rows: int | None = None
     steps: int = 0  # of one run
     calls: dict[str, int] = field(default_factory=dict)  # of one run
-    memory: int | None = None
     answer: str = ""  # in a few words
     same: bool = False  # equals the answer of the script as written, in any order
     forbidden: bool = False  # the language forbids the answer
@@ -100,9 +94,6 @@ def time_statement(session: Session, query: Query, settings: BenchRules, cell: B
             _, seconds = _run_once(query, settings)
             cell.seconds.append(seconds)
             spent += seconds
-    if settings.memory:
-        variables.restore_values()
-        cell.memory = _measure_raced_memory(query, settings)
     stats = first.stats
     cell.steps, cell.calls = stats.generated, dict(stats.calls)
     return first
@@ -115,18 +106,6 @@ def _run_once(query: Query, settings: BenchRules) -> tuple[Result, float]:
         result = query.run(timeout=settings.timeout)
         result.value  # noqa: B018 - the paths of a search are put together when they are read
         return result, time.perf_counter() - started
-
-
-def _measure_raced_memory(query: Query, settings: BenchRules) -> int:
-    """The peak memory of a run in bytes, the largest of Python's and SQLite's each."""
-    apsw.memory_high_water(True)
-    before = apsw.memory_used()
-    tracemalloc.start()
-    try:
-        _run_once(query, BenchRules(timeout=settings.timeout * 10))  # watching memory slows a run down
-        return tracemalloc.get_traced_memory()[1] + max(apsw.memory_high_water() - before, 0)
-    finally:
-        tracemalloc.stop()
 
 
 _NOTHING = object()

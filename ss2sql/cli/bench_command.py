@@ -67,10 +67,7 @@ def _check_strategy_option(
     show_default=True,
     help="Seconds after which one strategy on one engine is broken off.",
 )
-@click.option("--memory", is_flag=True, help="Also measures memory, in one more, slower run.")
 @click.option("--json", "json_file", type=click.Path(dir_okay=False, path_type=Path), help="A file for all figures.")
-@click.option("-o", "--plot", "plot_file", type=click.Path(dir_okay=False, path_type=Path),
-              help="A picture of the times, PNG, SVG or PDF by its name.")  # fmt: skip
 @exit_with_code_on_error
 def bench_command(
     inputs: ScriptInputs,
@@ -78,19 +75,16 @@ def bench_command(
     strategies: tuple[str, ...],
     repeat: int,
     timeout: float,
-    memory: bool,
     json_file: Path | None,
-    plot_file: Path | None,
 ) -> None:
     """Races engines and search strategies on a script, and compares their answers."""
     from ss2sql.bench import BenchRules, make_runs
     from ss2sql.session.session import read_script_source
 
     source = inputs.script
-    for path in (json_file, plot_file):
-        if path is not None:
-            check_output_folder(path)
-    settings = BenchRules(ENGINES[engine], strategies, repeat, timeout, memory)  # type: ignore[arg-type]
+    if json_file is not None:
+        check_output_folder(json_file)
+    settings = BenchRules(ENGINES[engine], strategies, repeat, timeout)  # type: ignore[arg-type]
     run: list[StatementRuns] = []
     with inputs.open_session(progress=False) as session:
         following = make_runs(session, read_script_source(source), settings)
@@ -101,15 +95,16 @@ def bench_command(
                 break
             if run:
                 print_line("")
-            with _print_command_table(runs, settings), mark_user_errors():
+            with _print_command_table(runs), mark_user_errors():
                 _run_heat(runs)
             run.append(runs)
-    _write_files(run, settings, json_file, plot_file)
+    if json_file is not None:
+        _write_figures(run, settings, json_file)
     _exit_on_contradictions(run)
 
 
 @contextmanager
-def _print_command_table(runs: StatementRuns, settings: BenchRules) -> Iterator[None]:
+def _print_command_table(runs: StatementRuns) -> Iterator[None]:
     """Prints the table of a statement at the end, also after an interruption."""
     from ss2sql.bench import print_runs
 
@@ -117,7 +112,7 @@ def _print_command_table(runs: StatementRuns, settings: BenchRules) -> Iterator[
         yield
     finally:
         if runs.cells:
-            print_runs(runs, settings, make_output_console())
+            print_runs(runs, make_output_console())
 
 
 def _run_heat(runs: StatementRuns) -> None:
@@ -134,24 +129,15 @@ def _run_heat(runs: StatementRuns) -> None:
             click.echo(f"\r{' ' * reports}\r", nl=False, err=True)
 
 
-def _write_files(
-    run: Sequence[StatementRuns], settings: BenchRules, json_file: Path | None, plot_file: Path | None
-) -> None:
-    from ss2sql.bench import collect_race_report, draw_chart
+def _write_figures(run: Sequence[StatementRuns], settings: BenchRules, path: Path) -> None:
+    from ss2sql.bench import collect_race_report
 
-    for path in (json_file, plot_file):
-        if path is None:
-            continue
-        try:
-            if path is json_file:
-                path.write_text(
-                    json.dumps(collect_race_report(run, settings), indent=2, default=repr) + "\n", encoding="utf-8"
-                )
-            else:
-                draw_chart(run, path)
-        except OSError as error:
-            raise make_output_error(path, error) from error
-        print_note(f"written to {path}")
+    figures = json.dumps(collect_race_report(run, settings), indent=2, default=repr)
+    try:
+        path.write_text(f"{figures}\n", encoding="utf-8")
+    except OSError as error:
+        raise make_output_error(path, error) from error
+    print_note(f"written to {path}")
 
 
 def _exit_on_contradictions(run: Sequence[StatementRuns]) -> None:
