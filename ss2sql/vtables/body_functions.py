@@ -234,12 +234,16 @@ class BodyWorld(World):
         both = a is None and b is None
         return ((x, y) for x in first for y in second if x < y or (x != y and not both))
 
-    def filter_by_position(self, where: Where) -> list[int]:
-        """The bodies that meet conditions on x, y and z. Positions are read once in a query."""
+    def list_positions(self) -> tuple[list[int], Any]:
+        """The same as `read_positions`, read once in a query."""
         known = self.memory
         if "positions" not in known:
             known["positions"] = self.read_positions()
-        ids, points = known["positions"]
+        return known["positions"]  # type: ignore[no-any-return]
+
+    def filter_by_position(self, where: Where) -> list[int]:
+        """The bodies that meet conditions on x, y and z."""
+        ids, points = self.list_positions()
         inside = np.ones(len(ids), bool)
         for number, axis in enumerate(AXES):
             if axis in where:
@@ -406,8 +410,10 @@ class Near(TableFunction):
     world: BodyWorld
 
     def rows(self, point: Any, radius: float) -> Iterable[int]:
+        if read_body_numbers([radius], 1) is None:
+            raise make_parameter_error("near", "a radius in metres", radius)
         wanted = self.world.find_point(point)
-        ids, points = self.world.read_positions()
+        ids, points = self.world.list_positions()
         size = len(wanted)
         roughly = np.linalg.norm(points[:, :size] - np.asarray(wanted), axis=1) <= radius + SLACK * (1 + abs(radius))
         found = np.flatnonzero(roughly).tolist()

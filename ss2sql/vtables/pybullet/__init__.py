@@ -10,13 +10,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from ss2sql.errors import suggest_names
-from ss2sql.vtables.body_functions import Overlaps
+from ss2sql.vtables.body_functions import Near, Overlaps
 from ss2sql.vtables.content_digest import digest_world
 from ss2sql.vtables.contract import Element, Gone
 from ss2sql.vtables.pybullet.bodies import BulletBodies
 from ss2sql.vtables.pybullet.client import Calls, NumberedClient, get_client_number
 from ss2sql.vtables.pybullet.collision import CollisionFunctions, CollisionShapes
-from ss2sql.vtables.pybullet.contact_tables import BulletClosest, BulletContacts, BulletNear, Rays
+from ss2sql.vtables.pybullet.contact_tables import BulletClosest, BulletContacts, Rays
 from ss2sql.vtables.pybullet.joints import BulletJoints, BulletShapes, Cameras
 from ss2sql.vtables.pybullet.links import BulletLinks
 from ss2sql.vtables.pybullet.occupancy_grid import BulletRepresentations
@@ -38,7 +38,7 @@ class PyBulletWorld(BulletRepresentations, CollisionFunctions):
     """
 
     tables = (
-        BulletBodies, BulletLinks, BulletJoints, BulletShapes, BulletContacts, BulletClosest, BulletNear, Overlaps,
+        BulletBodies, BulletLinks, BulletJoints, BulletShapes, BulletContacts, BulletClosest, Near, Overlaps,
         Rays, Cameras,
     )  # fmt: skip
 

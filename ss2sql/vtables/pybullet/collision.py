@@ -398,9 +398,6 @@ class BodyFunctions(BodyWorld):
         """A point, given by coordinates, by a body or by a link."""
         if isinstance(value, (list, Element)):
             return super().find_point(value)
-        known = self.memory.get("places")  # in a query that moves nothing
-        if known is not None and type(value) is int and value in known.at:
-            return known.at[value]  # type: ignore[no-any-return]
         return read_link_pose(self, (self.find_body(value), value[1] if isinstance(value, tuple) else -1))[0]
 
     def find_box(self, name: str, value: Any) -> Any:

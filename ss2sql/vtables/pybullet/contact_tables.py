@@ -8,7 +8,6 @@ from typing import Any
 
 from ss2sql.vtables.body_functions import PAIR, VECTOR, make_parameter_error, read_body_numbers
 from ss2sql.vtables.contract import Column, TableFunction
-from ss2sql.vtables.pybullet.bodies import get_spatial_index
 
 MOST_RAYS = 16_383  # in one call; from one more on PyBullet loses some
 
@@ -52,16 +51,6 @@ class BulletClosest(TableFunction):
 def _make_contact_row(world: Any, point: Any) -> tuple[Any, ...]:
     _, a, b, link_a, link_b, point_a, point_b, normal, distance, *_ = point
     return world.get_element(a), world.get_element(b), a, b, link_a, link_b, point_a, point_b, normal, distance
-
-
-class BulletNear(TableFunction):
-    name, table = "near", "bodies"
-    text = "the bodies whose centre of mass is at most radius metres away from a point or from that of a body"
-
-    def rows(self, point: Any, radius: float) -> list[int]:
-        if read_body_numbers([radius], 1) is None:
-            raise make_parameter_error("near", "a radius in metres", radius)
-        return get_spatial_index(self.world).find_near(self.world.find_point(point), radius)
 
 
 class Rays(TableFunction):

@@ -3,7 +3,7 @@
 A cell is occupied where a body reaches into its square at the height z, beyond touching its edge, so a wall that is
 thinner than the cells stays closed for path planning. The shape itself is tested, not its bounding box: Bullet tests
 whether a thin plate of the size of the cell meets the body. Plates of 2 x 2, 4 x 4 ... cells come first: where they
-meet nothing, their cells are free. The cells of a convex body in a row are contiguous, so only its ends are searched.
+meet nothing, their cells are free.
 
 A sensor sees a cell if the middle of the cell, at the height z, is within its range and its angle, and if nothing
 stands between the two: no body of the world, selected or not, except the sensor's own. A middle on a surface, such as
@@ -12,7 +12,7 @@ the floor, is seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from math import ceil, dist
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -23,7 +23,7 @@ from ss2sql.language.area_grid import Grid
 from ss2sql.language.rows import Table, request_hidden_columns
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
-from ss2sql.vtables.pybullet.bodies import KINDS, measure_box
+from ss2sql.vtables.pybullet.bodies import measure_box
 from ss2sql.vtables.pybullet.collision import ShapeCache, are_in_cone
 from ss2sql.vtables.pybullet.contact_tables import MOST_RAYS
 from ss2sql.vtables.pybullet.poses import Box, unite_boxes
@@ -93,7 +93,6 @@ def measure_bounds(world: Any) -> Box:
 GAP = 1e-3  # parts of a cell by which plates are smaller than cells, so that touching a cell is not occupying it
 THIN = 1e-3  # the thickness of plates, in parts of a cell
 LARGEST = 6  # the largest plate has 2^6 cells along its edges
-CONVEX = ("sphere", "box", "cylinder", "capsule")
 
 Meets = Callable[[int, int, int], bool]
 Ranges = tuple[int, int, int, int]  # the first and last columns and rows, these excluded
@@ -109,8 +108,7 @@ def make_occupancy_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) 
         low, high = measure_box(world, body)
         if low[2] - edge <= height <= high[2] + edge:
             meets = _make_tester(world, plates, body, origin, edge, height)
-            mark = _mark_occupied_rows if _is_convex(world, body, edge) else _mark_occupied_cells
-            mark(cells, meets, _find_covered_cells((low, high), origin, edge, columns, rows))
+            _mark_occupied_cells(cells, meets, _find_covered_cells((low, high), origin, edge, columns, rows))
     return Grid(cells, origin, edge)
 
 
@@ -139,15 +137,6 @@ def _make_tester(world: Any, plates: list[int], body: int, origin: list[float], 
     return is_cell_occupied
 
 
-def _is_convex(world: Any, body: int, edge: float) -> bool:
-    """Whether a body is one convex shape, not so thin that it could be lost between two cells."""
-    shapes = world.shapes.read_shapes(body)
-    if len(shapes) != 1:
-        return False
-    kind, size = KINDS.get(shapes[0][2][2]), [length for length in shapes[0][2][3] if length]
-    return kind in CONVEX and min(size, default=0.0) > 4 * GAP * edge
-
-
 def _find_covered_cells(box: Box, origin: list[float], edge: float, columns: int, rows: int) -> Ranges:
     """The columns and rows that the box around a body covers."""
     (x1, y1, _), (x2, y2, _) = box
@@ -160,87 +149,23 @@ def _find_covered_cells(box: Box, origin: list[float], edge: float, columns: int
 
 
 def _mark_occupied_cells(cells: Any, meets: Meets, ranges: Ranges) -> None:
-    for column, row in _search_occupied_cells(meets, ranges, cells):
-        cells[row, column] = True
-
-
-def _search_occupied_cells(meets: Meets, ranges: Ranges, known: Any = None) -> Iterator[tuple[int, int]]:
-    """The cells that a body occupies, except known ones, from the largest plates to single cells."""
+    """Marks the cells that a body occupies, from the largest plates to single cells."""
     left, right, lower, upper = ranges
     level = min(LARGEST, max(0, max(right - left, upper - lower) - 1).bit_length())
     step = 2**level
     waiting = [(level, x, y) for y in range(lower, upper, step) for x in range(left, right, step)]
     while waiting:
         level, column, row = waiting.pop()
-        if level == 0 and known is not None and known[row, column]:
-            continue
-        if not meets(level, column, row):
+        if (level == 0 and cells[row, column]) or not meets(level, column, row):
             continue
         if level == 0:
-            yield column, row
+            cells[row, column] = True
             continue
         half = 2 ** (level - 1)
         for y in (row, row + half):
             for x in (column, column + half):
                 if x < right and y < upper:
                     waiting.append((level - 1, x, y))
-
-
-def _mark_occupied_rows(cells: Any, meets: Meets, ranges: Ranges) -> None:
-    """Marks the cells of a convex body, from one of them upwards and downwards row by row."""
-    left, right, lower, upper = ranges
-    middle = ((left + right) // 2, (lower + upper) // 2)
-    inside = left < right and lower < upper and meets(0, *middle)
-    start = middle if inside else next(_search_occupied_cells(meets, ranges), None)
-    if start is None:
-        return
-    first = _find_cell_ends(meets, start[1], start[0], (left, right - 1), (left, right - 1))
-    cells[start[1], first[0] : first[1] + 1] = True
-    for rows in (range(start[1] + 1, upper), range(start[1] - 1, lower - 1, -1)):
-        ends = first
-        for row in rows:
-            column = _find_occupied_cell(meets, row, ends, (left, right - 1))
-            if column is None:
-                break
-            ends = _find_cell_ends(meets, row, column, ends, (left, right - 1))
-            cells[row, ends[0] : ends[1] + 1] = True
-
-
-def _find_occupied_cell(meets: Meets, row: int, ends: tuple[int, int], limits: tuple[int, int]) -> int | None:
-    """A cell of a convex body in a row; `ends` are those of the adjacent row."""
-    tried = tuple(dict.fromkeys((sum(ends) // 2, *ends)))
-    for column in tried:
-        if meets(0, column, row):
-            return column
-    # A convex body is connected across adjacent rows, so distant cells come last.
-    rest = sorted(set(range(limits[0], limits[1] + 1)) - set(tried), key=lambda x: max(ends[0] - x, x - ends[1]))
-    return next((column for column in rest if meets(0, column, row)), None)
-
-
-def _find_cell_ends(
-    meets: Meets, row: int, inside: int, ends: tuple[int, int], limits: tuple[int, int]
-) -> tuple[int, int]:
-    """The first and the last cell of a convex body in a row. `inside` is one of them, `ends` may be near."""
-    first = _find_last_occupied_cell(meets, row, inside, ends[0], limits[0], -1)
-    return first, _find_last_occupied_cell(meets, row, inside, ends[1], limits[1], 1)
-
-
-def _find_last_occupied_cell(meets: Meets, row: int, inside: int, near: int, limit: int, step: int) -> int:
-    """The last occupied cell from `inside` to `limit`."""
-    occupied, free = inside, limit + step
-    for column in (limit, near, near + step, near - step):
-        if min(occupied, free) < column < max(occupied, free):
-            if meets(0, column, row):
-                occupied = column
-            else:
-                free = column
-    while abs(free - occupied) > 1:
-        column = (occupied + free) // 2
-        if meets(0, column, row):
-            occupied = column
-        else:
-            free = column
-    return occupied
 
 
 # --- `AS sensorgrid(z, cell, area)`, also `sensormap`: how many of the selected sensors see each cell
