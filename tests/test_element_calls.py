@@ -203,7 +203,7 @@ def test_what_stops_and_is_no_goal_is_left_out_by_the_table(option: str, goal: A
             result = query.run()
             found.append((result.value, len(calls.seen)))
             if result.engine == "database":
-                assert ("but those whose next is" in query.explain()) == left_out
+                assert ("but not where next is" in query.explain()) == left_out
     assert found[0] == found[1]
 
 

@@ -139,8 +139,6 @@ class BlockFetcher:
                 if self.single:
                     found = list(zip(islice(found, len(block) + 1), strict=True))
                 if len(found) == len(block) and self.first_fits(found[0]) and self.fit(found):
-                    if self.reading.once:  # reused memory is still in the cache: a scan takes 20 % less
-                        self.rows.clear()
                     self.rows.update(zip(block, found, strict=True))
                     return self.rows[key]
             except Exception:
@@ -181,18 +179,15 @@ def make_endless_reading() -> None:
 class Readings:
     """The tables that one query reads. `remembered` has the caches of adapters, by world.
 
-    `once` says that the query walks one table, once; `places` are the spans of tables in FROM. `check` raises where the
-    run has to end.
+    `places` are the spans of tables in FROM. `check` raises where the run has to end.
     """
 
     def __init__(
         self,
         remembered: QueryCache | None = None,
-        once: bool = False,
         places: Iterable[tuple[AttachedWorldTable, Span | None]] = (),
         check: Callable[[], None] = make_endless_reading,
     ) -> None:
-        self.once = once
         self.check = check
         self.places = dict(places)
         self._tables: dict[Table | TableFunction, Reading] = {}
@@ -208,7 +203,7 @@ class Readings:
             schema = get_schema(table)
             shared = self.get_reading(schema.walked, span) if schema.walked is not None else None
             memory = self._memories.setdefault(table.world, {})
-            known = self._tables[table] = Reading(schema, shared, memory, span, self.once, self.check)
+            known = self._tables[table] = Reading(schema, shared, memory, span, self.check)
         return known
 
 
@@ -221,12 +216,10 @@ class Reading:
         shared: Reading | None = None,
         memory: dict[str, Any] | None = None,
         span: Span | None = None,
-        once: bool = False,
         check: Callable[[], None] = make_endless_reading,
     ) -> None:
         self.schema = schema
         self.check = check
-        self.once = once  # whether the query has finished with an element at the next block
         self.span = span
         self.memory = {} if memory is None else memory
         self.table = schema.table
@@ -249,7 +242,6 @@ class Reading:
 
         A lookup by key has code of its own: a join does it for each of its rows.
         """
-        self.once = False  # SQLite may evaluate the parts of an OR one after the other
         if len(values) == 1 and type(values[0]) is int and demands[0] == self._lookup and self._taken is None:
             key = values[0]
             found = self._lists.get(key)

@@ -119,11 +119,10 @@ def _make_row_reader(
 class Snapshot:
     """The columns that a query copies at its start, by table; none where it reads the world directly.
 
-    `once` says that it reads each element once, so that nothing is cached. `places` are the first spans of its tables.
+    `places` are the first spans of its tables.
     """
 
     columns: tuple[tuple[AttachedWorldTable, Span | None, tuple[str, ...]], ...] = ()
-    once: bool = False
     places: tuple[tuple[AttachedWorldTable, Span | None], ...] = ()
 
     def copy_tables(self, remembered: QueryCache | None, check: Callable[[], None]) -> Readings:
@@ -131,14 +130,13 @@ class Snapshot:
 
         `check` raises where the run has to end.
         """
-        readings = Readings(remembered, self.once, self.places, check)
+        readings = Readings(remembered, self.places, check)
         for table, place, columns in self.columns:
             readings.get_reading(table.table, place).freeze_columns(columns)
         return readings
 
 
 NO_SNAPSHOT = Snapshot()
-_SOURCES = (plan.ValueSource, plan.TableSource, plan.QuerySource, plan.WorldSource)
 
 
 def plan_snapshot(roots: Collection[Any]) -> Snapshot:
@@ -154,7 +152,7 @@ def plan_snapshot(roots: Collection[Any]) -> Snapshot:
         (table, find_first_table_place(table, roots)) for table in {source.table: None for source in sources}
     )
     if not any(map(_can_world_read_move, nodes)):
-        return Snapshot((), _is_world_walked_once(nodes), places)
+        return Snapshot((), places)
     texts = any(isinstance(node, plan.Eval) for node in nodes)
     columns: dict[AttachedWorldTable, dict[str, None]] = {}
     for source in sources:
@@ -165,19 +163,7 @@ def plan_snapshot(roots: Collection[Any]) -> Snapshot:
             if isinstance(node, plan.Column) and node.source == source.id:
                 wanted[node.name] = None
     copied = tuple((table, find_first_table_place(table, roots), tuple(wanted)) for table, wanted in columns.items())
-    return Snapshot(copied, places=places)
-
-
-def _is_world_walked_once(nodes: Sequence[Any]) -> bool:
-    """Whether these parts of a plan have one source, walked once, and no function that reads ahead in it."""
-    queries = [node for node in nodes if isinstance(node, plan.Query)]
-    return (
-        len(queries) == 1
-        and sum(isinstance(node, _SOURCES) for node in nodes) == 1
-        and queries[0].search is None
-        and not queries[0].grouped
-        and all(node.function.builtin for node in nodes if isinstance(node, plan.Call))
-    )
+    return Snapshot(copied, places)
 
 
 def find_first_table_place(table: AttachedWorldTable, roots: Iterable[Any]) -> Span | None:

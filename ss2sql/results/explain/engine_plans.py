@@ -150,7 +150,11 @@ def _put_line_in_words(text: str) -> str:
 
 # The kinds of lines for lowered queries and their words; any other is shown as it is. Names are those of the SQL.
 SENTENCES = (
-    (r"SCAN (.+) VIRTUAL TABLE INDEX \d+:each element.*", r"walks the elements of \1"),
+    (r"SCAN (.+) VIRTUAL TABLE INDEX \d+:each element", r"walks the elements of \1"),
+    (
+        r"SCAN (.+) VIRTUAL TABLE INDEX \d+:each element, (.*) IS NOT \?",
+        r"walks the elements of \1, but not where \2 is ?",
+    ),
     (r"SCAN (.+) VIRTUAL TABLE INDEX \d+:all", r"reads every element of \1"),
     (r"SCAN (.+) VIRTUAL TABLE INDEX \d+:(.*)", r"asks for the elements of \1 with \2"),
     (r"SCAN CONSTANT ROW|SCAN \d+ CONSTANT ROWS?", "makes a row of what is known"),
