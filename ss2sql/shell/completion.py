@@ -1,7 +1,7 @@
 """Completions at the cursor: keywords that the grammar accepts there, and names that are visible.
 
 The grammar's own automaton runs over the statement up to the cursor and gives the tokens that fit. Names come from the
-whole statement, since FROM follows the columns.
+whole statement, since FROM follows the columns, its inner queries included.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -16,7 +17,7 @@ from ss2sql.editor.keywords import ONE_OF, Keyword, keywords, list_words, mark_k
 from ss2sql.errors import ParseError, Source
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import tokenizer
-from ss2sql.frontend.syntax.parse_failure import CLAUSES, ParseFailure
+from ss2sql.frontend.syntax.parse_failure import ParseFailure
 from ss2sql.frontend.syntax.parse_table import load_parse_table
 from ss2sql.frontend.syntax.parser import run_automaton
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
@@ -24,15 +25,6 @@ from ss2sql.frontend.syntax.tree_builder import Builder
 from ss2sql.shell.dot_commands import COMMANDS, SETTINGS
 from ss2sql.shell.statement_splitter import find_statement_at
 from ss2sql.shell.symbols import Function, SymbolTable
-
-
-@dataclass(frozen=True, slots=True)
-class SourceName:
-    """A source of FROM: its name in the query, and its origin: a table's or variable's name, or a query's columns."""
-
-    name: str
-    origin: str
-    columns: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -46,8 +38,8 @@ class CompletionContext:
     clause: str = ""  # the current clause, as errors name it
     after: str = ""
     seen: tuple[str, ...] = ()  # the keywords of this query before the cursor
-    sources: list[SourceName] = field(default_factory=list)
-    states: list[str] = field(default_factory=list)
+    sources: dict[str, str] = field(default_factory=dict)  # what may be one: its name, and a table's or variable's name
+    assigned: tuple[str, ...] = ()  # names before =
 
     @property
     def wants_value(self) -> bool:
@@ -67,7 +59,11 @@ def find_context(statement: str, cursor: int) -> CompletionContext:
         found.owner = before[-2].text if len(before) > 1 and before[-2].kind in ("NAME", "THIS") else "?"
     found.after = (before[-1].keyword or before[-1].kind) if before else ""
     _find_completable_tokens(found, statement[: before[-1].end if before else 0])
-    _collect_names_at_cursor(found, statement, cursor)
+    tokens = mark_keywords(statement)
+    found.seen = tuple(_list_query_words([token for token in tokens if token.start < cursor - len(found.word)]))
+    found.sources = _find_typed_sources(tokens)
+    pairs = pairwise(tokens)
+    found.assigned = tuple(one.text for one, other in pairs if (one.kind, other.kind) == ("NAME", "="))
     return found
 
 
@@ -93,104 +89,32 @@ def _find_completable_tokens(found: CompletionContext, before: str) -> None:
         found.expected, found.clause = outcome.expected, outcome.clause
 
 
-def _collect_names_at_cursor(found: CompletionContext, statement: str, cursor: int) -> None:
-    tokens = mark_keywords(statement)
-    groups = _find_brackets_at_cursor(tokens)
-    around = _list_brackets_at_cursor(tokens, cursor)
-    start = cursor - len(found.word)
-    own = [token for token, group in zip(tokens, groups, strict=True) if group == around[-1]]
-    begun = max((token.start for token in own if token.kind == "SELECT" and token.start < start), default=-1)
-    found.seen = tuple(token.kind for token in own if begun <= token.start < start and token.kind in list_words())
-    for group in reversed(around):  # the innermost query first
-        for index, token in enumerate(tokens):
-            if groups[index] == group and token.kind == "FROM":
-                found.sources += _find_typed_sources(tokens, groups, index)
-            elif groups[index] == group and token.kind == "START":
-                found.states += _find_typed_variables(tokens, groups, index)
+def _list_query_words(before: Sequence[Token]) -> Iterator[str]:
+    """The keywords of the query that the cursor is in, from the last one back to its SELECT."""
+    depth = 0
+    for token in reversed(before):
+        depth += (token.kind in CLOSING) - (token.kind in OPENING)
+        if depth < 0:
+            return
+        if depth == 0 and token.kind in list_words():
+            yield token.kind
+            if token.kind == "SELECT":
+                return
 
 
-def _find_brackets_at_cursor(tokens: Sequence[Token]) -> list[int]:
-    """For each token the index of the bracket around it, or -1; a bracket is outside of itself."""
-    groups: list[int] = []
-    stack = [-1]
-    for index, token in enumerate(tokens):
-        if token.kind in CLOSING and len(stack) > 1:
-            stack.pop()
-        groups.append(stack[-1])
-        if token.kind in OPENING:
-            stack.append(index)
-    return groups
-
-
-def _list_brackets_at_cursor(tokens: Sequence[Token], cursor: int) -> list[int]:
-    """The indices of the brackets around the cursor, the outermost first, after a -1."""
-    stack = [-1]
-    for index, token in enumerate(tokens):
-        if token.start >= cursor:
-            break
-        if token.kind in OPENING:
-            stack.append(index)
-        elif token.kind in CLOSING and len(stack) > 1:
-            stack.pop()
-    return stack
-
-
-def _split_typed_clause(
-    tokens: Sequence[Token], groups: Sequence[int], start: int, group: int, ends: Sequence[str] = CLAUSES
-) -> list[list[int]]:
-    """The parts between the commas of a clause from `start` on: indices of tokens, without the inside of brackets."""
-    found: list[list[int]] = [[]]
-    for index in range(start, len(tokens)):
-        kind = tokens[index].kind
-        if groups[index] < group or (groups[index] == group and (kind in ends or kind == ";")):
-            break
-        if groups[index] == group and kind in (",", "JOIN"):
-            found.append([])
-        elif groups[index] == group:
-            found[-1].append(index)
-    return [part for part in found if part]
-
-
-def _find_typed_sources(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list[SourceName]:
-    found = []
-    for part in _split_typed_clause(tokens, groups, place + 1, groups[place]):
-        kinds = [tokens[index].kind for index in part]
-        named = kinds[:2] == ["NAME", "="]
-        name = tokens[part[0]].text if kinds[0] == "NAME" else ""
-        rest = part[2:] if named else part
-        words_of_rest = [tokens[index].text for index in rest]
-        kinds = kinds[2:] if named else kinds
-        if kinds[:3] == ["NAME", ".", "NAME"]:
-            found.append(SourceName(name if named else words_of_rest[2], ".".join(words_of_rest[::2][:2])))
-        elif kinds[:1] == ["NAME"]:
-            found.append(SourceName(name, words_of_rest[0]))
-        elif kinds[:1] == ["("]:
-            found.append(SourceName(name, "", _find_typed_columns(tokens, groups, rest[0])))
-        elif named:
-            found.append(SourceName(name, ""))
+def _find_typed_sources(tokens: Sequence[Token]) -> dict[str, str]:
+    """The names that may be sources, wherever they stand: `people`, `p = people`, `work.staff`."""
+    found: dict[str, str] = {}
+    kinds, texts = [token.kind for token in tokens], [token.text for token in tokens]
+    for index, kind in enumerate(kinds):
+        if kind == "NAME" and kinds[index - 1 : index] != ["."]:
+            dotted = kinds[index + 1 : index + 3] == [".", "NAME"]
+            origin = f"{texts[index]}.{texts[index + 2]}" if dotted else texts[index]
+            if kinds[max(index - 2, 0) : index] == ["NAME", "="]:
+                found[texts[index - 2]] = origin
+            elif kinds[index + 1 : index + 2] != ["="]:
+                found.setdefault(origin.rpartition(".")[2], origin)
     return found
-
-
-def _find_typed_columns(tokens: Sequence[Token], groups: Sequence[int], bracket: int) -> tuple[str, ...]:
-    """The names of the columns of a query in parentheses, as far as they are written."""
-    if bracket + 1 >= len(tokens) or tokens[bracket + 1].kind != "SELECT":
-        return ()
-    found = []
-    for part in _split_typed_clause(tokens, groups, bracket + 2, bracket, ("FROM",)):
-        kinds = [tokens[index].kind for index in part]
-        if kinds[-2:] == ["AS", "NAME"] or kinds == ["NAME"] or kinds == ["NAME", ".", "NAME"]:
-            found.append(tokens[part[-1]].text)
-        elif kinds[:3] == ["NAME", "(", ")"]:
-            naming = tokens[part[0]].text == "to" and tokens[part[-1] - 1].kind == "NAME"
-            found.append(tokens[part[-1] - 1].text if naming else tokens[part[0]].text)
-    return tuple(found)
-
-
-def _find_typed_variables(tokens: Sequence[Token], groups: Sequence[int], place: int) -> list[str]:
-    """The names that START WITH at an index assigns to; its `WITH` may be missing."""
-    start = place + 2 if place + 1 < len(tokens) and tokens[place + 1].kind == "WITH" else place + 1
-    parts = _split_typed_clause(tokens, groups, start, groups[place])
-    return [tokens[part[0]].text for part in parts if [tokens[index].kind for index in part[:2]] == ["NAME", "="]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,13 +129,17 @@ class OpenCall:
 def find_call_at_cursor(statement: str, cursor: int) -> OpenCall | None:
     """The innermost call around a position of a statement."""
     tokens = list(tokenizer.iterate_tokens(statement[:cursor]))
-    for bracket in reversed(_list_brackets_at_cursor(tokens, cursor + 1)[1:]):
-        ahead = tokens[bracket - 1] if bracket else None
-        if tokens[bracket].kind != "(" or ahead is None or ahead.kind != "NAME":
-            continue
-        groups = _find_brackets_at_cursor(tokens)
-        commas = sum(token.kind == "," and group == bracket for token, group in zip(tokens, groups, strict=True))
-        return OpenCall(ahead.text, commas, bracket > 1 and tokens[bracket - 2].kind == "AS")
+    depth = commas = 0
+    for index in range(len(tokens) - 1, -1, -1):
+        kind = tokens[index].kind
+        if depth == 0 and kind in OPENING:
+            if kind == "(" and index and tokens[index - 1].kind == "NAME":
+                return OpenCall(tokens[index - 1].text, commas, index > 1 and tokens[index - 2].kind == "AS")
+            commas = 0
+        elif depth == 0 and kind == ",":
+            commas += 1
+        else:
+            depth += (kind in CLOSING) - (kind in OPENING)
     return None
 
 
@@ -318,7 +246,7 @@ def _complete_names(here: CompletionContext, symbols: SymbolTable) -> Iterator[S
         return
     if not here.wants_value:  # only a name that is assigned to can stand here
         if "CONNECT" in here.seen:
-            yield from (Suggestion(name, 0, "variable", "of START WITH") for name in here.states)
+            yield from (Suggestion(name, 0, "variable", "of this statement") for name in here.assigned)
         return
     if here.clause == "FROM":
         yield from _complete_tables(symbols)
@@ -326,22 +254,19 @@ def _complete_names(here: CompletionContext, symbols: SymbolTable) -> Iterator[S
     else:
         yield from _complete_columns(here, symbols)
         yield from _complete_variables(here, symbols)
-        named = (one for one in here.sources if one.name)
-        yield from (Suggestion(one.name, 0, "table", f"source {one.origin}".rstrip()) for one in named)
     yield from _complete_functions(symbols)
     if here.clause != "FROM":
         yield from _complete_tables(symbols)
 
 
 def _complete_columns(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
-    for source in here.sources:
-        found = dict.fromkeys(source.columns, "") or symbols.list_columns(source.origin)
-        for name, about in found.items():
-            yield Suggestion(name, 0, "column", f"{source.name}: {about}" if about else f"of {source.name}")
+    for source, origin in here.sources.items():
+        for name, about in symbols.list_columns(origin).items():
+            yield Suggestion(name, 0, "column", f"{source}: {about}" if about else f"of {source}")
 
 
 def _complete_variables(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
-    yield from (Suggestion(name, 0, "variable", "of START WITH") for name in here.states)
+    yield from (Suggestion(name, 0, "variable", "of this statement") for name in here.assigned)
     yield from (Suggestion(name, 0, "variable", about) for name, about in symbols.variables.items())
 
 
@@ -357,21 +282,18 @@ def _complete_tables(symbols: SymbolTable) -> Iterator[Suggestion]:
 
 
 def _complete_members(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:
-    """Suggestions after `owner.`: columns of a source, or tables of a world or file."""
-    sources = [one for one in here.sources if one.name == here.owner]
-    if here.owner.lower() == "this":
-        sources = here.sources[:1]
-    if here.clause != "FROM" or here.owner not in symbols.owners:
-        for source in sources:
-            found = dict.fromkeys(source.columns, "") or symbols.list_columns(source.origin)
-            yield from (Suggestion(name, 0, "column", about) for name, about in found.items())
-        if sources and here.owner.lower() != "this":
-            yield Suggestion("this", 0, "keyword", f"the element of {here.owner}")
-    if not sources or here.clause == "FROM":
-        for table in symbols.owners.get(here.owner, ()):
+    """Suggestions after `owner.`: tables of a world or file, or columns of a source."""
+    if here.clause == "FROM" and here.owner in symbols.owners:
+        for table in symbols.owners[here.owner]:
             full = next((name for name in symbols.tables if name.partition("(")[0] == f"{here.owner}.{table}"), "")
             bracket = "(" if "(" in full else ""
             yield Suggestion(table + bracket, 0, "table", symbols.tables.get(full, ""), full.partition(".")[2] or table)
+    elif here.owner.lower() == "this":
+        yield from _complete_columns(here, symbols)
+    elif here.owner in here.sources:
+        found = symbols.list_columns(here.sources[here.owner])
+        yield from (Suggestion(name, 0, "column", about) for name, about in found.items())
+        yield Suggestion("this", 0, "keyword", f"the element of {here.owner}")
 
 
 def _suggest_for_command(begun: str, symbols: SymbolTable) -> Iterator[Suggestion]:
