@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
 from importlib import import_module
+from itertools import takewhile
 from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any
@@ -19,7 +20,7 @@ import click
 from IPython.core.error import UsageError
 from IPython.core.magic import Magics, line_cell_magic, magics_class, no_var_expand
 
-from ss2sql.errors import Error, ResolveError, Source, Stopped, suggest_names
+from ss2sql.errors import Error, ResolveError, Source, Stopped
 from ss2sql.errors import render_all as rendered
 from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
@@ -69,13 +70,7 @@ def keep_user_frames(traceback: TracebackType | None) -> TracebackType | None:
 
 
 # --- the first line of `%%ss`: options, a name for the result, and the beginning of the script
-WORD = re.compile(r"\s*(-o|--?[a-z][\w-]*)(?=\s|=|$)")
-VALUE = re.compile(r"(?:\s*=\s*|\s+)(?!-)(\S+)")
 TARGET = re.compile(r"\s*([^\W\d]\w*)\s*<<(?=\s|$)")
-
-
-class WrongOption(Exception):  # noqa: N818 - told by IPython as wrong usage
-    """An unknown option, or an invalid value of one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,62 +93,44 @@ class Options:
     rest: str = ""
 
 
-def _read_seconds(text: str) -> float:
-    if not 0 <= float(text) < float("inf"):
-        raise ValueError(text)
-    return float(text)
-
-
 def _check_name(text: str) -> str:
     if not text.isidentifier():
         raise ValueError(text)
     return text
 
 
-_NAME = click.types.FuncParamType(_check_name), "the name of a variable"
-# The field of each option, and of those with a value its type and what it takes.
-READERS: dict[str, tuple[Any, ...]] = {
-    "--engine": ("engine", click.Choice(ENGINES), f"one of {', '.join(ENGINES)}"),
-    "--timeout": ("timeout", click.types.FuncParamType(_read_seconds), "seconds"),
-    "--maximum": ("maximum", click.IntRange(1), "a whole number of at least 1"),
-    "--session": ("session", *_NAME),
-    "--show": ("show", click.IntRange(0), "a whole number of at least 0"),
-    "--explain": ("explain",),
-    "--play": ("play",),
-    "--sql": ("sql",),
-    "-o": ("output", *_NAME),
-    "--output": ("output", *_NAME),
-}
+OPTIONS = click.Command(
+    "%ss",
+    params=[
+        click.Option(["--engine"], type=click.Choice(ENGINES), default="auto"),
+        click.Option(["--timeout"], type=click.FloatRange(0)),
+        click.Option(["--maximum"], type=click.IntRange(1)),
+        click.Option(["--session"], type=_check_name),
+        click.Option(["--show"], type=click.IntRange(0)),
+        *(click.Option([name], is_flag=True) for name in ("--explain", "--play", "--sql")),
+        click.Option(["-o", "--output"], type=_check_name),
+    ],
+    context_settings={"allow_interspersed_args": False, "allow_extra_args": True},
+    add_help_option=False,
+)
 
 
 def read_magic_options(line: str) -> Options:
-    """The options of a line. Raises WrongOption."""
-    found: dict[str, Any] = {}
-    position = 0
-    while word := WORD.match(line, position):
-        if word[1] not in READERS:
-            hints = suggest_names(word[1], READERS) or (f"the options are {', '.join(READERS)}",)
-            raise WrongOption(f"%ss knows no option {word[1]}; {hints[0]}")
-        field, *typed = READERS[word[1]]
-        position = word.end()
-        if not typed:
-            found[field] = True
-            continue
-        value = VALUE.match(line, position)
-        if value is None:
-            raise WrongOption(f"{word[1]} needs a value")
-        try:
-            found[field] = typed[0].convert(value[1], None, None)
-        except click.BadParameter:
-            raise WrongOption(f"{word[1]} takes {typed[1]}, not {value[1]}") from None
-        position = value.end()
-    options = Options(**found)
-    if target := TARGET.match(line, position):
-        if options.output is not None:
-            raise WrongOption(f"the result has two names, {options.output} and {target[1]}")
-        options = replace(options, output=target[1], quiet=True)
-        position = target.end()
-    return replace(options, rest=line[position:])
+    """The options of a line. Raises UsageError."""
+    words = list(re.finditer(r"\S+", line))
+    options = list(takewhile(lambda word: not re.match(r"-\W*\d", word), (word[0] for word in words)))  # -1 is a script
+    left = len(words) - len(options)
+    try:
+        with OPTIONS.make_context("%ss", options) as context:
+            read, left = context.params, left + len(context.args)
+    except click.ClickException as error:
+        raise UsageError(f"%ss: {error.format_message()}") from None
+    rest = line[words[-left].start() :] if left else ""
+    if target := TARGET.match(rest):
+        if read["output"] is not None:
+            raise UsageError(f"the result has two names, {read['output']} and {target[1]}")
+        return Options(**{**read, "output": target[1], "quiet": True}, rest=rest[target.end() :])
+    return Options(**read, rest=rest)
 
 
 # --- functions and values of the notebook for unknown names of a script
@@ -325,10 +302,7 @@ class ScriptMagics(Magics):
           --play              plays the search in place of its result, its first 10,000 events
           --sql               shows the SQL and runs nothing
         """
-        try:
-            options = read_magic_options(line)
-        except WrongOption as error:
-            raise UsageError(str(error)) from None
+        options = read_magic_options(line)
         if cell is None and not options.rest.strip():
             self._choose_session(options)
             return None
