@@ -277,8 +277,8 @@ def test_functions_and_worlds_of_the_user() -> None:
 @pytest.mark.parametrize(
     ("words", "expected"),
     [("", list(COMMANDS)), ("co", ["completion"]), ("run --eng", ["--engine"]), ("list err", ["errors"]),
-     ("run --engine d", ["database", "duckdb"]), ("list errors t", ["T001", "T002", "T003", "T004"]),
-     ("list functions sq", ["sqrt"]), ("sql --dialect ", ["sqlite", "duckdb", "spark", "postgres"]),
+     ("run --engine d", ["database", "duckdb"]),
+     ("sql --dialect ", ["sqlite", "duckdb", "spark", "postgres"]),
      ("run -o t", ["t"]), ("completion ", list(SHELLS))],
     ids=str,
 )  # fmt: skip
@@ -458,13 +458,9 @@ def test_terminals_get_no_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(("name", "start"), [("p.png", b"\x89PNG"), ("p.svg", b"<?xml"), ("p.PDF", b"%PDF")])
 def test_pictures(name: str, start: bytes) -> None:
     pytest.importorskip("matplotlib")
-    answer = call("plot", "-e", THIRTY, "-o", name, "--kind", "line", "--title", "T", "--size", "4x3")
+    answer = call("plot", "-e", THIRTY, "-o", name, "--kind", "line", "--title", "T")
     assert (answer.exit_code, answer.stdout, answer.stderr) == (0, "", f"written to {name}: 30 rows\n")
-    data = Path(name).read_bytes()
-    assert data.startswith(start)
-    if name == "p.png":
-        wide, high = (int.from_bytes(data[place : place + 4]) for place in (16, 20))
-        assert wide * 3 == high * 4
+    assert Path(name).read_bytes().startswith(start)
 
 
 def test_what_cannot_be_drawn() -> None:

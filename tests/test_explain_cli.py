@@ -62,14 +62,6 @@ def test_parameters_files_and_engines() -> None:
     assert [line["sqlite"] for line in query["plan"]] == [None]
 
 
-def test_options_of_a_run_need_one() -> None:
-    for option in (("--timeout", "1"), ("--maximum", "1"), ("--workers", "2"), ("--max-rows", "1")):
-        found = call("-e", "1;", *option)
-        assert found.exit_code == 2
-        assert f"{option[0]} is about a run: give --analyze, too" in found.stderr
-    assert facts("-e", COUNT.format(""), "--analyze", "--maximum", "3")["run"]["status"] == "maximum"
-
-
 def test_a_run_that_is_broken_off_is_explained_nevertheless() -> None:
     call("-e", COUNT.format("LIMIT 1"), "--analyze")  # all is loaded then, and the next run begins in time
     found = call("-e", COUNT.format(""), "--analyze", "--timeout", "0.5")

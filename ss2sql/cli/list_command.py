@@ -15,8 +15,6 @@ from ss2sql.cli.script_options import NO_INPUTS, ScriptInputs, add_uses_options
 from ss2sql.errors import CODES, suggest_names
 
 if TYPE_CHECKING:
-    from click.shell_completion import CompletionItem
-
     from ss2sql.frontend.user_functions import UserFunction
     from ss2sql.language.operations import Operation
     from ss2sql.session.session import Session
@@ -89,25 +87,9 @@ def _make_registered_entry(entry: UserFunction) -> Entry:
     return {"name": entry.name, "arguments": arguments, "volatility": entry.volatility, "text": descriptions}
 
 
-def _complete_list_argument(
-    context: click.Context, parameter: click.Parameter, incomplete: str
-) -> list[CompletionItem]:
-    """Names of the topic with this prefix, without running the user's code."""
-    from click.shell_completion import CompletionItem
-
-    topic = context.params.get("topic")
-    if topic not in TOPICS:
-        return []
-    return [
-        CompletionItem(entry["name"], help=entry.get("title", entry["text"]))
-        for entry in list_topic(topic)
-        if entry["name"].lower().startswith(incomplete.lower())
-    ]
-
-
 @click.command("list")
 @click.argument("topic", required=False, type=click.Choice(tuple(TOPICS)), metavar="[TOPIC]")
-@click.argument("words", nargs=-1, metavar="[NAME]", shell_complete=_complete_list_argument)
+@click.argument("words", nargs=-1, metavar="[NAME]")
 @add_uses_options
 @click.option("--format", "form", type=click.Choice(("table", "json")), default="table", show_default=True,
               help="How the list is printed.")  # fmt: skip

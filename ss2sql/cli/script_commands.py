@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from ss2sql.cli.output import (
     add_output_options,
@@ -131,8 +130,6 @@ EXPLAIN_FORMATS = ("text", "json")
 def explain_command(inputs: ScriptInputs, analyze: bool, form: str, progress: bool | None, **options: Any) -> None:
     """Tells how a script is run: engines, rewrites, calls, SQLite's plan in words, the SQL."""
     source = inputs.script
-    if not analyze:
-        _refuse_options_of_runs()
     with inputs.open_session(progress) as session:
         if not analyze:
             with redirect_output():
@@ -147,13 +144,6 @@ def explain_command(inputs: ScriptInputs, analyze: bool, form: str, progress: bo
             raise
         result.value  # noqa: B018 - the time that AS takes is to be told, too
         _print_explanation(result.explain(), form)
-
-
-def _refuse_options_of_runs() -> None:
-    context = click.get_current_context()
-    for name in ("timeout", "maximum", "max_rows", "workers", "progress"):
-        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-            raise click.UsageError(f"--{name.replace('_', '-')} is about a run: give --analyze, too", context)
 
 
 def _print_explanation(found: Explanation, form: str) -> None:
@@ -172,20 +162,6 @@ def _check_picture_path(context: click.Context, parameter: click.Parameter, valu
     return value
 
 
-def _check_size_option(
-    context: click.Context, parameter: click.Parameter, value: str | None
-) -> tuple[float, float] | None:
-    if value is None:
-        return None
-    try:
-        width, height = map(float, value.lower().split("x"))
-    except ValueError:
-        width = height = 0.0
-    if not (0 < width <= 100 and 0 < height <= 100):
-        raise click.BadParameter(f"{value!r} is no size in inches, such as 8x5")
-    return width, height
-
-
 @click.command("plot")
 @add_script_options
 @click.option("-o", "--output", required=True, type=click.Path(dir_okay=False, path_type=Path),
@@ -194,7 +170,6 @@ def _check_size_option(
 @click.option("--kind", type=click.Choice(KINDS), default="auto", show_default=True, help="What is drawn.")
 @click.option("--title", help="The title; else what was counted.")
 @click.option("--most", type=click.IntRange(min=1), help="At most so many paths or bars.")
-@click.option("--size", callback=_check_size_option, metavar="WIDTHxHEIGHT", help="The size in inches, such as 8x5.")
 @add_run_options
 @exit_with_code_on_error
 def plot_command(
@@ -204,7 +179,6 @@ def plot_command(
     kind: str,
     title: str | None,
     most: int | None,
-    size: tuple[float, float] | None,
     **options: Any,
 ) -> None:
     """Runs a script and draws its result as a picture."""
@@ -222,8 +196,6 @@ def plot_command(
                 raise
             result, stopped = error.partial, error
         figure = result.plot(kind=kind, title=title, most=most).figure
-        if size is not None:
-            figure.set_size_inches(size)
         try:
             figure.savefig(output)
         except OSError as error:
@@ -278,35 +250,14 @@ def play_command(
 
 # --- `ss2sql sql`: shows the stages of a script's compilation
 STAGES = ("ast", "plan", "sql")
-
-
-def _check_dialect_option(context: click.Context, parameter: click.Parameter, value: str | None) -> str | None:
-    if value is None:
-        return None
-    from ss2sql.lowering.sql_builder import DIALECTS
-
-    if value not in DIALECTS:
-        raise click.BadParameter(f"there is no dialect '{value}'; SQL can be written in: {', '.join(DIALECTS)}")
-    return value
-
-
-def _complete_dialect_option(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    from ss2sql.lowering.sql_builder import DIALECTS
-
-    return [name for name in DIALECTS if name.startswith(incomplete)]
+DIALECTS = ("sqlite", "duckdb", "spark", "postgres")  # those of lowering/sql_builder.py, which loads sqlglot
 
 
 @click.command("sql")
 @add_script_options
 @click.option("--stage", type=click.Choice(STAGES), default="sql", show_default=True,
               help="The syntax tree, the plan, or SQL.")  # fmt: skip
-@click.option(
-    "--dialect",
-    callback=_check_dialect_option,
-    shell_complete=_complete_dialect_option,
-    metavar="NAME",
-    help="The dialect of the SQL.  [default: sqlite]",
-)
+@click.option("--dialect", type=click.Choice(DIALECTS), help="The dialect of the SQL.  [default: sqlite]")
 @exit_with_code_on_error
 def sql_command(inputs: ScriptInputs, stage: str, dialect: str | None) -> None:
     """Shows what a script becomes: its syntax tree, its plan, or the SQL that runs."""
@@ -320,7 +271,7 @@ def sql_command(inputs: ScriptInputs, stage: str, dialect: str | None) -> None:
         for statement in parse(read_script_source(source)).statements:
             print_line(repr(statement))
         return
-    from ss2sql.lowering.sql_builder import DIALECTS
+    from ss2sql.lowering import sql_builder
     from ss2sql.session.translation import translate_script
 
     with inputs.open_session() as session:
@@ -328,7 +279,8 @@ def sql_command(inputs: ScriptInputs, stage: str, dialect: str | None) -> None:
         if stage == "plan":
             print_line(format_plan(query.plan).rstrip())
         else:
-            print_line(format_sql_with_parameters(translate_script(query.statements(), DIALECTS[dialect or "sqlite"])))
+            written = translate_script(query.statements(), sql_builder.DIALECTS[dialect or "sqlite"])
+            print_line(format_sql_with_parameters(written))
 
 
 def format_sql_with_parameters(sql: Any) -> str:

@@ -96,22 +96,6 @@ def is_typed_input_ready(text: str) -> bool:
     return bool(line_end) and not line.strip() and before.rstrip().endswith(";")
 
 
-def find_open_typed_bracket(text: str) -> str:
-    """The innermost bracket that is open, or `/*`; nothing where only a `;` is missing."""
-    last = _find_last_typed(text)
-    if last is None or last.complete:
-        return ""
-    found: list[str] = []
-    for token in iterate_tokens(last.text):
-        if token.kind == "OPEN_COMMENT":
-            return "/*"
-        if token.kind in OPENING:
-            found.append(token.kind)
-        elif token.kind in CLOSING and found:
-            found.pop()
-    return found[-1] if found else ""
-
-
 def find_statement_at(text: str, cursor: int) -> TypedPiece:
     """The piece that the cursor is in or right after; blanks and comments where a new one would begin."""
     start = 0

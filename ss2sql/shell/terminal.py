@@ -28,7 +28,7 @@ from ss2sql.editor.lexer import SelectScriptLexer
 from ss2sql.shell.completion import find_signature_at_cursor, suggest_completions
 from ss2sql.shell.dot_commands import EXAMPLE, SETTINGS, Settings, format_setting
 from ss2sql.shell.shell import ExitRequest, Shell
-from ss2sql.shell.statement_splitter import find_open_typed_bracket, is_typed_input_ready, split_statements
+from ss2sql.shell.statement_splitter import is_typed_input_ready, split_statements
 from ss2sql.shell.symbols import SymbolTable
 
 STYLE = {
@@ -205,10 +205,6 @@ class Terminal:
         return [("", self._choose_hint(document.text))]
 
     def _choose_hint(self, text: str) -> str:
-        bracket = find_open_typed_bracket(text)
-        if "\n" in text and bracket:
-            how = "Enter runs it all the same, and " if is_typed_input_ready(text) else ""
-            return f" {bracket} is open; {how}Ctrl-C clears"
         if "\n" in text and not is_typed_input_ready(text):
             return " a statement ends with ;  Ctrl-C clears"
         changed = [
