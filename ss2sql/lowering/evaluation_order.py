@@ -27,6 +27,7 @@ from ss2sql.language.plan_traversal import (
     can_fail,
     has_query,
     is_volatile,
+    list_inside,
     list_plan_functions,
     list_sources,
     list_states,
@@ -85,11 +86,14 @@ def find_expression_key(
 
 def is_worth_materializing(source: plan.Source) -> bool:
     """Whether a copy of the source serves the whole statement, and is worth its index."""
-    return (
-        isinstance(source, plan.ValueSource)
-        and is_sql_constant(source.value)
-        and (source.value.type.size or MIN_INDEXED_LENGTH) >= MIN_INDEXED_LENGTH
-    )
+    match source:
+        case plan.ValueSource(value=value):
+            return is_sql_constant(value) and (value.type.size or MIN_INDEXED_LENGTH) >= MIN_INDEXED_LENGTH
+        case plan.QuerySource(query=query):  # of dicts SQL makes a table of its own
+            reads_others = not list_sources(query) <= list_inside(query) or list_states(query)
+            return query.representation.name != "dict" and not source.optional and not reads_others
+        case _:
+            return False
 
 
 def _can_be_key(query: plan.Query, source: int, expr: plan.Expr, other: plan.Expr) -> bool:

@@ -33,7 +33,8 @@ class FromItem:
     """A source as SQL: the item of FROM, how it is read, and what sorts it in its own order (empty: nothing does).
 
     `witness` is some column of it; mentioning it keeps a condition from being evaluated before the source is read.
-    `conditions` filter it, when it stems from a query. With `on` it is the right side of a LEFT JOIN.
+    `conditions` filter it, when it stems from a query; of one that is `merged` these are the sources, an item each.
+    With `on` it is the right side of a LEFT JOIN.
     """
 
     items: tuple[Node, ...]
@@ -42,6 +43,7 @@ class FromItem:
     witness_column: Node
     conditions: tuple[Node, ...] = ()
     on: tuple[Node, ...] | None = None
+    merged: tuple[plan.Source, ...] = ()
 
 
 def lower_sources(
@@ -210,7 +212,8 @@ def _lower_joined_query(
     reader = make_sql_column_reader(
         selects, query, {o.name: selects.expressions.lower_expr(o.expr, inner) for o in query.columns}
     )
-    return FromItem(tuple(items), reader, tuple(order), opened.witness_column, tuple(conditions))
+    witness = opened.witness_column
+    return FromItem(tuple(items), reader, tuple(order), witness, tuple(conditions), merged=query.sources)
 
 
 def _lower_query_elements(opened: FromItem, query: plan.Query) -> Reader:

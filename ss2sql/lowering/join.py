@@ -23,12 +23,13 @@ from sqlglot import exp
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import can_fail, list_parts, list_sources, list_states
+from ss2sql.language.plan_traversal import can_fail, list_parts, list_sources
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import MIN_INDEXED_LENGTH, Condition, EvaluationOrder, ExpressionKey, HoistedValue
 from ss2sql.lowering.from_clause import FromItem
 from ss2sql.lowering.materialize import (
     find_equality_columns,
+    find_labels,
     number_sql_rows,
     require_sql_index_order,
     sort_sql_by_row_number,
@@ -204,13 +205,17 @@ class JoinBuilder:
                 self._left_join_source(self.query.sources[position], part)
                 continue
             conditions_here = [node for step, node in terms if step == position + 1]
-            for item in map(self.translate_outward, part.items):
-                source = self.query.sources[position]
-                found = self._look_up_source(source, item, conditions_here, self.terms)
+            filters = [self.translate_outward(condition) for condition in part.conditions]
+            sources = part.merged or (self.query.sources[position],)
+            later = {item.alias_or_name for item in part.items}
+            for source, item in zip(sources, map(self.translate_outward, part.items), strict=True):
+                later.discard(item.alias_or_name)
+                known = [c for c in (*conditions_here, *filters) if later.isdisjoint(find_labels(c))]
+                found = self._look_up_source(source, item, known, self.terms)
                 if found is None and self.copies:
                     found = self._materialize_source(source, item)
                 self.items.append(found or item)
-            self.terms += [self.translate_outward(condition) for condition in part.conditions]
+            self.terms += filters
         self.terms += [node for _, node in terms]
         for step in range(first, level + 1):
             group = [c.expr for c in conditions if not c.free and c.level == step]
@@ -321,10 +326,7 @@ class JoinBuilder:
         terms += number_sql_rows(self.items, terms, self.selects.needs.materialized_ctes.values())
         if self.optional:
             # Else SQLite sees where None cannot meet a term, makes a plain join of it, and changes the order of rows.
-            terms = [
-                _wrap_disjunction(t) if any(c.table in self.optional for c in t.find_all(exp.Column)) else t
-                for t in terms
-            ]
+            terms = [_wrap_disjunction(t) if not self.optional.isdisjoint(find_labels(t)) else t for t in terms]
         if self.selects.needs.worlds:
             terms = [_wrap_disjunction(term) if isinstance(term.unnest(), exp.Or) else term for term in terms]
         if len(terms) > MAX_TERMS and any(map(_can_be_none, self.query.sources)):
@@ -340,9 +342,7 @@ class JoinBuilder:
             return item
         value = source.value
         # SQLite may make an index on a copy; with one column it keeps equal elements in their order.
-        if not (
-            _is_statement_constant(value) and value.type.is_only(Kind.LIST) and source.columns == ()
-        ) or not _iterates_constant_list(item):
+        if not (_walks_same_list(item) and value.type.is_only(Kind.LIST) and source.columns == ()):
             return item
         name = f"{value.name if isinstance(value, plan.Variable) else source.name}_once"
         return copies.copy_walked(item, lambda: self.selects.needs.choose_table_name(name))
@@ -371,8 +371,9 @@ class JoinBuilder:
                 if source.order != ("rowid",):
                     return None
                 name, columns = f"{source.name}_in_order", tuple(name for name, _ in source.columns)
-            case plan.ValueSource(value=value) if _iterates_constant_list(item) and _is_statement_constant(value):
-                if (value.type.size or MIN_INDEXED_LENGTH) < MIN_INDEXED_LENGTH:
+            case plan.ValueSource() | plan.QuerySource() if _walks_same_list(item):
+                size = source.value.type.size if isinstance(source, plan.ValueSource) else None
+                if size is not None and size < MIN_INDEXED_LENGTH:
                     return None
                 name = f"{label}_once"
                 columns = ("this", *choose_sql_names(tuple(name for name, _ in source.columns or ())).values())
@@ -387,13 +388,10 @@ class JoinBuilder:
         return copies.copy_indexed(item, needs.choose_table_name(name), ("rowid", *columns), computed)
 
 
-def _is_statement_constant(value: plan.Expr) -> bool:
-    return not list_sources(value) and not list_states(value)
-
-
-def _iterates_constant_list(item: Node) -> TypeGuard[exp.Table]:
+def _walks_same_list(item: Node) -> TypeGuard[exp.Table]:
     """Whether `elements` walks a list that is the same for all rows."""
-    return isinstance(item.this, exp.Anonymous) and item.find(exp.Column) is None
+    inside = {table.alias_or_name for table in item.find_all(exp.Table, exp.Subquery)}
+    return isinstance(item.this, exp.Anonymous) and find_labels(item) <= inside
 
 
 def _can_be_none(source: plan.Source) -> bool:

@@ -61,8 +61,10 @@ class MaterializedTables:
     def add_materialized_tables(self, select: exp.Select) -> list[exp.CTE]:
         """The copies as WITH of the statement, with the columns that it reads."""
         made = [build_materialized_cte(name, copied) for name, copied in self.tables.items()]
-        for table in made:
-            prune_columns(table, select)
+        readers = [select]
+        for table in reversed(made):  # a copy reads those that were made before it
+            prune_columns(table, readers)
+            readers.append(table.this)
         return made
 
 
@@ -143,10 +145,15 @@ def find_equality_columns(conditions: Iterable[Node]) -> set[tuple[str, str, fro
     for left, other in _find_equalities(conditions):
         bare = left.unnest()
         side = bare.this if isinstance(bare, exp.Collate) else bare
-        others = frozenset(column.table for column in other.find_all(exp.Column))
+        others = find_labels(other)
         if isinstance(side, exp.Column) and side.table not in others:
             found.add((side.table, side.name, others))
     return found
+
+
+def find_labels(node: Node) -> frozenset[str]:
+    """The labels of the items whose columns are read."""
+    return frozenset(column.table for column in node.find_all(exp.Column))
 
 
 def _find_equalities(conditions: Iterable[Node]) -> list[tuple[Node, Node]]:
@@ -155,10 +162,10 @@ def _find_equalities(conditions: Iterable[Node]) -> list[tuple[Node, Node]]:
     return [sides for one in equal for sides in ((one.this, one.expression), (one.expression, one.this))]
 
 
-def prune_columns(copied: exp.CTE, terms: exp.Expr) -> None:
+def prune_columns(copied: exp.CTE, readers: Sequence[exp.Expr]) -> None:
     name = copied.alias_or_name
-    labels = {item.alias_or_name for item in terms.find_all(exp.Table) if item.name == name}
-    read = {column.name for column in terms.find_all(exp.Column) if column.table in labels}
+    labels = {item.alias_or_name for one in readers for item in one.find_all(exp.Table) if item.name == name}
+    read = {column.name for one in readers for column in one.find_all(exp.Column) if column.table in labels}
     select = copied.this
     kept = [column for column in select.expressions if column.alias_or_name in read]
     select.set("expressions", kept or select.expressions[:1])

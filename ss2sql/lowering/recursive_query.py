@@ -136,7 +136,7 @@ class RecursiveQuery:
         columns = [sql_builder.identifier(name) for name in names]
         cte = exp.CTE(this=union, alias=exp.TableAlias(this=sql_builder.identifier(self.table), columns=columns))
         for copied in self.tables:
-            prune_columns(copied, union)
+            prune_columns(copied, [union])
         tables = [*self.selects.needs.materialized_ctes.values(), *self.tables, cte]
         results.set("with_", exp.With(expressions=tables, recursive=True))
         return results
