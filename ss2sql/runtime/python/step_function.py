@@ -388,11 +388,11 @@ class StepFunction(StepClauses):
     def _attach_frozen(self) -> None:
         """Freezes elements once that are read once and stand in the row as they are; also keys of arguments."""
         single = None if self.single is None else self.single.key
-        shown = {expr.source for expr in self.outputs if isinstance(expr, plan.Element)}
+        frozen = {e.source for e in self.outputs if isinstance(e, plan.Element) and not self.shows_as_it_is(e)}
         calls = (node for expr in self.keeps_everything for node in walk(expr) if is_memoized_call(node))
         others = any(self.codegen.analysis.facts(call).key != single for call in calls)
         keyed = find_keyed_sources(self.keeps_everything) if others else set()
         for source in self.query.sources:
-            freezes = source.id in shown and not self.loops.has_scalar_elements(source)
+            freezes = source.id in frozen and not self.loops.has_scalar_elements(source)
             if freezes or source.id in keyed:
                 self.loops.attach_keys(source, freezes, source.id in keyed)
