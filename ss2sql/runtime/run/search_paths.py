@@ -155,18 +155,13 @@ class SearchPaths(Sequence[list[Row]]):
                 yield [*path, *row]
             return
         walk = self._make_walk(self._width)
-        steps: list[int] = []  # on the path that was made last; depth first, the next one grows from one of them
-        made: list[list[Any]] = []
+        made: dict[int, list[Any]] = {0: []}  # the next ones grow from them
         for end in self._ends:
-            parent = end[1]
-            while steps and steps[-1] != parent:
-                steps.pop()
-                made.pop()
-            before = made[-1] if steps else walk.collect_rows_before(end)
-            cells = [*before, *end[2:]]
+            before = made.get(end[1])
+            if before is None:  # its parent is not among these results
+                before = walk.collect_rows_before(end)
+            made[end[0]] = cells = [*before, *end[2:]]
             yield cells
-            steps.append(end[0])
-            made.append(cells)
 
     def iterate_lengths(self) -> Iterator[int]:
         """The number of rows of each path, without putting it together: every step is looked at once."""

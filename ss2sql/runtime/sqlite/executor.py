@@ -229,7 +229,8 @@ class Database:
         found = execution.elements.get(key)
         if found is None:
             try:
-                found = intern_element_columns(execution.interning, value, table.columns)
+                lasting = not execution.run.reads_user_objects
+                found = intern_element_columns(execution.interning, value, table.columns, lasting)
             except Error as error:
                 execution.failed = True
                 raise error.with_span(execution.find_value_source()) from None

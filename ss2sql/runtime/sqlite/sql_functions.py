@@ -48,8 +48,13 @@ SCALAR_FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 
 
-def intern_element_columns(interning: Interning, value: Any, columns: tuple[str, ...]) -> ElementColumns:
-    """The elements of a source's value as columns of SQL values: the elements themselves, then their `columns`."""
+def intern_element_columns(
+    interning: Interning, value: Any, columns: tuple[str, ...], lasting: bool = False
+) -> ElementColumns:
+    """The elements of a source's value as columns of SQL values: the elements themselves, then their `columns`.
+
+    `lasting`: nobody changes the value.
+    """
     elements = interning.decode(value)
     encode = interning.encode
     if isinstance(elements, Frame):
@@ -62,7 +67,12 @@ def intern_element_columns(interning: Interning, value: Any, columns: tuple[str,
         if number and dicts is None:
             dicts = set(map(type, items)) == {dict}
         parts = _read_element_column(items, columns[number - 1], dicts is True) if number else items
-        return parts if NUMBERS.issuperset(map(type, parts)) else list(map(encode, parts))
+        if NUMBERS.issuperset(map(type, parts)):
+            return parts
+        encoded = list(map(encode, parts))
+        if lasting and not number:
+            interning.keep_values(encoded, parts)
+        return encoded
 
     return ElementColumns(value, len(items), len(columns) + 1, make_column)
 
