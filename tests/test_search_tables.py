@@ -238,8 +238,8 @@ def test_cells_come_in_order_whatever_index_finds_them(table: str, form: str) ->
         ("one and both", "INDEX j (px=? AND py=?)"), ("unique", "INDEX i (px=? AND py=?)"),
         ("key", "INDEX sqlite_autoindex_cells_1 (px=? AND py=?)"), ("without rowid", "PRIMARY KEY (px=? AND py=?)"),
         ("descending", "PRIMARY KEY (px=? AND py=?)"), ("wider key", "INDEX i (px=? AND py=?)"),
-        ("no index", "AUTOMATIC COVERING INDEX (px=? AND py=?)"),
-        ("three", "AUTOMATIC COVERING INDEX (px=? AND py=?)"),
+        ("no index", "AUTOMATIC PARTIAL COVERING INDEX (px=? AND py=?)"),
+        ("three", "AUTOMATIC PARTIAL COVERING INDEX (px=? AND py=?)"),
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("form", ["query", "stop", "where"])

@@ -32,6 +32,7 @@ from ss2sql.lowering.materialize import (
     number_sql_rows,
     prune_columns,
     require_sql_index_order,
+    sort_sql_by_row_number,
 )
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_names import ROW_NUMBER, choose_free_name, choose_sql_names
@@ -234,11 +235,11 @@ class RecursiveQuery:
         labels = [item.alias_or_name for item in items]
         return [self._order_item(item, conditions, labels[index:]) for index, item in enumerate(items)]
 
-    def find_indexed_positions(self, items: list[Node], conditions: list[Node]) -> list[Node]:
-        """The positions of rows that SQLite may look up: it indexes copies that a condition asks for equality."""
+    def keep_rows_in_order(self, items: list[Node], conditions: list[Node]) -> list[Node]:
+        """What reads the positions of rows that SQLite may look up: it indexes copies that must equal something."""
         compared = {table for table, _, _ in find_equality_columns(conditions)}
         return [
-            sql_builder.column(self.positions[item.name], item.alias_or_name)
+            sort_sql_by_row_number(item.alias_or_name, self.positions[item.name])
             for item in items
             if isinstance(item, exp.Table) and item.name in self.positions and item.alias_or_name in compared
         ]

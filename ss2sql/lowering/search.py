@@ -276,9 +276,9 @@ class EagerSearch(RecursiveQuery):
         entering = [self._evaluate_for_each_step(node, witnesses) for node in step.lower_entering()]
         if self.counted:
             entering.insert(0, sql_builder.call("count_step", witnesses[-1].copy()))
+        conditions += self.keep_rows_in_order(sources, conditions)
         where = [*([] if first else self.check_parent_continues()), *conditions, *entering]
-        outputs = step.lower_columns(self.find_indexed_positions(sources, conditions))
-        return [sql_builder.select(outputs, items + sources, sql_builder.conjunction(where))]
+        return [sql_builder.select(step.lower_columns(), items + sources, sql_builder.conjunction(where))]
 
     def _lower_branch(self, item: plan.Expr, scope: SqlScope, first: bool, expands: bool) -> exp.Select:
         """The step with one item of the list from a state, which the first of the items `expands`."""
@@ -288,7 +288,7 @@ class EagerSearch(RecursiveQuery):
         step = SearchStep(self, inner, first, item)
         where = [*([] if first else self.check_parent_continues(expands)), *step.list_lookups(), *step.lower_entering()]
         return sql_builder.select(
-            step.lower_columns([]),
+            step.lower_columns(),
             [] if first else [sql_builder.table(self.table, self.table)],
             sql_builder.conjunction(where),
         )

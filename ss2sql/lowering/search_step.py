@@ -173,10 +173,10 @@ class SearchStep:
 
     # --- what it carries -------------------------------------------------------------------------------
 
-    def lower_columns(self, positions: list[Node]) -> list[Node]:
-        """The columns of the recursive table; `positions` are read where SQLite looks rows up."""
+    def lower_columns(self) -> list[Node]:
+        """The columns of the recursive table."""
         of = self.of
-        carried: dict[str | None, Node] = {"step": self._number_step(positions), "parent": self.parent}
+        carried: dict[str | None, Node] = {"step": self._number_step(), "parent": self.parent}
         carried[of.depth] = (
             sql_builder.number(1) if self.first else _add_sql_terms(of.column(of.depth or ""), sql_builder.number(1))
         )
@@ -226,20 +226,18 @@ class SearchStep:
             carried[short] = self.expressions.lower_expr(read, self.scope)
         return [carried[name] for name in of.all_column_names]
 
-    def _number_step(self, positions: list[Node]) -> Node:
+    def _number_step(self) -> Node:
         """The number of the step; it notes the step's row with it."""
         guard = self.of.guard
         # Depth first, a row is marked when its step is taken.
         number = "enter" if guard.number == "enter_first" and self.of.depth is not None else guard.number
         rank = [self.of.rank_total(self.lower_total())] if self.best else []
         if self.of.all_results or self.of.steps_unkept:
-            entered = sql_builder.call("next_number")
-            return sql_builder.call("in_turn", *positions, entered) if positions else entered
+            return sql_builder.call("next_number")
         # The repeat test that was evaluated last knows the row: `enter_first` and `enter_best` take it from there.
         row = self.lower_row() if number == "enter" or self.of.keyed else []
         keyed = "_keyed" if self.of.keyed else ""
-        entered = sql_builder.call(number + keyed, self.parent.copy(), *rank, *row)
-        return sql_builder.call("in_turn", *positions, entered) if positions else entered
+        return sql_builder.call(number + keyed, self.parent.copy(), *rank, *row)
 
     def _write_waiting_flag(self) -> Node:
         """0 for a goal."""
