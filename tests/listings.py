@@ -1,4 +1,4 @@
-"""The listings of the paper, as printed, and the function that its Towers of Hanoi call."""
+"""The listings of the paper, of the examples or of cases/listings, and the function that its Towers of Hanoi call."""
 
 from __future__ import annotations
 
@@ -18,6 +18,13 @@ def move(step: Any, towers: Any) -> Any:
     return []
 
 
-PRINTED = {path.stem: path.read_text(encoding="utf-8") for path in (Path(__file__).parent / "cases/listings").iterdir()}
-HANOI = {name: PRINTED[name].removesuffix("\n") for name in ("nested", "cycle", "no-cycle", "memorize")}
-ROBOT, SPACE = PRINTED["robot"], PRINTED["space"]
+LISTINGS, EXAMPLES = Path(__file__).parent / "cases/listings", Path(__file__).parent.parent / "examples"
+
+
+def text_of(path: Path) -> str:
+    return path.read_text(encoding="utf-8").removesuffix("\n")
+
+
+HANOI = {"nested": text_of(EXAMPLES / "hanoi/1_nested.ss"), **{
+    name: text_of(LISTINGS / f"{name}.ss") for name in ("cycle", "no-cycle", "memorize")}}  # fmt: skip
+ROBOT, SPACE = text_of(EXAMPLES / "navigation/1_paths.ss"), text_of(EXAMPLES / "chaos/3_planes.ss")

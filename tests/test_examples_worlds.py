@@ -10,34 +10,16 @@ from typing import Any
 import pytest
 
 pytest.importorskip("pybullet")
-import listings
 from bullet_rooms import kind_of, mass_of
-from example_pages import EXAMPLES, play
+from example_pages import play
 from prolog_facts import facts
 
 import ss2sql
 from ss2sql.vtables.pybullet import PyBulletWorld
 
 
-def script(name: str) -> list[str]:
-    """The lines of a script without its lesson, and without indentation."""
-    lines = (EXAMPLES / name).read_text("utf-8").splitlines()
-    return [line.strip() for line in lines if not line.startswith("# ") and line.strip()]
-
-
-def stripped(listing: str) -> list[str]:
-    return [line.strip() for line in listing.splitlines() if line.strip() and not line.startswith(" # SelectScript")]
-
-
 def is_png(file: Any) -> bool:
     return file.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n" and file.stat().st_size > 20_000
-
-
-# --- navigation: what it finds is tested in test_navigation.py --------------------------------------------
-
-
-def test_navigation_runs_the_listing_of_the_paper_as_printed():
-    assert script("navigation/1_paths.ss") == stripped(listings.ROBOT)
 
 
 # --- the chaos -----------------------------------------------------------------------------------------
@@ -49,13 +31,6 @@ def box() -> Any:
     with ss2sql.scenes.chaos(seed=18, bodies=150) as world:
         world.step(play("chaos").module["STEPS"])
         yield world
-
-
-def test_chaos_runs_the_listings_of_the_paper_as_printed():
-    both = script("chaos/2_heaviest.ss")[:-1] + script("chaos/3_planes.ss")
-    assert [line for line in both if not line.startswith("#")] == [
-        line for line in stripped(listings.SPACE) if not line.startswith("#")
-    ]
 
 
 def test_chaos_finds_heavy_spheres_and_the_heaviest(box):
