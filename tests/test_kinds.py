@@ -151,32 +151,6 @@ def test_the_type_of_a_list_covers_its_elements(values: list[Any]) -> None:
         assert kind == make_list_type(kind.positions)
 
 
-def test_types_that_do_not_cover() -> None:
-    pairs = [
-        (INT, Type(Kind.FLOAT)), (INT, type_of(True)), (STR, UNENCODABLE), (number(0, 5), number(0, 6)),
-        (number(0, 5), INT), (number(0, 5), number(0, 5, Kind.FLOAT)), (INT, NONE), (plain_list(INT), plain_list(STR)),
-        (plain_list(INT), LIST), (type_of([1, "a"]), type_of(["a", 1])), (type_of([1, 2]), type_of([1, 2, 2])),
-        (type_of([1, 2]), plain_list(number(1, 2))), (type_of([{"a": 1}]), type_of([{"b": 1}])),
-        (type_of([{"a": 1}]), type_of([{"a": 1, "b": 1}])), (type_of([{"a": 1, "b": 1}]), type_of([{"a": 1}])),
-        (type_of([{"a": 1}]), type_of([1])),
-    ]  # fmt: skip
-    for wide, narrow in pairs:
-        assert not is_supertype(wide, narrow), (wide, narrow)
-
-
-def test_unions_forget_what_one_side_does_not_know() -> None:
-    both = unite([type_of([{"a": 1}]), type_of([{"b": "x"}])])  # a missing column may be None
-    assert both.columns == (("a", number(1, 1, Kind.INT | Kind.NONE)), ("b", Type(Kind.STR | Kind.NONE)))
-    assert unite([type_of([{"a": 1}]), EMPTY]) == type_of([{"a": 1}])
-    assert is_supertype(type_of([{"a": 1}]), EMPTY)
-    assert unite([number(1, 2), INT]) == INT
-    assert unite([number(1, 2), STR]) == Type(Kind.INT | Kind.STR, 1, 2)
-    assert unite([number(1, 2), Type(Kind.FLOAT, None, 5)]) == Type(Kind.INT | Kind.FLOAT, None, 5)
-    assert unite([plain_list(INT), LIST]) == LIST
-    assert unite([plain_list(INT), NONE]) == Type(Kind.LIST | Kind.NONE, item=INT, columns=())
-    assert unite([]) == NOTHING
-
-
 def test_short_lists_are_described_one_by_one_as_long_as_all_have_one_length() -> None:
     pair, other = short_list(number(1, 1), STR), short_list(number(5, 5), NONE)
     assert unite([pair, other]) == short_list(number(1, 5), Type(Kind.STR | Kind.NONE))

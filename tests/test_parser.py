@@ -107,17 +107,6 @@ def test_what_else_binds(short: str, long: str) -> None:
     same(expr(short), expr(long))
 
 
-def test_the_place_of_an_operator_is_its_sign() -> None:
-    for sign, function in (item for level in LEVELS[3:] for item in level.items()):
-        found = expr(f"a {sign} b")
-        same(found, op(function, A, B))
-        assert isinstance(found, ast.Operator)
-        assert found.place.text == sign
-    negative = expr("- a")
-    assert isinstance(negative, ast.Operator)
-    assert negative.place.text == "-"
-
-
 @given(st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\x00")))
 def test_any_string_can_be_written(value: str) -> None:
     quoted = value.replace("\\", "\\\\").replace("'", "\\'").replace("\n", "\\n").replace("\r", "\\r")
