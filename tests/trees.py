@@ -1,20 +1,17 @@
-"""Short ways to write syntax trees and to check errors, for the tests of the parser."""
+"""Short ways to parse and to check errors, for the tests of the parser."""
 
 from __future__ import annotations
 
 import re
 import sys
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import pytest
 
-from ss2sql.errors import ParseError, Source, Span
+from ss2sql.errors import ParseError, Source
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
-
-NOWHERE = Span(Source(""), 0, 0)
 
 
 def script(source: str) -> ast.Script:
@@ -37,43 +34,6 @@ def same(found: object, wanted: object) -> None:
     """Equal trees, and equal in the types of their literals (1 == 1.0 == True)."""
     assert found == wanted
     assert repr(found) == repr(wanted)
-
-
-lit = partial(ast.Literal, span=NOWHERE)
-name = partial(ast.Name, span=NOWHERE)
-index = partial(ast.Index, span=NOWHERE)
-cut = partial(ast.Slice, span=NOWHERE)
-assign = partial(ast.Assign, span=NOWHERE, name_span=NOWHERE)
-select = partial(ast.Query, span=NOWHERE)
-A, B, C, D = map(name, "abcd")
-
-
-def op(function: str, *operands: ast.Expr) -> ast.Operator:
-    return ast.Operator(function, operands, span=NOWHERE, place=NOWHERE)
-
-
-def items(*parts: ast.Expr) -> ast.ListLiteral:
-    return ast.ListLiteral(parts, span=NOWHERE)
-
-
-def call(function: str, *arguments: ast.Expr, star: bool = False) -> ast.Call:
-    return ast.Call(function, arguments, span=NOWHERE, star=star)
-
-
-def this(source: str | None = None) -> ast.This:
-    return ast.This(source, span=NOWHERE)
-
-
-def iff(condition: ast.Expr, then: tuple[ast.Expr, ...] = (), otherwise: tuple[ast.Expr, ...] = ()) -> ast.If:
-    return ast.If(condition, then, otherwise, span=NOWHERE)
-
-
-def source(expr: ast.Expr, named: str | None = None) -> ast.From:
-    return ast.From(named, expr, span=NOWHERE)
-
-
-def shape(named: str, *arguments: ast.Expr, **keywords: ast.Expr) -> ast.Representation:
-    return ast.Representation(named, arguments, tuple(assign(*pair) for pair in keywords.items()), span=NOWHERE)
 
 
 def failure(source: str) -> ParseError:
