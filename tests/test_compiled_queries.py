@@ -51,23 +51,6 @@ def test_compile_without_a_session() -> None:
 
 
 @both
-def test_a_compiled_query_gives_the_same_answer_every_time(ss: ss2sql.Session, engine: Any) -> None:
-    @ss.function
-    def grown(items):
-        items.append(len(items))
-        return items
-
-    query = ss.compile("SELECT n, grown(n) FROM [1] START WITH n = [] CONNECT BY n = grown(n) STOP WITH len(n) == 3;")
-    first = query.run(engine=engine)
-    assert [len(path) for path in first.value] == [1, 2, 3]
-    assert first.value[2][2] == {"n": [0, 1], "grown": [0, 1, 2]}
-    for _ in range(2):
-        again = query.run(engine=engine)
-        assert again.value == first.value
-        assert again.stats.generated == first.stats.generated
-
-
-@both
 def test_variables_of_a_search_do_not_leak(ss: ss2sql.Session, engine: Any) -> None:
     ss.set("n", "mine")
     script = "SELECT this FROM [1] START WITH n = 0, m = n CONNECT BY n = n + 1 STOP WITH n == 2;"

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cases.functions import moved
-from listings import MOVES, move
 from random_values import Thing, Unhashable
 from sessions import both, code_of
 
@@ -110,14 +108,6 @@ def test_functions_may_have_any_name(ss: ss2sql.Session, engine: Any, name: str)
     script = f"""SELECT {name}(this, 1), {name}(5) FROM [1, 2] WHERE {name}(this) > 101
     START WITH n = 1 CONNECT BY n = n + {name}(n) STOP WITH n > 1 AS rows;"""
     assert ss.run(script, engine=engine).value == [[(102, 105), (103, 105)], [(103, 105)], [(103, 105), (103, 105)]]
-
-
-def test_names_that_differ_in_case_are_different_functions(ss: ss2sql.Session, engine: Any) -> None:
-    names = ("f", "F", "keep", "Keep", "KEEP", "keep_2", "count", "Count")
-    for number, name in enumerate(names):
-        ss.function(name, lambda x, number=number: x + 10**number, volatility="immutable")
-    calls = ", ".join(f"{name}(this)" for name in names)
-    assert ss.run(f"SELECT {calls} FROM [0] AS list;", engine=engine).value == [10**number for number in range(8)]
 
 
 # --- how often they are called -------------------------------------------------------------------------
@@ -298,38 +288,6 @@ def test_an_aggregate_takes_a_list() -> None:
 # --- what functions get, and what comes back ------------------------------------------------------------
 
 
-HANOI = """SELECT this, tower FROM moves WHERE [[], [], [3, 2, 1]] == move(this, tower)
-START WITH tower = [[3, 2, 1], [], []], level = 1
-CONNECT BY {option} tower = move(this, tower), level = level + 1
-STOP WITH level == 8 OR [] == move(this, tower);"""
-FLAT = """SELECT a.this, move(a.this, start), move(b.this, move(a.this, start)), start FROM a = moves, b = moves
-WHERE [] != move(a.this, start) AND len(move(b.this, move(a.this, start))) == 3 AS rows;"""
-START = "start = [[3, 2, 1], [], []]; "
-
-
-@pytest.mark.parametrize("volatility", ["immutable", "volatile"])
-@pytest.mark.parametrize("disable", [(), ("memo",)])
-@pytest.mark.parametrize("option", ["", "NO CYCLE", "UNIQUE", "BREADTH FIRST", "MEMORIZE 8", "MAXIMUM 1"])
-def test_a_function_that_changes_its_argument_and_its_pure_twin_agree(
-    engine: Any, volatility: Any, disable: tuple[str, ...], option: str
-) -> None:
-    if engine == "database" and ("MEMORIZE" in option or volatility == "volatile"):
-        engine = "auto"
-    answers = []
-    for function in (move, moved):
-        with ss2sql.connect(disable=disable) as ss:
-            ss.attach("moves", MOVES)
-            ss.function("move", function, volatility=volatility)
-            answers.append((ss.run(HANOI.format(option=option), engine=engine).value, ss.eval(START + FLAT)))
-    assert answers[0] == answers[1]
-    paths, rows = answers[0]
-    lengths = [len(path) for path in paths]
-    # With UNIQUE each of the two moves that end the game, with the towers before it, is reached once.
-    expected = {"UNIQUE": {7: 1, 8: 1}, "MAXIMUM 1": {8: 1}}.get(option, {7: 1, 8: 4})
-    assert {length: lengths.count(length) for length in lengths} == expected
-    assert all(row[3] == [[3, 2, 1], [], []] for row in rows)
-
-
 def test_what_a_function_does_to_its_arguments_is_seen_by_nobody(ss: ss2sql.Session, engine: Any) -> None:
     thing = Thing()
     items: list[Any] = [[1], {"a": [2]}, [thing]]
@@ -407,21 +365,3 @@ def test_objects_come_back_identical(ss: ss2sql.Session, engine: Any) -> None:
     )
     paths = ss.run(script, engine=engine).paths
     assert paths[0][2][0] is objects[0]
-
-
-@pytest.mark.parametrize(
-    "value",
-    [True, False, 1, 1.0, -0.0, 0.1 + 0.2, 1e308, 5e-324, 2**63 - 1, -(2**63), 2.0**53 + 2, "", "ä\u2028\0x", "\ud800",
-     None, [], [[]], [True, 1, 1.0], {"a": True, "b": [1.0]}, {}],
-)  # fmt: skip
-def test_values_are_exact_on_every_way(ss: ss2sql.Session, engine: Any, value: Any) -> None:
-    ss.attach("x", [value])
-    ss.function("same", lambda x: x)
-    ss.function("given", lambda: value, volatility="stable")
-    ss.function("arrived", lambda x: repr(x) == repr(value), volatility="immutable")
-    script = "SELECT this, same(this), given(), [this][0], IF(True; this), arrived(this) FROM x AS rows;"
-    assert repr(ss.run(script, engine=engine).value) == repr([(value, value, value, value, value, True)])
-    nested = "SELECT y.this, z.this FROM y = (SELECT this FROM x AS list), z = [(SELECT this FROM x AS value)] AS rows;"
-    assert repr(ss.run(nested, engine=engine).value) == repr([(value, value)])
-    search = "SELECT s FROM x WHERE n == 1 START WITH s = x[0], n = 0 CONNECT BY s = this, n = n + 1 STOP WITH n == 1;"
-    assert repr(ss.run(search, engine=engine).paths) == repr([[(value,), (value,)]])

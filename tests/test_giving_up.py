@@ -95,22 +95,6 @@ def test_a_call_for_a_parameter_is_not_made_again(ss: ss2sql.Session, of: str) -
     assert seen == [3]
 
 
-def test_a_failed_call_that_python_does_not_need(ss: ss2sql.Session) -> None:
-    seen: list[Any] = []
-
-    def f(x: Any) -> Any:
-        seen.append(x)
-        if x == [2]:
-            raise ValueError("no")
-        return x
-
-    ss.function("f", f, volatility="immutable")
-    ss.host.connection.execute("CREATE TABLE u(a); INSERT INTO u VALUES (1), (2)")
-    result = ss.run("SELECT a FROM u WHERE a > 0 OR f([a]) == [2] AS list;")
-    assert result.value == [1, 2]
-    assert len(seen) == len({repr(x) for x in seen})
-
-
 @pytest.mark.parametrize(("limit", "code"), [({"max_rows": 2}, "X010"), ({"max_size": 300_000}, "X014")], ids=str)
 def test_limits_do_not_begin_again(limit: dict[str, int], code: str, monkeypatch: pytest.MonkeyPatch) -> None:
     begun: list[Any] = []

@@ -88,31 +88,6 @@ def test_another_form_is_no_reason_to_call_again(form: str, engine: Any) -> None
     assert len(seen) == len(set(seen)) == result.stats.calls["go"]
 
 
-def test_what_is_no_value_is_given_once() -> None:
-    """The failed call may not have been needed; it is not made again to see whether it was."""
-    seen: list[int] = []
-
-    def bad(n: int) -> Any:
-        seen.append(n)
-        return float("nan") if n == 2 else n
-
-    script = """SELECT this, n FROM [0, 1, 2] WHERE bad(this) == 1 AND n == 2 START WITH n = 1
-        CONNECT BY {} n = n + 1 STOP WITH n == 2;"""
-    for option in ("", "BREADTH FIRST", "COST 1", "MAXIMUM 1"):
-        seen.clear()
-        session = ss2sql.connect()
-        session.function("bad", bad, volatility="immutable")
-        # Depth first the first path with a goal is 0, 1; no step has 2 before.
-        if option == "MAXIMUM 1":
-            result = session.run(script.format(option))
-            assert result.paths == [[(0, 1), (1, 2)]]
-        else:
-            with pytest.raises(ss2sql.ExecutionError) as caught:
-                session.run(script.format(option))
-            assert caught.value.code == "X004"
-        assert len(seen) == len(set(seen)), option
-
-
 @both
 @pytest.mark.parametrize("order", ["", "DEPTH FIRST", "COST 1", "PROBABILITY 0.5"])
 @forms

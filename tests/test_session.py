@@ -166,14 +166,6 @@ def test_variables_of_scripts_are_those_of_python(ss: ss2sql.Session) -> None:
     assert ss.variables() == {}
 
 
-def test_values_are_exact_and_plain(ss: ss2sql.Session) -> None:
-    exact = [1, 1.0, True, None, "s", -0.0, {"k": [1.5]}]
-    ss.set("x", exact)
-    assert repr(ss.get("x")) == repr(exact)
-    ss.set("x", [np.float64(1.5), np.arange(2), (1, np.int64(2)), {"a": np.arange(2)}])
-    assert repr(ss.get("x")) == "[1.5, [0, 1], [1, 2], {'a': [0, 1]}]"
-
-
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 2**63, 1j, [float("nan")], np.array([np.nan])])
 def test_what_is_no_value_is_refused_by_name(ss: ss2sql.Session, value: Any) -> None:
     with pytest.raises(ss2sql.ExecutionError, match="the variable 'x'") as caught:

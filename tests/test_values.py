@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_values import ALIKE, NUMBERS, REFUSED, VALUES, Thing, Unhashable, label, lists, python_values, same, values
+from random_values import ALIKE, NUMBERS, REFUSED, VALUES, Thing, Unhashable, label, python_values, same, values
 
 import ss2sql
 from ss2sql.errors import ExecutionError
@@ -138,27 +138,6 @@ def test_values_that_a_script_nested_too_deeply_have_no_key() -> None:
 
 
 # --- order ---------------------------------------------------------------------------------------------
-
-ORDERED = st.one_of(
-    st.tuples(NUMBERS, NUMBERS),
-    st.tuples(st.text(), st.text()),
-    st.tuples(lists(NUMBERS), lists(NUMBERS)).filter(lambda pair: _depths(pair[0]) == _depths(pair[1])),
-    st.tuples(st.lists(st.lists(st.text(max_size=1))), st.lists(st.lists(st.text(max_size=1)))),
-)
-
-
-def _depths(value: Any) -> Any:
-    return [_depths(item) for item in value] if isinstance(value, list) else 0
-
-
-@given(ORDERED)
-def test_order_is_pythons(pair: tuple[Any, Any]) -> None:
-    left, right = pair
-    assert lt(left, right) is (left < right)
-    assert le(left, right) is (left <= right)
-    assert gt(left, right) is (left > right)
-    assert ge(left, right) is (left >= right)
-    assert compare_values(left, right) == (left > right) - (left < right)
 
 
 @pytest.mark.parametrize("left", [1, True, 0.5, "a", None, [1], {"a": 1}, b"a", Decimal(1), Opaque([])], ids=label)
@@ -377,19 +356,6 @@ def test_keys_agree_with_equality_in_any_order_of_meeting(met: list[Any]) -> Non
     for value, handle in zip(met, handles, strict=True):
         assert same(pool.decode(handle), value)
         assert pool.make_key(pool.make_key(handle)) == pool.make_key(handle)
-
-
-@given(ALIKE, ALIKE)
-def test_sqlite_compares_keys_as_the_language_compares_values(left: Any, right: Any) -> None:
-    pool = Interning()
-    keys = [pool.make_key(pool.encode(value)) for value in (left, right)]
-    connection = apsw.Connection(":memory:")
-    equal = connection.execute("SELECT ? IS ?", keys).get
-    groups = connection.execute(
-        "SELECT count(*) FROM (SELECT key FROM (SELECT ? AS key UNION ALL SELECT ?) GROUP BY key)", keys
-    )
-    assert equal == (left == right)
-    assert groups.get == (1 if left == right else 2)
 
 
 @pytest.mark.parametrize("blob", [b"", b"a", b"gTF{", b"1\0~", b"\x00" * 13, bytes(range(256))])
