@@ -159,16 +159,6 @@ def test_a_run_tells_its_steps(ss: ss2sql.Session, engine: Any) -> None:
     assert "14 steps generated, 6 of them expanded" in "\n".join(found)
 
 
-@pytest.mark.parametrize("options", ["", "NO CYCLE", "BREADTH FIRST", "UNIQUE", "DEPTH FIRST UNIQUE", "COST 1 UNIQUE"])
-def test_levels_count_the_steps_that_were_kept(ss: ss2sql.Session, options: str) -> None:
-    script = f"SELECT this, n FROM [1, 2] START WITH n = 0 CONNECT BY {options} n = n + this STOP WITH n + this > 4;"
-    result = ss.run(script, engine="database")
-    for level, number, results in result.explain().as_dict()["run"]["levels"]["rows"]:
-        assert results == sum(1 for path in result.paths if len(path) == level)
-        prefixes = {tuple(path[:level]) for path in result.paths if len(path) >= level}
-        assert number == len(prefixes) or "UNIQUE" in options
-
-
 def test_many_levels_are_cut_in_the_middle(ss: ss2sql.Session) -> None:
     result = ss.run("SELECT n FROM [1] START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n == 1001;")
     found = lines(result.explain())

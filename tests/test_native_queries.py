@@ -142,16 +142,6 @@ def test_all_steps_of_a_state_come_before_the_best_of_them(ss: ss2sql.Session, o
     assert counts(native(ss, script.replace("AS list", "LIMIT 0 AS list"), numbers=[1, 2])) == (0, 0, 0)
 
 
-def test_nested_searches_count_together(ss: ss2sql.Session) -> None:
-    inner = "(SELECT this FROM [1, 2, 3] START WITH m = 0 CONNECT BY m = this STOP WITH m > 0 AS list)"
-    outer = f"SELECT len({inner}) FROM [1, 2] START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 1 AS list;"
-    result = native(ss, outer)
-    # Inside: 3 steps that go on, and 3 from each of them, which stop. Around it: 2 that go on, and 2 from each.
-    # The inner search depends on nothing, so it is made once.
-    assert result.value == [[3], [3]]
-    assert counts(result) == (3 + 9 + 2 + 4, 3 + 2, 0)
-
-
 # --- when what is evaluated ----------------------------------------------------------------------------
 
 

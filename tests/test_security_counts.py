@@ -191,13 +191,3 @@ def test_elements_of_lists_right_of_in_are_no_steps(seed: int) -> None:
     script = drawn(random.Random(seed))
     with ss2sql.connect() as ss:
         assert generated(ss, script, "database") == generated(ss, script, "native"), script
-
-
-def test_max_steps_counts_them_neither() -> None:
-    script = "SELECT this FROM [1, 2] START WITH x = 0 CONNECT BY x = x + this STOP WITH x + this NOT IN range({most})"
-    with ss2sql.connect(max_steps=100) as ss:
-        for engine in ("database", "native"):
-            result = ss.run(script.format(most=6), engine=engine)
-            assert result.stats.generated == 40
-            with pytest.raises(ss2sql.OutOfSteps):
-                ss.run(script.format(most=40), engine=engine)

@@ -175,17 +175,3 @@ def test_what_is_no_value_is_refused_by_name(ss: ss2sql.Session, value: Any) -> 
     assert code_of(ss.run, "SELECT this FROM x;") == "X004"
     assert code_of(ss.run, "x;", x=value) == "X004"
     assert ss.eval("1 + 1;") == 2
-
-
-def test_an_object_that_cannot_be_hashed_comes_back_from_a_variable(ss: ss2sql.Session) -> None:
-    class Sensor:
-        __hash__ = None  # type: ignore[assignment]
-
-    sensor = Sensor()
-    ss.set("sensor", sensor)
-    assert ss.get("sensor") is sensor
-    assert ss.eval("sensor;") is sensor
-    assert ss.eval("SELECT this FROM sensor AS value;") is sensor
-    ss.attach("others", [sensor])
-    assert ss.get("others") == [sensor]
-    assert ss.eval("SELECT this FROM others AS value;") is sensor

@@ -11,7 +11,7 @@ import pytest
 from golden import each_row
 from hypothesis import given
 from hypothesis import strategies as st
-from sessions import both, code_of, write
+from sessions import both, write
 
 import ss2sql
 from ss2sql.runtime.sqlite.database_tables import Tables
@@ -204,20 +204,6 @@ def test_bounds_are_never_stale(ss: ss2sql.Session, file: Path, tmp_path: Path, 
     assert query.run(engine=engine).value == [2.0]
     own.execute("ROLLBACK")
     assert query.run(engine=engine).value == [2.0, 3002399751580331.0]
-
-
-@both
-def test_a_number_that_grows_too_large_for_a_sum(ss: ss2sql.Session, engine: Any) -> None:
-    connection = ss.host.connection
-    connection.execute("CREATE TABLE t(a INTEGER); INSERT INTO t VALUES (1), (-1)")
-    query = ss.compile("SELECT a + a FROM t AS list;")
-    assert query.run(engine=engine).value == [2, -2]
-    connection.execute(f"INSERT INTO t VALUES ({2**62 - 1})")
-    assert query.run(engine=engine).value == [2, -2, 2**63 - 2]
-    connection.execute(f"INSERT INTO t VALUES ({2**62})")
-    assert code_of(query.run, engine=engine) == "X004"
-    connection.execute(f"DELETE FROM t WHERE a > {2**61}")
-    assert query.run(engine=engine).value == [2, -2]
 
 
 def test_sqlite_computes_with_small_numbers_by_itself(ss: ss2sql.Session, file: Path) -> None:
