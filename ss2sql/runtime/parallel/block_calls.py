@@ -11,7 +11,7 @@ To hand a call to another process and to take back its result costs 10 to 15 us.
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Hashable, Iterator, Mapping, Sequence
-from dataclasses import field
+from contextlib import suppress
 from marshal import dumps, loads
 from pickle import loads as unpickle
 from queue import Empty, SimpleQueue
@@ -55,56 +55,30 @@ class PendingError(BaseException):
 
 @dataclass(slots=True)
 class TimedCalls:
-    """A function of the user in one run: what its calls have cost here and elsewhere, and which of them wait.
+    """A function of the user in one run, and what its calls have cost here and elsewhere.
 
-    `sent` is what other processes get, or why they cannot have it. Each call of a block is asked for once.
+    `sent` is what other processes get, or why they cannot have it.
     """
 
     name: str
     sent: TransferableFunction | LocalFunction
     calls: int = 0
     seconds: float = 0.0
-    waiting: list[bytes] = field(default_factory=list)
-    asked: set[bytes] = field(default_factory=set)
 
     @property
     def cost(self) -> float:
         """Seconds of one call."""
-        return self.seconds / self.calls if self.calls else 0.0
-
-    @property
-    def may_be_shared(self) -> bool:
-        """Whether other processes get calls of it, or it is too early to say."""
-        return isinstance(self.sent, TransferableFunction) and (self.cost >= CHEAP or not self.is_known)
-
-    @property
-    def is_known(self) -> bool:
-        """Whether enough calls were made to say what one costs."""
-        return self.calls >= SAMPLES or self.seconds >= LONG
+        return self.seconds / max(self.calls, 1)
 
     @property
     def is_shared(self) -> bool:
-        return self.may_be_shared and self.is_known
+        """Whether other processes get calls of it: it is known what one costs, and that is enough."""
+        known = self.calls >= SAMPLES or self.seconds >= LONG
+        return isinstance(self.sent, TransferableFunction) and known and self.cost >= CHEAP
 
     def note_time(self, calls: int, seconds: float) -> None:
         self.calls += calls
         self.seconds += seconds
-
-    def ask(self, arguments: tuple[Any, ...]) -> None:
-        """Has a call wait that no one has asked for; one with objects is made here."""
-        try:
-            key = dumps(arguments, 2)
-        except ValueError:
-            return
-        if key not in self.asked:
-            self.asked.add(key)
-            self.waiting.append(key)
-
-    def split_waiting(self, workers: int) -> list[list[bytes]]:
-        """The calls that wait in equal parts, as many for each worker as make messages worth while."""
-        calls, self.waiting = self.waiting, []
-        parts = min(len(calls), workers * max(1, round(len(calls) * self.cost / (BATCH * workers))))
-        return [calls[number::parts] for number in range(parts)]
 
 
 class BlockCalls:
@@ -161,13 +135,12 @@ class CallPrefetcher:
         self.processes = processes
         self.planned = planned
         self.remembers = remembers
-        self.searches: set[int] = set()  # those with MEMORIZE
-        self.searched: set[str] = set()  # the functions that these call
-        self.functions: dict[str, TimedCalls] = {}
+        self.searched: set[int] = set()  # searches with MEMORIZE
+        self.functions: dict[str, TimedCalls] = {}  # that these call, or the run
         self.noting = False
+        self.waiting: dict[str, list[bytes]] = {}  # calls by functions, as marshal bytes of arguments
+        self.asked: set[tuple[str, bytes]] = set()  # of a block
         self.answers: SimpleQueue[Answer] = SimpleQueue()
-
-    # --- calls -----------------------------------------------------------------------------------------
 
     def make_timed_call(self, entry: UserFunction, real: Callable[[Any], Result]) -> Callable[[Any], Result]:
         """A call as it is made where it is not remembered: `real`, unless it is one for other processes."""
@@ -175,7 +148,7 @@ class CallPrefetcher:
 
         def call_timed(arguments: Any) -> Result:
             if self.noting and timed.is_shared:
-                timed.ask(tuple(arguments))
+                self._ask(entry.name, tuple(arguments))
                 raise PendingError
             started = perf_counter()
             result = real(arguments)
@@ -183,6 +156,16 @@ class CallPrefetcher:
             return result
 
         return call_timed
+
+    def _ask(self, name: str, arguments: tuple[Any, ...]) -> None:
+        """Has a call wait that was not asked for in this block; one with objects is made here."""
+        try:
+            key = dumps(arguments, 2)
+        except ValueError:
+            return
+        if (name, key) not in self.asked:
+            self.asked.add((name, key))
+            self.waiting.setdefault(name, []).append(key)
 
     def _get_timed(self, entry: UserFunction) -> TimedCalls:
         if entry.name not in self.functions:
@@ -193,23 +176,37 @@ class CallPrefetcher:
         timed.sent = kept
         warn_once(self.run.stats, f"'{timed.name}' is called in this process only: it {kept.reason}", kept.cure)
 
-    # --- blocks of states ------------------------------------------------------------------------------
-
     def begin_search(self, search_run: SearchRun) -> None:
         """Takes note of a search, and says what stays in this process."""
-        if search_run.query.id in self.searches:
+        if search_run.query.id in self.searched:
             return
-        self.searches.add(search_run.query.id)
+        self.searched.add(search_run.query.id)
         if search_run.noted is None:
             cure = "declare functions immutable that are, and assign nothing inside of the search"
             warn_once(self.run.stats, "the search calls a function that is volatile, or assigns a variable", cure)
             return
         for function in list_plan_functions(search_run.query):
-            if not function.builtin and function.name not in self.searched:
-                self.searched.add(function.name)
+            if not function.builtin:
                 timed = self._get_timed(self.planned[function.name])
                 if isinstance(timed.sent, LocalFunction):
                     self._keep_local(timed, timed.sent)
+
+    def report_idle(self) -> None:
+        """Says why there was nothing to do, if so."""
+        stats = self.run.stats
+        report_memo_counts(self.run)
+        if not self.searched:
+            warn_once(stats, "no effect: only searches with MEMORIZE have levels")
+        elif not self.remembers:
+            warn_once(stats, "no effect: calls are not remembered", "leave 'memo' out of connect(disable=...)")
+        elif not self.functions and not any(note.startswith("workers: ") for note in stats.notes):
+            warn_once(stats, "no effect: the search calls no Python function")
+        else:
+            for timed in self.functions.values():
+                if isinstance(timed.sent, TransferableFunction) and timed.calls and not timed.is_shared:
+                    stats.notes.append(f"workers: a call of '{timed.name}' is too short to be made by another process")
+
+    # --- blocks of states ------------------------------------------------------------------------------
 
     def prefetch_blocks(self, level: Sequence[State], notes: Notes, seen: Container[Hashable]) -> Iterator[State]:
         """The states of a level; before they come out their calls are made, block by block.
@@ -218,65 +215,33 @@ class CallPrefetcher:
         """
         for place in range(0, len(level), BLOCK):
             block = level[place : place + BLOCK]
-            if self.remembers and any(timed.may_be_shared for timed in self.functions.values()):
+            if self.remembers and any(timed.is_shared for timed in self.functions.values()):
                 self._prefetch_calls([BlockCalls(notes, at, state) for at, state in enumerate(block, place)], seen)
             yield from block
 
     def _prefetch_calls(self, ahead: list[BlockCalls], seen: Container[Hashable]) -> None:
         self.noting = True
         try:
-            while ahead := [one for one in ahead if one.evaluate_open_steps(seen)]:
-                sent = self._send_calls()
-                if not sent:
-                    break
-                self._await_answers(sent)
+            while (ahead := [one for one in ahead if one.evaluate_open_steps(seen)]) and self._can_send():
+                self._send_and_await()
         except BaseException:  # a timeout, Ctrl-C, a process that died: nobody waits for the answers any more
             self.processes.end_processes()
             raise
         finally:
             self.noting = False
-            for timed in self.functions.values():
-                timed.waiting.clear()
-                timed.asked.clear()
+            self.waiting.clear()
+            self.asked.clear()
 
-    def report_idle(self) -> None:
-        """Says why there was nothing to do, if so."""
-        stats = self.run.stats
-        report_memo_counts(self.run)
-        if not self.searches:
-            warn_once(stats, "no effect: only searches with MEMORIZE have levels")
-        elif not self.remembers:
-            warn_once(stats, "no effect: calls are not remembered", "leave 'memo' out of connect(disable=...)")
-        elif not self.searched and not any(note.startswith("workers: ") for note in stats.notes):
-            warn_once(stats, "no effect: the search calls no Python function")
-        for timed in map(self.functions.__getitem__, sorted(self.searched)):
-            if isinstance(timed.sent, TransferableFunction) and timed.calls and not timed.is_shared:
-                stats.notes.append(f"workers: a call of '{timed.name}' is too short to be made by another process")
-
-    # --- messages --------------------------------------------------------------------------------------
-
-    def _send_calls(self) -> int:
-        """Gives calls that wait to the processes, where that is worth it; gives the number of messages."""
-        waiting = [timed for timed in self.functions.values() if timed.waiting]
-        work = sum(len(timed.waiting) * timed.cost for timed in waiting)
-        if not waiting or work < LEAST * self.workers or not self._can_start(work):
-            return 0
-        sent = 0
-        for timed in waiting:
-            assert isinstance(timed.sent, TransferableFunction)
-            for batch in timed.split_waiting(self.workers):
-                self.processes.add_task(Task(timed.name, timed.sent, batch, self.answers))
-                sent += 1
-        return sent
-
-    def _can_start(self, work: float) -> bool:
-        """Whether processes are ready; they are started when that is worth it for what has been to do until now."""
+    def _can_send(self) -> bool:
+        """Whether the calls that wait are worth messages, and there are processes; they are started when it is."""
+        work = sum(len(calls) * self.functions[name].cost for name, calls in self.waiting.items())
         done = sum(timed.seconds for timed in self.functions.values() if timed.is_shared)
-        if not self.processes.started and work + done < START:
+        started = self.processes.started or work + done >= START
+        if not self.waiting or work < LEAST * self.workers or not started:
             return False
-        sent = [timed.sent for timed in self.functions.values() if timed.may_be_shared]
+        sent = [timed.sent for timed in self.functions.values() if isinstance(timed.sent, TransferableFunction)]
         try:
-            self.processes.start_processes(self.workers, [one for one in sent if isinstance(one, TransferableFunction)])
+            self.processes.start_processes(self.workers, sent)
         except OSError as error:
             for timed in self.functions.values():
                 timed.sent = LocalFunction("")
@@ -284,18 +249,25 @@ class CallPrefetcher:
             return False
         return self.processes.are_ready(PATIENCE)
 
-    def _await_answers(self, sent: int) -> None:
-        """Waits for so many answers; raises ExecutionError X013 where a process has died."""
+    def _send_and_await(self) -> None:
+        """Has the processes make the calls that wait. Raises ExecutionError X013 where a process has died."""
+        sent = 0
+        for name, calls in self.waiting.items():
+            timed = self.functions[name]
+            assert isinstance(timed.sent, TransferableFunction)
+            rounds = max(1, round(len(calls) * timed.cost / (BATCH * self.workers)))
+            for number in range(parts := min(len(calls), self.workers * rounds)):  # in equal parts
+                self.processes.add_task(Task(name, timed.sent, calls[number::parts], self.answers))
+                sent += 1
+        self.waiting = {}
         while sent:
             self.run.check()
-            try:
-                answer = self.answers.get(timeout=LOOK)
-            except Empty:
-                continue
-            sent -= 1
-            self._take_answer(answer)
+            with suppress(Empty):
+                self._take_answer(self.answers.get(timeout=LOOK))
+                sent -= 1
 
     def _take_answer(self, answer: Answer) -> None:
+        """Remembers calls; one that gives no value of the language is made once more, here."""
         name, timed = answer.task.name, self.functions[answer.task.name]
         if answer.died:
             hints = (
@@ -309,16 +281,9 @@ class CallPrefetcher:
         if NO_VALUE in answer.results:
             self._keep_local(timed, LocalFunction("returns objects, which would be others in another process"))
         timed.note_time(len(answer.results), answer.seconds)
+        memory: Any = self.run.callables[name]
         for arguments, result in zip(answer.task.calls, answer.results, strict=False):
             if result:
-                self._remember(name, loads(arguments), unpickle(result))
-
-    def _remember(self, name: str, arguments: tuple[Any, ...], result: Any) -> None:
-        """Remembers a call that was made elsewhere; one that gives no value of the language is made once more, here."""
-        try:
-            value = convert_value(result, f"the function '{name}'")
-        except ExecutionError:
-            return
-        self.run.stats.calls[name] += 1
-        known: Any = self.run.callables[name]
-        known.adopt(arguments, value)
+                with suppress(ExecutionError):
+                    memory.adopt(loads(arguments), convert_value(unpickle(result), f"the function '{name}'"))
+                    self.run.stats.calls[name] += 1
