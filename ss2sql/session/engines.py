@@ -56,7 +56,7 @@ def _open_duckdb_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
     require_package("pyarrow", "duckdb", "engine='duckdb'")
     from ss2sql.runtime.external.duckdb_search import DuckEngine, DuckSearch
     from ss2sql.runtime.external.duckdb_sources import DuckSources
-    from ss2sql.runtime.external.level_query import ABILITIES, TableEngine
+    from ss2sql.runtime.external.level_query import TableEngine
 
     if session is not None and not isinstance(session, duckdb.DuckDBPyConnection):
         message = f"the session of engine='duckdb' is a connection of DuckDB, not {type(session).__name__}"
@@ -64,7 +64,7 @@ def _open_duckdb_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
     duck = DuckEngine(session)
     sources = DuckSources(lambda: duck.session.cursor(), (duckdb.Error,), begun)
     return TableEngine(
-        ABILITIES["duckdb"],
+        "duckdb",
         duck.open_tables,
         duck.close_engine,
         (duckdb.Error,),
@@ -79,13 +79,13 @@ def _open_spark_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
     from py4j.protocol import Py4JError  # type: ignore[import-untyped]
     from pyspark.errors import PySparkException
 
-    from ss2sql.runtime.external.level_query import ABILITIES, TableEngine
+    from ss2sql.runtime.external.level_query import TableEngine
     from ss2sql.runtime.external.spark_dataframe import DataFrameSearch
     from ss2sql.runtime.external.spark_session import SparkEngine
 
     spark = SparkEngine(session)
     return TableEngine(
-        ABILITIES["spark"],
+        "spark",
         spark.open_store,
         spark.close_engine,
         (PySparkException, Py4JError),

@@ -9,7 +9,7 @@ from ss2sql.lowering.portable.portable_flat import write_flat
 from ss2sql.lowering.sql_builder import SQLITE, Dialect
 from ss2sql.lowering.sql_query import Sql
 from ss2sql.results.explain.outline import join_outlined_sql
-from ss2sql.runtime.external.level_query import ABILITIES, plan_level_search
+from ss2sql.runtime.external.level_query import LEVEL_STATEMENTS, plan_level_search
 from ss2sql.session.compiled_query import CompiledQuery
 from ss2sql.session.compiled_script import CompiledStatement, outline_compiled_script
 
@@ -31,7 +31,7 @@ def translate_script(statements: Sequence[CompiledStatement], dialect: Dialect) 
 def _translate_query(query: CompiledQuery, dialect: Dialect) -> str:
     if query.query.search is None:
         return f"{dialect.print_tree(write_flat(query.query, query.world.variable))};"
-    if dialect.name not in ABILITIES:
+    if dialect.name not in LEVEL_STATEMENTS:
         reason = f"a search needs many statements, and nothing runs them in {dialect.name}"
         raise UnsupportedError("U001", reason, query.query.span, ("--dialect duckdb and --dialect spark print them",))
-    return plan_level_search(query.query, ABILITIES[dialect.name]).sql
+    return plan_level_search(query.query, dialect.name).sql

@@ -14,7 +14,7 @@ from ss2sql.language import plan
 from ss2sql.lowering.portable.pushdown import PushdownQuery
 from ss2sql.results.explain.findings import PlanLine, cut_explained_script, describe_queue
 from ss2sql.results.explain.outline import OutlinedQuery
-from ss2sql.runtime.external.level_query import WORDS, LevelPlan
+from ss2sql.runtime.external.level_query import WORDS, LevelStatements
 from ss2sql.runtime.sqlite.interning import Interning
 
 LONGEST = 60  # characters of a source
@@ -42,10 +42,10 @@ def describe_python_plan(query: plan.Query) -> tuple[PlanLine, ...]:
     return (*lines, *_describe_post_processing(query))
 
 
-def describe_table_plan(query: plan.Query, tables: LevelPlan) -> tuple[PlanLine, ...]:
+def describe_table_plan(query: plan.Query, tables: LevelStatements) -> tuple[PlanLine, ...]:
     """The plan of a search from level to level in tables."""
     assert query.search
-    because = "SQL" if tables.sql_hindrance is None else f"Python: {tables.sql_hindrance}"
+    because = "SQL" if tables.hindrance is None else f"Python: {tables.hindrance}"
     lines = (
         PlanLine(0, "searches level by level; all states of a level together:"),
         PlanLine(1, f"tries the steps from them, in {because}"),

@@ -51,13 +51,17 @@ WORDS: dict[plan.Repeats, str] = {
 
 
 class LevelStatements:
-    """What the statements of a level consist of. `frontier` has the states that are expanded."""
+    """What the statements of a level consist of. `frontier` has the states that are expanded.
 
+    `hindrance` says what keeps the steps from being SQL, if anything.
+    """
+
+    dialect: Dialect
     frontier = "frontier"
     met = ""  # a condition on a row of `steps` that was met, beside being the same
 
-    def __init__(self, search: plan.Search, steps: StepSelect) -> None:
-        self.search, self.steps = search, steps
+    def __init__(self, search: plan.Search, steps: StepSelect, hindrance: str | None = None) -> None:
+        self.search, self.steps, self.hindrance = search, steps, hindrance
         self.tries = (TypedColumn("place", "BIGINT"), *steps.rows, *FLAGS, *steps.own)
         self.elements = (TypedColumn("nth", "BIGINT"), *steps.reads)
         self.shown = ["row", "last"] if steps is TRIED else list_duckdb_columns((*steps.rows, *steps.own))  # of paths
@@ -74,6 +78,11 @@ class LevelStatements:
                 self.chosen = self._write_off_the_trail()
             case _:
                 self.chosen = steps.tries
+
+    @property
+    def sql(self) -> str:
+        """The statements of one level, as the database has them."""
+        return "\n".join(f"{translate_duckdb_sql(self.dialect, text)};" for text in self.list_statements())
 
     def list_statements(self) -> Iterator[str]:
         """All of one level, in order, once its steps are tried."""
@@ -105,7 +114,7 @@ FLAGS = (TypedColumn("goal", "BOOLEAN"), TypedColumn("goes_on", "BOOLEAN"))
 class DuckLevelStatements(LevelStatements):
     """A level in DuckDB. Steps are numbered from 1 through all levels; step 0 is the start, which is no row."""
 
-    frontier = "steps"
+    dialect, frontier = DUCKDB, "steps"
     met = "AND steps.depth > 0"
 
     def _write_first_to_each_row(self) -> str:
@@ -118,8 +127,8 @@ class DuckLevelStatements(LevelStatements):
         firsts = f"SELECT {columns} FROM ({tries}) AS tries GROUP BY {keys}"
         return f"SELECT *, flags > 1 AS goal, flags <> 2 AS goes_on FROM ({firsts}) AS firsts"
 
-    def __init__(self, search: plan.Search, steps: StepSelect) -> None:
-        super().__init__(search, steps)
+    def __init__(self, search: plan.Search, steps: StepSelect, hindrance: str | None = None) -> None:
+        super().__init__(search, steps, hindrance)
         numbers = (TypedColumn(name, "BIGINT") for name in ("step", "parent", "nth", "depth"))
         self.columns = (*numbers, *self.tries[1:], *self.trails)
         places, more = "*", ""
@@ -177,14 +186,15 @@ class SparkLevelStatements(LevelStatements):
     `kept`, so that what is counted there belongs to the rows, however often Spark begins a task anew.
     """
 
+    dialect = SPARK
     counts = """
         SELECT COUNT(CASE WHEN place >= 0 THEN 1 END), COUNT(CASE WHEN goal THEN 1 END),
           COUNT(CASE WHEN goes_on THEN 1 END), {accounts}, ({counted})
         FROM kept
     """
 
-    def __init__(self, search: plan.Search, steps: StepSelect) -> None:
-        super().__init__(search, steps)
+    def __init__(self, search: plan.Search, steps: StepSelect, hindrance: str | None = None) -> None:
+        super().__init__(search, steps, hindrance)
         step = "CAST(ROW_NUMBER() OVER (ORDER BY place) AS BIGINT) AS step"
         self.chosen = f"SELECT place, {self.outputs} FROM ({self.chosen}) AS chosen"
         self.kept = f"SELECT {step}, * FROM ({self.chosen}) AS unnumbered"
@@ -207,35 +217,20 @@ class SparkLevelStatements(LevelStatements):
             yield f"INSERT INTO steps SELECT {join_column_names(*self._keys)} FROM kept WHERE place >= 0"
 
 
-@dataclass(frozen=True, slots=True)
-class EngineAbilities:
-    """What is known of a database that searches by levels, whether it is here or not.
-
-    Its name, its dialect, its statements, and whether they find the states that are expanded in a table `apart`.
-    """
-
-    name: str
-    dialect: Dialect
-    write: Callable[[plan.Search, StepSelect], LevelStatements]
-    apart: bool = False
-
-
-ABILITIES = {
-    "duckdb": EngineAbilities("duckdb", DUCKDB, DuckLevelStatements),
-    "spark": EngineAbilities("spark", SPARK, SparkLevelStatements, apart=True),
-}
+# The databases that search by levels, whether they are here or not.
+LEVEL_STATEMENTS: dict[str, type[LevelStatements]] = {"duckdb": DuckLevelStatements, "spark": SparkLevelStatements}
 
 
 @dataclass(frozen=True, slots=True)
 class TableEngine:
-    """Such a database: what opens it for a run, what ends it, the errors that it raises, and what finds the results of
-    a search in what was opened.
+    """Such a database: its name, what opens it for a run, what ends it, the errors that it raises, and what finds the
+    results of a search in what was opened.
 
     `make_dataframe` gives the first paths, all without a number, as a DataFrame of the database, where it has such.
     `sources` are its own tables, where scripts can read them; then queries that are no searches run there, too.
     """
 
-    abilities: EngineAbilities
+    name: str
     open: Callable[[SearchRun], OpenedDatabase]
     close: Callable[[], None]
     errors: tuple[type[Exception], ...]
@@ -244,44 +239,27 @@ class TableEngine:
     sources: DuckSources | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class LevelPlan:
-    """How a search goes by levels: its statements, and what hinders its steps from being SQL, if anything."""
-
-    written: LevelStatements
-    sql_hindrance: str | None
-    dialect: Dialect
-
-    @property
-    def sql(self) -> str:
-        """The statements of one level."""
-        return "\n".join(
-            f"{translate_duckdb_sql(self.dialect, statement)};" for statement in self.written.list_statements()
-        )
-
-
-def plan_level_search(query: plan.Query, abilities: EngineAbilities) -> LevelPlan:
+def plan_level_search(query: plan.Query, database: str) -> LevelStatements:
     """The search as it goes by levels in the tables of a database. Raises UnsupportedError where it does not."""
     assert query.search is not None
-    refused = _refuse_search(query, abilities.name)
+    refused, statements = _refuse_search(query, database), LEVEL_STATEMENTS[database]
     if refused is not None:
         reason, cure, place = refused
-        raise UnsupportedError("U001", f"{reason}, which the tables of {abilities.name} cannot do", place, (cure,))
+        raise UnsupportedError("U001", f"{reason}, which the tables of {database} cannot do", place, (cure,))
     try:
-        steps, hindrance = write_portable_steps(query, abilities.apart), None
+        return statements(query.search, write_portable_steps(query, apart=statements.frontier == "frontier"))
     except UnsupportedError as error:
-        steps, hindrance = TRIED, error.message
-    return LevelPlan(abilities.write(query.search, steps), hindrance, abilities.dialect)
+        return statements(query.search, TRIED, error.message)
 
 
 class LevelQuery:
     """A search to be run many times. Raises UnsupportedError where it does not go by levels."""
 
     def __init__(self, query: plan.Query, engine: TableEngine) -> None:
-        self.engine = engine.abilities.name
+        self.engine = engine.name
         self.database = engine
         self.query = query
-        self.level_plan = plan_level_search(query, engine.abilities)
+        self.level_plan = plan_level_search(query, engine.name)
         self._native = NativeQuery(query, find=self._iterate_results)
 
     @property
@@ -307,12 +285,12 @@ class LevelQuery:
         frame = self.database.frame
         assert frame is not None, "compiled_query.py has looked"
         with self._open_database(search_run) as tables:
-            made.append(frame(search_run, tables, self.level_plan.written, most))
+            made.append(frame(search_run, tables, self.level_plan, most))
         yield from ()
 
     def _iterate_results(self, search_run: SearchRun) -> Iterator[Found]:
         with self._open_database(search_run) as tables:
-            yield from self.database.search(search_run, tables, self.level_plan.written)
+            yield from self.database.search(search_run, tables, self.level_plan)
 
     @contextmanager
     def _open_database(self, search_run: SearchRun) -> Iterator[Any]:
