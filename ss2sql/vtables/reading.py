@@ -16,7 +16,7 @@ from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import INT_MAX, INT_MIN
 from ss2sql.language.values import make_hashable
 from ss2sql.vtables.contract import CacheOfQuery, Element, Filter, QueryCache, Table, TableFunction, Where
-from ss2sql.vtables.declared_types import Cleaner, Place
+from ss2sql.vtables.declared_types import Place
 from ss2sql.vtables.schema import AdapterGuard, Schema, get_schema, make_adapter_error, world_error
 
 if TYPE_CHECKING:
@@ -361,11 +361,6 @@ class Reading:
         Encoding a value takes 1 to 2 us, and joins read the same elements again.
         """
         return (self if self._shared is None else self._shared)._handles.setdefault(name, {})
-
-    @property
-    def make_key_cleaner(self) -> Cleaner | None:
-        """The function that converts a key to a value of the key column, if there is one."""
-        return self.schema.cleaners.get(getattr(self.schema.keyed, "key", ""))
 
     # --- the snapshot ----------------------------------------------------------------------------------
 

@@ -14,11 +14,10 @@ import apsw
 
 from ss2sql.lowering.sql_names import ROW_NUMBER, choose_sql_names, quote_names
 from ss2sql.runtime.sqlite.interning import Interning
-from ss2sql.runtime.sqlite.row_buffer import RowBuffer, make_row_buffer
 from ss2sql.runtime.sqlite.table_cursor import Cursor
 from ss2sql.vtables.attached_worlds import AttachedWorldTable
 from ss2sql.vtables.reading import Reading
-from ss2sql.vtables.schema import Schema, world_error
+from ss2sql.vtables.schema import world_error
 
 if TYPE_CHECKING:
     from ss2sql.runtime.sqlite.executor import SqliteExecution
@@ -102,19 +101,11 @@ class WorldModule:
         self.parameters = tuple(schema.parameters)
         self.required = schema.required  # the first ones, which have no default
         self.current = current
-        self._row_buffers: dict[tuple[int, ...], RowBuffer] = {}
 
     @property
     def first_parameter(self) -> int:
         """The number of the first hidden column."""
         return len(self.columns) + 1
-
-    def get_row_buffer(self, schema: Schema, numbers: tuple[int, ...]) -> RowBuffer:
-        """The row buffer for the columns with these numbers; making it takes 0.1 ms, once."""
-        known = self._row_buffers.get(numbers)
-        if known is None:
-            known = self._row_buffers[numbers] = make_row_buffer(schema, numbers)
-        return known
 
     def Connect(  # noqa: N802 - the name is SQLite's
         self, connection: apsw.Connection, module: str, database: str, table: str, *arguments: str
