@@ -235,9 +235,5 @@ def test_what_is_replaced_is_noticed(load: Load, monkeypatch: pytest.MonkeyPatch
 
 
 def test_proofs_of_large_sources_end(load: Load) -> None:
-    chain = "".join(f"    def g{i + 1}(): return g{i}() or g{i}()\n" for i in range(40))
-    module = load(f"def f(x):\n    def g0(): return set(x)\n{chain}    return list(g40())\n"
-                  f"def deep(x): return {' + '.join(['x'] * 800)}\n")  # fmt: skip
-    # Followed to its end, the first would take 2 ** 40 calls.
-    assert infer_purity(module.f).reason == "is too long to be followed"
+    module = load(f"def deep(x): return {' + '.join(['x'] * 800)}\n")
     assert infer_purity(module.deep).reason == "is nested too deeply to be followed"

@@ -92,7 +92,7 @@ def _translate_function_body(function: Any, around: tuple[FunctionType, ...]) ->
     defaults_by_name = dict(zip(reversed(names), reversed(function.__defaults__ or ()), strict=False))
     defaults_by_name.update(function.__kwdefaults__ or {})
     expression = _find_inlined_expression(node)
-    reader = _Translator(FunctionNames(function, located, None, Findings()), (*around, function))
+    reader = _Translator(FunctionNames(function, located, Findings()), (*around, function))
     expr = reader.translate(expression, result=True)
     defaults = {name: _is_inlined_constant(value) for name, value in defaults_by_name.items()}
     return FunctionBody(
@@ -201,16 +201,17 @@ class _Translator:
     def _translate_name(self, node: ast.Name | ast.Attribute) -> plan.Expr:
         if self._is_local(node):
             return plan.Variable(ast.unparse(node), span=NO_SPAN)
-        value = self.frame.find_object(node, self.frame.root)
+        value = self.frame.find_object(node)
         if value is UNKNOWN:
             raise NotTranslatable(f"reads '{ast.unparse(node)[:40]}'")
         return _is_inlined_constant(value)
 
     def _is_local(self, node: ast.expr) -> bool:
-        found = self.frame.root.find_bindings(node.id) if isinstance(node, ast.Name) else None
-        if found is not None and any(place.how != "parameter" for place in found[0]):
+        if not isinstance(node, ast.Name) or not self.frame.is_local(node.id):
+            return False
+        if node.id not in self.frame.parameters:
             raise NotTranslatable("is more than one expression")
-        return found is not None
+        return True
 
     def _translate_comparison(self, node: ast.Compare) -> plan.Expr:
         operands = (node.left, *node.comparators)
@@ -237,7 +238,7 @@ class _Translator:
         if isinstance(node, ast.Tuple):
             return self._make_list(node.elts, result)
         if isinstance(node, ast.Name | ast.Attribute) and not self._is_local(node):
-            value = self.frame.find_object(node, self.frame.root)
+            value = self.frame.find_object(node)
             if type(value) is tuple:
                 return _make_inlined_list(tuple(map(_is_inlined_constant, value)))
         return self.translate(node, result)
@@ -251,7 +252,7 @@ class _Translator:
         return self._make_call("slice", value, *bounds)
 
     def _translate_call(self, node: ast.Call, result: bool) -> plan.Expr:
-        target = self.frame.find_object(node.func, self.frame.root)
+        target = self.frame.find_object(node.func)
         text = ast.unparse(node.func)[:40]
         if type(target) is FunctionType:
             return self._translate_helper(node, target, text, result)

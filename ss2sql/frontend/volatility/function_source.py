@@ -1,4 +1,4 @@
-"""The source of a Python function: its node in the syntax tree of its file, and the bindings of names.
+"""The source of a Python function: its node in the syntax tree of its file, and which names are given a value once.
 
 The file on disk may differ from what runs. So a node counts as a function's source only when it compiles to the very
 code of the function; this also distinguishes several lambdas on one line.
@@ -12,81 +12,52 @@ import inspect
 import linecache
 import os
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from types import CodeType, FunctionType
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 from ss2sql.fast_dataclasses import dataclass
 
 FunctionNode: TypeAlias = ast.FunctionDef | ast.Lambda
 Comprehension: TypeAlias = ast.ListComp | ast.SetComp | ast.DictComp | ast.GeneratorExp
-Owner: TypeAlias = FunctionNode | ast.AsyncFunctionDef | Comprehension
-BindingTable: TypeAlias = tuple[FunctionNode, tuple[Owner, ...]]
-BindingKind: TypeAlias = Literal["parameter", "value", "update", "function", "import", "error", "other"]
+FunctionPlace: TypeAlias = tuple[FunctionNode, tuple[ast.AST, ...]]  # a function, and the functions around it
 
 _FUTURE = 0
 for _feature in __future__.all_feature_names:
     _FUTURE |= getattr(__future__, _feature).compiler_flag
 
-# The nodes that bind names, loop or open a scope.
-_BINDING = frozenset(
-    [
-        *(ast.Assign, ast.AnnAssign, ast.NamedExpr, ast.AugAssign, ast.Name, ast.Import, ast.ImportFrom),
-        *(ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda, ast.For, ast.AsyncFor, ast.While),
-        *(ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp, ast.comprehension),
-        *(ast.ExceptHandler, ast.MatchAs, ast.MatchStar, ast.MatchMapping),
-    ]
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Binding:
-    """A place that gives a name a value.
-
-    `node` is the value's expression for "value", the statement for "update" (`x += 1`) and "import", the definition for
-    "function", and None otherwise; "other" is a loop variable, a part of a tuple, a deletion and the like.
-    `looped` says that the place may run more than once while its scope lives.
-    """
-
-    how: BindingKind
-    node: ast.AST | None = None
-    looped: bool = False
-
-
-Names: TypeAlias = dict[str, list[Binding]]
-
 
 @dataclass(frozen=True, slots=True)
 class Module:
-    """A file's functions by first line and name, each with the scopes around it, and its global names."""
+    """A file's functions by first line and name, each with the functions around it, and its global names."""
 
-    functions: dict[tuple[int, str], list[BindingTable]]
-    names: Names
-    rebound: frozenset[str]  # names that some function declares global
+    functions: dict[tuple[int, str], list[FunctionPlace]]
+    names: dict[str, bool]  # whether a global name is given its value once
     imports: tuple[ast.stmt, ...]  # a statement that imports all names that the module imports
 
     def is_bound_once(self, name: str) -> bool:
-        """Whether the file gives this global name a value exactly once (or by one import, repeated)."""
-        return name not in self.rebound and _is_settled(name, self.names.get(name, ()))
+        """Whether the file gives this global name a value exactly once, or by imports alone."""
+        return self.names.get(name, False)
 
 
 @dataclass(frozen=True, slots=True)
 class Located:
-    """A function's node, the scopes around it from the outermost inwards, and its file."""
+    """A function's node, the functions around it from the outermost inwards, and its file."""
 
     node: FunctionNode
-    around: tuple[Owner, ...]
+    around: tuple[ast.AST, ...]
     module: Module
     whole: bool  # whether the file is that of the function's module, so that it shows every assignment
 
     def is_closure_bound_once(self, name: str) -> bool:
         """Whether a name of an enclosing function is given its value exactly once."""
         for owner in reversed(self.around):
-            places = find_bindings(owner).get(name)
-            if places is not None:
-                inner = (node for node in ast.walk(owner) if isinstance(node, ast.Nonlocal))
-                return _is_settled(name, places) and not any(name in node.names for node in inner)
+            places = _count_bindings(_iterate_bindings_of_function(owner))
+            if name in places:
+                return places[name] and not any(
+                    isinstance(node, ast.Nonlocal) and name in node.names for node in ast.walk(owner)
+                )
         return False
 
 
@@ -117,29 +88,28 @@ def _parse_module(text: str) -> Module | None:
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError):
         return None
-    functions: dict[tuple[int, str], list[BindingTable]] = defaultdict(list)
-    rebound: set[str] = set()
-    pending: list[tuple[ast.AST, tuple[Owner, ...]]] = [(tree, ())]
+    functions: dict[tuple[int, str], list[FunctionPlace]] = defaultdict(list)
+    places = list(_iterate_bindings(tree.body))
+    names = _count_bindings(places)
+    pending: list[tuple[ast.AST, tuple[ast.AST, ...]]] = [(tree, ())]
     while pending:
         node, around = pending.pop()
         match node:
             case ast.Global(names=declared):
-                rebound.update(declared)
+                names.update(dict.fromkeys(declared, False))
             case ast.FunctionDef():
                 first = min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
                 functions[first, node.name].append((node, around))
-                around = (*around, node)
             case ast.Lambda():
                 functions[node.lineno, "<lambda>"].append((node, around))
-                around = (*around, node)
-            case ast.AsyncFunctionDef() | ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
-                around = (*around, node)
+        if isinstance(node, ast.FunctionDef | ast.Lambda | ast.AsyncFunctionDef | Comprehension):
+            around = (*around, node)
         pending.extend((child, around) for child in ast.iter_child_nodes(node))
-    names: Names = defaultdict(list)
-    _scan_bindings(tree.body, names, False)
-    aliases = [ast.alias(name) for name in names if name != "*" and any(place.how == "import" for place in names[name])]
+    aliases = [
+        ast.alias(name) for name in dict.fromkeys(name for name, _, imported in places if imported and name != "*")
+    ]
     imports = (ast.fix_missing_locations(ast.Import(aliases)),) if aliases else ()
-    return Module(dict(functions), dict(names), frozenset(rebound), imports)
+    return Module(dict(functions), names, imports)
 
 
 def _is_source_of_code(node: FunctionNode, code: CodeType, imports: Sequence[ast.stmt]) -> bool:
@@ -159,20 +129,6 @@ def _is_source_of_code(node: FunctionNode, code: CodeType, imports: Sequence[ast
     if code.co_flags & inspect.CO_NESTED:
         compiled = next(const for const in compiled.co_consts if isinstance(const, CodeType))
     return any(isinstance(const, CodeType) and const == code for const in compiled.co_consts)
-
-
-def find_bindings(owner: Owner) -> Names:
-    """Every name that is local to a function, lambda or comprehension, with the places that bind it."""
-    found: Names = defaultdict(list)
-    match owner:
-        case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.Lambda():
-            for parameter in list_parameters(owner.args):
-                found[parameter.arg].append(Binding("parameter"))
-            _scan_bindings([owner.body] if isinstance(owner, ast.Lambda) else owner.body, found, False)
-        case _:
-            for generator in owner.generators:
-                _scan_bindings([generator.target], found, True)
-    return dict(found)
 
 
 def list_parameters(arguments: ast.arguments) -> Iterator[ast.arg]:
@@ -195,77 +151,70 @@ def pair_targets(target: ast.expr, value: ast.expr) -> Iterator[tuple[ast.expr, 
             yield target, None
 
 
-def _is_settled(name: str, places: Sequence[Binding]) -> bool:
-    if not places or any(place.looped or place.how in ("update", "error", "other") for place in places):
-        return False
-    return len(places) == 1 or len({_describe_bound_import(name, place) for place in places}) == 1
+# --- names that are given a value once -----------------------------------------------------------------
 
 
-def _describe_bound_import(name: str, place: Binding) -> object:
-    """What an import binds to a name: equal for imports of the same thing, else different."""
-    match place.node:
-        case ast.Import(names=aliases):
-            # `import a` and `import a.b` both bind `a`.
-            return next((alias.name for alias in aliases if alias.asname == name), name)
-        case ast.ImportFrom(module=module, names=aliases, level=level):
-            return level, module, next(alias.name for alias in aliases if (alias.asname or alias.name) == name)
-        case _:
-            return id(place)
+def _count_bindings(places: Iterable[tuple[str, bool, bool]]) -> dict[str, bool]:
+    """Whether each name is given a value once, where nothing repeats it, or by imports alone."""
+    found: dict[str, list[tuple[bool, bool]]] = defaultdict(list)
+    for name, once, imported in places:
+        found[name].append((once, imported))
+    return {
+        name: all(imported for _, imported in several) or (len(several) == 1 and several[0][0])
+        for name, several in found.items()
+    }
 
 
-def _scan_bindings(nodes: Sequence[ast.AST], found: Names, looped: bool) -> None:
-    """Adds what `nodes` bind in their own scope, without the bodies of inner functions and classes."""
+def _iterate_bindings_of_function(owner: ast.AST) -> Iterator[tuple[str, bool, bool]]:
+    """The places that bind the names of a function, lambda or comprehension; see `_iterate_bindings`."""
+    match owner:
+        case ast.FunctionDef(args=arguments) | ast.AsyncFunctionDef(args=arguments) | ast.Lambda(args=arguments):
+            yield from ((parameter.arg, True, False) for parameter in list_parameters(arguments))
+            yield from _iterate_bindings([owner.body] if isinstance(owner, ast.Lambda) else owner.body)
+        case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
+            yield from _iterate_bindings([generator.target for generator in owner.generators])
+
+
+def _iterate_bindings(nodes: Iterable[ast.AST], looped: bool = False) -> Iterator[tuple[str, bool, bool]]:
+    """The places that bind names in the scope of `nodes`: the name, whether the place runs once, and by an import."""
     for node in nodes:
+        inside: Iterable[ast.AST] = ast.iter_child_nodes(node)
         match node:
-            case _ if type(node) not in _BINDING:
-                _scan_bindings(list(ast.iter_child_nodes(node)), found, looped)
-            case ast.Assign(value=value) | ast.AnnAssign(value=ast.expr() as value) | ast.NamedExpr(value=value):
-                for whole in node.targets if isinstance(node, ast.Assign) else [node.target]:
-                    for target, part in pair_targets(whole, value):
-                        _bind_target(target, part, found, looped)
-                _scan_bindings([value], found, looped)
-            case ast.AugAssign(target=ast.Name(id=name), value=value):
-                found[name].append(Binding("update", node, looped))
-                _scan_bindings([value], found, looped)
-            case (
-                ast.FunctionDef(name=name, decorator_list=decorators)
-                | ast.AsyncFunctionDef(name=name, decorator_list=decorators)
-            ):
-                plain = isinstance(node, ast.FunctionDef) and not decorators
-                found[name].append(Binding("function", node, looped) if plain else Binding("value", None, looped))
-                _scan_bindings([*decorators, node.args, *([node.returns] if node.returns else [])], found, looped)
-            case ast.ClassDef(name=name, bases=bases, keywords=keywords, decorator_list=decorators):
-                found[name].append(Binding("value", None, looped))
-                _scan_bindings([*decorators, *bases, *keywords], found, looped)
+            case ast.Import(names=aliases) | ast.ImportFrom(names=aliases):
+                yield from ((_name_import(alias), True, True) for alias in aliases)
+            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
+                yield name, not looped, False
+                inside = [part for part in inside if not isinstance(part, ast.stmt)]
             case ast.Lambda(args=arguments):
-                _scan_bindings([arguments], found, looped)
+                inside = [arguments]
             case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
                 # The targets are local to the comprehension, but `:=` inside it binds out here.
-                inner: Names = defaultdict(list)
-                _scan_bindings(list(ast.iter_child_nodes(node)), inner, True)
-                for name in inner:
-                    found[name].append(Binding("other", None, True))
-            case ast.comprehension(iter=iterable, ifs=conditions):
-                _scan_bindings([iterable, *conditions], found, True)
-            case ast.Import(names=aliases) | ast.ImportFrom(names=aliases):
-                for alias in aliases:
-                    name = alias.asname or alias.name.partition(".")[0]
-                    found[name].append(Binding("import", node, looped))
+                assigned = (part.target.id for part in ast.walk(node) if isinstance(part, ast.NamedExpr))
+                yield from ((name, False, False) for name in assigned)
+                inside = ()
+            case ast.Assign(targets=targets, value=value):
+                pairs = [pair for target in targets for pair in pair_targets(target, value)]
+                yield from (
+                    (part.id, not looped and own is not None, False)
+                    for part, own in pairs
+                    if isinstance(part, ast.Name)
+                )
+                inside = [value, *(part for part, _ in pairs if not isinstance(part, ast.Name))]
+            case ast.AnnAssign(target=ast.Name(id=name), value=value):
+                yield from [(name, not looped, False)] if value else []
+                inside = [value] if value else []
+            case ast.NamedExpr(target=ast.Name(id=name), value=value):
+                yield name, not looped, False
+                inside = [value]
             case ast.Name(id=name, ctx=ast.Store() | ast.Del()):
-                found[name].append(Binding("other", None, looped))
-            case ast.ExceptHandler(type=ast.expr() as error, name=str(name), body=body):
-                found[name].append(Binding("error", None, looped))
-                _scan_bindings([error, *body], found, looped)
-            case ast.MatchAs(name=str(name)) | ast.MatchStar(name=str(name)) | ast.MatchMapping(rest=str(name)):
-                found[name].append(Binding("other", None, looped))
-                _scan_bindings(list(ast.iter_child_nodes(node)), found, looped)
-            case _:
-                looping = looped or isinstance(node, ast.For | ast.AsyncFor | ast.While)
-                _scan_bindings(list(ast.iter_child_nodes(node)), found, looping)
+                yield name, False, False
+            case ast.ExceptHandler(name=str(name)) | ast.MatchAs(name=str(name)) | ast.MatchStar(name=str(name)):
+                yield name, False, False
+            case ast.MatchMapping(rest=str(name)):
+                yield name, False, False
+        yield from _iterate_bindings(inside, looped or isinstance(node, ast.For | ast.AsyncFor | ast.While))
 
 
-def _bind_target(target: ast.expr, value: ast.expr | None, found: Names, looped: bool) -> None:
-    if isinstance(target, ast.Name):
-        found[target.id].append(Binding("value" if value is not None else "other", value, looped))
-    else:
-        _scan_bindings([target], found, looped)
+def _name_import(alias: ast.alias) -> str:
+    """The name that an import binds."""
+    return alias.asname or alias.name.partition(".")[0]

@@ -15,7 +15,6 @@ argument: its author chose that.
 
 from __future__ import annotations
 
-import functools
 import inspect
 from collections.abc import Callable
 from dataclasses import field
@@ -33,11 +32,12 @@ from ss2sql.frontend.volatility.name_bindings import (
     VALUE,
     Findings,
     FunctionNames,
+    ResultKind,
     Unproven,
     find_known_pure,
     is_constant_binding,
     is_exception_class,
-    unwrap_callable,
+    unwrap_cache,
 )
 from ss2sql.frontend.volatility.proof import FunctionProof
 
@@ -75,28 +75,27 @@ class Arity:
 class Proof:
     """One proof: the functions that it has followed, and their findings together."""
 
-    frames: dict[int, FunctionNames] = field(default_factory=dict)
     findings: Findings = field(default_factory=Findings)
+    followed: set[int] = field(default_factory=set)  # by identity
     depth: int = 0
 
     def prove_immutable(self, function: FunctionType) -> None:
         """Returns when the function is proven immutable, else raises `Unproven`."""
-        self.find_names(function)
+        self.prove_function(function, VALUE | SET)
         if self.findings.cached is not None and self.findings.changes:
             raise Unproven(f"calls {self.findings.cached}, whose remembered values it may change")
 
-    def find_names(self, function: FunctionType) -> FunctionNames:
-        """The names of a function; its body is walked at the first request."""
-        if id(function) not in self.frames:
-            if self.depth >= _MOST_DEPTH or len(self.frames) >= _MOST_FUNCTIONS:
-                raise Unproven("calls more functions than are followed")
-            frame = self._read_names(function)
-            # A recursive call counts as proven: if the function is not, the walk fails anyway.
-            self.frames[id(function)] = frame
-            self.depth += 1
-            FunctionProof(frame, self.prove_called).check_function()
-            self.depth -= 1
-        return self.frames[id(function)]
+    def prove_function(self, function: FunctionType, given: ResultKind) -> None:
+        """Proves a function that may give values of these kinds."""
+        # A recursive call counts as proven: if the function is not, the walk fails anyway.
+        if id(function) in self.followed:
+            return
+        if self.depth >= _MOST_DEPTH or len(self.followed) >= _MOST_FUNCTIONS:
+            raise Unproven("calls more functions than are followed")
+        self.followed.add(id(function))
+        self.depth += 1
+        FunctionProof(self._read_names(function), self.prove_called).check_function(given)
+        self.depth -= 1
 
     def _read_names(self, function: FunctionType) -> FunctionNames:
         code = function.__code__
@@ -110,7 +109,7 @@ class Proof:
         defaults = (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values())
         if not all(is_constant_binding(default) for default in defaults):
             raise Unproven("has a default argument that may change", code.co_firstlineno)
-        return FunctionNames(function, located, self.find_names, self.findings)
+        return FunctionNames(function, located, self.findings)
 
     def prove_called(self, value: Any, text: str) -> None:
         """Proves a Python object that is called as `text`."""
@@ -122,14 +121,12 @@ class Proof:
             return
         if type(value) is FunctionType:
             try:
-                self.find_names(value)
+                self.prove_function(value, VALUE)
             except Unproven as error:
                 raise Unproven(f"calls {text}, which {error.reason}") from None
         elif type(value) is CACHE_TYPE:
             self.findings.cached = text
-            self.prove_called(unwrap_callable(value), text)
-        elif type(value) is functools.partial and _are_bound_arguments_pure(value):
-            self.prove_called(value.func, text)
+            self.prove_called(unwrap_cache(value), text)
         elif text in EFFECTS:
             raise Unproven(f"calls {text}, which has effects or reads more than its arguments")
         else:
@@ -156,42 +153,24 @@ def _prove_callable(function: Any) -> tuple[str, bool]:
     if entry is not None:
         if entry.gives & ~(VALUE | SET):
             raise Unproven("gives an iterator or a function, which is not a value")
-        if entry.function is not None:
+        if entry.calls:
             raise Unproven("calls its arguments")
         return "is known to be pure", entry.changes
-    if type(function) is functools.partial:
-        if not _are_bound_arguments_pure(function):
-            raise Unproven("is a partial with an argument that may change")
-        try:
-            reason, changes = _prove_callable(function.func)
-            return f"is a partial of a function that is immutable: it {reason}", changes
-        except Unproven as unproven:
-            raise Unproven(f"is a partial of a function that {unproven.reason}", unproven.line) from None
     if type(function) is CACHE_TYPE:
-        return _prove_callable(unwrap_callable(function))
+        return _prove_callable(unwrap_cache(function))
     if type(function) is FunctionType:
         proof = Proof()
         proof.prove_immutable(function)
-        if not proof.findings.constants:
-            return "has a source that uses only its arguments", proof.findings.changes
         names = ", ".join(f"'{name}'" for name in proof.findings.constants)
-        reason = f"has a source that uses only its arguments and the constants {names}"
-        return reason, proof.findings.changes
-    raise Unproven(_find_volatility_obstacle(function))
-
-
-def _are_bound_arguments_pure(function: functools.partial[Any]) -> bool:
-    return all(is_constant_binding(value) for value in (*function.args, *function.keywords.values()))
-
-
-def _find_volatility_obstacle(function: Any) -> str:
+        constants = f" and the constants {names}" if names else ""
+        return f"has a source that uses only its arguments{constants}", proof.findings.changes
     if type(function) is MethodType:
-        return "is a method of an object, which may have state"
+        raise Unproven("is a method of an object, which may have state")
     if type(function) in (BuiltinFunctionType, MethodDescriptorType):
-        return "has no Python source"
-    if issubclass(type(function), type):
-        return "is a class, whose objects may have state"
-    return "is an object with state"
+        raise Unproven("has no Python source")
+    raise Unproven(
+        "is a class, whose objects may have state" if issubclass(type(function), type) else "is an object with state"
+    )
 
 
 def infer_arity(function: Callable[..., object]) -> Arity:
@@ -201,7 +180,7 @@ def infer_arity(function: Callable[..., object]) -> Arity:
     """
     if not callable(function):
         raise SessionError("S002", f"{function!r} cannot be called.", hints=("register a Python function",))
-    target: Any = unwrap_callable(function) if type(function) is CACHE_TYPE else function
+    target: Any = unwrap_cache(function) if type(function) is CACHE_TYPE else function
     try:
         # Without __wrapped__: the function that is called counts, not the one that it claims to be.
         signature = inspect.signature(target, follow_wrapped=False)
