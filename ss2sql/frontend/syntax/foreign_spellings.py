@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 
 from ss2sql.errors import ParseError
-from ss2sql.frontend.syntax.parse_failure import VALUES, ParseFailure, spell
+from ss2sql.frontend.syntax.parse_failure import CLAUSES, VALUES, ParseFailure, spell
 from ss2sql.frontend.syntax.parse_table import END
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
 from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT
@@ -28,8 +28,7 @@ _FIRST = {
 def explain_python(t: ParseFailure) -> ParseError | None:
     """The error for a known spelling of a programming language; None for anything else."""
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _explain_python_for, _explain_from_first, _explain_lambda, _explain_comprehension, _explain_slice,
-        _explain_item_assignment, _explain_string_prefix, _explain_range, _explain_inner_quote,
+        _explain_python_for, _explain_lambda, _explain_comprehension, _explain_inner_quote,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None)
 
@@ -62,61 +61,14 @@ def _explain_comprehension(t: ParseFailure) -> ParseError | None:
     return t.explain("P006", "there is no for in SelectScript", f"write (SELECT {column} FROM {name} = ... AS list)")
 
 
-def _explain_slice(t: ParseFailure) -> ParseError | None:
-    """`x[a:b:c]`."""
-    if t.found.kind == ":" and t.clause == "x[" and "]" in t.expected:
-        return t.explain("P006", "a slice has no step", "a slice has two bounds: x[a:b]")
-    return None
-
-
-def _explain_item_assignment(t: ParseFailure) -> ParseError | None:
-    """`x[0] = 5`."""
-    if t.found.kind != "=" or t.peek().kind != "]" or t.clause or "+" not in t.expected:
-        return None
-    left = t.read_operand()
-    name, bracket, _ = left.partition("[")
-    if not bracket or not name.isidentifier():
-        return None
-    hint = f"assign a new list to {name}, or write {left} == ... to compare"
-    return t.explain("P006", f"an element is not assigned, and {left} is one", hint)
-
-
-def _explain_string_prefix(t: ParseFailure) -> ParseError | None:
-    """`f"{x}"`, `r"text"`."""
-    word = t.peek()
-    if t.found.kind != "STRING" or word.kind != "NAME" or word.end != t.found.start or len(word.text) > 2:
-        return None
-    cure = (
-        "join the parts with +, and numbers with str(...)" if "f" in word.text.lower() else "write \\\\ for a backslash"
-    )
-    return t.explain("P006", f"no {word.text} stands in front of a string", cure, at=word)
-
-
-def _explain_range(t: ParseFailure) -> ParseError | None:
-    """`1..10` reads as two numbers, 1. and .10."""
-    first, second = t.peek(), t.found
-    if first.kind != "FLOAT" or second.kind != "FLOAT" or first.end != second.start:
-        return None
-    return t.explain(
-        "P006", "there is no operator ..", f"write range({first.text.rstrip('.')}, {second.text.lstrip('.')})"
-    )
-
-
 def _explain_inner_quote(t: ParseFailure) -> ParseError | None:
-    """`'it's'`: the string ends at its second quote."""
+    """`'it's'` or `'it''s'`: the string ends at its second quote."""
     string = t.peek()
-    if string.kind != "STRING" or t.found.kind != "NAME" or string.end != t.found.start:
+    if string.kind != "STRING" or t.found.kind not in ("NAME", "STRING") or string.end != t.found.start:
         return None
     quote, other = string.text[0], '"' if string.text[0] == "'" else "'"
     return t.explain("P001", f"the string {t.cut_text(string.start, string.end)} ends at its second {quote}",
                    f"a quote inside a string is written \\{quote}, or the string stands in {other}")  # fmt: skip
-
-
-def _explain_from_first(t: ParseFailure) -> ParseError | None:
-    """`FROM people SELECT name`, as some languages have it."""
-    if t.found.kind != "FROM" or t.peek().kind != ";" or t.bracket or t.next.kind == END:
-        return None
-    return t.explain("P001", "a query starts with SELECT, not with FROM", "write SELECT ... FROM ...")
 
 
 # --- spellings of SQL, and of other languages, that SelectScript writes differently: each error shows the right form
@@ -165,9 +117,8 @@ def explain_sql(t: ParseFailure) -> ParseError | None:
     """The error for a known foreign spelling; None for anything else."""
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
         _explain_comment, _explain_sign, _explain_concatenation, _explain_cast, _explain_set_operation,
-        _explain_siblings, _explain_option, _explain_each, _explain_unpacking, _explain_assignment, _explain_modifier,
-        _explain_missing_as, _explain_after_as, _explain_statement, _explain_word, _explain_star, _explain_dot,
-        _explain_list, _explain_quotes,
+        _explain_assignment, _explain_modifier, _explain_missing_as, _explain_after_as, _explain_statement,
+        _explain_word, _explain_star, _explain_dot, _explain_list,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None)
 
@@ -189,7 +140,7 @@ def _explain_sign(t: ParseFailure) -> ParseError | None:
     """Two signs side by side that are one operator elsewhere."""
     for first, second in ((t.peek(), t.found), (t.found, t.next)):
         sign = first.text + second.text
-        if first.end == second.start and sign in _SIGNS:
+        if first.end == second.start and sign in _SIGNS and t.clause != "x[":  # x[::2]
             name = t.peek(2) if second is t.found else t.peek()
             both = Token(sign, sign, first.start, second.end)
             hint = _SIGNS[sign].format(x=name.text if name.kind == "NAME" else "x")
@@ -205,20 +156,12 @@ def _explain_concatenation(t: ParseFailure) -> ParseError | None:
     )
 
 
-_TYPES = {"TEXT": "str", "VARCHAR": "str", "CHAR": "str", "STRING": "str", "INT": "int", "INTEGER": "int",
-          "BIGINT": "int", "REAL": "float", "FLOAT": "float", "DOUBLE": "float", "NUMERIC": "float"}  # fmt: skip
-
-
 def _explain_cast(t: ParseFailure) -> ParseError | None:
     """`CAST(age AS TEXT)`."""
     if t.found.kind != "AS" or t.clause != "f(" or t.bracket is None:
         return None
-    call = next(index for index, token in enumerate(t.tokens) if token is t.bracket) - 1
-    if t.tokens[call].text.upper() != "CAST":
-        return None
-    function = _TYPES.get(t.next.text.upper(), "str")
-    hint = f"write {function}({t.cut_text(t.bracket.end, t.peek().end)})"
-    return t.explain("P006", "there is no CAST in SelectScript", hint, at=t.tokens[call])
+    value = t.cut_text(t.bracket.end, t.peek().end)
+    return t.explain("P006", "AS stands in SELECT alone", f"write int({value}), float({value}) or str({value})")
 
 
 # Set operations of two queries; ALL keeps equal rows.
@@ -244,66 +187,6 @@ def _explain_set_operation(t: ParseFailure) -> ParseError | None:
     lists = [f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True)]
     cure = _SETS[f"{word} ALL" if every else word].format(*lists)
     return t.explain("P006", f"there is no {word} in SelectScript", f"write {cure}")
-
-
-def _explain_siblings(t: ParseFailure) -> ParseError | None:
-    """`SEARCH DEPTH FIRST BY name SET place`, of WITH RECURSIVE."""
-    order = t.next.text.upper()
-    if t.found.text.upper() != "SEARCH" or order not in ("DEPTH", "BREADTH"):
-        return None
-    words = [token.text for token in t.tokens[t.index + 2 : t.index + 5]]
-    key = words[2] if [word.upper() for word in words[:2]] == ["FIRST", "BY"] else "name"
-    hints = [f"write ORDER SIBLINGS BY {key}"]
-    if order == "BREADTH":
-        hints.append("BREADTH FIRST stands right after CONNECT BY")
-    return t.explain("P006", "there is no SEARCH in SelectScript", *hints)
-
-
-def _explain_each(t: ParseFailure) -> ParseError | None:
-    """`START WITH EACH town = list`."""
-    if t.found.kind != "=" or t.expected != {"IN"}:
-        return None
-    return t.explain("P006", "EACH goes through a list", f"write EACH {t.peek().text} IN {t.read_side(forward=True)}")
-
-
-# Other names for options of searches.
-_OPTIONS = {"BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "DISTINCT": "UNIQUE", "LIMIT": "MAXIMUM", "TOP": "MAXIMUM",
-            "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0", "GREEDY": "HEURISTIC 0",
-            "NOCYCLE": "NO CYCLE"}  # fmt: skip
-
-
-def _explain_option(t: ParseFailure) -> ParseError | None:
-    """Options of CONNECT BY by other names, or followed by a `=`."""
-    if t.clause != "CONNECT BY":
-        return None
-    begin = max((i for i in range(t.index) if t.tokens[i].kind == "CONNECT"), default=t.index) + 2
-    for index in range(begin, t.index + 1):
-        token, behind = t.tokens[index], t.tokens[min(index + 1, len(t.tokens) - 1)]
-        word, value = token.text.upper(), t.cut_text(behind.end, t.peek().end).strip()
-        if word in OPTIONS and behind.kind == "=" and index + 1 < t.index and t.found.kind == "NAME":
-            return t.explain("P006", f"{word} is an option, and takes no =", f"write {word} {value}", at=token)
-        starts = index == begin and (word != "A" or behind.kind == "*")
-        if starts and word in _OPTIONS and behind.kind in ("*", *VALUES):
-            number = f" {behind.text}" if behind.kind == "INTEGER" else ""
-            return t.explain("P006", f"there is no option {token.text}{'*' if word == 'A' else ''}",
-                           f"write {_OPTIONS[word]}{number}", at=token)  # fmt: skip
-    return None
-
-
-def _explain_unpacking(t: ParseFailure) -> ParseError | None:
-    """`a, b = [1, 2]`."""
-    if t.found.kind != "," or t.clause or t.peek().kind != "NAME" or t.peek(2).kind not in (";", END):
-        return None
-    index, names = t.index, [t.peek().text]
-    while t.tokens[index].kind == "," and t.tokens[index + 1].kind == "NAME":
-        names.append(t.tokens[index + 1].text)
-        index += 2
-    if t.tokens[index].kind != "=":
-        return None
-    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
-    parts = "; ".join(f"{name} = both[{number}]" for number, name in enumerate(names))
-    value = t.cut_text(t.tokens[index].end, end).strip()
-    return t.explain("P006", "one name is assigned at a time", f"write both = {value}; {parts}")
 
 
 def _explain_assignment(t: ParseFailure) -> ParseError | None:
@@ -364,20 +247,7 @@ def _explain_after_as(t: ParseFailure) -> ParseError | None:
     if word in ("[", ".", "^", "{"):
         return t.explain("P009", f"a query to the left of {spell(t.found)} stands in parentheses",
                        f"write (SELECT ... AS {shape.text}){t.found.text} ...")  # fmt: skip
-    if word not in (
-        "WHERE",
-        "START",
-        "CONNECT",
-        "STOP",
-        "GROUP",
-        "HAVING",
-        "ORDER",
-        "LIMIT",
-        "AS",
-        ",",
-        "JOIN",
-        "LEFT",
-    ):
+    if word not in {*CLAUSES, ",", "JOIN", "LEFT"} - {"SELECT", "FROM"}:
         return None
     return t.explain("P006", f"AS ends the query, {spell(t.found)} cannot follow it",
                    "AS says the form of the result and is the last clause",
@@ -472,7 +342,7 @@ def _explain_dot(t: ParseFailure) -> ParseError | None:
 def _explain_list(t: ParseFailure) -> ParseError | None:
     """Lists without square brackets, dicts, parameters with a colon."""
     if t.found.kind == "," and t.clause in ("(", "") and not t.wants_operand:
-        return t.explain("P006", "a list stands in square brackets", f"write [{_spell_list(t)}]", *_hint_decimal(t))
+        return t.explain("P006", "a list stands in square brackets", f"write [{_spell_list(t)}]")
     if t.found.kind == "," and t.clause == "LIMIT":
         number = t.cut_text(t.next.start, t.next.end)
         return t.explain("P006", "LIMIT has one number", f"write LIMIT {number} OFFSET {t.read_operand()}")
@@ -491,19 +361,3 @@ def _spell_list(t: ParseFailure) -> str:
         if depth < 0 and t.bracket is not None and token.start - t.bracket.end <= 40:
             return t.source.text[t.bracket.end : token.start].strip().rstrip(",")
     return f"{t.read_operand()}, ..."
-
-
-def _hint_decimal(t: ParseFailure) -> list[str]:
-    first, second = t.peek(), t.next
-    if first.kind == second.kind == "INTEGER" and first.end == t.found.start and t.found.end == second.start:
-        return [f"a fraction has a point: {first.text}.{second.text}"]
-    return []
-
-
-def _explain_quotes(t: ParseFailure) -> ParseError | None:
-    """`'it''s'` reads as two strings."""
-    before = t.peek()
-    if t.found.kind == before.kind == "STRING" and before.end == t.found.start:
-        quote = before.text[0]
-        return t.explain("P006", "two strings stand side by side", f"a quote inside a string is written \\{quote}")
-    return None

@@ -286,13 +286,9 @@ def _explain_surplus(t: ParseFailure) -> ParseError:
     if t.found.kind == "IF":
         return t.explain("P001", message, "IF stands in front: IF(condition; then; else)")
     if not t.clause and (t.found.kind in VALUES or t.found.kind in tokenizer.RESERVED):
+        gap = t.source.text[t.peek().end : t.found.start]
         bare = t.peek().kind == "NAME" and t.found.kind in ("NAME", "STRING", "INTEGER", "FLOAT")
-        bare = (
-            bare
-            and t.next.kind != "="
-            and not t.found.text.startswith(".")
-            and "\n" not in t.source.text[t.peek().end : t.found.start]
-        )
+        bare = bare and t.next.kind != "=" and not t.found.text.startswith(".") and bool(gap) and "\n" not in gap
         call = [f"a call has parentheses: {t.peek().text}({t.cut_text(t.found.start, t.found.end)})"] if bare else []
         return t.explain("P001", message, *call, f"write ; in front of {t.cut_text(t.found.start, t.found.end)}")
     if t.clause == "CONNECT BY" and t.peek(2).kind in ("UNIQUE", "CYCLE") and t.found.kind in VALUES:
