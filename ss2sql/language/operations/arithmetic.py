@@ -311,70 +311,44 @@ def _compute_power(base: Any, exponent: Any) -> Any:
 
 def _infer_power(types: Types) -> Type:
     base, exponent = types
-    found = []
-    least: float | None = 0 if is_nonnegative(base) or _is_even(exponent) else None
-    if bound_integers(base) and (times := bound_integers(exponent)):
-        if times[1] >= 0:
-            corners = _bound_powers(types)
-            found.append(make_numbers(Kind.INT, corners) if corners else Type(Kind.INT, least))
-        if times[0] < 0:
-            found.append(Type(Kind.FLOAT, -1 if least is None else 0, 1))
-    if all(t.may_be(Kind.NUMBER) for t in types) and any(t.may_be(Kind.FLOAT) for t in types):
-        bounds = _bound_float_powers(types)
-        found.append(make_numbers(Kind.FLOAT, bounds) if bounds else Type(Kind.FLOAT, least))
-    return unite(found)
+    if not all(kind.may_be(Kind.NUMBER) for kind in types):
+        return NOTHING
+    bounds = _bound_powers(types)
+    if bounds is not None:
+        return unite(make_numbers(kind, corners) for kind, corners in bounds)
+    whole = Kind.INT if base.may_be(INTEGER) and exponent.may_be(INTEGER) else Kind(0)
+    return Type(Kind.FLOAT | whole, 0 if is_nonnegative(base) else None)
 
 
-def _is_even(exponent: Type) -> bool:
-    """Whether the exponent is one even integer."""
-    times = bound_integers(exponent)
-    return exponent.is_only(INTEGER) and times is not None and times[0] == times[1] and times[0] % 2 == 0
+def _bound_powers(types: Types) -> list[tuple[Kind, list[float]]] | None:
+    """The corners for a known exponent that is whole, or a root of numbers from 0; None for any other.
 
-
-def _bound_powers(types: Types) -> list[int] | None:
-    """Bounds of integers raised to exponents that are not negative; None if they are beyond all values."""
-    base, exponent = bound_integers(types[0]), bound_integers(types[1])
-    if base is None or exponent is None or exponent[1] > 63:
-        return None
-    size, highest = max(abs(base[0]), abs(base[1])), exponent[1]
-    if base[0] < 0 and exponent[0] == highest:
-        middle = [0] if base[0] <= 0 <= base[1] and highest else []
-        return [base[0] ** highest, base[1] ** highest, *middle]
-    if base[0] < 0:
-        return [-(size**highest), size**highest, -1, 1]
-    return [base[0] ** max(exponent[0], 0), base[0] ** highest, base[1] ** highest, 1]
-
-
-def _bound_float_powers(types: Types) -> list[float] | None:
-    """Bounds of floats raised to a known power: a whole one, or a root of numbers from 0; else None.
-
-    Python leaves powers to the C library, which rounds them nearly, not exactly.
+    Python leaves powers of floats to the C library, which rounds them nearly, not exactly.
     """
     base, exponent = types
-    if not _are_numbers(types) or exponent.low is None or exponent.low != exponent.high:
+    times = exponent.low
+    if not exponent.is_only(Kind.NUMBER) or times is None or times != exponent.high or not 0 <= times <= 63:
         return None
-    times, (low, high) = exponent.low, bound_floats(base)
-    is_whole = exponent.is_only(INTEGER) and times >= 0
-    if not is_whole and not (low >= 0 and 0 <= times <= 1):
-        return None
-    try:
-        size = max(abs(low), abs(high), 1.0) ** times * (1 + 2**-40)
-    except OverflowError:
-        return None
-    return [0 if low >= 0 or _is_even(exponent) else -size, size]
+    whole = exponent.is_only(INTEGER)
+    found: list[tuple[Kind, list[float]]] = []
+    for kind, low, high in split_type(base):
+        if not whole and (low < 0 or times > 1):
+            return None
+        if kind is Kind.INT and whole:
+            corners = [low**times, high**times, *([0] if low <= 0 <= high and times else [])]
+        else:
+            try:
+                size = max(abs(low), abs(high), 1.0) ** times * (1 + 2**-40)
+            except OverflowError:
+                return None
+            corners = [0 if low >= 0 or times % 2 == 0 else -size, size]
+        found.append((kind if whole else Kind.FLOAT, corners))
+    return found
 
 
 def _can_power_fail(types: Types) -> bool:
-    if not _are_numbers(types):
-        return True
-    if all(t.may_be(INTEGER) for t in types):
-        corners = _bound_powers(types) if is_nonnegative(types[1]) else None
-        if not corners or not fits(Kind.INT, corners):
-            return True
-    if any(t.may_be(Kind.FLOAT) for t in types):
-        bounds = _bound_float_powers(types)
-        return not bounds or not fits(Kind.FLOAT, bounds)
-    return False
+    bounds = _bound_powers(types) if _are_numbers(types) else None
+    return bounds is None or not all(fits(kind, corners) for kind, corners in bounds)
 
 
 def _match_power(count: int, base: When) -> When:

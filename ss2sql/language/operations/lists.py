@@ -205,9 +205,7 @@ def _declare_extreme(
         chosen = _list_extreme_types(types)
         if len(chosen) == 1:
             return chosen[0]
-        lists = unite(map(intervals.keep_lists, chosen)) if all(kind.may_be(Kind.LIST) for kind in chosen) else NOTHING
-        times = Type(Kind.OBJECT) if all(kind.may_be(Kind.OBJECT) for kind in chosen) else NOTHING
-        return unite((_infer_extreme(chosen, smallest=sign < 0), make_text_type(chosen), lists, times))
+        return _infer_extreme(chosen, smallest=sign < 0) if each(Kind.NUMBER)(chosen) else unite(chosen)
 
     def can_fail(types: Types) -> bool:
         if len(types) == 1 and not types[0].is_only(Kind.LIST):
@@ -268,9 +266,7 @@ def _are_equal_identical(types: Types) -> bool:
 
 def _infer_extreme(types: Types, smallest: bool) -> Type:
     """The type of the least or greatest number; the least of several is at most each one's upper bound."""
-    if not all(kind.may_be(Kind.NUMBER) for kind in types):
-        return NOTHING
-    kinds = unite(types).kinds & Kind.NUMBER
+    kinds = unite(types).kinds
     low, high = [kind.low for kind in types], [kind.high for kind in types]
     near, far, pick = (high, low, min) if smallest else (low, high, max)
     known = [bound for bound in near if bound is not None]
@@ -318,28 +314,17 @@ def make_range(*bounds: Any) -> list[int]:
 
 
 def _infer_range(types: Types) -> Type:
-    limits = [bound_integers(t) for t in types]
-    first, last = limits[0], limits[1] if len(limits) > 1 else limits[0]
-    if first is None or last is None:
+    limits = [limit for limit in map(bound_integers, types) if limit is not None]
+    if len(limits) < len(types):
         return NOTHING
-    if len(limits) == 1:
-        bounds = (0, max(last[1] - 1, 0))
-    elif len(limits) == 2:
-        bounds = (first[0], max(last[1] - 1, first[0]))
-    else:  # upwards or downwards
-        bounds = (min(first[0], last[0] + 1), max(first[1], last[1] - 1))
-    return Type(Kind.LIST, item=make_numbers(Kind.INT, bounds), columns=())
+    low = limits[0][0] if len(types) > 1 else 0
+    upwards = make_numbers(Kind.INT, (low, max(limits[len(types) > 1][1] - 1, low)))
+    return Type(Kind.LIST, item=upwards if len(types) < 3 else Type(Kind.INT), columns=())
 
 
 def _can_range_fail(types: Types) -> bool:
-    limits = [bound_integers(t) for t in types]
-    if not each(INTEGER)(types) or None in limits:
-        return True
-    (low, high), *others = [limit for limit in limits if limit is not None]
-    if not others:
-        return high > RANGE_LIMIT
-    step = others[1] if len(others) > 1 else (1, 1)
-    return others[0][1] - low > RANGE_LIMIT or high - others[0][0] > RANGE_LIMIT or step[0] <= 0 <= step[1]
+    item = _infer_range(types).item if each(INTEGER)(types) else None
+    return item is None or item.low is None or item.high is None or item.high - item.low >= RANGE_LIMIT
 
 
 def _compute_reverse(value: Any) -> Any:

@@ -14,12 +14,9 @@ from ss2sql.language.operations.arithmetic import FINITE, are_reals, are_sql_num
 from ss2sql.language.operations.intervals import (
     INTEGER,
     bound_floats,
-    bound_integers,
     fits,
     is_nonnegative,
-    keep_lists,
     make_numbers,
-    make_text_type,
     round_bounds,
 )
 from ss2sql.language.operations.operation import (
@@ -86,23 +83,27 @@ def _round_number(value: Any, digits: Any = None) -> Any:
 
 def _infer_rounded(types: Types) -> Type:
     value, *digits = types
-    found = []
-    if not digits or digits[0].may_be(Kind.NONE):
-        found += [make_numbers(Kind.INT, bounds) for bounds in round_bounds(value, round)]
-    if digits and digits[0].may_be(INTEGER):
-        if bounds := bound_integers(value):
-            found.append(make_numbers(Kind.INT, bounds) if is_nonnegative(digits[0]) else Type(Kind.INT))
-        found.append(Type(value.kinds & Kind.FLOAT))
-    return unite(found)
+    whole = infer_whole(value, round)
+    if not digits:
+        return whole
+    integers = Kind.INT if value.may_be(INTEGER) else Kind(0)
+    return unite((whole if digits[0].may_be(Kind.NONE) else NOTHING, Type(value.kinds & Kind.FLOAT | integers)))
 
 
 def _can_rounding_fail(types: Types) -> bool:
     value, *digits = types
-    if not value.is_only(Kind.NUMBER):
-        return True
     if digits:
-        return not digits[0].is_only(INTEGER) or not is_nonnegative(digits[0])
-    return not all(fits(Kind.INT, bounds) for bounds in round_bounds(value, round))
+        return can_be_no_numbers([value]) or not digits[0].is_only(INTEGER) or not is_nonnegative(digits[0])
+    return can_whole_fail(value, round)
+
+
+def infer_whole(kind: Type, compute: Callable[[float], int]) -> Type:
+    """The type of the numbers made integers by a function that keeps their order."""
+    return unite(make_numbers(Kind.INT, bounds) for bounds in round_bounds(kind, compute))
+
+
+def can_whole_fail(kind: Type, compute: Callable[[float], int]) -> bool:
+    return can_be_no_numbers([kind]) or not all(fits(Kind.INT, bounds) for bounds in round_bounds(kind, compute))
 
 
 # --- roots, points -------------------------------------------------------------------------------------
@@ -188,15 +189,10 @@ def _make_round(name: str, compute: Callable[[float], int], about: str, example:
     def round_number(number: Any) -> int:
         return int(check_arithmetic(compute(check_number(name, number)), CURES["int"]))
 
-    def infer_type(types: Types) -> Type:
-        return unite(make_numbers(Kind.INT, bounds) for bounds in round_bounds(types[0], compute))
-
-    def can_fail(types: Types) -> bool:
-        return can_be_no_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in round_bounds(types[0], compute))
-
     round_number.__name__ = name
     return declare(
-        name, 1, round_number, infer_type, can_fail, call=f"{name}(x)", about=about, example=example,
+        name, 1, round_number, lambda types: infer_whole(types[0], compute),
+        lambda types: can_whole_fail(types[0], compute), call=f"{name}(x)", about=about, example=example,
         sqlite=(
             Form("{0}", lambda types: find_sql_class(types[0]) is not None and are_integers(types)),
             Form(f"cast({name}({{0}}) AS INTEGER)", are_numbers, f"{{0}} BETWEEN {-SAFE} AND {SAFE}"),
@@ -265,17 +261,6 @@ def _clamp_value(value: Any, low: Any, high: Any) -> Any:
     return low if compare_values(value, low) < 0 else high if compare_values(value, high) > 0 else value
 
 
-def _infer_clamped(types: Types) -> Type:
-    """The type of one of the three arguments that can be ordered."""
-    kinds = [kind for kind in (Kind.NUMBER, Kind.LIST, Kind.OBJECT) if all(t.may_be(kind) for t in types)]
-    found = [make_text_type(types)]
-    if Kind.NUMBER in kinds:
-        found.append(unite(Type(t.kinds & Kind.NUMBER, t.low, t.high) for t in types))
-    if Kind.LIST in kinds:
-        found.append(unite(map(keep_lists, types)))
-    return unite((*found, Type(Kind.OBJECT) if Kind.OBJECT in kinds else NOTHING))
-
-
 # --- conversions ---------------------------------------------------------------------------------------
 
 
@@ -317,12 +302,7 @@ def _check_number_or_string(function: str, value: Any) -> str:
 
 
 def _infer_integer(types: Types) -> Type:
-    found = [make_numbers(Kind.INT, bounds) for bounds in round_bounds(types[0], int)]
-    return unite((*found, Type(Kind.INT) if types[0].may_be(Kind.STR) else NOTHING))
-
-
-def _can_integer_fail(types: Types) -> bool:
-    return can_be_no_numbers(types) or not all(fits(Kind.INT, bounds) for bounds in round_bounds(types[0], int))
+    return unite((infer_whole(types[0], int), Type(Kind.INT) if types[0].may_be(Kind.STR) else NOTHING))
 
 
 def _infer_float(types: Types) -> Type:
@@ -353,7 +333,7 @@ OPERATIONS = (
         portable=(Form("sqrt({0})", are_reals),),
     ),
     declare(
-        "int", 1, _convert_to_integer, _infer_integer, _can_integer_fail,
+        "int", 1, _convert_to_integer, _infer_integer, lambda types: can_whole_fail(types[0], int),
         call="int(x)", about="text or a number as an integer", example="[int('12'), int(3.9)]",
         sqlite=(
             Form("{0}", lambda types: find_sql_class(types[0]) is not None and are_integers(types)),
@@ -380,7 +360,7 @@ OPERATIONS = (
     _make_round("floor", math.floor, "the greatest integer that is not above the number", "[floor(2.5), floor(-2.5)]"),
     _make_round("ceil", math.ceil, "the least integer that is not below the number", "[ceil(2.5), ceil(-2.5)]"),
     declare(
-        "clamp", 3, _clamp_value, _infer_clamped, True, call="clamp(x, low, high)",
+        "clamp", 3, _clamp_value, unite, True, call="clamp(x, low, high)",
         about="x, or the bound that it lies beyond", example="[clamp(7, 0, 5), clamp(3, 0, 5)]",
         sqlite=(Form("max({1}, min({0}, {2}))", exactly(Kind.INT), "{1} <= {2}"),),
         python=(Form("{1} if {0} < {1} else {2} if {0} > {2} else {0}", are_orderable, "{1} <= {2}"),),
