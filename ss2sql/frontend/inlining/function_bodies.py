@@ -193,7 +193,7 @@ class _Translator:
             case ast.Call():
                 return self._translate_call(node, result)
             case _:
-                raise NotTranslatable(f"uses {_name_uninlinable_node(node)}, which the language does not have")
+                raise NotTranslatable(f"uses '{ast.unparse(node)[:40]}', which the language does not have")
 
     def _make_call(self, name: str, *arguments: ast.expr) -> plan.Call:
         return _make_inlined_builtin(name, *map(self.translate, arguments))
@@ -300,35 +300,3 @@ def _make_inlined_list(items: tuple[plan.Expr, ...]) -> plan.Expr:
 
 def _make_inlined_builtin(name: str, *arguments: plan.Expr) -> plan.Call:
     return plan.Call(find_builtin(name), arguments, span=NO_SPAN, place=NO_SPAN)
-
-
-def _name_uninlinable_node(node: ast.expr) -> str:
-    """The name of a kind of expression in messages."""
-    match node:
-        case ast.BinOp(op=op) | ast.UnaryOp(op=op):
-            return f"the operator {_SIGNS.get(type(op), type(op).__name__)}"
-        case ast.Tuple():
-            return "a tuple inside an expression"
-        case _:
-            return _DESCRIPTIONS.get(type(node), f"'{type(node).__name__.lower()}'")
-
-
-_SIGNS: dict[type[ast.AST], str] = {
-    ast.FloorDiv: "//",
-    ast.MatMult: "@",
-    ast.LShift: "<<",
-    ast.RShift: ">>",
-    ast.BitOr: "|",
-    ast.BitXor: "^",
-    ast.BitAnd: "&",
-    ast.Invert: "~",
-    ast.UAdd: "unary +",
-}
-_DESCRIPTIONS: dict[type[ast.AST], str] = {
-    ast.Dict: "a dict",
-    ast.Set: "a set",
-    ast.JoinedStr: "a format string",
-    ast.Lambda: "a function inside the function",
-    ast.NamedExpr: "an assignment",
-    ast.Starred: "a starred expression",
-}

@@ -1,9 +1,8 @@
 """Inlining: calls of functions with known bodies, replaced by the bodies with the arguments in place of the parameters.
 
 The expression is made only if it is provably equivalent to the call. No operator in it can fail with the types of
-these arguments, since its error would differ from Python's. Every argument that can fail or has an effect is
-evaluated exactly once and in the written order, and no costly argument is evaluated twice. Types of the result are
-those that the resolver would have found.
+these arguments, since its error would differ from Python's. No argument can fail or has an effect, and no costly
+argument is evaluated twice. Types of the result are those that the resolver would have found.
 
 The resolver uses the types, so that it can prove as much of `x = move(x)` as of `x = x + 1`; the rewrite `inline` uses
 the expressions. Integers beyond 64 bits and infinite floats are errors of the function, so where only large numbers
@@ -15,7 +14,7 @@ prevent inlining, the call remains for them:
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -27,7 +26,6 @@ from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import (
     can_fail,
     format_type,
-    is_volatile,
     join_conditions,
     list_parts,
     rebuild_node,
@@ -257,22 +255,13 @@ def _check_inlined_size(expr: plan.Expr) -> None:
 
 
 def _check_uses(arguments: tuple[plan.Expr, ...], expr: plan.Expr) -> None:
-    """Raises NotInlinable unless `expr` evaluates the arguments with the same effects as a call."""
-    atoms: dict[int, plan.Expr] = {}
-    lists: dict[int, plan.Expr] = {}
-    for argument in arguments:
-        atoms.update((id(atom), atom) for atom in _split_inlined_lists(argument))
-        lists.update((id(node), node) for node in walk(argument) if isinstance(node, plan.MakeList))
-    volatile = any(map(is_volatile, arguments))
-    exact = {key for key, atom in atoms.items() if volatile or _is_delicate_to_inline(atom)}
-    uses = list(_list_uses(expr, atoms.keys() | lists.keys(), False))
-    if [key for key, _ in uses if key in exact] != [key for key in atoms if key in exact]:
-        raise NotInlinable("an argument that can fail, or be noticed, would not be evaluated once and in its place")
-    if any(conditional for key, conditional in uses if key in exact):
-        raise NotInlinable("an argument that can fail, or be noticed, would be evaluated under a condition only")
-    counts = Counter(key for key, _ in uses)
-    if any(count > 1 and (key in lists or not _is_cheap_to_inline(atoms[key])) for key, count in counts.items()):
-        raise NotInlinable("a costly argument would be evaluated more than once")
+    """Raises NotInlinable where an argument's failure or effect could move, or costly work be done twice."""
+    uses = Counter(map(id, walk(expr)))
+    for atom in (atom for argument in arguments for atom in _split_inlined_lists(argument)):
+        if _is_delicate_to_inline(atom):
+            raise NotInlinable("an argument can fail, or be noticed")
+        if uses[id(atom)] > 1 and not _is_cheap_to_inline(atom):
+            raise NotInlinable("a costly argument would be evaluated more than once")
 
 
 def _split_inlined_lists(argument: plan.Expr) -> Iterator[plan.Expr]:
@@ -282,17 +271,6 @@ def _split_inlined_lists(argument: plan.Expr) -> Iterator[plan.Expr]:
             yield from _split_inlined_lists(item)
     elif not isinstance(argument, plan.Constant):
         yield argument
-
-
-def _list_uses(node: Any, counted: Collection[int], conditional: bool) -> Iterator[tuple[int, bool]]:
-    """The nodes to be counted in the order of evaluation, each with whether it is conditional."""
-    if id(node) in counted:
-        yield id(node), conditional
-        if not isinstance(node, plan.MakeList):
-            return
-    for number, part in enumerate(list_parts(node)):
-        later = number > 0 and isinstance(node, (plan.And, plan.Or, plan.If))
-        yield from _list_uses(part, counted, conditional or later)
 
 
 def _is_delicate_to_inline(atom: plan.Expr) -> bool:
