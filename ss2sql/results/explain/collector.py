@@ -143,10 +143,9 @@ def _collect_functions(outlined: OutlinedQuery, stats: Stats | None) -> Iterator
 def _collect_function(entry: UserFunction, found: list[InlinedCall], off: bool, stats: Stats | None) -> FunctionFacts:
     body = entry.body
     inlined = []
-    for limit in dict.fromkeys(site.limit for site in found if site.reason is None):
+    if any(site.reason is None for site in found):
         assert isinstance(body, FunctionBody)
-        beyond = "" if limit is None else f"; called for numbers beyond {limit:,}"
-        inlined.append(f"{entry.name}({', '.join(body.parameters)}) is inlined: {body.text}{beyond}")
+        inlined.append(f"{entry.name}({', '.join(body.parameters)}) is inlined: {body.text}")
     reasons = [site.reason for site in found if site.reason is not None]
     if not found:
         replaced = "a built-in function or operator that it uses is replaced"
