@@ -39,6 +39,7 @@ _VALUE = ("a value", "a value is a name, a number, a string, a list, a call, a q
 _BETWEEN = {
     ("WHERE", ","): "conditions are joined by AND or OR, and a list stands in square brackets",
     ("[", ":"): "a list of numbers in a row is range(from, to)",
+    ("IF(", ","): "IF has a condition and two branches, commas separate the values of a branch: IF(a; b, c; d)",
     ("", "{"): "there are no blocks: write IF(condition; then; else)",
 }
 _COMMA = "leave the comma out, or write what should follow it"
@@ -51,7 +52,7 @@ def explain_parse_failure(t: ParseFailure) -> ParseError:
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
         _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, foreign_spellings.explain_python,
         foreign_spellings.explain_sql, _explain_misspelling, _explain_closing_bracket, _explain_search_clause,
-        _explain_missing, _explain_chain, _explain_missing_from, _open_bracket, _explain_clause, _explain_descending,
+        _explain_missing, _explain_chain, _explain_missing_from, _open_bracket, _explain_clause,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None) or _explain_surplus(t)
 
@@ -152,9 +153,6 @@ def _explain_missing(t: ParseFailure) -> ParseError | None:
         what, hint = _VALUE if before.kind == "," and clause == "IF(" else _WANTED.get(clause, _VALUE)
         if t.clause in OPTIONS and before.kind == "BY":
             what, hint = "a key", "for instance UNIQUE BY town, or UNIQUE BY (town, day)"
-        hint = "leave the + out" if found.kind == "+" else hint
-        if t.peek(2).kind in ("MAXIMUM", "MEMORIZE") and found.kind in ("*", "/", "%", "+"):
-            hint = f"write {t.peek(2).kind} ({before.text} {found.text} {t.cut_text(t.next.start, t.next.end)})"
     elif "+" in t.expected or t.expected == {"="}:
         return None
     elif before.kind == "IF":
@@ -171,8 +169,6 @@ def _explain_missing(t: ParseFailure) -> ParseError | None:
     after = "" if before.kind == ";" and not t.bracket else f" after {ahead}"
     word = f"{spell(found)} {PAIRS[found.keyword]}" if found.keyword in PAIRS else spell(found)
     hint = _COMMA if before.kind == "," else hint
-    if before.kind == "MAXIMUM" and found.kind in VALUES:
-        hint = f"write MAXIMUM ({found.text})"
     error = t.explain(_choose_error_code(t), f"expected {what}{after}, found {word}", hint)
     return _add_bracket_place(t, error) if found.kind in (END, ";") else error
 
@@ -208,14 +204,16 @@ def _explain_chain(t: ParseFailure) -> ParseError | None:
 def _explain_missing_from(t: ParseFailure) -> ParseError | None:
     """The columns of SELECT are complete, but no FROM follows."""
     word = t.found.keyword or t.found.kind
-    if t.clause == "SELECT" and "FROM" in t.expected and word == "NAME":
-        follows = t.next.keyword or t.next.kind
-        if follows in CLAUSES or follows in (";", END, ")"):
-            source = t.cut_text(t.found.start, t.found.end)
-            return t.explain("P001", f"expected FROM between {spell(t.peek())} and {spell(t.found)}",
-                           f"write FROM {source}")  # fmt: skip
-    if t.clause != "SELECT" or "FROM" not in t.expected or (word not in CLAUSES and word not in (";", END, ")", "]")):
+    ends = (*CLAUSES, ";", END, ")", "]")
+    if t.clause != "SELECT" or "FROM" not in t.expected or not (word in ends or t.found.kind == "NAME"):
         return None
+    if word not in ends:
+        if (t.next.keyword or t.next.kind) not in ends:
+            return None
+        source = t.cut_text(t.found.start, t.found.end)
+        return t.explain(
+            "P001", f"expected FROM between {spell(t.peek())} and {spell(t.found)}", f"write FROM {source}"
+        )
     what = "*" if t.peek().kind == "*" else "the columns"
     hints = ["a query has a source: SELECT ... FROM source"]
     if what != "*" and word in (";", END):
@@ -233,11 +231,6 @@ def _open_bracket(t: ParseFailure) -> ParseError | None:
         return _add_bracket_place(t, t.explain("P002", f"the script ends before '{opening}' is closed", hint))
     if t.clause == "IF(" and t.found.kind in (";", ","):
         hint = "IF has a condition and two branches, commas separate the values of a branch: IF(a; b, c; d)"
-        return t.explain("P001", f"{spell(t.found)} does not fit here in IF", hint)
-    if t.found.kind == ";" and opening == "[" and (t.next.kind in VALUES or t.next.kind in OPENING):
-        return _add_bracket_place(
-            t, t.explain("P001", "expected ']' before ';'", "the elements of a list are separated by commas")
-        )
     if t.found.kind == ";" or t.found.kind in CLAUSES or t.found.keyword in CLAUSES:
         return _add_bracket_place(t, t.explain("P001", f"expected '{closing}' before {spell(t.found)}", hint))
     return None
@@ -257,15 +250,6 @@ def _explain_clause(t: ParseFailure) -> ParseError | None:
     return None
 
 
-def _explain_descending(t: ParseFailure) -> ParseError | None:
-    """`ORDER BY DESC x`."""
-    word = t.peek()
-    first = t.peek(2).kind in ("BY", ",")
-    if t.clause != "ORDER BY" or not first or word.keyword not in ("ASC", "DESC") or t.found.kind not in VALUES:
-        return None
-    return t.explain("P001", f"{spell(word)} stands after the value", f"write {t.found.text} {spell(word)}", at=word)
-
-
 def _explain_surplus(t: ParseFailure) -> ParseError:
     """Something follows a complete expression: what could stand between the two?"""
     fitting = []
@@ -282,20 +266,13 @@ def _explain_surplus(t: ParseFailure) -> ParseError:
         f"expected {join_expected_words(fitting or sorted(t.expected))} between {spell(t.peek())} and {spell(t.found)}"
     )
     if t.clause == "FROM":
-        return t.explain(_choose_error_code(t), message, *_hint_at_source(t))
+        return t.explain(_choose_error_code(t), message, _hint_at_source(t))
     if t.found.kind == "IF":
         return t.explain("P001", message, "IF stands in front: IF(condition; then; else)")
-    if not t.clause and (t.found.kind in VALUES or t.found.kind in tokenizer.RESERVED):
-        gap = t.source.text[t.peek().end : t.found.start]
-        bare = t.peek().kind == "NAME" and t.found.kind in ("NAME", "STRING", "INTEGER", "FLOAT")
-        bare = bare and t.next.kind != "=" and not t.found.text.startswith(".") and bool(gap) and "\n" not in gap
-        call = [f"a call has parentheses: {t.peek().text}({t.cut_text(t.found.start, t.found.end)})"] if bare else []
-        return t.explain("P001", message, *call, f"write ; in front of {t.cut_text(t.found.start, t.found.end)}")
-    if t.clause == "CONNECT BY" and t.peek(2).kind in ("UNIQUE", "CYCLE") and t.found.kind in VALUES:
-        option = "UNIQUE" if t.peek(2).kind == "UNIQUE" else "NO CYCLE"
-        return t.explain("P001", message, f"write {option} BY {t.peek().text},")
-    if t.peek(2).kind == "AS" and ";" in t.expected and t.found.kind in (*VALUES, "SELECT"):
-        return t.explain("P001", message, f"write ; in front of {t.cut_text(t.found.start, t.found.end)}")
+    starts = t.found.kind in VALUES or t.found.kind in tokenizer.RESERVED
+    if starts and (not t.clause or (t.peek(2).kind == "AS" and ";" in t.expected)):
+        text = t.cut_text(t.found.start, t.found.end)
+        return t.explain("P001", message, f"write ; in front of {text}; a call has parentheses")
     hint = _BETWEEN.get((t.clause, t.found.kind)) or _BETWEEN.get(("", t.found.kind))
     if hint is None and t.clause == "[":
         hint = "the elements of a list are separated by commas"
@@ -303,14 +280,14 @@ def _explain_surplus(t: ParseFailure) -> ParseError:
     return _add_bracket_place(t, t.explain(_choose_error_code(t), message, hint))
 
 
-def _hint_at_source(t: ParseFailure) -> list[str]:
+def _hint_at_source(t: ParseFailure) -> str:
     if t.found.kind == "SELECT" or (t.found.kind == "NAME" and t.next.kind == "="):
-        return [f"write ; in front of {t.found.text}"]
-    if t.found.kind == "NAME":
-        return [f"write {t.found.text} = {t.read_operand()} to name the source"]
+        return f"write ; in front of {t.found.text}"
     if "ON" in t.expected:
-        return [f"write JOIN {t.read_operand()} ON condition; a comma in place of JOIN gives all pairs"]
-    return ["a source that is more than a name, a call or a list stands in parentheses"]
+        return f"write JOIN {t.read_operand()} ON condition; a comma in place of JOIN gives all pairs"
+    if t.found.kind == "NAME":
+        return f"write {t.found.text} = {t.read_operand()} to name the source"
+    return "a source that is more than a name, a call or a list stands in parentheses"
 
 
 def _choose_error_code(t: ParseFailure) -> str:
