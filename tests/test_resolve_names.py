@@ -5,8 +5,6 @@ What names mean is told by `cases/queries/*.sheet`; most of the scripts here are
 
 from __future__ import annotations
 
-import math
-import random
 import re
 from itertools import combinations
 from typing import Any
@@ -16,7 +14,6 @@ from listings import MOVES
 from sessions import both, wrong_scripts
 
 import ss2sql
-from ss2sql.frontend.resolve.suggestions import PYTHON_FUNCTIONS
 from ss2sql.language import plan
 from ss2sql.language.plan_traversal import format_type
 
@@ -72,15 +69,6 @@ def test_errors_have_code_place_reason_and_cure(more: ss2sql.Session, marked: st
     assert error.errors[0].span.start == marked.index("«")
     for part in words:
         assert part in str(error)
-
-
-def test_what_hints_name(ss: ss2sql.Session) -> None:
-    names = {"str": str, "math": math, "random": random}
-    for name, path in PYTHON_FUNCTIONS.items():
-        owner, function = path.split(".")
-        ss.function(name, getattr(names[owner], function))
-    assert ss.eval("upper('a') + ltrim(' b') + str(gcd(4, 6));") == "Ab2"
-    assert "quotes" not in str(refused(ss, "word = 1; print(wrd);"))
 
 
 def test_several_errors_are_found_at_once(ss: ss2sql.Session) -> None:

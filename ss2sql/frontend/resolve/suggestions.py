@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from ss2sql.errors import ResolveError, Span, suggest_names, suggest_similar
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
-from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT
 from ss2sql.language import plan
 
 if TYPE_CHECKING:
@@ -18,14 +17,13 @@ if TYPE_CHECKING:
 _HIDDEN = frozenset({"item", "slice", "like"})  # functions that are written as operators
 _MEAN = "did you mean '{0}'?"
 
-_PARTS = ("substr", "substring", "mid")
 # Functions that other languages have, and what is written here; {0} and {1} are the arguments of the call.
 FOREIGN_FUNCTIONS: dict[str, str] = {
     **dict.fromkeys(("ifnull", "nvl", "isnull"), "write coalesce({0}, {1})"),
     "nullif": "write IF({0} == {1}; None; {0})",
     "iif": "write IF({0}; {1}; {2})", "decode": "write CASE WHEN {0} == {1} THEN {2} ELSE {3} END",
     "concat": "write {0} + {1}",
-    **dict.fromkeys(_PARTS, "write {0}[{1} - 1:{1} - 1 + {2}]"),
+    **dict.fromkeys(("substr", "substring", "mid"), "write {0}[{1} - 1:{1} - 1 + {2}]"),
     "left": "write {0}[:{1}]", "right": "write {0}[-{1}:]", "to_char": "write str({0})",
     "to_number": "write float({0})",
     "connect_by_root": "write root({0})",
@@ -47,13 +45,6 @@ FOREIGN_FUNCTIONS: dict[str, str] = {
     "strptime": "write datetime('2024-05-31 12:30')", "current_timestamp": "write now()", "today": "write date(now())",
     "current_date": "write date(now())", "enumerate": "write zip(range(len({0})), {0})",
 }  # fmt: skip
-# Functions of Python that a session can be given as they are.
-PYTHON_FUNCTIONS: dict[str, str] = {
-    "ltrim": "str.lstrip", "rtrim": "str.rstrip", "title": "str.title", "gcd": "math.gcd",
-    **dict.fromkeys(("rand", "random"), "random.random"),
-}  # fmt: skip
-
-
 # Names of Oracle.
 _ORACLE = {
     "LEVEL": "level()", "CONNECT_BY_ISLEAF": "leaf()", "CONNECT_BY_ISCYCLE": "cycle({key})",
@@ -72,11 +63,6 @@ class Place:
     operand: bool
     sources: tuple[plan.Source, ...]
     key: str = "key"
-
-    def get_quoted_name(self) -> str | None:
-        """The name of a source that is a string, a table's name in other languages."""
-        values = (source.value for source in self.sources if isinstance(source, plan.ValueSource))
-        return next((one.value for one in values if isinstance(one, plan.Constant) and type(one.value) is str), None)
 
 
 def explain_unknown_function(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
@@ -97,17 +83,12 @@ def explain_unknown_function(tree: ast.Call, catalog: Catalog, variables: Collec
 def _suggest_equivalent(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, ...]:
     """The equivalent of a function of another language."""
     lowered = name.lower()
-    if lowered in PYTHON_FUNCTIONS:
-        return (f"session.function('{name}', {PYTHON_FUNCTIONS[lowered]}) registers Python's",)
     if lowered not in FOREIGN_FUNCTIONS:
         return ()
     whole = [argument.span.text for argument in arguments[:4]]
     texts = [text if len(text) <= 40 else "..." for text in whole]
     bare = bool(arguments) and isinstance(arguments[0], ast.Query) and arguments[0].representation is None
     listed = f"{texts[0]} AS list" if bare else "SELECT ... AS list"
-    match arguments:
-        case (_, ast.Literal(value=int(first)), ast.Literal(value=int(length))) if lowered in _PARTS:
-            return (f"write {texts[0]}[{first - 1}:{first - 1 + length}]",)  # SQL counts from 1
     return (FOREIGN_FUNCTIONS[lowered].format(*texts, *("..." for _ in range(4 - len(texts))), list=listed),)
 
 
@@ -158,12 +139,6 @@ def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequenc
         hints = (f"write {_ORACLE[name.upper()]}".format(key=place.key),)
     elif name.upper() in ("NULL", "NIL"):
         hints = ("write None",)
-    elif (table := place.get_quoted_name()) is not None and not suggest_similar(name, known):
-        hints = (f"a source in quotes is a text; write FROM {table if table.isidentifier() else 'name'}",)
-        if not table.isidentifier():
-            hints += ("a file is read in Python and attached: session.attach('name', data)",)
-    elif span.source.text[: span.start].rstrip(" ").endswith("--"):
-        hints = (f"-- does not start a comment: {COMMENT_HINT}",)
     else:
         cure = f"assign it before, or give it from Python: run(script, {name}=...)"
         hints = suggest_names(name, known) or (cure,)

@@ -168,20 +168,16 @@ class ParseFailure:
                 break
         return self.cut_text(self.tokens[max(index, 0)].start, self.peek().end)
 
-    def read_side(self, forward: bool = False) -> str:
-        """The text of the side of a comparison that ends before the failure, or with `forward` of the one after it."""
-        index, depth, step = self.index + (1 if forward else -1), 0, 1 if forward else -1
-        first = index
-        while True:  # a clause or an open bracket stands before it, and the end behind
-            kind = self.tokens[index].keyword or self.tokens[index].kind
-            depth += step * ((kind in OPENING) - (kind in CLOSING))
-            if depth < 0 or (not depth and (kind in _AROUND or kind == END)):
+    def read_side(self) -> str:
+        """The text of the side of a comparison that ends before the failure: a clause or open bracket stands before."""
+        first, depth = self.index, 0
+        while True:
+            token = self.tokens[first - 1]
+            depth += (token.kind in CLOSING) - (token.kind in OPENING)
+            if depth < 0 or (not depth and (token.keyword or token.kind) in _AROUND):
                 break
-            index += step
-        low, high = sorted((first, index - step))
-        if index == first:
-            return "..."
-        return self.source.text[self.tokens[low].start : self.tokens[high].end]
+            first -= 1
+        return self.source.text[self.tokens[first].start : self.peek().end] if first < self.index else "..."
 
     def read_column(self) -> str:
         """The text of the column of SELECT that ends before the failure."""

@@ -271,8 +271,8 @@ def _explain_surplus(t: ParseFailure) -> ParseError:
         return t.explain("P001", message, "IF stands in front: IF(condition; then; else)")
     starts = t.found.kind in VALUES or t.found.kind in tokenizer.RESERVED
     if starts and (not t.clause or (t.peek(2).kind == "AS" and ";" in t.expected)):
-        text = t.cut_text(t.found.start, t.found.end)
-        return t.explain("P001", message, f"write ; in front of {text}; a call has parentheses")
+        call = ["a call has parentheses"] if t.peek().kind == "NAME" and not t.clause else []
+        return t.explain("P001", message, f"write ; in front of {t.cut_text(t.found.start, t.found.end)}", *call)
     hint = _BETWEEN.get((t.clause, t.found.kind)) or _BETWEEN.get(("", t.found.kind))
     if hint is None and t.clause == "[":
         hint = "the elements of a list are separated by commas"

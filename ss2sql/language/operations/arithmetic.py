@@ -317,7 +317,8 @@ def _infer_power(types: Types) -> Type:
     if bounds is not None:
         return unite(make_numbers(kind, corners) for kind, corners in bounds)
     whole = Kind.INT if base.may_be(INTEGER) and exponent.may_be(INTEGER) else Kind(0)
-    return Type(Kind.FLOAT | whole, 0 if is_nonnegative(base) else None)
+    broken = Kind(0) if _WHOLE(types) and is_nonnegative(exponent) else Kind.FLOAT
+    return Type(whole | broken, 0 if is_nonnegative(base) else None)
 
 
 def _bound_powers(types: Types) -> list[tuple[Kind, list[float]]] | None:
