@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import inspect
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -274,18 +275,16 @@ class _Translator:
         if body.gives_tuple and not result:
             raise NotTranslatable(f"calls {text}, which gives a tuple")
         self.gives_tuple |= body.gives_tuple
-        by_name = dict(zip(body.parameters, node.args, strict=False))
         named = {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg is not None}
-        plain = len(node.args) <= len(body.parameters) and len(named) == len(node.keywords)
-        if not plain or by_name.keys() & named.keys() or any(isinstance(one, ast.Starred) for one in node.args):
+        if len(named) < len(node.keywords) or any(isinstance(one, ast.Starred) for one in node.args):
             raise NotTranslatable(f"calls {text} with arguments that cannot be told apart")
+        try:
+            given = inspect.signature(target, follow_wrapped=False).bind(*node.args, **named).arguments
+        except TypeError:
+            raise NotTranslatable(f"calls {text} with the wrong arguments") from None
         # Arguments are evaluated in written order; a body that is inlined cannot fail, so their order is free.
-        by_name.update(named)
-        known = {*body.parameters, *body.defaults}
-        if not by_name.keys() <= known or not set(body.parameters) - body.defaults.keys() <= by_name.keys():
-            raise NotTranslatable(f"calls {text} with the wrong arguments")
         names = (*body.parameters, *(name for name in body.defaults if name not in body.parameters))
-        arguments = tuple(self.translate(by_name[name]) if name in by_name else body.defaults[name] for name in names)
+        arguments = tuple(self.translate(given[name]) if name in given else body.defaults[name] for name in names)
         whole = replace(body, parameters=names, defaults={})
         function = plan.Function(text, len(names), len(names), "immutable", builtin=False, body=whole)
         return plan.Call(function, arguments, span=NO_SPAN, place=NO_SPAN)

@@ -191,11 +191,13 @@ class Resolver:
         return tuple(self.record_errors(self.resolve_expr, tree, scope) for tree in trees)
 
     def resolve_operands(self, trees: Iterable[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
-        """Operands, or the arguments of a call."""
-        return tuple(
-            self.record_errors(self.resolve_operand if isinstance(tree, ast.Name) else self.resolve_expr, tree, scope)
-            for tree in trees
-        )
+        """Operands, or the arguments of a call; an unknown name may be meant as a string without quotes."""
+        return tuple(self.record_errors(self._resolve_operand, tree, scope) for tree in trees)
+
+    def _resolve_operand(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
+        if isinstance(tree, ast.Name):
+            return self.resolve_name(tree.name, scope, tree.span, operand=True)
+        return self.resolve_expr(tree, scope)
 
     def resolve_values(self, trees: Sequence[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
         """Operands of an operator; a query without AS is one value, see `resolve_as_value`."""
@@ -214,11 +216,6 @@ class Resolver:
         row = OPERATIONS["single"]
         kind = row.result((value.type,))
         return plan.Call(row.make_function((value.type,)), (value,), kind, span=value.span, place=value.span)
-
-    def resolve_operand(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
-        """An operand; an unknown name may be meant as a string without quotes."""
-        assert isinstance(tree, ast.Name)
-        return self.resolve_name(tree.name, scope, tree.span, operand=True)
 
     def resolve_name(self, name: str, scope: Scope | None, span: Span, operand: bool = False) -> plan.Expr:
         meaning = self.find_bound(name, scope, span) or self.find_variable(name, span)

@@ -31,28 +31,26 @@ def _parse_time(name: str, kind: Any, text: str) -> Any:
         raise misuse(f"{name} cannot read {format_value(text)}", f"{name}('{example}')") from None
 
 
-def _make_date(first: Any, *parts: Any) -> Any:
+def _make_day(name: str, kind: type, convert: Callable[[Any], Any], first: Any, parts: tuple[Any, ...]) -> Any:
+    """A date or a time from its parts, from a text, or by `convert` from another date or time."""
     if parts or type(first) in (int, bool):
-        return _make_time("date", datetime.date, [first, *parts])
-    if isinstance(first, datetime.datetime):
-        return first.date()
+        return _make_time(name, kind, [first, *parts])
     if isinstance(first, datetime.date):
-        return first
+        return convert(first)
     if type(first) is str:
-        return _parse_time("date", datetime.date, first)
-    raise misuse(f"date of {format_value(first)}", "date('2024-05-31') or date(2024, 5, 31)")
+        return _parse_time(name, kind, first)
+    raise misuse(f"{name} of {format_value(first)}", f"{name}('2024-05-31') or {name}(2024, 5, 31)")
+
+
+def _make_date(first: Any, *parts: Any) -> Any:
+    return _make_day("date", datetime.date, lambda day: datetime.date(day.year, day.month, day.day), first, parts)
 
 
 def _make_datetime(first: Any, *parts: Any) -> Any:
-    if parts or type(first) in (int, bool):
-        return _make_time("datetime", datetime.datetime, [first, *parts])
-    if isinstance(first, datetime.datetime):
-        return first
-    if isinstance(first, datetime.date):
-        return datetime.datetime.combine(first, datetime.time())
-    if type(first) is str:
-        return _parse_time("datetime", datetime.datetime, first)
-    raise misuse(f"datetime of {format_value(first)}", "datetime('2024-05-31 12:30') or datetime(2024, 5, 31, 12, 30)")
+    def convert(day: Any) -> Any:
+        return day if isinstance(day, datetime.datetime) else datetime.datetime.combine(day, datetime.time())
+
+    return _make_day("datetime", datetime.datetime, convert, first, parts)
 
 
 def _make_timedelta(days: Any, seconds: Any = 0) -> Any:
