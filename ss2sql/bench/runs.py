@@ -49,8 +49,8 @@ class StatementRuns:
         tree = self.tree.value if isinstance(self.tree, ast.Assign) else self.tree
         return tree if isinstance(tree, ast.Query) and tree.searches else None
 
-    def run_strategies(self) -> Iterator[BenchResult]:
-        """Runs strategies on engines; yields each result twice, at its start and at its end."""
+    def run_strategies(self) -> None:
+        """Runs strategies on engines; their results are in `cells` as soon as they begin."""
         search = self.search
         own = RacedStrategy(search.options if search else ())
         name = own.name if search else NO_SEARCH
@@ -58,11 +58,11 @@ class StatementRuns:
             _find_raced_query(compile_raced_statement(self.session, self.tree, "auto").plan.statements[0].expr),
             name,
         )
-        yield from self._run_strategy(own, name, comparer)
+        self._run_strategy(own, name, comparer)
         if search is None:
             return
         for strategy in self._list_other_strategies(search, own, comparer):
-            yield from self._run_strategy(strategy, strategy.name, comparer)
+            self._run_strategy(strategy, strategy.name, comparer)
         self._add_notes(own, comparer)
 
     def _list_other_strategies(self, search: ast.Query, own: RacedStrategy, comparer: Comparer) -> list[RacedStrategy]:
@@ -89,15 +89,13 @@ class StatementRuns:
                 "all that STOP WITH, WHERE and CONNECT BY read."
             )
 
-    def _run_strategy(self, strategy: RacedStrategy, name: str, comparer: Comparer) -> Iterator[BenchResult]:
+    def _run_strategy(self, strategy: RacedStrategy, name: str, comparer: Comparer) -> None:
         for engine in self.rules.engines:
             cell = BenchResult(name, engine)
-            yield cell
             self.cells.append(cell)
             finished = self._run_on_engine(strategy, cell, comparer)
             if finished is not None:
                 comparer.record_verdict(finished)
-            yield cell
 
     def _run_on_engine(self, strategy: RacedStrategy, cell: BenchResult, comparer: Comparer) -> FinishedRun | None:
         """Runs a strategy on an engine and records the reason for a missing answer. Raises the script's first error."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -96,7 +95,7 @@ def bench_command(
             if run:
                 print_line("")
             with _print_command_table(runs), mark_user_errors():
-                _run_heat(runs)
+                runs.run_strategies()
             run.append(runs)
     if json_file is not None:
         _write_figures(run, settings, json_file)
@@ -113,20 +112,6 @@ def _print_command_table(runs: StatementRuns) -> Iterator[None]:
     finally:
         if runs.cells:
             print_runs(runs, make_output_console())
-
-
-def _run_heat(runs: StatementRuns) -> None:
-    """Runs a statement; on a terminal a line shows the running strategy."""
-    reports = 0
-    try:
-        for result in runs.run_strategies():
-            if sys.stderr.isatty():
-                line = f"{result.strategy}, {result.engine}"[:70]
-                click.echo(f"\r{line.ljust(reports)}", nl=False, err=True)
-                reports = len(line)
-    finally:
-        if reports:
-            click.echo(f"\r{' ' * reports}\r", nl=False, err=True)
 
 
 def _write_figures(run: Sequence[StatementRuns], settings: BenchRules, path: Path) -> None:

@@ -205,52 +205,34 @@ def parse_attachment(text: str) -> tuple[str, Path]:
 # --- worlds --------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _ObjectReference:
-    """The value of `--world`: an object of a module or a Python file, with its arguments if it is called."""
-
-    module: str
-    names: tuple[str, ...]
-    arguments: tuple[Any, ...] = ()
-    named: tuple[tuple[str, Any], ...] = ()
-    called: bool = False
-
-
 def parse_world(text: str) -> tuple[str, Any]:
+    """The value of `--world`: its name, and an object of a module or a Python file, made by a call or by its type."""
     name, _, rest = text.partition("=")
-    place = _parse_world_option(rest)
-    if not name or place is None:
-        message = f"--world takes NAME=MODULE:OBJECT or NAME=MODULE:FACTORY(ARGUMENTS), not {text}"
-        raise click.UsageError(message, _get_click_context())
-    if os.getcwd() not in sys.path:
-        sys.path.insert(0, os.getcwd())
-    found = _find_world_option(place, text)
-    if not (place.called or inspect.isroutine(found) or isinstance(found, (type, partial))):
-        return name, found
-    with mark_user_errors(), redirect_output():
-        return name, found(*place.arguments, **dict(place.named))
-
-
-def _parse_world_option(text: str) -> _ObjectReference | None:
-    """The parts of `MODULE:OBJECT`, with Python literals as arguments; None for other strings."""
-    module, _, wanted = text.partition(":")
+    module, _, wanted = rest.partition(":")
     try:
         tree = python_ast.parse(wanted.strip(), mode="eval").body
         call = tree if isinstance(tree, python_ast.Call) else None
         names = python_ast.unparse(call.func if call else tree).split(".")
-        arguments = tuple(map(python_ast.literal_eval, call.args if call else ()))
-        named = tuple((word.arg or "", python_ast.literal_eval(word.value)) for word in (call.keywords if call else ()))
+        arguments = list(map(python_ast.literal_eval, call.args if call else ()))
+        named = {word.arg or "": python_ast.literal_eval(word.value) for word in (call.keywords if call else ())}
     except (SyntaxError, ValueError):
-        return None
-    if not module or not all(word.isidentifier() for word in (*names, *(word for word, _ in named))):
-        return None
-    return _ObjectReference(module, tuple(names), arguments, named, call is not None)
+        names, named = [""], {}
+    if not name or not module or not all(word.isidentifier() for word in (*names, *named)):
+        message = f"--world takes NAME=MODULE:OBJECT or NAME=MODULE:FACTORY(ARGUMENTS), not {text}"
+        raise click.UsageError(message, _get_click_context())
+    if os.getcwd() not in sys.path:
+        sys.path.insert(0, os.getcwd())
+    found = _find_world_option(module, names, text)
+    if not (call or inspect.isroutine(found) or isinstance(found, (type, partial))):
+        return name, found
+    with mark_user_errors(), redirect_output():
+        return name, found(*arguments, **named)
 
 
-def _find_world_option(place: _ObjectReference, text: str) -> Any:
+def _find_world_option(module: str, names: list[str], text: str) -> Any:
     """The object of the names. Raises SessionError S002 for a missing one."""
-    found = _load_module(place.module, text)
-    for name in place.names:
+    found = _load_module(module, text)
+    for name in names:
         try:
             found = getattr(found, name)
         except Error:

@@ -77,28 +77,17 @@ def _make_object_series(pandas: Any, values: Sequence[Any]) -> Any:
 
 def to_polars(result: Result) -> Any:
     """A Polars DataFrame; columns without a type in Polars get its type Object."""
-    polars = require_package("polars", "df", "pl()")
+    polars, arrow = require_package("polars", "df", "pl()"), require_package("pyarrow", "df", "pl()")
     columns = []
     for name, values, shape in read_result_columns(result):
-        untyped = is_untyped(shape) or _has_empty_struct(shape)
-        kind = polars.Object if untyped else _has_polars_type(polars, shape)
-        made = [convert_value_to_shape(value, shape) for value in values] if kind != polars.Object else values
-        columns.append(polars.Series(name, made, dtype=kind, strict=True))
+        if is_untyped(shape) or _has_empty_struct(shape):
+            columns.append(polars.Series(name, values, dtype=polars.Object))
+        else:
+            made = arrow.array(
+                [convert_value_to_shape(value, shape) for value in values], type=make_arrow_type(arrow, shape)
+            )
+            columns.append(polars.Series(name, made))
     return polars.DataFrame(columns)
-
-
-def _has_polars_type(polars: Any, shape: Shape) -> Any:
-    match shape:
-        case ListOf(item):
-            return polars.List(_has_polars_type(polars, item))
-        case Struct(fields):
-            return polars.Struct({name: _has_polars_type(polars, field) for name, field in fields})
-        case Scalar("datetime"):
-            return polars.Datetime("us")
-        case Scalar(name):
-            own = {"none": "Null", "bool": "Boolean", "int": "Int64", "float": "Float64", "str": "String",
-                   "bytes": "Binary", "date": "Date"}  # fmt: skip
-            return getattr(polars, own[name])
 
 
 def _has_empty_struct(shape: Shape) -> bool:
