@@ -1,4 +1,4 @@
-"""Pictures of results, and graphs of searches: trees, costs, paths over a map; marks that do not depend on colours."""
+"""Pictures of results, and graphs of searches: trees, paths over a map; marks that do not depend on colours."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import re
 from collections.abc import Iterator
 from html import unescape
 from io import StringIO
-from itertools import accumulate, pairwise
-from operator import mul
+from itertools import pairwise
 from typing import Any
 
 import matplotlib
@@ -49,36 +48,6 @@ def points(ax: Any) -> list[list[tuple[float, float]]]:
     """The lines with a name, by name."""
     named = sorted((line.get_label(), line) for line in ax.lines if not line.get_label().startswith("_"))
     return [[tuple(point) for point in line.get_xydata().tolist()] for _, line in named]
-
-
-def test_costs_add_up_along_a_path_and_probabilities_are_multiplied(ss: ss2sql.Session) -> None:
-    result = ss.run(SEARCH.format("dst, length", "COST length"))
-    ax = result.plot(kind="costs")
-    totals = [list(accumulate((row[1] for row in path), initial=0)) for path in result.paths]
-    assert points(ax) == [list(enumerate(path)) for path in totals]
-    assert [path[-1] for path in totals] == [320, 330, 475]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("step", "cost so far")
-    assert ax.get_title() == "3 paths, cost 320 to 475"
-    named = ss.run(SEARCH.format("dst, to(length * 2, cost)", ""))  # a column named cost will do
-    assert [line[-1][1] for line in points(named.plot(kind="costs"))] == [660, 640, 950]
-    result = ss.run(SEARCH.format("p, dst", "PROBABILITY p"))
-    ax = result.plot(kind="costs", most=1)
-    (line,) = points(ax)
-    assert [y for _, y in line] == pytest.approx(list(accumulate((row[0] for row in result.paths[0]), mul, initial=1)))
-    assert ax.get_ylabel() == "probability so far"
-    assert ax.get_title().startswith("the first 1 of 3 paths, probability ")
-
-
-@pytest.mark.parametrize(
-    ("columns", "options", "hint"),
-    [("dst", "COST length + 1", r"to\(length \+ 1, cost\)"), ("dst", "", "column with the name cost"),
-     ("dst, to(dst, cost)", "", "column with the name cost"),
-     ("dst", "PROBABILITY p", r"to\(p, probability\)")],
-)  # fmt: skip
-def test_costs_that_nobody_selected(ss: ss2sql.Session, columns: str, options: str, hint: str) -> None:
-    result = ss.run(SEARCH.format(columns, options))
-    with pytest.raises(ss2sql.RepresentationError, match=rf"V001[\s\S]*{hint}"):
-        result.plot(kind="costs")
 
 
 def test_paths_share_their_beginnings_in_a_tree_of_which_no_branches_cross(ss: ss2sql.Session) -> None:
@@ -222,7 +191,7 @@ def test_flat_pictures(ss: ss2sql.Session, query: str, lines: int, patches: int,
 @pytest.mark.parametrize(
     ("query", "kind"),
     [("SELECT this FROM ['a'];", "auto"), ("SELECT this FROM [];", "auto"), ("7;", "heat"),
-     *((FLAT, kind) for kind in ("paths", "graph", "tree", "costs", "lengths")),
+     *((FLAT, kind) for kind in ("paths", "graph", "tree", "lengths")),
      (WALK.format("this", 9, 3), "auto"), (WALK.format("this", 3, 3), "paths"), (GRID, "bars"), (GRID, "cake")],
 )  # fmt: skip
 def test_what_cannot_be_drawn(ss: ss2sql.Session, query: str, kind: str) -> None:

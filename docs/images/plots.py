@@ -45,7 +45,6 @@ def main() -> None:
         ways = ss.run(WAYS)
         save(ways.plot(), "graph")
         save(ways.plot(kind="tree"), "tree")
-        save(ways.plot(kind="costs"), "costs")
         save(ss.run(WALKS).plot(), "paths")
         ground = ss.run(GROUND).plot(title="routes over hilly ground")
         save(ss.run(WALKS, maximum=3).plot(ground, title="routes over hilly ground"), "map")

@@ -152,7 +152,7 @@ def _print_explanation(found: Explanation, form: str) -> None:
 
 # --- `ss2sql plot`: runs a script and draws its result
 # Those of Result.plot.
-KINDS = ("auto", "paths", "graph", "tree", "costs", "lengths", "search", "heat", "bars", "line", "points")
+KINDS = ("auto", "paths", "graph", "tree", "lengths", "search", "heat", "bars", "line", "points")
 PICTURES = (".png", ".svg", ".pdf")
 
 

@@ -1,11 +1,10 @@
-"""The paths of a search as lines: over a plane, what they cost so far at each step, and how long they are."""
+"""The paths of a search as lines over a plane, and how long they are."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from itertools import accumulate, islice
-from operator import mul
+from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -16,12 +15,9 @@ from ss2sql.results.plot_style import (
     BLUE,
     FEW,
     choose_style,
-    count_drawn_paths,
-    describe_status,
     draw_legend,
     escape_plot_label,
     hide_spines,
-    make_plot_error,
     mark_path_ends_in_plot,
     set_integer_ticks,
     write_path_title,
@@ -98,7 +94,7 @@ def draw_paths(result: Result, paths: Found, where: Coordinates, ax: Any, most: 
     return write_path_title(result, len(paths), [len(line) for line in drawn])
 
 
-def _draw_path_lines(ax: Any, lines: Sequence[Any], wider: float = 0.0) -> None:
+def _draw_path_lines(ax: Any, lines: Sequence[Any], wider: float) -> None:
     """Draws the lines, the first one on top, with a white border on a map, which may have their colours."""
     total = len(lines)
     for number, line in reversed(list(enumerate(lines, 1))):
@@ -107,51 +103,6 @@ def _draw_path_lines(ax: Any, lines: Sequence[Any], wider: float = 0.0) -> None:
         if ax.images:
             ax.plot(*line, color="white", lw=style["lw"] + 2, alpha=style.get("alpha"), zorder=2)
         ax.plot(*line, zorder=2 + 20 / number, **marks, **style)
-
-
-@dataclass(frozen=True, slots=True)
-class StepWeights:
-    """The column with the cost or the probability of a step."""
-
-    index: int
-    name: str
-    likely: bool
-
-
-def require_plot_weights(result: Result, paths: Found) -> StepWeights:
-    """The weights of steps: the column with the expression of COST or PROBABILITY, or named `cost`."""
-    names = result.columns[2:]
-    query = next((query.written for statement in result.outline[-1:] for query in statement.queries[-1:]), None)
-    search = None if query is None else query.search
-    expr = None if search is None else search.weight
-    likely = search is not None and search.order == "probability"
-    found = [index for index, name in enumerate(names) if name.lower() == ("probability" if likely else "cost")]
-    if query is not None and expr is not None:
-        found = [index for index, output in enumerate(query.columns) if output.expr == expr] + found
-    for index in found:
-        if all(is_plot_number(row[index]) for path in paths for row in path):
-            return StepWeights(index, "probability" if likely else "cost", likely)
-    hint = "select a column with the name cost that says what a step costs: SELECT ..., to(length, cost)"
-    if expr is not None and expr.span.text:
-        hint = f"select what a step costs: SELECT ..., to({expr.span.text}, {'probability' if likely else 'cost'})"
-    return make_plot_error("plot() does not find what the steps cost", hint)
-
-
-def draw_costs(result: Result, paths: Found, weights: StepWeights, ax: Any, most: int | None) -> str:
-    """Draws for each path, step by step, the sum of its costs or the product of its probabilities."""
-    rows = [[row[weights.index] for row in path] for path in islice(paths, most or MOST_PATHS)]
-    totals = [list(accumulate(s, mul, initial=1.0) if weights.likely else accumulate(s, initial=0)) for s in rows]
-    _draw_path_lines(ax, [(range(len(line)), line) for line in totals])
-    mark_path_ends_in_plot(ax, None, np.unique([(len(line) - 1, line[-1]) for line in totals], axis=0))
-    set_integer_ticks(ax.xaxis)
-    ax.set_xlabel("step")
-    ax.set_ylabel(f"{weights.name} so far")
-    ax.grid(alpha=0.25)
-    hide_spines(ax)
-    draw_legend(ax)
-    least, greatest = (f"{end(line[-1] for line in totals):.4g}" for end in (min, max))
-    spread = least if least == greatest else f"{least} to {greatest}"
-    return f"{count_drawn_paths(len(paths), len(totals))}, {weights.name} {spread}{describe_status(result)}"
 
 
 def draw_lengths(result: Result, paths: Found, ax: Any) -> str:

@@ -50,9 +50,8 @@ def choose_style(number: int, total: int, wider: float) -> dict[str, Any]:
     return {"color": BLUE, "alpha": max(0.04, min(0.6, 12 / total)), "lw": 1.5}
 
 
-def mark_path_ends_in_plot(ax: Any, starts: Any, goals: Any, width: int = 2) -> None:
-    if starts is not None:
-        ax.scatter(*starts.T[:width], s=55, color=GREEN, edgecolor="white", zorder=40, label="first step")
+def mark_path_ends_in_plot(ax: Any, starts: Any, goals: Any, width: int) -> None:
+    ax.scatter(*starts.T[:width], s=55, color=GREEN, edgecolor="white", zorder=40, label="first step")
     ax.scatter(*goals.T[:width], s=120, marker="*", color=INK, edgecolor="white", zorder=41, label="last step")
 
 

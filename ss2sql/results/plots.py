@@ -14,12 +14,10 @@ from ss2sql.language.rows import Row
 from ss2sql.results import get_result_paths
 from ss2sql.results.graph_plot import draw_graph, draw_tree
 from ss2sql.results.path_plot import (
-    draw_costs,
     draw_lengths,
     draw_paths,
     find_coordinates,
     is_plot_point,
-    require_plot_weights,
 )
 from ss2sql.results.plot_style import (
     BLUE,
@@ -36,7 +34,7 @@ from ss2sql.results.watching.animation import draw_search
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
 
-SEARCH_KINDS = ("paths", "graph", "tree", "costs", "lengths", "search")
+SEARCH_KINDS = ("paths", "graph", "tree", "lengths", "search")
 KINDS = ("auto", *SEARCH_KINDS, "heat", "bars", "line", "points")
 MOST_BARS = 40
 MOST_TEXT = 24  # characters beside a bar or a point
@@ -89,9 +87,6 @@ def _choose_search_drawing(result: Result, paths: Sequence[Sequence[Row]], kind:
             return lambda ax, most: draw_graph(result, ax, most, own)
         case "tree":
             return lambda ax, most: draw_tree(result, ax, most, own)
-        case "costs":
-            weights = require_plot_weights(result, paths)
-            return lambda ax, most: draw_costs(result, paths, weights, ax, most)
         case "lengths":
             return lambda ax, most: draw_lengths(result, paths, ax)
     return make_plot_error(f"plot() draws no search as {kind}", f"the kinds for a search are {', '.join(SEARCH_KINDS)}")

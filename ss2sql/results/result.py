@@ -311,10 +311,10 @@ class Result:
         Args:
             ax: the Axes to draw on; without it a new figure. On Axes in space, paths in space are drawn as such.
             kind: "auto" chooses. Of a search: "paths" over a plane, or over a map that the Axes show, "graph" of its
-                rows by step, "tree" of its paths, "costs" so far at each step, "lengths", a count of paths; of a run
-                with `trace=` "search": the tree of its steps, or the map of their places, numbered in the order of
-                expansion. Of an array of two dimensions, as AS plane gives it: "heat". Of other rows: "bars" for a
-                label and a number, "line", "points".
+                rows by step, "tree" of its paths, "lengths", a count of paths; of a run with `trace=` "search": the
+                tree of its steps, or the map of their places, numbered in the order of expansion. Of an array of two
+                dimensions, as AS plane gives it: "heat". Of other rows: "bars" for a label and a number, "line",
+                "points".
             most: how many paths, bars or steps are drawn; else 1000 paths, 40 bars, a graph of up to 150 rows, a tree
                 of 60 steps.
             title: in place of what was counted.
