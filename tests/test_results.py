@@ -231,7 +231,7 @@ def test_a_table_is_never_longer_than_twenty_rows(ss: ss2sql.Session) -> None:
         assert len(data_lines(text)) == rows
         assert (
             text.splitlines()[-1]
-            == ("1000 rows" if rows == 1000 else f"1000 rows, the first {rows} shown") + ", native"
+            == ("1,000 rows" if rows == 1000 else f"1,000 rows, the first {rows} shown") + ", native"
         )
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.errors import require_package
 from ss2sql.language.rows import Row
 from ss2sql.language.values import Opaque, copy_for_python
-from ss2sql.results import get_result_paths
+from ss2sql.results import count_words, get_result_paths
 from ss2sql.results.plot_style import (
     BLUE,
     FRAME,
@@ -103,8 +103,7 @@ def draw_graph(result: Result, ax: Any, most: int | None, own: bool) -> str:
     texts = {node: _label_row(graph.nodes[node]["row"]) for node in places}
     tall = 1 + 0.7 * max(map(len, layers))
     _draw_graph(networkx, graph, places, texts, ax, (len(layers), tall) if own else None)
-    rows = f"{len(graph)} row{'' if len(graph) == 1 else 's'}"
-    return f"{rows} on {count_drawn_paths(len(paths), drawn)}{describe_status(result)}"
+    return f"{count_words(len(graph), 'row')} on {count_drawn_paths(len(paths), drawn)}{describe_status(result)}"
 
 
 def draw_tree(result: Result, ax: Any, most: int | None, own: bool) -> str:

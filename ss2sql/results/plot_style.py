@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ss2sql.errors import RepresentationError
+from ss2sql.results import count_words
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
@@ -79,12 +80,12 @@ def set_integer_ticks(axis: Any) -> None:
 def write_path_title(result: Result, total: int, lengths: Sequence[int]) -> str:
     """A title: how many paths there are, how many of them are drawn, and how long these are."""
     least, greatest = min(lengths), max(lengths)
-    steps = f"{least} step{'' if greatest == 1 else 's'}" if least == greatest else f"{least} to {greatest} steps"
+    steps = count_words(least, "step") if least == greatest else f"{least} to {greatest} steps"
     return f"{count_drawn_paths(total, len(lengths))} of {steps}{describe_status(result)}"
 
 
 def count_drawn_paths(total: int, drawn: int) -> str:
-    return f"{total} path{'' if total == 1 else 's'}" if drawn == total else f"the first {drawn} of {total} paths"
+    return count_words(total, "path") if drawn == total else f"the first {drawn} of {total} paths"
 
 
 def describe_status(result: Result) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from ss2sql.errors import require_package
 from ss2sql.language import plan
 from ss2sql.language.rows import Row
-from ss2sql.results import get_result_paths
+from ss2sql.results import count_words, get_result_paths
 from ss2sql.results.graph_plot import draw_graph, draw_tree
 from ss2sql.results.path_plot import (
     draw_lengths,
@@ -213,4 +213,4 @@ def _draw_scatter_plot(names: Sequence[str], spots: Sequence[Sequence[Any]], tex
         ax.set_aspect("equal", adjustable="datalim")
     ax.grid(alpha=0.25)
     ax.margins(0.08)
-    return f"{len(there)} point{'' if len(there) == 1 else 's'}"
+    return count_words(len(there), "point")

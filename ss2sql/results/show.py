@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row
 from ss2sql.language.values import format_value as written
-from ss2sql.results import get_result_paths, get_result_rows
+from ss2sql.results import count_words, get_result_paths, get_result_rows
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -99,10 +99,15 @@ def make_result_sheet(result: Result, most: int, wide: int, arrow: str, most_col
         if made is not None:
             return made
     table = list(islice(get_result_rows(result), most))
-    chosen = _choose_columns(len(result.columns), most_columns or max(2, (wide - 1) // (LEAST_WIDE + FRAME)))
+    count, room = len(result.columns), most_columns or max(2, (wide - 1) // (LEAST_WIDE + FRAME))
+    # None stands for the columns between the first ones and the last.
+    chosen: list[int | None] = [*range(count)] if count <= room else [*range(room - 2), None, count - 1]
     headings = tuple("…" if index is None else format_cell(result.columns[index]) for index in chosen)
     rows = [tuple("…" if index is None else format_cell(row[index]) for index in chosen) for row in table]
-    right = tuple(index is not None and _are_shown_numbers([row[index] for row in table]) for index in chosen)
+    kinds = [
+        {type(row[index]) for row in table if row[index] is not None} if index is not None else () for index in chosen
+    ]
+    right = tuple(kind in ({int}, {float}, {int, float}) for kind in kinds)
     hidden = len(result.columns) - len(chosen) + 1 if None in chosen else 0
     return Sheet(headings, rows, right, _write_caption(result, len(table), "", hidden))
 
@@ -174,16 +179,12 @@ def _cut_text(text: str, most: int) -> str:
     return text if len(text) <= most else text[: most - 3] + "..."
 
 
-def _are_shown_numbers(values: Sequence[Any]) -> bool:
-    return bool(values) and {type(value) for value in values if value is not None} in ({int}, {float}, {int, float})
-
-
 def _write_caption(result: Result, shown: int, unit: str, hidden: int) -> str:
     """The line under the table: the numbers of rows and paths, what is not shown, and the engine."""
     total, paths = len(result), get_result_paths(result)
-    parts = [_count_words(total, "row")]
+    parts = [count_words(total, "row")]
     if paths is not None:
-        parts.insert(0, _count_words(len(paths), "path"))
+        parts.insert(0, count_words(len(paths), "path"))
     if shown < (len(paths) if paths is not None and unit else total):
         parts.append(f"the first {shown} {unit}shown")
     if hidden:
@@ -192,17 +193,6 @@ def _write_caption(result: Result, shown: int, unit: str, hidden: int) -> str:
     if result.status != "complete":
         parts.append(result.status)
     return ", ".join(parts)
-
-
-def _count_words(number: int, word: str) -> str:
-    return f"{number} {word}{'' if number == 1 else 's'}"
-
-
-def _choose_columns(count: int, most: int) -> list[int | None]:
-    """The positions of the columns that are shown; None stands for those between the first ones and the last."""
-    if count <= most:
-        return list(range(count))
-    return [*range(most - 2), None, count - 1]
 
 
 def _measure_columns(made: Sheet) -> list[int]:

@@ -134,7 +134,7 @@ class SessionHost:
             return None
         from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
 
-        return CachePolicy(self.graph_store, self._find_function, self._list_worlds)
+        return CachePolicy(self.graph_store, self._find_function, lambda: list(self.names.worlds.values()))
 
     def _find_function(self, name: str) -> UserFunction:
         """A function by its name in plans. Raises ExecutionError X011 if it was detached with its world."""
@@ -142,9 +142,6 @@ class SessionHost:
             return self.planned[name]
         except KeyError:
             raise world_error(f"the function '{name}' belongs to a world that is not attached any more") from None
-
-    def _list_worlds(self) -> list[AttachedWorld]:
-        return list(self.names.worlds.values())
 
     def register_function(self, entry: UserFunction) -> None:
         self.functions[entry.name] = entry

@@ -441,7 +441,7 @@ class Session:
         def run_query(run: Run) -> Result:
             check_seconds(options.timeout)
             set_session_deadline(run, self.host, self.timeout if options.timeout is None else options.timeout)
-            values = _convert_session_variables(variables)
+            values = {n: convert_value(value, f"the variable '{n}'", named=True) for n, value in variables.items()}
             query = find(run, values)
             self._check_open()
             chosen = replace(options, engine=self.engine) if options.engine == "auto" else options
@@ -506,10 +506,6 @@ class Session:
     def _check_name(self, name: str) -> None:
         self._check_open()
         check_user_function_name(name)
-
-
-def _convert_session_variables(variables: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: convert_value(value, f"the variable '{name}'", named=True) for name, value in variables.items()}
 
 
 def connect(

@@ -78,16 +78,12 @@ def _can_typed_line_continue(token: Token, text: str) -> bool:
     return hidden % 2 == 1 and not text[token.end :].strip()
 
 
-def _find_last_typed(text: str) -> TypedPiece | None:
-    return next(iter(deque(split_statements(text), maxlen=1)), None)
-
-
 def is_typed_input_ready(text: str) -> bool:
     """Whether the input can run: it is complete, or more lines would not help.
 
     An empty line after a `;` ends the input, even in an open bracket.
     """
-    last = _find_last_typed(text)
+    last = next(iter(deque(split_statements(text), maxlen=1)), None)
     if last is None:
         return not text.strip() or text.rstrip().endswith(";")
     if last.complete or last.is_unfinishable:

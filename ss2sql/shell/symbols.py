@@ -14,7 +14,7 @@ from ss2sql.errors import Error
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.conversion import format_value as written
 from ss2sql.language.kinds import Type, type_of
-from ss2sql.language.operations import OPERATOR_FUNCTIONS, WRITTEN, Operation
+from ss2sql.language.operations import OPERATOR_FUNCTIONS, WRITTEN
 from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import convert_value
 from ss2sql.session.session_functions import (
@@ -65,7 +65,8 @@ class SymbolTable:
             found[name] = Function(name, _list_symbol_parameters(entry.function, 0), about, built_in=False)
         for name, row in sorted(WRITTEN.items()):
             if name not in found and name not in OPERATOR_FUNCTIONS:
-                found[name] = _make_built_in_symbol(row)
+                inside = row.call.rpartition("(")[2].rstrip(")")  # the parameters of its longest call
+                found[name] = Function(name, tuple(inside.split(", ")) if inside else (), row.about)
         return found
 
     @cached_property
@@ -175,12 +176,6 @@ class SymbolTable:
 def _format_symbol_type(kind: Type) -> str:
     """A type without bounds of numbers, since only a few elements were read."""
     return format_type(Type(kind.kinds, item=None if kind.item is None else Type(kind.item.kinds)))
-
-
-def _make_built_in_symbol(row: Operation) -> Function:
-    """A row of the table, with the parameters of its longest call."""
-    inside = row.call.rpartition("(")[2].rstrip(")")
-    return Function(row.name, tuple(inside.split(", ")) if inside else (), row.about)
 
 
 def _list_symbol_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, ...]:
