@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from itertools import repeat
 from math import pi
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 from ss2sql.vtables.body_functions import (
     AXES,
@@ -224,5 +224,29 @@ def get_volume(shape: Any) -> float | None:
             return pi * float(b * b * a)
         case "capsule":
             return pi * float(b * b * a) + 4 / 3 * pi * float(b) ** 3
+        case _:
+            return None
+
+
+UNNAMED = (b"", b"unknown_file")  # the files of meshes that were built from points
+Part: TypeAlias = dict[str, Any]  # the keywords of a shape for PyBullet
+
+
+def read_bullet_shape(kind: int, size: Sequence[float], file: bytes, corners: Sequence[Any]) -> Part | None:
+    """A shape from PyBullet's data; None where these are incomplete."""
+    a, b, c = size
+    match KINDS.get(kind):
+        case "sphere":
+            return {"shapeType": kind, "radius": a}
+        case "box":
+            return {"shapeType": kind, "halfExtents": [a / 2, b / 2, c / 2]}
+        case "capsule" | "cylinder":
+            return {"shapeType": kind, "radius": b, "height": a}
+        case "plane":
+            return {"shapeType": kind, "planeNormal": [a, b, c]}
+        case "mesh" if file not in UNNAMED:
+            return {"shapeType": kind, "fileName": file.decode(), "meshScale": [a, b, c]}
+        case "mesh" if corners:
+            return {"shapeType": kind, "vertices": corners}
         case _:
             return None

@@ -22,7 +22,7 @@ import numpy as np
 from ss2sql.errors import ExecutionError
 from ss2sql.vtables.body_functions import BodyWorld, Quaternion, Vector, make_parameter_error, read_body_numbers
 from ss2sql.vtables.contract import Element, function
-from ss2sql.vtables.pybullet.bodies import KINDS, measure_box
+from ss2sql.vtables.pybullet.bodies import KINDS, UNNAMED, measure_box, read_bullet_shape
 from ss2sql.vtables.pybullet.links import SOFT, read_link_pose
 from ss2sql.vtables.pybullet.poses import (
     UPRIGHT,
@@ -311,38 +311,20 @@ class ShapeCache:
         return bool(found) and abs(found[0][8] - (1 - 2 * self._radius)) < 1e-12
 
     def get_shape(self, body: int, link: int, number: int, data: Any) -> int:
-        calls, (a, b, c), file = self._calls, data[3], data[4]
-        kind = KINDS.get(data[2])
-        key = (kind, a, b, c, file)
+        kind, size, file, corners = KINDS.get(data[2]), data[3], data[4], ()
+        if kind == "mesh" and file in UNNAMED:
+            _, corners = self._calls.getMeshData(body, link, collisionShapeIndex=number)  # as seen from the link
+        key = corners or (kind, *size, file)
         known = self._made.get(key)
         if known is not None:
             return known
-        make = calls.createCollisionShape
-        match kind:
-            case "sphere":
-                made = make(calls.GEOM_SPHERE, radius=a)
-            case "box":
-                made = make(calls.GEOM_BOX, halfExtents=(a / 2, b / 2, c / 2))
-            case "cylinder":
-                made = make(calls.GEOM_CYLINDER, radius=b, height=a)
-            case "capsule":
-                made = make(calls.GEOM_CAPSULE, radius=b, height=a)
-            case "mesh":
-                return self._make_mesh(body, link, number, key)
-            case _:
-                raise _make_unmovable_error(body, f"it is a {kind or 'shape that PyBullet does not describe'}")
-        return self._keep_shape(key, made, measure_extent(kind, data[3]))
-
-    def _make_mesh(self, body: int, link: int, number: int, key: Any) -> int:
-        calls, (_, *scale, file) = self._calls, key
-        if file != b"unknown_file":
-            made = calls.createCollisionShape(calls.GEOM_MESH, fileName=file.decode(), meshScale=scale)
-            return self._keep_shape(key, made, None)
-        _, corners = calls.getMeshData(body, link, collisionShapeIndex=number)  # as seen from the link
-        if corners in self._made:
-            return self._made[corners]
-        made = calls.createCollisionShape(calls.GEOM_MESH, vertices=corners)
-        return self._keep_shape(corners, made, measure_corners_extent(corners))
+        part = read_bullet_shape(data[2], size, file, corners)
+        if part is None or kind is None or kind == "plane":
+            raise _make_unmovable_error(body, f"it is a {kind or 'shape that PyBullet does not describe'}")
+        made = self._calls.createCollisionShape(**part)
+        if kind == "mesh":
+            return self._keep_shape(key, made, measure_corners_extent(corners) if corners else None)
+        return self._keep_shape(key, made, measure_extent(kind, size))
 
     def _keep_shape(self, key: Any, made: int, extent: ShapeExtent | None) -> int:
         if made < 0:

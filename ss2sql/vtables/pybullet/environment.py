@@ -9,40 +9,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from math import dist
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NoReturn
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.area_arguments import refuse_argument
-from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, measure_box
+from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, UNNAMED, Part, measure_box, read_bullet_shape
 from ss2sql.vtables.pybullet.occupancy_grid import measure_bounds
 from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, convert_pose_to_local, convert_pose_to_world
 from ss2sql.vtables.pybullet.scene import Box, Capsule, Cylinder, Plane, Scene, Solid, Sphere, View, make_visual_shape
 
-UNNAMED = (b"", b"unknown_file")  # the files of meshes that were built from points
 MOST_PARTS = 16  # of one shape: PyBullet leaves out those beyond
 SIDE = 10.0  # metres: the edge of the squares that represent endless planes in pictures
-
-Part: TypeAlias = dict[str, Any]  # the keywords of a shape for PyBullet
-
-
-def read_bullet_shape(kind: int, size: Sequence[float], file: bytes, corners: Sequence[Any]) -> Part | None:
-    """A shape from PyBullet's data; None where these are incomplete."""
-    a, b, c = size
-    match KINDS.get(kind):
-        case "sphere":
-            return {"shapeType": kind, "radius": a}
-        case "box":
-            return {"shapeType": kind, "halfExtents": [a / 2, b / 2, c / 2]}
-        case "capsule" | "cylinder":
-            return {"shapeType": kind, "radius": b, "height": a}
-        case "plane":
-            return {"shapeType": kind, "planeNormal": [a, b, c]}
-        case "mesh" if file not in UNNAMED:
-            return {"shapeType": kind, "fileName": file.decode(), "meshScale": [a, b, c]}
-        case "mesh" if corners:
-            return {"shapeType": kind, "vertices": corners}
-        case _:
-            return None
 
 
 def make_solid(kind: int, size: Sequence[float]) -> Solid | None:
