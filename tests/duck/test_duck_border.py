@@ -57,9 +57,8 @@ def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:
     for line in (
         "engine: duckdb: engine='duckdb' was asked for",
         "how DuckDB does it:",
-        "finds the rows with one SELECT over",
-        "t, which it reads itself",
-        "the elements of numbers, which it is given in a table",
+        "finds the rows with one SELECT",
+        "is given the elements of numbers in a table",
         "$least = 3",
         "$most_rows = 5, which is most",
     ):

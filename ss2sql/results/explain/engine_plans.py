@@ -58,29 +58,9 @@ def describe_table_plan(query: plan.Query, tables: LevelStatements) -> tuple[Pla
 
 def describe_duckdb_plan(query: plan.Query, written: PushdownQuery) -> tuple[PlanLine, ...]:
     """The plan of a query that is one SELECT in DuckDB."""
-    loaded = {id(table.value) for table in written.loaded}
-    return (
-        PlanLine(0, "finds the rows with one SELECT over"),
-        *(line for source in query.sources for line in _put_duckdb_in_words(source, loaded, 1)),
-        *_describe_post_processing(query),
-    )
-
-
-def _put_duckdb_in_words(source: plan.Source, loaded: set[int], depth: int) -> Iterator[PlanLine]:
-    """The lines of a source, and of a query's sources."""
-    if isinstance(source, plan.QuerySource):
-        yield PlanLine(depth, f"the rows of ({cut_explained_script(source.query.span.text, LONGEST)}), over")
-        for inner in source.query.sources:
-            yield from _put_duckdb_in_words(inner, loaded, depth + 1)
-        return
-    assert isinstance(source, plan.ValueSource), "others are refused"
-    words = cut_explained_script(source.value.span.text or source.name, LONGEST)
-    if id(source.value) in loaded:
-        yield PlanLine(depth, f"the elements of {words}, which it is given in a table")
-    elif isinstance(source.value, plan.Variable):
-        yield PlanLine(depth, f"{words}, which it reads itself")
-    else:
-        yield PlanLine(depth, f"the elements of {words}, which are written out")
+    texts = [cut_explained_script(table.value.span.text, LONGEST) for table in written.loaded]
+    given = (PlanLine(1, f"is given the elements of {text} in a table") for text in texts)
+    return (PlanLine(0, "finds the rows with one SELECT"), *given, *_describe_post_processing(query))
 
 
 def _describe_loops(query: plan.Query, depth: int, inner: bool = False) -> Iterator[PlanLine]:
