@@ -58,16 +58,6 @@ def test_operators_bind_as_their_levels_say() -> None:
                 same(expr(f"a {left} {prefix} b"), expr(f"a {left} ({prefix} b)"))
 
 
-@pytest.mark.parametrize(
-    ("short", "long"),
-    [("a = b OR c", "a = (b OR c)"), ("a AND b == c OR d", "(a AND (b == c)) OR d"), ("- -a", "-(-a)"),
-     ("2 ^ -a ^ b", "2 ^ (-(a ^ b))"), ("a ^ b[0]", "a ^ (b[0])"), ("-a[0]", "-(a[0])"), ("-f(a)", "-(f(a))"),
-     ("-n.a", "-(n.a)"), ("-2 ^ 2", "-(2 ^ 2)")],
-)  # fmt: skip
-def test_what_else_binds(short: str, long: str) -> None:
-    same(expr(short), expr(long))
-
-
 @given(st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\x00")))
 def test_any_string_can_be_written(value: str) -> None:
     quoted = value.replace("\\", "\\\\").replace("'", "\\'").replace("\n", "\\n").replace("\r", "\\r")
@@ -135,35 +125,10 @@ def test_options(written: str) -> None:
         same(found.connect, script("t = 2; level = 3").statements)
 
 
-# A query without parentheses stands between { and }: it is the same tree with parentheses.
-OPEN = [
-    "[] == {SELECT this FROM p AS list}", "x = {SELECT a FROM b, c}", "max({SELECT a FROM b AS list})",
-    "max({SELECT a FROM b})", "max({SELECT a FROM b AS list}, c)", "max({SELECT a FROM b, c})",
-    "max(c, {SELECT a FROM b, c})", "[{SELECT a FROM b AS list}, {SELECT c FROM d AS list}]",
-    "[{SELECT a FROM b AS list}, {SELECT c FROM d}]", "IF(a; {SELECT a FROM b, c}; {SELECT c FROM d})",
-    "IF({SELECT a FROM b}; c)", "x[{SELECT a FROM b AS value}]", "a + {SELECT b FROM c LIMIT 1 * 2}",
-    "a OR b == {SELECT c FROM d WHERE e AND f OR g}", "NOT {SELECT a FROM b}", "-{SELECT a FROM b AS value}",
-    "2 ^ {SELECT a FROM b AS value}", "a AND b IN {SELECT c FROM d AS list}",
-    # AS ends the query; what follows belongs to the outside.
-    "[] == {SELECT a FROM b AS list} AND c", "{SELECT a FROM b AS value} + 1", "2 * {SELECT a FROM b AS value} + 1",
-    "a = {SELECT b FROM c AS value} OR d", "SELECT a FROM {SELECT b FROM c AS list}",
-    "SELECT a FROM {SELECT b FROM c WHERE d AS list} WHERE e", "SELECT a FROM x = {SELECT b FROM c AS list}, d",
-    "SELECT a FROM {SELECT b FROM c, d AS list}, e",
-    "SELECT a FROM b WHERE [] == {SELECT c FROM d WHERE e == f AS list}",
-    "SELECT a FROM b WHERE c == {SELECT d FROM e AS value} AND f LIMIT 1 AS list",
-    "SELECT a FROM b WHERE c IN {SELECT d FROM e LIMIT 1 AS list} LIMIT 2",
-    "SELECT a FROM b WHERE c IN {SELECT d FROM e AS list} AS dict",
-    "SELECT {SELECT a FROM b AS value}, c FROM d",
-    "SELECT a FROM b START WITH x = {SELECT c FROM d AS value}, y = 1 CONNECT BY x = 2",
-    "SELECT a FROM b ORDER BY {SELECT c FROM d ORDER BY e ASC AS value} DESC",
-    "SELECT a FROM b GROUP BY {SELECT c FROM d AS value} HAVING e",
-    "SELECT a FROM b WHERE max({SELECT c FROM d}) > 1",
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("written", OPEN)
-def test_open_queries(written: str) -> None:
-    same(expr(written.replace("{", "").replace("}", "")), expr(written.replace("{", "(").replace("}", ")")))
+@each_row("syntax/groups", "script", "grouped")
+def test_what_belongs_together(script: str, grouped: str) -> None:
+    """Operators, and queries without parentheses: AS ends a query; what follows belongs to the outside."""
+    same(expr(script), expr(grouped))
 
 
 # --- places ----------------------------------------------------------------------------------------------
