@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import csv
 import io
 import json
@@ -397,18 +398,9 @@ def test_json(script: str, expected: Any) -> None:
     assert (json.loads(answer.stdout), answer.stderr) == (expected, "loading\n")
 
 
-@pytest.mark.parametrize(
-    ("script", "rows"),
-    [
-        ("SELECT this, 'a,b' FROM [1, None, [1, 2]];",
-         [["this", "'a,b'"], ["1", "a,b"], ["", "a,b"], ["[1, 2]", "a,b"]]),
-        ("SELECT this FROM [];", [["this"]]),
-        ("7;", [["value"], ["7"]]),
-        ("SELECT this FROM [1, 2] WHERE n < 1 START WITH n = 0 CONNECT BY n = 1 STOP WITH n == 0;",
-         [["path", "step", "this"], ["1", "1", "1"], ["2", "1", "2"]]),
-    ],
-)  # fmt: skip
-def test_csv(script: str, rows: list[list[str]]) -> None:
+@each_row("command_line/csv", "script", "told")
+def test_csv(script: str, told: str) -> None:
+    rows = ast.literal_eval(told)
     assert list(csv.reader(io.StringIO(good("run", "-e", script, "--format", "csv")))) == rows
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import random
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from golden import each_row
 from sessions import write
 
 import ss2sql
@@ -245,22 +247,9 @@ def test_the_plan_of_worlds(ss: ss2sql.Session) -> None:
     assert called[1] == "for each of them, walks the elements of a"
 
 
-@pytest.mark.parametrize(
-    ("query", "expected"),
-    [
-        ("SELECT this, n.this FROM [1, 2], n = moves ORDER BY n.dst LIMIT 2",
-         ["walks the elements of [1, 2]", "for each of them, walks the elements of moves (as n)",
-          "sorts them for ORDER BY", "keeps as many as LIMIT says"]),
-        ("SELECT dst FROM (SELECT * FROM edge WHERE src == at) START WITH at = 1 CONNECT BY COST len UNIQUE at = dst",
-         ["searches step by step:", "  takes the steps that wait one by one, the cheapest first",
-          "  for each of them, finds the rows of (SELECT * FROM edge WHERE src == at)",
-          "gives the results as the search finds them"]),
-        ("SELECT src, dst FROM edge START WITH at = 1 CONNECT BY MEMORIZE 3 at = dst GROUP BY dst",
-         ["makes the graph of rows level by level; for each row that is new:", "  reads every row of edge",
-          "gives the paths of the graph, the shortest first", "puts them into groups"]),
-    ],
-)  # fmt: skip
-def test_python_tells_it_in_the_same_words(roads: ss2sql.Session, query: str, expected: list[str]) -> None:
+@each_row("queries/native-plans", "query", "told")
+def test_python_tells_it_in_the_same_words(roads: ss2sql.Session, query: str, told: str) -> None:
+    expected = ast.literal_eval(told)
     (found,) = roads.compile(f"{query};", engine="native").explain().as_dict()["statements"][0]["queries"]
     assert ["  " * line["depth"] + line["words"] for line in found["plan"]] == expected
     assert {line["sqlite"] for line in found["plan"]} == {None}

@@ -15,6 +15,7 @@ from pathlib import Path
 import command_lines
 import pytest
 from click.testing import CliRunner, Result
+from golden import each_row
 
 import ss2sql
 from ss2sql.cli import main
@@ -178,16 +179,7 @@ def test_help_names_every_command_and_has_an_example(shell: Shell, capsys) -> No
     assert "did you mean 'len'?" in said(shell, ".help lenn", capsys)[1]
 
 
-@pytest.mark.parametrize(
-    ("line", "told"),
-    [(".tabels", "did you mean '.tables'?"), (".maximum 0", "N or off, not 0"), (".timer perhaps", "on or off"),
-     (".engine oracle", "auto or database or native or duckdb or spark, not oracle"),
-     (".timeout -1", "SECONDS or off, not -1"), (".exit now", "takes nothing"), (".set x", ".set start"),
-     (".attach staff", ".attach staff staff.db"), (".attach staff nowhere.db", "no file nowhere.db"),
-     (".load nowhere.py", "no file nowhere.py"), (".read nowhere.ss", "nowhere.ss cannot be read"),
-     (".sql", "nothing has run yet"), (".plot", "no result"), (".tables nowhere", "nowhere"),
-     (".attach w nowhere:world", "nowhere"), (".load", ".load functions.py")],
-)  # fmt: skip
+@each_row("shell/wrong", "line", "told")
 def test_what_does_not_exist(line: str, told: str, shell: Shell, capsys) -> None:
     out, err = said(shell, line, capsys)
     assert out == ""

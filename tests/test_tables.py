@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -44,19 +45,10 @@ def test_odd_names_of_tables_and_columns(ss: ss2sql.Session, file: Path, engine:
 
 
 @both
-@pytest.mark.parametrize(
-    ("script", "code", "hint"),
-    [("SELECT mas FROM t;", "R001", "did you mean 'mass'"), ("SELECT t.sise FROM t;", "R001", "did you mean 'size'"),
-     ("SELECT Mass FROM t;", "R001", "did you mean 'mass'"),
-     ("SELECT mass FROM STOCK;", "R003", "did you mean 'stock'"), ("SELECT 1 FROM other.v;", "R003", ""),
-     ("SELECT 1 FROM another.t;", "R003", ""), ("SELECT 1 FROM main.u;", "R003", ""),
-     ("SELECT 1 FROM main['a b'];", "R003", "unknown source 'main.a b'"),
-     ("SELECT 1 FROM main;", "R003", "'main' is the session's own file: name one of its tables, FROM main.table"),
-     ("SELECT 1 FROM other;", "R003", "'other' is a file: name one of its tables, FROM other.table"),
-     ("SELECT * FROM elements;", "R003", "")],
-)  # fmt: skip
-def test_what_is_not_there(ss: ss2sql.Session, file: Path, engine: Any, script: str, code: str, hint: str) -> None:
+@each_row("tables/missing", "script", "told")
+def test_what_is_not_there(ss: ss2sql.Session, file: Path, engine: Any, script: str, told: str) -> None:
     """Nor is what is SQLite's own."""
+    code, hint = ast.literal_eval(told)
     write(file, "CREATE TABLE t(mass, size); CREATE TABLE stock(mass)")
     write(file.with_name("other.db"), "CREATE TABLE t(a); CREATE TABLE u(b)")
     ss.attach("other", file.with_name("other.db"))

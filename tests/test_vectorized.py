@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import math
 import re
@@ -12,6 +13,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from agreement import exact
+from golden import each_row
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sessions import both
@@ -127,25 +129,6 @@ def inverse(n: Any) -> Any:
     return 1 / n
 
 
-# Scripts, and how many blocks they need at most.
-PLACES = [
-    ("SELECT f(this) FROM [] AS list;", 0), ("SELECT f(this) FROM numbers WHERE this > 200 AS list;", 0),
-    ("SELECT f(this), f(this + 0.5) FROM numbers AS list;", 2), ("SELECT f(f(this)) FROM numbers AS list;", 2),
-    ("SELECT this FROM numbers ORDER BY f(this) DESC AS list;", 1),
-    ("SELECT this % 3, sum(f(this)) FROM numbers GROUP BY this % 3 AS rows;", 1),
-    ("SELECT f(this % 3), count(*) FROM numbers GROUP BY f(this % 3) AS rows;", 1),
-    ("SELECT f(sum(this)) FROM numbers GROUP BY this % 30 AS list;", 1),
-    ("SELECT f(a.this) FROM a = numbers, b = [1, 2] WHERE f(b.this) > 0 AS list;", 2),
-    ("SELECT a.this FROM a = numbers, b = numbers WHERE f(a.this) == b.this AS list;", 1),
-    ("SELECT (SELECT f(b.this + a.this) FROM b = [1, 2] AS list) FROM a = numbers AS list;", 1),
-    ("SELECT n.this FROM n = (SELECT f(this) FROM numbers AS list) AS list;", 1),
-    ("SELECT this FROM numbers WHERE this IN (SELECT f(this) FROM numbers AS list) AS list;", 1),
-    ("SELECT IF(this > 50; f(this); 0) FROM numbers WHERE this < 5 OR f(this) > 90 AS list;", 1),
-    ("SELECT this FROM numbers WHERE this > 3 AND (this < 9 OR f(this) > 90) AS list;", 1),
-    ("SELECT a.this FROM a = numbers, b = numbers WHERE a.this == f(b.this) AND f(f(a.this)) > 9 AS list;", 3),
-    ("SELECT f(max(this)), min(f(this)) FROM numbers GROUP BY this % 9 HAVING f(min(this)) > 4 AS rows;", 2),
-    ("SELECT f(b.this) FROM a = numbers, b = [a.this, f(a.this)] AS list;", 2),
-]  # fmt: skip
 FAILING = [
     "SELECT f(this) FROM numbers AS list;",
     "SELECT f(this) FROM numbers WHERE this != 0 AS list;",
@@ -160,8 +143,9 @@ FAILING = [
 ]
 
 
-@pytest.mark.parametrize(("script", "most"), PLACES)
-def test_every_place_of_a_flat_query(script: str, most: int) -> None:
+@each_row("queries/blocks", "script", "told")
+def test_every_place_of_a_flat_query(script: str, told: str) -> None:
+    most = ast.literal_eval(told)
     numbers = {"numbers": list(range(100))}
     f, alone = Blocks(double), Blocks(double)
     expected = outcome(script, numbers, f=double)

@@ -5,6 +5,7 @@ What scripts over a world give stands in tests/cases/worlds.
 
 from __future__ import annotations
 
+import ast
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from adapters import ArrayWorld
 from balls import Ball, Balls, BallWorld, Box
 from balls import fixture_box as fixture_box
 from balls import fixture_ss as fixture_ss
+from golden import each_row
 from sessions import code_of
 
 import ss2sql
@@ -227,26 +229,9 @@ def world(ss: ss2sql.Session) -> Attentive:
     return made
 
 
-@pytest.mark.parametrize(
-    ("script", "value", "looks"),
-    [
-        ("SELECT place(this) FROM space.left(2.5) AS list", [1.0, 2.0], 1),
-        ("SELECT this.id FROM space WHERE place(this) == 4 START WITH at = 0.0 "
-         "CONNECT BY NO CYCLE at = place(this) STOP WITH place(this) <= at AS list",
-         [[1, 2, 3, 4], [1, 2, 4], [1, 3, 4], [1, 4], [2, 3, 4], [2, 4], [3, 4], [4]], 1),
-        ("SELECT this.id, (SELECT place(this) FROM space WHERE id == 2 AS value) FROM space AS rows",
-         [(1, 2.0), (2, 2.0), (3, 2.0), (4, 2.0)], 1),
-        # a query that may move the world looks each time
-        ("SELECT push(this, 10.0), place(this), look(this) FROM space AS rows",
-         [(11.0, 11.0, 11.0), (12.0, 12.0, 12.0), (13.0, 13.0, 13.0), (14.0, 14.0, 14.0)], 8),
-        ("SELECT place(this, touch(1)) FROM space AS list", [2.0, 3.0, 4.0, 5.0], 4),
-        ("SELECT eval('place(this, 2)') FROM space AS list", [3.0, 4.0, 5.0, 6.0], 4),
-        # each world has its own memory
-        ("SELECT place(a.this), place(b.this) FROM a = space, b = room WHERE b.id == 2 AS rows",
-         [(1.0, 2.0), (2.0, 2.0), (3.0, 2.0), (4.0, 2.0)], 1),
-    ],
-)  # fmt: skip
-def test_looking_once(ss: ss2sql.Session, world: Attentive, engine: Any, script: str, value: Any, looks: int) -> None:
+@each_row("worlds/looks", "script", "told")
+def test_looking_once(ss: ss2sql.Session, world: Attentive, engine: Any, script: str, told: str) -> None:
+    value, looks = ast.literal_eval(told)
     room = Attentive(Box.row(2))
     ss.attach("room", room)
     ss.attach("space", world)

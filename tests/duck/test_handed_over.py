@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 from typing import Any
 
 import pytest
 from agreement import exact
+from golden import each_row
 from sessions import code_of
 
 import ss2sql
@@ -84,20 +86,9 @@ def test_what_may_fail_is_spared_by_what_stands_before_it(ss: ss2sql.Session, re
     assert set(read) <= {14}
 
 
-@pytest.mark.parametrize(
-    ("script", "count"),
-    [
-        ("a.id, b.id FROM a = sales, b = sales WHERE a.id < 2 AND b.price > 49 AND last(a.id) < b.id AS rows", {2, 1}),
-        ("id, n.this FROM n = [1, 2], s = sales WHERE s.id < n.this AND s.id < 3 AND last(id) >= 0 AS rows", {3}),
-        # A function in FROM is asked for every row, so all have to be there.
-        ("id FROM s = sales, x = last(s.id) WHERE s.id < 2 AS list", {100}),
-        # What is asked may also be None, and groups are made of what is kept.
-        ("name, count(*) FROM sales WHERE NOT name == 'n1' AND last(id) != 3 GROUP BY name AS rows", {67}),
-        ("id FROM sales WHERE last(id) == 3 AND id < 20 AS list", {100}),
-        ("last(id) FROM sales WHERE id < 50 OR name == 'n2' ORDER BY id DESC LIMIT 3 AS list", {67}),
-    ],
-)
-def test_which_rows_are_read(ss: ss2sql.Session, read: list[int], script: str, count: set[int]) -> None:
+@each_row("tables/handed-over", "script", "told")
+def test_which_rows_are_read(ss: ss2sql.Session, read: list[int], script: str, told: str) -> None:
+    count = ast.literal_eval(told)
     value = ss.eval(f"SELECT {script}")
     assert set(read) == count
     as_without_tables(ss, f"SELECT {script}", value)
