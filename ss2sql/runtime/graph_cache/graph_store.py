@@ -32,21 +32,17 @@ from ss2sql.runtime.sqlite.authorizer import READ_ERRORS
 _OTHER_KEYS = "JSON has no form for a dict with keys that are no text"
 
 
+@dataclass(slots=True)
 class CachedStep:
     """A step: its row, the state it leads to, its elements, and what clauses said of it, by their keys.
 
     The state is None where CONNECT BY is not evaluated, the elements where FROM is read again.
     """
 
-    __slots__ = ("after", "elements", "row", "verdicts")
-
-    def __init__(
-        self, row: Row, after: State | None, elements: tuple[Any, ...] | None, verdicts: dict[str, Any]
-    ) -> None:
-        self.row = row
-        self.after = after
-        self.elements = elements
-        self.verdicts = verdicts
+    row: Row
+    after: State | None
+    elements: tuple[Any, ...] | None
+    verdicts: dict[str, Any]
 
 
 def _thaw_stored_value(value: Any) -> Any:
@@ -189,17 +185,19 @@ class GraphStore:
         now = time.strftime(_MOMENT, time.gmtime())
         return bool(self.fetch_rows("SELECT 1 FROM ss2sql_graphs WHERE id = ? AND used < ?", graph, now))
 
-    def describe_graphs(self) -> list[tuple[Any, ...]]:
-        """All graphs: number, query, functions, parameters, states, steps, levels, created, used."""
+    def list_graphs(self) -> Iterator[Graph]:
+        """All graphs, the oldest first. Raises errors of apsw, and what json raises."""
         if not self.fetch_rows("SELECT 1 FROM main.sqlite_schema WHERE name = 'ss2sql_graphs'"):
-            return []
-        graphs = self.fetch_rows(
-            "SELECT id, query, functions, parameters, levels, created, used FROM ss2sql_graphs ORDER BY id"
-        )
+            return
         lengths: dict[int, list[int]] = {}
         for graph, length in self.fetch_rows("SELECT graph, length FROM ss2sql_states"):
             lengths.setdefault(graph, []).append(length)
-        return [(*row[:4], len(lengths.get(row[0], ())), sum(lengths.get(row[0], ())), *row[4:]) for row in graphs]
+        for graph, query, functions, parameters, levels, created, used in self.fetch_rows(
+            "SELECT id, query, functions, parameters, levels, created, used FROM ss2sql_graphs ORDER BY id"
+        ):
+            names, steps = tuple(json.loads(functions)), lengths.get(graph, [])
+            known = json.loads(parameters)
+            yield Graph(graph, query, names, known, len(steps), sum(steps), levels, created, used, self)
 
     @without_keyboard_interrupt
     def drop_graph(self, graph: int | None) -> None:
@@ -308,17 +306,11 @@ class Graphs(tuple[Graph, ...]):
 def list_graphs(store: GraphStore) -> Graphs:
     """The graphs in a store. Raises ExecutionError X009 where it cannot be read."""
     try:
-        return Graphs(_build_cached_graph(store, row) for row in store.describe_graphs())
+        return Graphs(store.list_graphs())
     except (apsw.BusyError, apsw.LockedError) as error:
         raise ExecutionError("X009", f"the remembered graphs cannot be read now: {error}") from error
     except (apsw.Error, ValueError, TypeError, RecursionError) as error:
         raise build_damaged_graph_error(str(error)) from error
-
-
-def _build_cached_graph(store: GraphStore, row: tuple[Any, ...]) -> Graph:
-    number, query, functions, parameters, nodes, edges, levels, created, used = row
-    names = tuple(json.loads(functions))
-    return Graph(number, query, names, json.loads(parameters), nodes, edges, levels, created, used, store)
 
 
 def _format_graph_cell(value: Any) -> str:
