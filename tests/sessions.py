@@ -30,6 +30,22 @@ def code_of(call: Any, *arguments: Any, **named: Any) -> str:
     return caught.value.code
 
 
+def failure(call: Any, *arguments: Any) -> ss2sql.ExecutionError:
+    """The error that a call ends with, which says what to do."""
+    with pytest.raises(ss2sql.ExecutionError) as caught:
+        call(*arguments)
+    assert caught.value.hints
+    assert all(caught.value.hints)
+    return caught.value
+
+
+def answers(ss: ss2sql.Session, script: str) -> Any:
+    """What a script gives, the same on both engines."""
+    one, other = (ss.run(script, engine=engine).value for engine in ENGINES)
+    assert one == other
+    return one
+
+
 def wrong_scripts(name: str) -> Iterator[tuple[str, list[str], str]]:
     """The scripts of `cases/errors/NAME.errors`, each behind the code of its error and words that the error shows."""
     text = (Path(__file__).parent / "cases" / "errors" / f"{name}.errors").read_text("utf-8")

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from random_values import NUMBERS, same
+from sessions import failure
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.kinds import ANY, INT, INT_MIN, Kind, Type, make_list_type, unite
@@ -21,14 +22,6 @@ def call(name: str, *arguments: Any) -> Any:
     python = OPERATIONS[name].value
     assert python is not None
     return python(*arguments)
-
-
-def failure(name: str, *arguments: Any) -> ExecutionError:
-    with pytest.raises(ExecutionError) as caught:
-        call(name, *arguments)
-    assert caught.value.hints
-    assert all(caught.value.hints)
-    return caught.value
 
 
 def attempt(name: str, *arguments: Any) -> tuple[Any, ExecutionError | None]:
@@ -47,13 +40,13 @@ def attempt(name: str, *arguments: Any) -> tuple[Any, ExecutionError | None]:
 def test_hints_name_the_cure() -> None:
     with pytest.raises(ExecutionError, match="1j"):
         check_arithmetic(1j)
-    assert "range(1000000000000) has too many elements" in failure("range", 10**12).message
-    assert "max(SELECT ... AS list)" in failure("max", 5).hints[0]
-    assert "str(...)" in failure("add", 1, "a").hints[0]
-    assert "did you mean 'name'?" in failure("item", {"name": 1, "other": 2}, "nam").hints
-    assert "-1" in failure("item", [1, 2], 5).hints[0]
-    assert "None" in failure("mul", None, 2).hints[0]
-    assert "WHERE" in failure("sum", [None]).hints[0]
+    assert "range(1000000000000) has too many elements" in failure(call, "range", 10**12).message
+    assert "max(SELECT ... AS list)" in failure(call, "max", 5).hints[0]
+    assert "str(...)" in failure(call, "add", 1, "a").hints[0]
+    assert "did you mean 'name'?" in failure(call, "item", {"name": 1, "other": 2}, "nam").hints
+    assert "-1" in failure(call, "item", [1, 2], 5).hints[0]
+    assert "None" in failure(call, "mul", None, 2).hints[0]
+    assert "WHERE" in failure(call, "sum", [None]).hints[0]
 
 
 @given(st.lists(NUMBERS, max_size=6), st.randoms())

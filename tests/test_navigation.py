@@ -13,6 +13,7 @@ from math import dist
 from typing import Any
 
 import pytest
+from cases.functions import vector_add
 from sessions import ENGINES
 
 import ss2sql
@@ -48,12 +49,6 @@ PURE = replaced(
 )
 
 
-def add(left: Any, right: Any) -> Any:
-    if isinstance(left, list) and isinstance(right, list):
-        return [a + b for a, b in zip(left, right, strict=True)]
-    return left + right
-
-
 class Floor:
     """The hall, a world over it, and what the simulator itself says of places."""
 
@@ -74,7 +69,7 @@ class Floor:
         self.home()
         ss = ss2sql.connect()
         ss.attach("space", self.space)
-        ss.function(add)
+        ss.function("add", vector_add)
         ss.function("playSound", lambda file: None, volatility="volatile")
         return ss
 

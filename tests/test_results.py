@@ -223,18 +223,6 @@ def data_lines(text: str) -> list[str]:
     return [line for line in text.splitlines() if line.startswith("│")]
 
 
-def test_a_table_is_never_longer_than_twenty_rows(ss: ss2sql.Session) -> None:
-    result = ss.run("SELECT this FROM range(1000);")
-    assert repr(result) == shown(result).rstrip()
-    for most, rows in ((None, 20), (3, 3), (0, 0), (2000, 1000)):
-        text = shown(result) if most is None else shown(result, max_rows=most)
-        assert len(data_lines(text)) == rows
-        assert (
-            text.splitlines()[-1]
-            == ("1,000 rows" if rows == 1000 else f"1,000 rows, the first {rows} shown") + ", native"
-        )
-
-
 @pytest.mark.parametrize(
     ("script", "caption"),
     [("SELECT this FROM [1];", "1 row, native"), ("SELECT this FROM [];", "0 rows, native"),

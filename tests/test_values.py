@@ -21,9 +21,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from random_values import ALIKE, NUMBERS, REFUSED, VALUES, Thing, Unhashable, label, python_values, same, values
+from sessions import failure
 
 import ss2sql
-from ss2sql.errors import ExecutionError
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.values import (
     Opaque,
@@ -39,14 +39,6 @@ from ss2sql.runtime.sqlite.interning import Interning
 
 lt, le, gt, ge = (OPERATIONS[name].value for name in ("lt", "le", "gt", "ge"))
 GIVER = "the function 'f'"
-
-
-def failure(call: Any, *arguments: Any) -> ExecutionError:
-    with pytest.raises(ExecutionError) as caught:
-        call(*arguments)
-    assert caught.value.hints
-    assert all(caught.value.hints)
-    return caught.value
 
 
 def nested(depth: int, leaf: Any = 1) -> Any:

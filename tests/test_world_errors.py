@@ -13,8 +13,8 @@ import ss2sql
 
 pytest.importorskip("pybullet")
 
-from bullet_rooms import ENGINES, ball
-from sessions import wrong_scripts
+from bullet_rooms import ball
+from sessions import answers, wrong_scripts
 
 from ss2sql import scenes
 from ss2sql.vtables.pybullet.client import start_bullet
@@ -64,13 +64,6 @@ def refused(ss: ss2sql.Session, script: str, engine: Any) -> ss2sql.Error:
 def place(error: ss2sql.Error) -> str:
     assert error.span is not None
     return error.span.source.text[error.span.start : error.span.end]
-
-
-def answers(ss: ss2sql.Session, script: str) -> Any:
-    """What a script gives, the same on both engines."""
-    one, other = (ss.run(script, engine=engine).value for engine in ENGINES)
-    assert one == other
-    return one
 
 
 # --- what has gone -------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from typing import Any
 import fake_openravepy as fake
 import pytest
 from programs.drawn import amount
-from sessions import ENGINES
+from sessions import ENGINES, answers
 from simulators import ARGUMENTS, SIMULATORS, Stage, Things, agree
 
 import ss2sql
@@ -41,13 +41,6 @@ def room(simulator: Any, ss: ss2sql.Session) -> Stage:
     made: Stage = simulator.room()
     ss.attach("space", made.source)
     return made
-
-
-def values(ss: ss2sql.Session, script: str) -> Any:
-    """The value, which is the same on both engines."""
-    one, other = (ss.run(script, engine=engine).value for engine in ENGINES)
-    assert one == other
-    return one
 
 
 # --- random queries ------------------------------------------------------------------------------------
@@ -126,14 +119,14 @@ def test_pages_of_simulators_show_what_code_gives(simulator: Any, capsys: Any, m
 @with_a_room
 def test_columns_of_a_room(room: Stage, ss: ss2sql.Session) -> None:
     columns = "type, mass, isEnabled, isSphere, velocity, angularVelocity, quat, rot"
-    rows = values(ss, f"SELECT {columns} FROM space WHERE mass > 0 AS rows;")
+    rows = answers(ss, f"SELECT {columns} FROM space WHERE mass > 0 AS rows;")
     still = ([0, 0, 0], [0, 0, 0], [0, 0, 0, 1], [0, 0, 0])
     assert rows == [
         ("sphere", 60.0, True, True, *still),
         ("box", 10.0, True, False, *still),
         ("sphere", 51.0, True, True, *still),
     ]
-    (volume, ball), (cube, _), _ = values(ss, "SELECT volume, aabb FROM space WHERE mass > 0 AS rows;")
+    (volume, ball), (cube, _), _ = answers(ss, "SELECT volume, aabb FROM space WHERE mass > 0 AS rows;")
     assert (volume, cube) == pytest.approx((4 / 3 * pi * 0.5**3, 1.0))
     assert ball == [pytest.approx([-0.5, -0.5, 0.5]), pytest.approx([0.5, 0.5, 1.5])]
 
@@ -141,19 +134,19 @@ def test_columns_of_a_room(room: Stage, ss: ss2sql.Session) -> None:
 @with_a_room
 def test_distances_are_between_positions_and_gaps_between_surfaces(room: Stage, ss: ss2sql.Session) -> None:
     script = "SELECT name(c.b), c.distance FROM c = space.closest('ball', None, {}) AS rows;"
-    gaps = values(ss, script.format(9))
+    gaps = answers(ss, script.format(9))
     assert gaps == [("crate", pytest.approx(1.0, abs=1e-6)), ("pearl", pytest.approx(0.4, abs=1e-6))]
-    assert values(ss, script.format(0.5)) == gaps[1:]
+    assert answers(ss, script.format(0.5)) == gaps[1:]
     both = "SELECT c.distance FROM a = space, c = space.closest(a.this, 'pearl', 9) WHERE a.name == 'ball' AS list;"
-    assert values(ss, both) == [gaps[1][1]]
+    assert answers(ss, both) == [gaps[1][1]]
     script = "[distance('ball', 'crate'), distance('ball', [0, 3, 5]), distance([3, 4], 'ball')];"
-    assert values(ss, script) == [2, 5, 5]
+    assert answers(ss, script) == [2, 5, 5]
 
 
 @with_a_room
 def test_above_below_within_and_overlaps_go_by_boxes(room: Stage, ss: ss2sql.Session) -> None:
     def names(condition: str, source: str = "space") -> Any:
-        return values(ss, f"SELECT name FROM {source} WHERE mass > 0 AND {condition} AS list;")
+        return answers(ss, f"SELECT name FROM {source} WHERE mass > 0 AND {condition} AS list;")
 
     assert names("within(this, [[-2, -1, 0], [1, 1, 2]])") == ["ball", "pearl"]
     assert names("above(this, [[1, 0, 0], [-1, 0, 0.5]])") == ["ball", "pearl"]
@@ -161,20 +154,20 @@ def test_above_below_within_and_overlaps_go_by_boxes(room: Stage, ss: ss2sql.Ses
     assert names("below(this, [[1, 0, 4], [2, 0, 5]])") == ["crate"]
     assert names("id >= 0", "space.overlaps([[0.4, 0, 1], [1.6, 1, 1]])") == ["ball", "crate"]
     assert names("id >= 0", "space.overlaps('pearl')") == ["pearl"]
-    assert values(ss, "[within('pearl', 'crate'), above('ball', 'crate')];") == [False, False]
+    assert answers(ss, "[within('pearl', 'crate'), above('ball', 'crate')];") == [False, False]
 
 
 @with_a_room
 def test_bodies_are_tried_out_and_moved(simulator: Any, room: Stage, ss: ss2sql.Session) -> None:
     before = room.look()
     tried = "collision('ball', [1.2, 0]), collision('ball', [1.2, 0, 9]), collision('ball', 'crate'), collision('ball')"
-    assert values(ss, f"[{tried}];") == [True, False, False, False]
+    assert answers(ss, f"[{tried}];") == [True, False, False, False]
     assert room.look() == before
     script = "[move('ball', {0}), checkCollision('ball'), position('ball')];"
-    assert values(ss, "move('ball', [0, 0, 1, 0, 0, 0, 2]);") == [0, 0, 1, 0, 0, 0, 2]
+    assert answers(ss, "move('ball', [0, 0, 1, 0, 0, 0, 2]);") == [0, 0, 1, 0, 0, 0, 2]
     assert ss.run(script.format([1.2, 0])).value == [[1.2, 0], True, [1.2, 0]]
     assert [body.pos for body in room.look() if body.name == "ball"] == [(1.2, 0.0, 1.0)]  # it keeps its height
-    assert values(ss, "[collision('ball'), collision('ball', 'crate'), collision('pearl')];") == [True, True, False]
+    assert answers(ss, "[collision('ball'), collision('ball', 'crate'), collision('pearl')];") == [True, True, False]
     assert ss.run(script.format([-4, 0, 7]), engine="native").value == [[-4, 0, 7], False, [-4, 0]]
 
 
@@ -206,7 +199,7 @@ def test_the_dead_are_gone_and_elements_are_the_same_in_all_sessions(room: Stage
     if room.kill is None:
         return
     room.kill("pearl")
-    assert values(ss, "SELECT name FROM space AS list;") == ["ball", "crate"]
+    assert answers(ss, "SELECT name FROM space AS list;") == ["ball", "crate"]
     assert ball.mass == 60.0
     with pytest.raises(ss2sql.Error, match="no longer exists"):
         pearl.mass  # noqa: B018

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from cases.functions import bag, grow, pair, picky
 
 
 def half(x: Any) -> Any:
@@ -16,10 +17,6 @@ def even(x: Any) -> bool:
     return isinstance(x, int) and x % 2 == 0
 
 
-def pair(x: Any) -> Any:
-    return (x, (x,))
-
-
 def nothing(x: Any) -> None:
     return None
 
@@ -28,18 +25,8 @@ def same(x: Any) -> Any:
     return x
 
 
-def bag(x: int) -> Any:
-    return {x + 1, x, 0}
-
-
 def array(x: int) -> Any:
     return np.array([x, x + 0.5])
-
-
-def grow(values: list[Any]) -> list[Any]:
-    """Changes its argument."""
-    values.append(len(values))
-    return values
 
 
 def flip(values: list[Any]) -> list[Any]:
@@ -49,13 +36,6 @@ def flip(values: list[Any]) -> list[Any]:
         if isinstance(value, list):
             value.append(0)
     return values
-
-
-def picky(x: Any) -> Any:
-    """Raises an exception of its own."""
-    if x == 3:
-        raise ValueError("three is not allowed")
-    return x
 
 
 def lookup(x: Any) -> Any:
