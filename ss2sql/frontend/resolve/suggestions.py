@@ -43,7 +43,9 @@ FOREIGN_FUNCTIONS: dict[str, str] = {
     "hypot": "write norm([{0}, {1}])", "std": "write stddev({0})", "stdev": "write stddev({0})",
     "var_samp": "write variance({0})", "stddev_samp": "write stddev({0})", "typeof": "write type({0})",
     "strptime": "write datetime('2024-05-31 12:30')", "current_timestamp": "write now()", "today": "write date(now())",
-    "current_date": "write date(now())", "enumerate": "write zip(range(len({0})), {0})",
+    **dict.fromkeys(("rand", "random"), "session.function('random', random.random) registers Python's"),
+    "gcd": "session.function('gcd', math.gcd) registers Python's", "current_date": "write date(now())",
+    "enumerate": "write zip(range(len({0})), {0})",
 }  # fmt: skip
 # Names of Oracle.
 _ORACLE = {

@@ -28,7 +28,8 @@ _FIRST = {
 def explain_python(t: ParseFailure) -> ParseError | None:
     """The error for a known spelling of a programming language; None for anything else."""
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _explain_python_for, _explain_lambda, _explain_comprehension, _explain_inner_quote,
+        _explain_python_for, _explain_from_first, _explain_lambda, _explain_comprehension, _explain_item_assignment,
+        _explain_inner_quote,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None)
 
@@ -59,6 +60,25 @@ def _explain_comprehension(t: ParseFailure) -> ParseError | None:
     column = t.cut_text(t.bracket.end, t.peek().end)
     name = t.next.text if t.next.kind == "NAME" else "x"
     return t.explain("P006", "there is no for in SelectScript", f"write (SELECT {column} FROM {name} = ... AS list)")
+
+
+def _explain_from_first(t: ParseFailure) -> ParseError | None:
+    """`FROM people SELECT name`, as some languages have it."""
+    if t.found.kind != "FROM" or t.peek().kind != ";" or t.bracket or t.next.kind == END:
+        return None
+    return t.explain("P001", "a query starts with SELECT, not with FROM", "write SELECT ... FROM ...")
+
+
+def _explain_item_assignment(t: ParseFailure) -> ParseError | None:
+    """`x[0] = 5`."""
+    if t.found.kind != "=" or t.peek().kind != "]" or t.clause or "+" not in t.expected:
+        return None
+    left = t.read_operand()
+    name, bracket, _ = left.partition("[")
+    if not bracket or not name.isidentifier():
+        return None
+    hint = f"assign a new list to {name}, or write {left} == ... to compare"
+    return t.explain("P006", f"an element is not assigned, and {left} is one", hint)
 
 
 def _explain_inner_quote(t: ParseFailure) -> ParseError | None:
@@ -117,7 +137,8 @@ def explain_sql(t: ParseFailure) -> ParseError | None:
     """The error for a known foreign spelling; None for anything else."""
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
         _explain_comment, _explain_sign, _explain_concatenation, _explain_cast, _explain_set_operation,
-        _explain_assignment, _explain_modifier, _explain_missing_as, _explain_after_as, _explain_statement,
+        _explain_option, _explain_each, _explain_unpacking, _explain_assignment, _explain_modifier,
+        _explain_missing_as, _explain_after_as, _explain_statement,
         _explain_word, _explain_star, _explain_dot, _explain_list,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None)
@@ -187,6 +208,56 @@ def _explain_set_operation(t: ParseFailure) -> ParseError | None:
     lists = [f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True)]
     cure = _SETS[f"{word} ALL" if every else word].format(*lists)
     return t.explain("P006", f"there is no {word} in SelectScript", f"write {cure}")
+
+
+# Other names for options of searches.
+_OPTIONS = {"BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "DISTINCT": "UNIQUE", "LIMIT": "MAXIMUM", "TOP": "MAXIMUM",
+            "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0", "GREEDY": "HEURISTIC 0",
+            "NOCYCLE": "NO CYCLE"}  # fmt: skip
+
+
+def _explain_option(t: ParseFailure) -> ParseError | None:
+    """Options of CONNECT BY by other names, or followed by a `=`."""
+    if t.clause != "CONNECT BY":
+        return None
+    begin = max((i for i in range(t.index) if t.tokens[i].kind == "CONNECT"), default=t.index) + 2
+    for index in range(begin, t.index + 1):
+        token, behind = t.tokens[index], t.tokens[min(index + 1, len(t.tokens) - 1)]
+        word, value = token.text.upper(), t.cut_text(behind.end, t.peek().end).strip()
+        if word in OPTIONS and behind.kind == "=" and index + 1 < t.index and t.found.kind == "NAME":
+            return t.explain("P006", f"{word} is an option, and takes no =", f"write {word} {value}", at=token)
+        starts = index == begin and (word != "A" or behind.kind == "*")
+        if starts and word in _OPTIONS and behind.kind in ("*", *VALUES):
+            number = f" {behind.text}" if behind.kind == "INTEGER" else ""
+            return t.explain("P006", f"there is no option {token.text}{'*' if word == 'A' else ''}",
+                           f"write {_OPTIONS[word]}{number}", at=token)  # fmt: skip
+    return None
+
+
+def _explain_each(t: ParseFailure) -> ParseError | None:
+    """`START WITH EACH town = list`."""
+    if t.found.kind != "=" or t.expected != {"IN"}:
+        return None
+    ends = ("CONNECT", ";", END)
+    end = next(token.start for token in t.tokens[t.index :] if (token.keyword or token.kind) in ends)
+    values = t.cut_text(t.found.end, end).strip()
+    return t.explain("P006", "EACH goes through a list", f"write EACH {t.peek().text} IN {values}")
+
+
+def _explain_unpacking(t: ParseFailure) -> ParseError | None:
+    """`a, b = [1, 2]`."""
+    if t.found.kind != "," or t.clause or t.peek().kind != "NAME" or t.peek(2).kind not in (";", END):
+        return None
+    index, names = t.index, [t.peek().text]
+    while t.tokens[index].kind == "," and t.tokens[index + 1].kind == "NAME":
+        names.append(t.tokens[index + 1].text)
+        index += 2
+    if t.tokens[index].kind != "=":
+        return None
+    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
+    parts = "; ".join(f"{name} = both[{number}]" for number, name in enumerate(names))
+    value = t.cut_text(t.tokens[index].end, end).strip()
+    return t.explain("P006", "one name is assigned at a time", f"write both = {value}; {parts}")
 
 
 def _explain_assignment(t: ParseFailure) -> ParseError | None:

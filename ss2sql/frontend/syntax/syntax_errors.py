@@ -52,7 +52,7 @@ def explain_parse_failure(t: ParseFailure) -> ParseError:
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
         _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, foreign_spellings.explain_python,
         foreign_spellings.explain_sql, _explain_misspelling, _explain_closing_bracket, _explain_search_clause,
-        _explain_missing, _explain_chain, _explain_missing_from, _open_bracket, _explain_clause,
+        _explain_missing, _explain_chain, _explain_missing_from, _open_bracket, _explain_clause, _explain_descending,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None) or _explain_surplus(t)
 
@@ -248,6 +248,15 @@ def _explain_clause(t: ParseFailure) -> ParseError | None:
     if word in CLAUSES and word != "SELECT":
         return t.explain("P001", f"{word} does not fit here", f"the order of a query is {ORDER}")
     return None
+
+
+def _explain_descending(t: ParseFailure) -> ParseError | None:
+    """`ORDER BY DESC x`."""
+    word = t.peek()
+    first = t.peek(2).kind in ("BY", ",")
+    if t.clause != "ORDER BY" or not first or word.keyword not in ("ASC", "DESC") or t.found.kind not in VALUES:
+        return None
+    return t.explain("P001", f"{spell(word)} stands after the value", f"write {t.found.text} {spell(word)}", at=word)
 
 
 def _explain_surplus(t: ParseFailure) -> ParseError:
