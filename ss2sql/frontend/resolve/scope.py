@@ -132,18 +132,13 @@ def resolve_dotted_name(scope: Scope | None, name: str, span: Span) -> plan.Expr
     return resolve_bound_name(scope, name, span)
 
 
-def is_open(source: plan.Source) -> bool:
-    """Whether the columns of a source are known only when it is read."""
-    return source.columns is None
-
-
 def resolve_open_source(scope: Scope | None, name: str, span: Span) -> plan.Source | None:
     """The source that a name must be a column of if it is nothing else: the innermost one whose columns are unknown.
 
     Raises ResolveError R004 where there are several that no variable can distinguish.
     """
     for level in scope.list_outwards() if scope else ():
-        candidates = [source for source in level.sources if is_open(source)]
+        candidates = [source for source in level.sources if source.columns is None]
         if len(candidates) > 1 and not any(map(_reads_variable, candidates)):
             choices = " or ".join(f"{source.name}.{name}" for source in candidates)
             message = f"'{name}' may be a column of {len(candidates)} sources"
@@ -163,7 +158,7 @@ def is_name_resolution_final(scope: Scope | None, found: plan.Expr | None) -> bo
             return True
         if isinstance(found, plan.State) and found.query == level.query:
             return True
-        if any(is_open(source) and _reads_variable(source) for source in level.sources):
+        if any(source.columns is None and _reads_variable(source) for source in level.sources):
             return False
         if isinstance(found, plan.Column) and any(source.id == found.source for source in level.sources):
             return True

@@ -51,14 +51,12 @@ _MOST_DEPTH = 25
 class Purity:
     """The volatility of a function, and the reason.
 
-    `reason` is a clause with the function as its subject, such as "calls print"; `line` is the line in the function's
-    own source file that the reason is about, where there is one. `changes` is false where it is proven to
-    change nothing, its arguments included.
+    `reason` is a clause with the function as its subject, such as "calls print". `changes` is false where it is proven
+    to change nothing, its arguments included.
     """
 
     volatility: Volatility
     reason: str
-    line: int | None = None
     changes: bool = field(default=True, compare=False)
 
 
@@ -100,7 +98,7 @@ class Proof:
     def _read_names(self, function: FunctionType) -> FunctionNames:
         code = function.__code__
         if code.co_flags & (inspect.CO_GENERATOR | inspect.CO_COROUTINE | inspect.CO_ASYNC_GENERATOR):
-            raise Unproven("is a generator or coroutine", code.co_firstlineno)
+            raise Unproven("is a generator or coroutine")
         located = locate_function(function)
         if located is None and read_module(code.co_filename, function.__globals__) is None:
             raise Unproven("has no Python source")
@@ -108,7 +106,7 @@ class Proof:
             raise Unproven("is not in its source file as it runs")
         defaults = (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values())
         if not all(is_constant_binding(default) for default in defaults):
-            raise Unproven("has a default argument that may change", code.co_firstlineno)
+            raise Unproven("has a default argument that may change")
         return FunctionNames(function, located, self.findings)
 
     def prove_called(self, value: Any, text: str) -> None:
@@ -142,7 +140,7 @@ def infer_purity(function: Callable[..., object]) -> Purity:
         reason, changes = _prove_callable(function)
         return Purity("immutable", reason, changes=changes)
     except Unproven as unproven:
-        return Purity("volatile", unproven.reason, unproven.line)
+        return Purity("volatile", unproven.reason)
     except RecursionError:
         return Purity("volatile", "is nested too deeply to be followed")
 

@@ -198,12 +198,11 @@ CLASSES = (str, int, float, bool, list, tuple, dict, set, frozenset, itertools.c
 
 
 class Unproven(Exception):  # noqa: N818 - it is a finding, not an error
-    """A function is not proven immutable: `reason` says what it does, `line` where in its file."""
+    """A function is not proven immutable: `reason` says what it does."""
 
-    def __init__(self, reason: str, line: int | None = None) -> None:
+    def __init__(self, reason: str) -> None:
         super().__init__(reason)
         self.reason = reason
-        self.line = line
 
 
 @dataclass(slots=True)

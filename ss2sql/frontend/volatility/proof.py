@@ -68,18 +68,14 @@ class FunctionProof:
         if isinstance(node, ast.Starred):
             self.check_expr(node.value, VALUE | OBJECT)
             return
-        try:
-            self.check_node(node, allowed)
-            excess = self.names.infer_kind(node) & ~allowed
-        except Unproven as error:
-            error.line = error.line or node.lineno
-            raise
+        self.check_node(node, allowed)
+        excess = self.names.infer_kind(node) & ~allowed
         if excess:
             text = ast.unparse(node)[:40]
             if excess & SET:
-                raise Unproven(f"uses the set '{text}' where its order may count", node.lineno)
+                raise Unproven(f"uses the set '{text}' where its order may count")
             what = "a function" if excess & CODE else "an iterator, view or exception"
-            raise Unproven(f"keeps or passes on '{text}', {what}", node.lineno)
+            raise Unproven(f"keeps or passes on '{text}', {what}")
 
     def check_node(self, node: ast.expr, allowed: ResultKind) -> None:
         match node:
@@ -282,11 +278,7 @@ class FunctionProof:
 
     def check_block(self, statements: Iterable[ast.stmt], given: ResultKind) -> None:
         for node in statements:
-            try:
-                self.check_statement(node, given)
-            except Unproven as error:
-                error.line = error.line or node.lineno
-                raise
+            self.check_statement(node, given)
 
     def check_statement(self, node: ast.stmt, given: ResultKind) -> None:
         match node:
