@@ -96,17 +96,16 @@ def make_user_function(
         volatility, reason = purity.volatility, purity.reason
     if vectorized and volatility == "volatile":
         if not inferred:
-            raise _build_volatile_error(name)
+            message = (
+                f"'{name}' takes arrays, so it cannot be volatile: which rows are called together is left to the run"
+            )
+            hint = "declare it stable or immutable, or register it without vectorized"
+            raise SessionError("S002", message, hints=(hint,))
         # Nobody can keep to the written order of calls who leaves it to the run which rows make a block.
         volatility, reason, inferred = "stable", "takes arrays, which says that it is not volatile", False
     size = (takes.minimum, takes.maximum, takes.names)
     body = _find_inlinable_body(name, function, volatility, inverse is not None, vectorized)
     return UserFunction(name, function, volatility, inferred, reason, *size, inverse, vectorized, body, changes)
-
-
-def _build_volatile_error(name: str) -> SessionError:
-    message = f"'{name}' takes arrays, so it cannot be volatile: which rows are called together is left to the run"
-    return SessionError("S002", message, hints=("declare it stable or immutable, or register it without vectorized",))
 
 
 def _find_inlinable_body(

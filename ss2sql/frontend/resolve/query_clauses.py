@@ -41,7 +41,7 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
     scope.grouped = bool(group) or counted
     scope.enter_clause("SELECT")
     columns = _resolve_columns(resolver, tree, scope)
-    scope.columns = _resolve_column_names(resolver, tree, scope, columns)
+    scope.columns = _resolve_column_names(resolver, tree, columns)
     scope.enter_clause("ORDER BY")
     order = tuple(_resolve_order_key(resolver, tree, key, scope, columns) for key in tree.order)
     having = _resolve_optional(resolver, tree.having, scope, "HAVING")
@@ -255,7 +255,7 @@ def _split_column_name(column: ast.Expr | ast.Named | ast.Star) -> tuple[str | N
 
 
 def _resolve_column_names(
-    resolver: Resolver, tree: ast.Query, scope: Scope, columns: tuple[plan.Output, ...]
+    resolver: Resolver, tree: ast.Query, columns: tuple[plan.Output, ...]
 ) -> dict[str, plan.Expr]:
     """The columns of SELECT by the names that `to` or AS gives them."""
     builtin = resolver.catalog.functions["to"].builtin

@@ -121,7 +121,7 @@ class Proof:
             try:
                 self.prove_function(value, VALUE)
             except Unproven as error:
-                raise Unproven(f"calls {text}, which {error.reason}") from None
+                raise Unproven(f"calls {text}, which {error}") from None
         elif type(value) is CACHE_TYPE:
             self.findings.cached = text
             self.prove_called(unwrap_cache(value), text)
@@ -140,7 +140,7 @@ def infer_purity(function: Callable[..., object]) -> Purity:
         reason, changes = _prove_callable(function)
         return Purity("immutable", reason, changes=changes)
     except Unproven as unproven:
-        return Purity("volatile", unproven.reason)
+        return Purity("volatile", str(unproven))
     except RecursionError:
         return Purity("volatile", "is nested too deeply to be followed")
 

@@ -198,11 +198,7 @@ CLASSES = (str, int, float, bool, list, tuple, dict, set, frozenset, itertools.c
 
 
 class Unproven(Exception):  # noqa: N818 - it is a finding, not an error
-    """A function is not proven immutable: `reason` says what it does."""
-
-    def __init__(self, reason: str) -> None:
-        super().__init__(reason)
-        self.reason = reason
+    """A function is not proven immutable; the reason has the function as its subject."""
 
 
 @dataclass(slots=True)
