@@ -71,10 +71,18 @@ class TimedCalls:
         return self.seconds / max(self.calls, 1)
 
     @property
+    def is_known(self) -> bool:
+        """Whether enough calls were made to say what one costs."""
+        return self.calls >= SAMPLES or self.seconds >= LONG
+
+    @property
+    def may_be_shared(self) -> bool:
+        """Whether other processes get calls of it, or it is too early to say."""
+        return isinstance(self.sent, TransferableFunction) and (self.cost >= CHEAP or not self.is_known)
+
+    @property
     def is_shared(self) -> bool:
-        """Whether other processes get calls of it: it is known what one costs, and that is enough."""
-        known = self.calls >= SAMPLES or self.seconds >= LONG
-        return isinstance(self.sent, TransferableFunction) and known and self.cost >= CHEAP
+        return self.may_be_shared and self.is_known
 
     def note_time(self, calls: int, seconds: float) -> None:
         self.calls += calls
@@ -215,7 +223,7 @@ class CallPrefetcher:
         """
         for place in range(0, len(level), BLOCK):
             block = level[place : place + BLOCK]
-            if self.remembers and any(timed.is_shared for timed in self.functions.values()):
+            if self.remembers and any(timed.may_be_shared for timed in self.functions.values()):
                 self._prefetch_calls([BlockCalls(notes, at, state) for at, state in enumerate(block, place)], seen)
             yield from block
 
