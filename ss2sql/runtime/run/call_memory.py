@@ -63,8 +63,7 @@ class CallMemo:
         self.plain, self.exact, self.elements, self.failures, self.calls, self.hits = outer
         return counts
 
-    def keep_result(self, arguments: tuple[Any, ...], result: Any, key: bytes | None = None) -> None:
-        """Keeps a result; `key` are marshal's bytes of the arguments, where they are known."""
+    def keep_result(self, arguments: tuple[Any, ...], result: Any) -> None:
         plain, exact = self.plain, self.exact
         if len(plain) + len(exact) >= self.limit:
             if not self.limit:
@@ -73,7 +72,7 @@ class CallMemo:
         if result is not None and UNAMBIGUOUS_TYPES.issuperset(map(type, arguments)):
             plain[arguments] = result
         else:
-            exact[key or marshal.dumps(arguments, 2)] = result
+            exact[marshal.dumps(arguments, 2)] = result
 
     def keep_elements(self, key: bytes, elements: tuple[Any, ...]) -> None:
         if len(self.elements) >= self.limit:

@@ -88,7 +88,6 @@ class FunctionCallback:
                     memo.hits += 1
                     return result
             execution = stack[-1]
-            key, keeps = None, remembers
             if memo.exact or memo.failures:
                 key = dumps(arguments, 2)
                 result = memo.exact.get(key, _MISSING)
@@ -108,7 +107,6 @@ class FunctionCallback:
             if bytes in map(type, arguments):
                 convert = execution.interning.decode_copy if changes else execution.interning.decode_read_only
                 values = tuple([convert(value) if type(value) is bytes else value for value in arguments])
-                keeps = keeps and self.can_remember(execution.interning, arguments)
             if run.interrupted or run.bounds.deadline is not None:
                 run.check()  # a slow function must not keep a timeout waiting
             memo.calls += 1
@@ -120,8 +118,8 @@ class FunctionCallback:
                     raise OtherFormError  # SQLite would take it for false
             except Exception as reason:
                 self._raise_through_sqlite(execution, arguments, reason, result)
-            if keeps:
-                memo.keep_result(arguments, encoded, key)
+            if remembers and self.can_remember(execution.interning, arguments):
+                memo.keep_result(arguments, encoded)
             return encoded
 
         return call_from_sql
