@@ -35,7 +35,7 @@ FUNCTIONS = {
         session/session.py Session.run · frontend/syntax/parser.py parse · frontend/syntax/tokenizer.py tokenize ·
         frontend/syntax/parser.py run_automaton · frontend/syntax/tree_builder.py Builder.query ·
         frontend/resolve/resolver.py resolve · frontend/resolve/query_clauses.py resolve_query ·
-        frontend/resolve/from_clause.py resolve_sources · frontend/resolve/search_options.py resolve_search_options ·
+        frontend/resolve/from_clause.py resolve_sources · frontend/resolve/search_clauses.py resolve_search_options ·
         lowering/rewrites/__init__.py optimise · session/execution.py execute_script · session/compiled_query.py
         CompiledQuery.run_query · runtime/representations/shape.py Representations.represent_rows ·
         runtime/representations/rows_as_values.py as_dict

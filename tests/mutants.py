@@ -47,7 +47,7 @@ KILLERS = FOLDER.parent / "mutant_killers.json"  # how many mutants each test ha
 # The lowering, and the stage that resolves.
 MUTATED = (
     "lowering/**/*.py",
-    *(f"frontend/resolve/{n}.py" for n in ("resolver", "query_clauses", "from_clause", "grouping", "search_options")),
+    *(f"frontend/resolve/{n}.py" for n in ("resolver", "query_clauses", "from_clause", "grouping", "search_clauses")),
 )
 # What a fork cannot run; what runs in processes of its own, so that it would not see the mutant; and what presses
 # Ctrl-C, which may find coverage holding a lock.

@@ -14,8 +14,8 @@ from ss2sql.cli import COMMANDS, main
 from ss2sql.errors import CODES
 from ss2sql.extras import PACKAGES
 from ss2sql.frontend.resolve.query_clauses import SYNONYMS
-from ss2sql.frontend.resolve.search_options import ORDERS as ORDER_WORDS
-from ss2sql.frontend.resolve.search_options import REPEATS
+from ss2sql.frontend.resolve.search_clauses import ORDERS as ORDER_WORDS
+from ss2sql.frontend.resolve.search_clauses import REPEATS
 from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, RESERVED
 from ss2sql.language.operations import WRITTEN
 from ss2sql.lowering.rewrites import REWRITES

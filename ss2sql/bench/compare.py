@@ -210,11 +210,11 @@ def _are_answers_equal(one: Result, other: Result) -> bool:
     if (first.paths is None) != (second.paths is None):
         return False
     if first.paths is None or second.paths is None:
-        return _are_same_rows(first.rows or (), second.rows or ())
-    return len(first.paths) == len(second.paths) and all(map(_are_same_rows, first.paths, second.paths))
+        return _do_engines_agree_on_rows(first.rows or (), second.rows or ())
+    return len(first.paths) == len(second.paths) and all(map(_do_engines_agree_on_rows, first.paths, second.paths))
 
 
-def _are_same_rows(ours: Sequence[Row], theirs: Sequence[Row]) -> bool:
+def _do_engines_agree_on_rows(ours: Sequence[Row], theirs: Sequence[Row]) -> bool:
     return len(ours) == len(theirs) and all(
         are_answers_identical(list(one), list(other)) for one, other in zip(ours, theirs, strict=True)
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from ss2sql.errors import SessionError, Source
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.frontend.resolve.search_options import ORDERS, REPEATS
+from ss2sql.frontend.resolve.search_clauses import ORDERS, REPEATS
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
 

@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias
 
 from ss2sql.errors import ParseError, Source
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.frontend.resolve.search_options import ORDERS, REPEATS
+from ss2sql.frontend.resolve.search_clauses import ORDERS, REPEATS
 from ss2sql.frontend.syntax import ast, tokenizer
 from ss2sql.frontend.syntax.parse_failure import ALONE, CLAUSES, PAIRS, VALUES
 from ss2sql.frontend.syntax.parse_table import END, load_parse_table

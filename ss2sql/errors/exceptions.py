@@ -116,7 +116,8 @@ def render_error(error: Error, color: bool = False) -> str:
     spans = [mark.span for mark in marks]
     if error.span is not None:
         spans.append(error.span)
-    page = _Page(max((len(str(span.source.find_line_column(span.end)[0])) for span in spans), default=1), color)
+    width = max((len(str(span.source.find_line_column(span.end)[0])) for span in spans), default=1)
+    page = _RenderedError(width, color)
     code = page.color_text(RED, f"error[{error.code}]")
     message = page.color_text(BOLD, f": {escape_controls(error.message)}")
     page.lines.append(code + message)
@@ -164,7 +165,7 @@ def _find_last_marked_line(span: Span) -> int:
 
 
 @dataclass(slots=True)
-class _Page:
+class _RenderedError:
     """Lines of a rendered error under construction: the gutter is as wide as the largest line number."""
 
     width: int

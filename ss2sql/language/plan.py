@@ -377,7 +377,7 @@ class OrderKey:
 class Representation:
     """`AS name(arguments)`; the arguments may mention script variables and outer queries only.
 
-    The last `hidden` columns of the query are for the representation alone, see frontend/resolve/hidden_columns.py.
+    The last `hidden` columns of the query are for the representation alone, see frontend/resolve/query_clauses.py.
     `facts` names each other column as a fact, with the hidden columns that are its arguments. `labels` are the
     positions of columns whose name is the value of a hidden column, one for each row.
     """

@@ -117,7 +117,7 @@ def make_unique_name(name: str, taken: Collection[str]) -> str:
     return candidate
 
 
-def make_unique_names(names: Iterable[str]) -> tuple[str, ...]:
+def make_unique_column_names(names: Iterable[str]) -> tuple[str, ...]:
     """The names of columns, a repeated one with `_2`, then `_3`."""
     taken: dict[str, None] = {}
     for name in names:
@@ -214,4 +214,4 @@ class Table:
 
     def _choose_names(self, labels: tuple[Any, ...]) -> tuple[str, ...]:
         names = dict(enumerate(self.columns)) | dict(zip(self.labels, map(make_label, labels), strict=True))
-        return make_unique_names(names.values())
+        return make_unique_column_names(names.values())

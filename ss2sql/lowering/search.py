@@ -20,8 +20,8 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import is_flag
 from ss2sql.language.plan_traversal import find_direct_assignments, has_query, list_parts, list_states, walk
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.element_calls import add_call_columns, find_element_calls
 from ss2sql.lowering.flat import FlatLowering, lower_aggregate_inputs, lower_group_inputs
+from ss2sql.lowering.from_clause import add_call_columns, find_element_calls
 from ss2sql.lowering.recursive_query import RecursiveQuery, iterate_sql_element_reads, shorten_sql_column_name
 from ss2sql.lowering.search_step import (
     SearchStep,

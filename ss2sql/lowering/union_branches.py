@@ -167,7 +167,7 @@ def find_union_branches(query: plan.Query) -> UnionBranches | None:
     if not isinstance(source, plan.ValueSource):
         return None
     items = (
-        _get_number_elements(query, source.value)
+        _list_branch_values(query, source.value)
         if isinstance(source.value, plan.Constant)
         else _get_list_elements(source.value)
     )
@@ -187,7 +187,7 @@ def _get_list_elements(value: plan.Expr) -> tuple[plan.Expr, ...]:
     return value.items if isinstance(value, plan.MakeList) else ()
 
 
-def _get_number_elements(query: plan.Query, value: plan.Constant) -> tuple[plan.Expr, ...]:
+def _list_branch_values(query: plan.Query, value: plan.Constant) -> tuple[plan.Expr, ...]:
     """Those of a literal of a few numbers, which is a constant; a function that takes one is called with the list."""
     items = value.value
     few = type(items) is list and len(items) <= MAX_NUMBERS and all(type(item) in (int, float) for item in items)

@@ -36,7 +36,7 @@ from ss2sql.runtime.sqlite.column_types import STORED
 from ss2sql.runtime.sqlite.database_tables import Tables
 from ss2sql.runtime.sqlite.executor import Database
 from ss2sql.runtime.sqlite.file_locks import close_file, while_using_files
-from ss2sql.runtime.sqlite.function_names import BUILT_IN, choose_function_names
+from ss2sql.runtime.sqlite.function_callbacks import BUILT_IN, choose_function_names
 from ss2sql.session.session_functions import SessionFunctions
 from ss2sql.session.session_lock import SessionLock, SessionResources
 from ss2sql.session.triggers import Triggers

@@ -58,7 +58,7 @@ class NotInlinable(Exception):  # noqa: N818 - it is a finding, not an error
     """The call cannot be inlined; the reason is a clause."""
 
 
-class Instance:
+class InlinedBody:
     """The expression for one call.
 
     `column` reads a column that an element certainly has. The caller guarantees that the arguments fit the parameters.
@@ -303,7 +303,7 @@ class Inliner:
         """The replacement of a call whose arguments are already processed."""
         place = (id(call.span.source), call.span.start, call.function.name)
         try:
-            result = Instance(call, self._find_column).expr
+            result = InlinedBody(call, self._find_column).expr
         except NotInlinable as refused:
             self.sites[place] = InlinedCall(call.function, str(refused))
             return call

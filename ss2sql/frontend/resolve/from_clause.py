@@ -6,9 +6,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ss2sql.errors import Error, ResolveError, Span, suggest_names
-from ss2sql.frontend.resolve.scope import Scope, resolve_this
-from ss2sql.frontend.resolve.world_references import (
+from ss2sql.frontend.resolve.scope import (
+    Scope,
     resolve_function_source,
+    resolve_this,
     resolve_world,
     resolve_world_source,
     resolve_world_table,

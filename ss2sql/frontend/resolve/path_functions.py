@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ResolveError, Span
 from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.resolve.grouping import renumber_node
 from ss2sql.frontend.resolve.scope import Scope
-from ss2sql.frontend.resolve.structural_equality import renumber_node
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, make_list_type

@@ -24,10 +24,12 @@ from ss2sql.frontend.resolve.scope import (
     list_names_in_scope,
     resolve_bound_name,
     resolve_dotted_name,
+    resolve_equality,
     resolve_open_source,
     resolve_source,
     resolve_source_column,
     resolve_this,
+    resolve_world_call,
 )
 from ss2sql.frontend.resolve.suggestions import (
     Place,
@@ -36,7 +38,6 @@ from ss2sql.frontend.resolve.suggestions import (
     explain_unknown_name,
     suggest_row_query,
 )
-from ss2sql.frontend.resolve.world_references import resolve_equality, resolve_world_call
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, BOOL, NONE, Kind, Type, make_list_type, type_of, unite

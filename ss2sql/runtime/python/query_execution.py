@@ -8,7 +8,7 @@ from itertools import islice
 from typing import Any
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.rows import Row, Rows, build_row_limit_error, make_unique_names
+from ss2sql.language.rows import Row, Rows, build_row_limit_error, make_unique_column_names
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.run.array_calls import BLOCK, Blocks, StagedRows, iterate_call_blocks
 from ss2sql.runtime.run.option_checks import find_lowest_run_limit
@@ -73,7 +73,7 @@ class QueryExecution:
         found: Iterator[Any] = every if maximum is None else _take_first(every, maximum, answer)
         found = _drop_duplicates(found, self._needs_keys) if query.distinct else found
         if settings.labels is not None:
-            answer.columns = make_unique_names(settings.labels)
+            answer.columns = make_unique_column_names(settings.labels)
         results: list[Any] = []
         if not query.gives_paths:
             answer.rows, answer.paths = results, None

@@ -79,7 +79,7 @@ def generate_noted_steps(
         query = replace(query, where=None, search=replace(search, stop=None, weight=None, heuristic=None))
     elif not can_be_noted(builder, query):
         return build.constant(None)
-    step = NotedStep(builder, query, loops, replace(form, noted=True), columns)
+    step = NotedStepFunction(builder, query, loops, replace(form, noted=True), columns)
     function = step.write_function()
     reverse = find_regression(query) if query.search is not None and search.plain else "it has options"
     backwards = [build.constant(None)] * 2
@@ -91,7 +91,7 @@ def generate_noted_steps(
     return build.pack(build.name(function), *backwards, *(build.name(codegen.embed(part)) for part in made))
 
 
-class NotedStep(StepFunction):
+class NotedStepFunction(StepFunction):
     """Writes the step function with notes."""
 
     def __init__(
@@ -167,7 +167,7 @@ class NotedStep(StepFunction):
         self.inner.moved = {}
         build, names = self.build, list(self.slots.values())
         values = [
-            super(NotedStep, self)._write_value(self.plain[key]) if key in self.plain else build.name(name)
+            super(NotedStepFunction, self)._write_value(self.plain[key]) if key in self.plain else build.name(name)
             for key, name in self.slots.items()
         ]
         note = ast.Subscript(build.name(self.note), ast.Slice(None, None, None, **build.at), ast.Store(), **build.at)

@@ -32,7 +32,7 @@ class _TooManyStepsError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class TableColumn:
+class DatabaseColumn:
     """A column with its declared type. `leads_index`: an index, or the table itself, is sorted by its values."""
 
     name: str
@@ -57,13 +57,13 @@ def quote_sqlite_name(name: str) -> str:
     return '"' + name.replace('"', '""') + '"'
 
 
-def infer_table_types(connection: apsw.Connection, table: str, columns: Sequence[TableColumn]) -> dict[str, Type]:
+def infer_table_types(connection: apsw.Connection, table: str, columns: Sequence[DatabaseColumn]) -> dict[str, Type]:
     """The types of the columns of a table. Raises what apsw raises."""
     kinds = _find_column_kinds(connection, table, columns)
     return {name: Type(found) for name, found in kinds.items()} | _find_sqlite_bounds(connection, table, columns, kinds)
 
 
-def infer_view_types(connection: apsw.Connection, view: str, columns: Sequence[TableColumn]) -> dict[str, Type]:
+def infer_view_types(connection: apsw.Connection, view: str, columns: Sequence[DatabaseColumn]) -> dict[str, Type]:
     """The same of a view, without bounds: what it computes may change with every look at it, as random() does.
 
     Infinities are looked for all the same: `a * 0` is None in SQLite where `a` is infinite, and NaN in Python.
@@ -94,7 +94,7 @@ def _limit_sqlite_steps(connection: apsw.Connection) -> Iterator[None]:
         connection.set_progress_handler(None, id=count_step)
 
 
-def _find_column_kinds(connection: apsw.Connection, table: str, columns: Sequence[TableColumn]) -> dict[str, Kind]:
+def _find_column_kinds(connection: apsw.Connection, table: str, columns: Sequence[DatabaseColumn]) -> dict[str, Kind]:
     kinds = {column.name: Kind.INT if column.rowid else Kind(0) for column in columns}
     tested = [column for column in columns if not column.rowid]
     tests = ", ".join(f"typeof({column.quoted})" for column in tested)
@@ -108,7 +108,7 @@ def _find_column_kinds(connection: apsw.Connection, table: str, columns: Sequenc
 
 
 def _find_sqlite_bounds(
-    connection: apsw.Connection, table: str, columns: Sequence[TableColumn], kinds: Mapping[str, Kind]
+    connection: apsw.Connection, table: str, columns: Sequence[DatabaseColumn], kinds: Mapping[str, Kind]
 ) -> dict[str, Type]:
     """The types of the columns that hold numbers and None alone.
 

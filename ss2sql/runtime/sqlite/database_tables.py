@@ -20,7 +20,7 @@ from ss2sql.language.kinds import Kind, Type
 from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, build_sqlite_error
 from ss2sql.runtime.sqlite.column_types import (
     STORED,
-    TableColumn,
+    DatabaseColumn,
     infer_table_types,
     infer_view_types,
     quote_sqlite_name,
@@ -64,7 +64,7 @@ class KnownTable:
     """A table or view as it was found in a version of its database, with the types of columns that were looked at."""
 
     def __init__(
-        self, version: Version, source: plan.TableSource, columns: tuple[TableColumn, ...], keys: frozenset[str]
+        self, version: Version, source: plan.TableSource, columns: tuple[DatabaseColumn, ...], keys: frozenset[str]
     ) -> None:
         self.version = version
         self.source = source
@@ -72,11 +72,11 @@ class KnownTable:
         self.keys = keys
         self.types: dict[str, Type] = {}
 
-    def find_unknown_columns(self, read: Container[str] | None) -> list[TableColumn]:
+    def find_unknown_columns(self, read: Container[str] | None) -> list[DatabaseColumn]:
         """The columns that somebody reads who reads these, as far as their types are not known."""
         return [one for one in self._find_columns_read(read) if one.name not in self.types]
 
-    def _find_columns_read(self, read: Container[str] | None) -> list[TableColumn]:
+    def _find_columns_read(self, read: Container[str] | None) -> list[DatabaseColumn]:
         """The columns that are read; those of the primary key, which sorts rows, always are."""
         return [one for one in self.columns if read is None or one.name in read or one.name in self.keys]
 
@@ -321,10 +321,10 @@ class Tables:
         source = plan.TableSource(0, name, schema, name, (), order, collated, (), indexes, indexed, kept_by, span=None)  # type: ignore[arg-type]
         led = {entry[0][0] for entry in indexes} - set(collated)
         rowid = {key for (key, *_), index in indexes if not index and not without_rowid}
-        declared = tuple(TableColumn(c, words, c in led, c in rowid) for c, words, *_ in rows)
+        declared = tuple(DatabaseColumn(c, words, c in led, c in rowid) for c, words, *_ in rows)
         if kind == "view":
             self._check_view(schema, name)
-            declared = tuple(TableColumn(c, words) for c, words, *_ in rows)
+            declared = tuple(DatabaseColumn(c, words) for c, words, *_ in rows)
         return KnownTable(version, source, declared, frozenset(keys))
 
     def _find_indexes(

@@ -33,7 +33,6 @@ from ss2sql.runtime.run.option_checks import check_cost, check_heuristic, check_
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.search_paths import SearchPaths
 from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, Authorizer, find_sqlite_run_error
-from ss2sql.runtime.sqlite.element_calls import SqliteElementCalls
 from ss2sql.runtime.sqlite.function_callbacks import (
     CompletedCalls,
     FunctionCallback,
@@ -43,7 +42,7 @@ from ss2sql.runtime.sqlite.function_callbacks import (
     make_final_callback,
 )
 from ss2sql.runtime.sqlite.interning import FALSE, TRUE, Interning, OtherFormError, make_decoder, make_row_decoder
-from ss2sql.runtime.sqlite.list_elements import CallRequest, ColumnsFor, ElementColumns, ListModules
+from ss2sql.runtime.sqlite.list_elements import CallRequest, ColumnsFor, ElementColumns, ListModules, SqliteElementCalls
 from ss2sql.runtime.sqlite.search_functions import FUNCTIONS, SearchState, StepNumbers
 from ss2sql.runtime.sqlite.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, intern_element_columns
 from ss2sql.runtime.sqlite.virtual_table import WorldModules

@@ -101,7 +101,7 @@ def convert_array(array: Array, missing: Array | None, place: str, suffix: str =
             doubles = array.astype(numpy.float64) if array.dtype != numpy.float64 else array
             return _make_frame_numbers(Kind.FLOAT, doubles, _join_nulls(missing, numpy.isnan(doubles)), place)
         case "M":
-            return make_frame_texts(
+            return make_text_column(
                 _join_nulls(missing, numpy.isnat(array)), lambda: _format_frame_times(array, suffix)
             )
         case "m":
@@ -114,7 +114,7 @@ def make_frame_objects(values: list[Any], place: str) -> Column:
     return Column(type_of(known).item or Type(), lambda: known)
 
 
-def make_frame_texts(missing: Array | None, make: Callable[[], list[Any]]) -> Column:
+def make_text_column(missing: Array | None, make: Callable[[], list[Any]]) -> Column:
     """The column for strings that UTF-8 can encode. `make` gives them, with any value where they are missing."""
     return Column(Type(Kind.STR | _find_nulls(missing)), lambda: _insert_nulls(make(), missing))
 
@@ -125,7 +125,7 @@ def make_frame_nulls(length: int) -> Column:
 
 def make_frame_times(array: Array, missing: Array | None) -> Column:
     """The column for times of the day, given as times of the first day."""
-    return make_frame_texts(missing, lambda: [text.partition("T")[2] for text in _format_frame_times(array, "")])
+    return make_text_column(missing, lambda: [text.partition("T")[2] for text in _format_frame_times(array, "")])
 
 
 def _make_frame_numbers(kind: Kind, array: Array, missing: Array | None, place: str) -> Column:

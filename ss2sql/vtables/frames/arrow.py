@@ -10,8 +10,8 @@ from ss2sql.vtables.frames.array_columns import (
     convert_array,
     make_frame_nulls,
     make_frame_objects,
-    make_frame_texts,
     make_frame_times,
+    make_text_column,
 )
 from ss2sql.vtables.frames.frame import Column, Frame, name_frame_columns
 
@@ -51,7 +51,7 @@ def convert_arrow_column(array: Any, place: str) -> Column:
     if types.is_null(kind):
         return make_frame_nulls(length)
     if types.is_string(kind) or types.is_large_string(kind):
-        return make_frame_texts(missing, array.to_pylist)
+        return make_text_column(missing, array.to_pylist)
     if types.is_boolean(kind):
         return convert_array(array.fill_null(False).to_numpy(zero_copy_only=False), missing, place)
     if types.is_integer(kind) or types.is_floating(kind):

@@ -214,11 +214,11 @@ class OpenRaveJoints(Table):
 
     def read_state(self, key: tuple[int, int]) -> tuple[float | None, float | None]:
         joint = self.get_joint(key)
-        return _take_single(joint.GetValues()), _take_single(joint.GetVelocities())
+        return _unwrap_openrave_value(joint.GetValues()), _unwrap_openrave_value(joint.GetVelocities())
 
     def read_limits(self, key: tuple[int, int]) -> tuple[float | None, float | None]:
         lower, upper = self.get_joint(key).GetLimits()
-        return _take_single(lower), _take_single(upper)
+        return _unwrap_openrave_value(lower), _unwrap_openrave_value(upper)
 
 
 class OpenRaveWorld(BodyWorld):
@@ -325,7 +325,7 @@ def _convert_floats(values: Any) -> list[float]:
     return [float(value) for value in values]
 
 
-def _take_single(values: Any) -> float | None:
+def _unwrap_openrave_value(values: Any) -> float | None:
     return float(values[0]) if len(values) == 1 else None
 
 
