@@ -465,8 +465,10 @@ def test_what_cannot_be_drawn() -> None:
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of what was found, little is written: an endless search finds very much."""
+    """Of what was found, little is written: an endless search finds very much. No timeout has to wait for imports."""
     monkeypatch.setattr(running, "MOST_BROKEN_OFF", 100)
+    for engine in ("database", "native"):
+        assert call("run", "-e", ENDLESS, "--maximum", "1", "--engine", engine).exit_code == 0
 
 
 def broken_off(*arguments: str) -> tuple[Any, str]:
