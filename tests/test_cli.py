@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import csv
+import gc
 import io
 import json
 import re
@@ -472,6 +473,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def broken_off(*arguments: str) -> tuple[Any, str]:
+    gc.collect()  # the paths of the run before would be let go of within the time of this one
     answer = call("run", "--timeout", "0.3", "--format", "json", *arguments)
     assert answer.exit_code == 124
     return json.loads(answer.stdout), answer.stderr
