@@ -293,8 +293,10 @@ def forked(action: Callable[[Callable[[str], object]], None], seconds: float) ->
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
         if seconds < math.inf:
             resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(seconds), math.ceil(seconds) + 5))
-        action(lambda line: os.write(writing, f"{line}\n".encode()))
-        os._exit(0)
+        try:
+            action(lambda line: os.write(writing, f"{line}\n".encode()))
+        finally:
+            os._exit(0)  # whatever is raised: the code after this is the parent's
     os.close(writing)
     last, ended = heard(reading, 10 * seconds)
     os.close(reading)
