@@ -143,6 +143,7 @@ class _PreparedStatements:
 
 # --- going from level to level in DuckDB: steps from the states of a level are tried, then a statement says which sta
 TRIES = 2_000  # steps of a level that are SQL but tried in memory: DuckDB takes 5 ms for the smallest one
+MAX_LOOKED_UP = 20_000  # elements that a search in memory reads, to look up those of a state
 BLOCK = 5_000  # steps that are added to their table at once
 
 
@@ -155,14 +156,20 @@ class DuckSearch:
 
     def find_results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
-        tries = TRIES // max(len(self.steps.elements), 1) if isinstance(self.steps, SqlSteps) else math.inf
-        beginning = FirstLevels(self.search_run, tries)
+        beginning = FirstLevels(self.search_run, self._choose_state_limit())
         yield from map(beginning.make_result, beginning.find_goals())
         depth, going = len(beginning.levels), len(beginning.frontier)
         if going:
             steps = self._load_first_levels(beginning)
             del beginning  # the tables have it all
             yield from self._search_levels(depth, steps, going)
+
+    def _choose_state_limit(self) -> float:
+        """How many states a level may have that is done in memory."""
+        if not isinstance(self.steps, SqlSteps):
+            return math.inf
+        elements, joined = len(self.steps.elements), self.steps.steps.counted is not None
+        return TRIES if joined and elements <= MAX_LOOKED_UP else TRIES // max(elements, 1)
 
     def _load_first_levels(self, beginning: FirstLevels) -> int:
         """Hands over what the first levels have come to; gives the number of the last step."""
