@@ -141,8 +141,7 @@ class _StepWriter:
         columns = {output.name: output.expr for output in source.query.columns}
 
         def read_column(expr: plan.Element | plan.Column) -> Node:
-            if isinstance(expr, plan.Element):
-                raise build_refusal("a whole row is a dict, which has no type there", expr.span)
+            assert isinstance(expr, plan.Column), "a whole row is a dict, which has no type there"
             return self.portable.lower_value(columns[expr.name], self.name_scope)
 
         self.name_scope = self.name_scope.with_source(source.id, read_column)
