@@ -69,6 +69,7 @@ WALKS = [
     ("b FROM (SELECT b, a + 0 AS at FROM roads WHERE b < 5 AND a == n) {} n = b", True, [[2], [3], [2, 4]]),
     ("b FROM (SELECT x.b FROM x = roads, k = kinds WHERE x.a == n AND k.of == x.b AND k.open) {} n = b", True,
      [[3], [3, 4]]),
+    ("b FROM (SELECT * FROM roads WHERE a == n + off AND word != other) {} n = b", True, [[2], [3], [2, 4], [2, 4, 5]]),
     ("b FROM (SELECT * FROM roads WHERE a == n LIMIT 1) {} n = b", False, [[2], [2, 4], [2, 4, 5]]),
     ("r.this['b'] AS b FROM r = (SELECT * FROM roads WHERE a == n) {} n = r.this['b']", False,
      [[2], [3], [2, 4], [2, 4, 5]]),
@@ -82,6 +83,8 @@ def test_steps_join_tables_where_they_are(
     own.execute("CREATE TABLE roads AS SELECT * FROM (VALUES (1, 2), (1, 3), (2, 4), (3, 4), (4, 5)) AS v(a, b)")
     own.execute("CREATE TABLE kinds AS SELECT * FROM (VALUES (3, TRUE), (4, TRUE), (2, FALSE)) AS v(of, open)")
     monkeypatch.setattr(duckdb_search, "TRIES", 0)  # so that the first levels are DuckDB's, too
+    for name, value in {"off": 0, "word": "ab", "other": ""}.items():
+        ss.set(name, value)
     script = "SELECT " + walk.format("START WITH n = 1 CONNECT BY {}")
     for order in ("UNIQUE", "BREADTH FIRST", "BREADTH FIRST NO CYCLE"):
         for more in ("", "GROUP BY n", "ORDER BY n DESC, b"):

@@ -196,9 +196,7 @@ class DuckSearch:
             depth += 1
             generated = search_run.stats.generated
             if isinstance(self.steps, SqlSteps):
-                counted = self.steps.steps.counted
-                ((matched,),) = [(None,)] if counted is None else tables.read_rows(counted, kept=True, depth=depth)
-                self.steps.count_tries(going, matched)
+                self.steps.count_tries(going, self._count_matched(depth))
             else:
                 self._expand_level(depth)
             kept = tables.add_rows(written.kept, steps, depth=depth, **self.steps.values)
@@ -208,6 +206,14 @@ class DuckSearch:
             goals, going = self._count_goals_and_continuing(depth, kept)
             if goals:
                 yield from self._read_goals(depth)
+
+    def _count_matched(self, depth: int) -> int | None:
+        """How many elements the states of a level have where FROM chooses them; None where each has all of them."""
+        counted = self.steps.steps.counted
+        if counted is None:
+            return None
+        ((matched,),) = self.tables.read_rows(counted, kept=True, depth=depth, **self.steps.values)
+        return int(matched)
 
     def _expand_level(self, depth: int) -> None:
         """Adds the steps from all states of a level to `tries`."""

@@ -223,7 +223,7 @@ class SparkSearch:
         else:
             kept = self._select_kept_in_partitions()
         kept.createOrReplaceTempView("kept")
-        counts = self.store.query_rows(self.written.counts)
+        counts = self.store.query_rows(self.written.counts, self.steps.made.values)
         counts._jdf.queryExecution().toRdd()
         return PlannedLevel(frontier, kept, counts)
 
