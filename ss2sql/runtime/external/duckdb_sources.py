@@ -401,7 +401,7 @@ class DuckTableReader:
         return [DuckColumn(name, k) for name, k, *_ in described if name != "file_row_number" or self.number != name]
 
     def _find_facts(self, reading: DuckTransaction, wanted: set[str] | None) -> TableFacts:
-        """What is known of the table and of the wanted columns, which is asked where it is not known yet."""
+        """What is known of the table and of the wanted columns, which DuckDB computes where it is not known yet."""
         state = None
         if self.file is not None:
             stat = self.file.stat()
