@@ -25,7 +25,7 @@ from typing import Any, TypeAlias
 from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.conversion import format_value
-from ss2sql.language.kinds import ANY, FLOAT, NOTHING, Kind, Type, type_of, unite
+from ss2sql.language.kinds import ANY, NOTHING, Kind, Type, type_of, unite
 from ss2sql.language.ordering import NUMBERS
 from ss2sql.language.plan import Function, Volatility
 
@@ -116,7 +116,7 @@ class AggregateOperation:
     sqlite: tuple[Form, ...] = ()  # else a callback collects the values
     python: tuple[Form, ...] = ()
     portable: tuple[Form, ...] = ()
-    of_floats: Callable[[Iterable[float], int], float | None] | None = None  # for DuckDB, of so many floats
+    of_float_sum: Callable[[float, int], float] | None = None  # of the sum of so many floats, which is rounded once
 
     def type_of_group(self, kind: Type) -> Type:
         """The type for a group, which has a row, of values of this type, None among them perhaps."""
@@ -198,7 +198,6 @@ def declare_aggregate(
     accepts: Callable[[str, list[Any]], Any] | None = check_numbers,
     can_fail: Callable[[Type], bool] | None = None,
     in_sql: Callable[[Type], bool] | None = None,
-    of_floats: Callable[[Iterable[float], int], float | None] | None = None,
     of_list: dict[str, Any] | None = None,
     **forms: Any,
 ) -> Operation:
@@ -212,9 +211,9 @@ def declare_aggregate(
         nothing: the value of an empty list.
         accepts: raises the error for wrong values; by default they must be numbers.
         can_fail: whether a value of such elements can fail; by default if they may be no numbers.
-        in_sql, of_floats: see AggregateOperation.
+        in_sql: see AggregateOperation.
         of_list: fields of the function of a list, such as its forms.
-        **forms: those of the aggregate.
+        **forms: those of the aggregate, and `of_float_sum`.
     """
 
     def check_and_compute(values: list[Any]) -> Any:
@@ -239,10 +238,8 @@ def declare_aggregate(
 
     may_fail = can_fail or (lambda kind: not kind.is_only(Kind.NUMBER))
     compute_of_list.__name__ = name
-    if of_floats is None and type_of_value(FLOAT).is_only(Kind.FLOAT | Kind.NONE):
-        of_floats = lambda values, count: check_and_compute(list(values))  # noqa: E731 - where there is nothing faster
     group = AggregateOperation(
-        check_and_compute, nothing, type_of_value, may_fail, in_sql or is_number_or_none, of_floats=of_floats, **forms
+        check_and_compute, nothing, type_of_value, may_fail, in_sql or is_number_or_none, **forms
     )
     row = declare(
         name, 1, compute_of_list, type_of_list, can_fail_of,

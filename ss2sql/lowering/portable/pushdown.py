@@ -15,7 +15,7 @@ from sqlglot import exp
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.kinds import Kind, Type
+from ss2sql.language.kinds import FLOAT, Kind, Type
 from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.language.operations.operation import remove_none_kind
 from ss2sql.language.plan_traversal import can_fail
@@ -46,8 +46,13 @@ from ss2sql.lowering.sqlite_expressions import SqlScope
 
 # Begins the names of all that the database is given: nothing that a view of the user's reads is called so.
 FUNCTION_PREFIX = "ss2sql_"
-# Functions that the database is given, for the aggregates of floats: they take all values of a group as a list.
-EXACT_AGGREGATES = {name: f"{FUNCTION_PREFIX}{name}" for name, row in GROUPS.items() if row.of_floats is not None}
+# Functions that the database is given, for the aggregates of floats: of their exact sum, and of all values as a list.
+SUMMED_AGGREGATES = {name: f"{FUNCTION_PREFIX}{name}" for name, row in GROUPS.items() if row.of_float_sum is not None}
+LISTED_AGGREGATES = {
+    name: f"{FUNCTION_PREFIX}{name}"
+    for name, row in GROUPS.items()
+    if not row.portable and row.result(FLOAT).is_only(Kind.FLOAT | Kind.NONE)
+}
 LIMIT_PARAMETER = "most_rows"  # the parameter that has the value of LIMIT
 MAX_WRITTEN_ROWS = 100  # elements of a list that the script spells out
 
@@ -81,7 +86,7 @@ class LoadedTable:
 class PushdownQuery:
     """A query as a SELECT, the tables that it is given, and by parameters the script variables that are bound in it.
 
-    `functions` are those of Python that it calls: of each its call in the plan, None for those of EXACT.
+    `functions` are those of Python that it calls: of each its call in the plan, None for an aggregate of floats.
     """
 
     select: exp.Select
@@ -238,22 +243,30 @@ class _ExactSqlExpressions(PortableExpressions):
             return super()._lower_aggregate(expr, scope)
         kind = remove_none_kind(argument.type)
         floats = kind.kinds == Kind.FLOAT
-        if expr.function in EXACT_AGGREGATES and (floats or _gives_float_only(expr, kind)):
-            return self._write_exact(EXACT_AGGREGATES[expr.function], argument, scope)
+        if floats or _gives_float_only(expr, kind):
+            if function := SUMMED_AGGREGATES.get(expr.function):
+                return self._call_aggregate(function, self._write_float(argument, scope))
+            if function := LISTED_AGGREGATES.get(expr.function):
+                return self._call_aggregate(function, self._write_list(argument, scope))
         if expr.function in ("min", "max") and floats:
             return self._write_extreme(expr, argument, scope)
         return super()._lower_aggregate(expr, scope)
 
-    def _write_exact(self, function: str, argument: plan.Expr, scope: SqlScope) -> Node:
+    def _call_aggregate(self, function: str, argument: Node) -> Node:
         self.functions[function] = None
+        return exp.Anonymous(this=function, expressions=[argument])
+
+    def _write_float(self, argument: plan.Expr, scope: SqlScope) -> Node:
         node = self.lower_value(argument, scope)
-        if not argument.type.may_be(Kind.FLOAT):
-            node = write_cast(node, "DOUBLE")
+        return node if argument.type.may_be(Kind.FLOAT) else write_cast(node, "DOUBLE")
+
+    def _write_list(self, argument: plan.Expr, scope: SqlScope) -> Node:
+        node = self._write_float(argument, scope)
         values: Node = exp.Anonymous(this="LIST", expressions=[node])
-        if is_nullable(argument.type):
-            present = exp.Not(this=exp.Is(this=sql_builder.wrap_operand(node.copy()), expression=exp.Null()))
-            values = exp.Filter(this=values, expression=exp.Where(this=present))
-        return exp.Anonymous(this=function, expressions=[values])
+        if not is_nullable(argument.type):
+            return values
+        present = exp.Not(this=exp.Is(this=sql_builder.wrap_operand(node.copy()), expression=exp.Null()))
+        return exp.Filter(this=values, expression=exp.Where(this=present))
 
     def _write_extreme(self, expr: plan.Aggregate, argument: plan.Expr, scope: SqlScope) -> Node:
         """`min` or `max`."""
@@ -316,9 +329,17 @@ class _PushdownWriter(FlatWriter):
 
 
 def _write_row_order(places: list[Node]) -> Node:
-    """What sorts rows as the product of the sources does."""
+    """What sorts rows as the product of the sources does.
+
+    Two numbers become one, which DuckDB compares twice as fast as a row of both.
+    """
     copies = [place.copy() for place in places]
-    return copies[0] if len(copies) == 1 else exp.Anonymous(this="ROW", expressions=copies)
+    if len(copies) == 1:
+        return copies[0]
+    if len(copies) > 2:
+        return exp.Anonymous(this="ROW", expressions=copies)
+    high = exp.BitwiseLeftShift(this=write_cast(copies[0], "HUGEINT"), expression=sql_builder.number(64))
+    return exp.BitwiseOr(this=exp.Paren(this=high), expression=copies[1])
 
 
 def _build_sql_column(name: str, label: str) -> exp.Column:

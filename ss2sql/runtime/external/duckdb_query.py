@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from inspect import Parameter, Signature
-from itertools import chain, pairwise
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, ExecutionError, UnsupportedError
 from ss2sql.language import plan
 from ss2sql.language.element_columns import read_column
 from ss2sql.language.kinds import Kind
-from ss2sql.language.operations import GROUPS
 from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row, Rows, iterate_limited_rows
 from ss2sql.lowering.portable.portable_expressions import build_refusal, get_sql_column_type
 from ss2sql.lowering.portable.portable_flat import NUMBER_COLUMN
 from ss2sql.lowering.portable.pushdown import (
-    EXACT_AGGREGATES,
     LIMIT_PARAMETER,
     LoadedTable,
     PushdownQuery,
@@ -26,6 +24,7 @@ from ss2sql.lowering.portable.pushdown import (
 )
 from ss2sql.lowering.portable.search_steps import TypedColumn
 from ss2sql.lowering.sql_builder import DUCKDB
+from ss2sql.runtime.external.duckdb_aggregates import register_aggregate, remove_aggregate
 from ss2sql.runtime.external.duckdb_sources import DuckFrame, DuckSources, DuckTransaction
 from ss2sql.runtime.external.table_statements import build_batch, interrupt_when_due
 from ss2sql.runtime.python.native_query import compile_statement
@@ -38,18 +37,6 @@ if TYPE_CHECKING:
     import duckdb
 
 
-VALUES_PER_CHECK = 65_536  # values that become floats of Python, where a group has more
-
-
-_FUNCTIONS = {function: GROUPS[name].of_floats for name, function in EXACT_AGGREGATES.items()}
-
-
-def _iterate_duckdb_floats(values: Any) -> Iterator[float]:
-    return chain.from_iterable(
-        values[n : n + VALUES_PER_CHECK].tolist() for n in range(0, len(values), VALUES_PER_CHECK)
-    )
-
-
 def register_in_duckdb(
     cursor: duckdb.DuckDBPyConnection, functions: Mapping[str, plan.Call | None], run: Run
 ) -> list[str]:
@@ -60,13 +47,11 @@ def register_in_duckdb(
     failed: list[str] = []
     for name, call in functions.items():
         if call is None:
-            function, kinds, result, function_type = _wrap_aggregate(name, failed), ["DOUBLE[]"], "DOUBLE", "arrow"
-        else:
-            function, function_type = _wrap_duckdb_function(call, run, failed), "native"
-            result, *kinds = (str(get_sql_column_type(part.type)) for part in (call, *call.arguments))
-        cursor.create_function(  # type: ignore[call-overload]
-            name, function, kinds, result, type=function_type, null_handling="special"
-        )
+            register_aggregate(cursor, name, failed)
+            continue
+        function = _wrap_duckdb_function(call, run, failed)
+        result, *kinds = (str(get_sql_column_type(part.type)) for part in (call, *call.arguments))
+        cursor.create_function(name, function, kinds, result, null_handling="special")  # type: ignore[call-overload]
     return failed
 
 
@@ -87,30 +72,6 @@ def _wrap_duckdb_function(call: plan.Call, run: Run, failed: list[str]) -> Calla
     return call_function
 
 
-def _wrap_aggregate(name: str, failed: list[str]) -> Callable[[Any], Any]:
-    """The function for an array of lists; None stands for an empty one."""
-    function = _FUNCTIONS[name]
-    assert function is not None
-
-    def call_aggregate(array: Any) -> Any:
-        import pyarrow as pa  # type: ignore[import-untyped]
-
-        lists = array.combine_chunks() if isinstance(array, pa.ChunkedArray) else array
-        values, ends = lists.values.to_numpy(), lists.offsets.to_pylist()
-        if name == EXACT_AGGREGATES["sum"] and lists.null_count:
-            failed.append("a sum of nothing is a whole number among floats")
-        found: list[float | None] = []
-        for known, (start, end) in zip(lists.is_valid().to_pylist(), pairwise(ends), strict=True):
-            try:
-                found.append(function(_iterate_duckdb_floats(values[start:end]), end - start) if known else None)
-            except (OverflowError, ExecutionError):
-                failed.append("a sum of floats becomes too large on its way")
-                found.append(None)
-        return pa.array(found, pa.float64())
-
-    return call_aggregate
-
-
 # --- the elements of values as tables for DuckDB
 def collect_duckdb_columns(table: LoadedTable, value: Any) -> list[Sequence[Any]]:
     """The numbers of the elements of a value, and what is read of them, by columns."""
@@ -122,7 +83,7 @@ def collect_duckdb_columns(table: LoadedTable, value: Any) -> list[Sequence[Any]
 
 
 def build_duckdb_table(table: LoadedTable, columns: list[Sequence[Any]]) -> Any:
-    import pyarrow as pa
+    import pyarrow as pa  # type: ignore[import-untyped]
 
     typed = [TypedColumn(name, get_sql_column_type(kind) or "") for name, kind in table.columns.values()]
     return pa.Table.from_batches([build_batch([TypedColumn(NUMBER_COLUMN, "BIGINT"), *typed], columns)])
@@ -265,8 +226,11 @@ class DuckQuery:
             run.check()
         for table, _ in loaded:  # where anything fails, they go with the transaction
             cursor.unregister(table.name)
-        for name in functions:
-            cursor.remove_function(name)
+        for name, call in functions.items():
+            if call is None:
+                remove_aggregate(cursor, name)
+            else:
+                cursor.remove_function(name)
         if failed:
             raise build_refusal(failed[0], self.query.span)
 
