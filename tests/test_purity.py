@@ -102,7 +102,7 @@ UNKNOWN = [
     *((known, "has no Python source") for known in (print, time.time, random.random, id, [].append, "text".upper)),
     (eval("lambda x: x"), "has no Python source"),
     (random.choice, "is a method of an object"), (map, "calls its arguments|iterator"),
-    (functools.reduce, "calls its arguments"), (zip, "iterator"), (type, "function"), (bytearray, "is a class"),
+    (functools.reduce, "calls its arguments"), (type, "function"), (bytearray, "is a class"),
     (object(), "is an object with state"), (None, "is an object with state"),
 ]  # fmt: skip
 

@@ -11,7 +11,7 @@ import ast
 import inspect
 import linecache
 import os
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from types import CodeType, FunctionType
@@ -33,12 +33,12 @@ class Module:
     """A file's functions by first line and name, each with the functions around it, and its global names."""
 
     functions: dict[tuple[int, str], list[FunctionPlace]]
-    names: dict[str, bool]  # whether a global name is given its value once
+    names: Counter[str]  # how often each global name is given a value; imports do not count
     imports: tuple[ast.stmt, ...]  # a statement that imports all names that the module imports
 
     def is_bound_once(self, name: str) -> bool:
-        """Whether the file gives this global name a value exactly once, or by imports alone."""
-        return self.names.get(name, False)
+        """Whether the file gives this global name a value once at the most."""
+        return name in self.names and self.names[name] <= 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,9 +53,9 @@ class Located:
     def is_closure_bound_once(self, name: str) -> bool:
         """Whether a name of an enclosing function is given its value exactly once."""
         for owner in reversed(self.around):
-            places = _count_bindings(_iterate_bindings_of_function(owner))
-            if name in places:
-                return places[name] and not any(
+            times = _count_bindings_of_function(owner)
+            if name in times:
+                return times[name] == 1 and not any(
                     isinstance(node, ast.Nonlocal) and name in node.names for node in ast.walk(owner)
                 )
         return False
@@ -89,14 +89,13 @@ def _parse_module(text: str) -> Module | None:
     except (SyntaxError, ValueError, RecursionError):
         return None
     functions: dict[tuple[int, str], list[FunctionPlace]] = defaultdict(list)
-    places = list(_iterate_bindings(tree.body))
-    names = _count_bindings(places)
+    names = _count_bindings(tree.body)
     pending: list[tuple[ast.AST, tuple[ast.AST, ...]]] = [(tree, ())]
     while pending:
         node, around = pending.pop()
         match node:
             case ast.Global(names=declared):
-                names.update(dict.fromkeys(declared, False))
+                names.update([*declared, *declared])
             case ast.FunctionDef():
                 first = min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])
                 functions[first, node.name].append((node, around))
@@ -105,9 +104,8 @@ def _parse_module(text: str) -> Module | None:
         if isinstance(node, ast.FunctionDef | ast.Lambda | ast.AsyncFunctionDef | Comprehension):
             around = (*around, node)
         pending.extend((child, around) for child in ast.iter_child_nodes(node))
-    aliases = [
-        ast.alias(name) for name in dict.fromkeys(name for name, _, imported in places if imported and name != "*")
-    ]
+    imported = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+    aliases = [ast.alias(_name_import(alias)) for node in imported for alias in node.names if alias.name != "*"]
     imports = (ast.fix_missing_locations(ast.Import(aliases)),) if aliases else ()
     return Module(dict(functions), names, imports)
 
@@ -154,65 +152,53 @@ def pair_targets(target: ast.expr, value: ast.expr) -> Iterator[tuple[ast.expr, 
 # --- names that are given a value once -----------------------------------------------------------------
 
 
-def _count_bindings(places: Iterable[tuple[str, bool, bool]]) -> dict[str, bool]:
-    """Whether each name is given a value once, where nothing repeats it, or by imports alone."""
-    found: dict[str, list[tuple[bool, bool]]] = defaultdict(list)
-    for name, once, imported in places:
-        found[name].append((once, imported))
-    return {
-        name: all(imported for _, imported in several) or (len(several) == 1 and several[0][0])
-        for name, several in found.items()
-    }
-
-
-def _iterate_bindings_of_function(owner: ast.AST) -> Iterator[tuple[str, bool, bool]]:
-    """The places that bind the names of a function, lambda or comprehension; see `_iterate_bindings`."""
-    match owner:
-        case ast.FunctionDef(args=arguments) | ast.AsyncFunctionDef(args=arguments) | ast.Lambda(args=arguments):
-            yield from ((parameter.arg, True, False) for parameter in list_parameters(arguments))
-            yield from _iterate_bindings([owner.body] if isinstance(owner, ast.Lambda) else owner.body)
-        case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
-            yield from _iterate_bindings([generator.target for generator in owner.generators])
-
-
-def _iterate_bindings(nodes: Iterable[ast.AST], looped: bool = False) -> Iterator[tuple[str, bool, bool]]:
-    """The places that bind names in the scope of `nodes`: the name, whether the place runs once, and by an import."""
-    for node in nodes:
-        inside: Iterable[ast.AST] = ast.iter_child_nodes(node)
+def _count_bindings(nodes: Iterable[ast.AST], repeated: bool = False) -> Counter[str]:
+    """How often parts of a scope give each name a value; not at all by an import, twice where that may run again."""
+    found: Counter[str] = Counter()
+    for node, again in _iterate_scope(nodes, repeated):
         match node:
             case ast.Import(names=aliases) | ast.ImportFrom(names=aliases):
-                yield from ((_name_import(alias), True, True) for alias in aliases)
-            case ast.FunctionDef(name=name) | ast.AsyncFunctionDef(name=name) | ast.ClassDef(name=name):
-                yield name, not looped, False
+                found.update(dict.fromkeys(map(_name_import, aliases), 0))
+            case (
+                ast.FunctionDef(name=str(name))
+                | ast.AsyncFunctionDef(name=str(name))
+                | ast.ClassDef(name=str(name))
+                | ast.Name(id=str(name), ctx=ast.Store() | ast.Del())
+                | ast.ExceptHandler(name=str(name))
+                | ast.MatchAs(name=str(name))
+                | ast.MatchStar(name=str(name))
+                | ast.MatchMapping(rest=str(name))
+            ):
+                found[name] += 1 + again
+    return found
+
+
+def _iterate_scope(nodes: Iterable[ast.AST], repeated: bool) -> Iterator[tuple[ast.AST, bool]]:
+    """The nodes of a scope, without the bodies of functions and classes in it, and whether each may run again."""
+    for node in nodes:
+        yield node, repeated
+        inside: Iterable[ast.AST] = ast.iter_child_nodes(node)
+        match node:
+            case ast.FunctionDef() | ast.AsyncFunctionDef() | ast.ClassDef():
                 inside = [part for part in inside if not isinstance(part, ast.stmt)]
             case ast.Lambda(args=arguments):
                 inside = [arguments]
             case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
                 # The targets are local to the comprehension, but `:=` inside it binds out here.
-                assigned = (part.target.id for part in ast.walk(node) if isinstance(part, ast.NamedExpr))
-                yield from ((name, False, False) for name in assigned)
-                inside = ()
-            case ast.Assign(targets=targets, value=value):
-                pairs = [pair for target in targets for pair in pair_targets(target, value)]
-                yield from (
-                    (part.id, not looped and own is not None, False)
-                    for part, own in pairs
-                    if isinstance(part, ast.Name)
-                )
-                inside = [value, *(part for part, _ in pairs if not isinstance(part, ast.Name))]
-            case ast.AnnAssign(target=ast.Name(id=name), value=value):
-                yield from [(name, not looped, False)] if value else []
-                inside = [value] if value else []
-            case ast.NamedExpr(target=ast.Name(id=name), value=value):
-                yield name, not looped, False
-                inside = [value]
-            case ast.Name(id=name, ctx=ast.Store() | ast.Del()):
-                yield name, False, False
-            case ast.ExceptHandler(name=str(name)) | ast.MatchAs(name=str(name)) | ast.MatchStar(name=str(name)):
-                yield name, False, False
-            case ast.MatchMapping(rest=str(name)):
-                yield name, False, False
-        yield from _iterate_bindings(inside, looped or isinstance(node, ast.For | ast.AsyncFor | ast.While))
+                inside = [part for part in ast.walk(node) if isinstance(part, ast.NamedExpr)]
+        loops = isinstance(node, ast.For | ast.AsyncFor | ast.While | Comprehension)
+        yield from _iterate_scope(inside, repeated or loops)
+
+
+def _count_bindings_of_function(owner: ast.AST) -> Counter[str]:
+    """How often a function, lambda or comprehension gives each of its names a value."""
+    match owner:
+        case ast.FunctionDef(args=arguments) | ast.AsyncFunctionDef(args=arguments) | ast.Lambda(args=arguments):
+            body = [owner.body] if isinstance(owner, ast.Lambda) else owner.body
+            return _count_bindings(body) + Counter(parameter.arg for parameter in list_parameters(arguments))
+        case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
+            return _count_bindings([generator.target for generator in owner.generators], repeated=True)
+    return Counter()
 
 
 def _name_import(alias: ast.alias) -> str:

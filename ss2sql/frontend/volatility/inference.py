@@ -9,8 +9,7 @@ its source proves it, and volatile in every other case. The proof assumes that
   the next cell of a notebook that defines a helper again);
 - the memory and the stack suffice, and the locale stays what it is.
 
-A function in `functools.cache` is judged as the function itself, although the cache takes 1, 1.0 and True for one
-argument: its author chose that.
+A function in `functools.cache` has a state: whoever changes a value that it gives, changes those that it gives later.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import field
+from functools import _lru_cache_wrapper
 from types import BuiltinFunctionType, FunctionType, MethodDescriptorType, MethodType
 from typing import Any, Literal, TypeAlias
 
@@ -25,19 +25,12 @@ from ss2sql.errors import SessionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.volatility.function_source import locate_function, read_module
 from ss2sql.frontend.volatility.name_bindings import (
-    CACHE_TYPE,
-    EFFECTS,
-    IMPURE_MODULES,
-    SET,
-    VALUE,
     Findings,
     FunctionNames,
-    ResultKind,
     Unproven,
     find_known_pure,
     is_constant_binding,
     is_exception_class,
-    unwrap_cache,
 )
 from ss2sql.frontend.volatility.proof import FunctionProof
 
@@ -77,14 +70,8 @@ class Proof:
     followed: set[int] = field(default_factory=set)  # by identity
     depth: int = 0
 
-    def prove_immutable(self, function: FunctionType) -> None:
-        """Returns when the function is proven immutable, else raises `Unproven`."""
-        self.prove_function(function, VALUE | SET)
-        if self.findings.cached is not None and self.findings.changes:
-            raise Unproven(f"calls {self.findings.cached}, whose remembered values it may change")
-
-    def prove_function(self, function: FunctionType, given: ResultKind) -> None:
-        """Proves a function that may give values of these kinds."""
+    def prove_function(self, function: FunctionType, gives_sets: bool) -> None:
+        """Proves a function, which may give a set only if `gives_sets`; returns when it is proven."""
         # A recursive call counts as proven: if the function is not, the walk fails anyway.
         if id(function) in self.followed:
             return
@@ -92,7 +79,8 @@ class Proof:
             raise Unproven("calls more functions than are followed")
         self.followed.add(id(function))
         self.depth += 1
-        FunctionProof(self._read_names(function), self.prove_called).check_function(given)
+        names = self._read_names(function)
+        FunctionProof(names, self.prove_called, gives_sets).check_body(names.located.node)
         self.depth -= 1
 
     def _read_names(self, function: FunctionType) -> FunctionNames:
@@ -111,22 +99,13 @@ class Proof:
 
     def prove_called(self, value: Any, text: str) -> None:
         """Proves a Python object that is called as `text`."""
-        # The functions of `random` are methods of an object of it.
-        home = getattr(value, "__module__", None) or type(getattr(value, "__self__", None)).__module__
-        if str(home).partition(".")[0] in IMPURE_MODULES:
-            raise Unproven(f"calls {text}, whose value or effect does not depend on its arguments alone")
         if find_known_pure(value) is not None or is_exception_class(value):
             return
         if type(value) is FunctionType:
             try:
-                self.prove_function(value, VALUE)
+                self.prove_function(value, gives_sets=False)
             except Unproven as error:
                 raise Unproven(f"calls {text}, which {error}") from None
-        elif type(value) is CACHE_TYPE:
-            self.findings.cached = text
-            self.prove_called(unwrap_cache(value), text)
-        elif text in EFFECTS:
-            raise Unproven(f"calls {text}, which has effects or reads more than its arguments")
         else:
             raise Unproven(f"calls {text}, which is not known to be pure")
 
@@ -149,16 +128,14 @@ def _prove_callable(function: Any) -> tuple[str, bool]:
     """Why a callable is immutable, and whether it may change its arguments. Raises `Unproven`."""
     entry = find_known_pure(function)
     if entry is not None:
-        if entry.gives & ~(VALUE | SET):
-            raise Unproven("gives an iterator or a function, which is not a value")
+        if entry.gives_code:
+            raise Unproven("gives a function, which is not a value")
         if entry.calls:
             raise Unproven("calls its arguments")
         return "is known to be pure", entry.changes
-    if type(function) is CACHE_TYPE:
-        return _prove_callable(unwrap_cache(function))
     if type(function) is FunctionType:
         proof = Proof()
-        proof.prove_immutable(function)
+        proof.prove_function(function, gives_sets=True)
         names = ", ".join(f"'{name}'" for name in proof.findings.constants)
         constants = f" and the constants {names}" if names else ""
         return f"has a source that uses only its arguments{constants}", proof.findings.changes
@@ -178,10 +155,9 @@ def infer_arity(function: Callable[..., object]) -> Arity:
     """
     if not callable(function):
         raise SessionError("S002", f"{function!r} cannot be called.", hints=("register a Python function",))
-    target: Any = unwrap_cache(function) if type(function) is CACHE_TYPE else function
     try:
-        # Without __wrapped__: the function that is called counts, not the one that it claims to be.
-        signature = inspect.signature(target, follow_wrapped=False)
+        # Without __wrapped__, but of a cache: the function that is called counts, not the one that it claims to be.
+        signature = inspect.signature(function, follow_wrapped=isinstance(function, _lru_cache_wrapper))
     except (TypeError, ValueError):
         return Arity(0, None, ())
     names: list[str] = []

@@ -1,10 +1,10 @@
 """What the names in a Python function stand for, and Python's own functions that are pure.
 
 A function is listed when it gives the same value for the same plain arguments and changes nothing but them. Its use of
-sets and iterators is described too: the order of a set depends on the hash seed, and an iterator is used up.
+sets is described too, whose order depends on the hash seed.
 
-`FunctionNames` answers two questions for one function, without judging: which object a name or dotted name is
-(`find_object`), and of what kind the value of an expression is (`infer_kind`).
+`FunctionNames` answers questions for one function, without judging: which object a name or dotted name is
+(`find_object`), and whether an expression may be a set (`is_set`) or no value at all (`describe_code`).
 """
 
 from __future__ import annotations
@@ -15,9 +15,7 @@ import builtins
 import collections
 import copy
 import dis
-import enum
 import functools
-import gc
 import heapq
 import itertools
 import math
@@ -31,22 +29,16 @@ from typing import Any, cast
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.volatility.function_source import FunctionNode, Located, list_parameters, pair_targets, read_module
 
-
-class ResultKind(enum.Flag):
-    """The kinds of value that an expression may have, as flags."""
-
-    VALUE = enum.auto()  # a plain value: a number, a string, a list and the like, made of plain values
-    SET = enum.auto()  # a set, whose order is not fixed
-    OBJECT = enum.auto()  # an iterator, a view, an exception: of use inside a function, but not a value
-    CODE = enum.auto()  # a function, class or module
-
-
-VALUE, SET, OBJECT, CODE = ResultKind.VALUE, ResultKind.SET, ResultKind.OBJECT, ResultKind.CODE
-NOTHING = ResultKind(0)
 UNKNOWN: Any = object()
-CACHE_TYPE = type(functools.cache(lambda: None))
 SET_OPERATORS = (ast.BitOr, ast.BitAnd, ast.BitXor, ast.Sub)
-_CODE_TYPES = (FunctionType, BuiltinFunctionType, MethodType, ModuleType, functools.partial, CACHE_TYPE)
+_CODE_TYPES = (
+    FunctionType,
+    BuiltinFunctionType,
+    MethodType,
+    ModuleType,
+    functools.partial,
+    functools._lru_cache_wrapper,
+)
 
 
 # --- functions and methods that are known to be pure ---------------------------------------------------
@@ -57,11 +49,10 @@ class KnownFunction:
     """A function that is known to be pure."""
 
     target: Any
-    name: str
-    reads: int = 0  # so many of its first arguments may be iterators, which it reads through
     unordered: bool = False  # called with one argument, it gives the same for every order of a set
     calls: bool = False  # its first argument is a function
-    gives: ResultKind = VALUE
+    gives_set: bool = False
+    gives_code: bool = False  # a function or a class
     changes: bool = False  # changes an argument in place
 
 
@@ -70,9 +61,9 @@ class KnownMethod:
     """A method of Python's own value types that has no effect beyond the value it is called on."""
 
     fewest: int = 0  # with fewer arguments it is a method of something else
-    gives: ResultKind = VALUE
-    reads: bool = False  # it reads through iterables given as arguments
-    unordered: bool = False  # and gives the same for every order of a set there
+    gives_set: bool = False
+    reads: bool = False  # it reads through iterables given as arguments: of a set in any order
+    unordered: bool = False  # and so does every value that it is called on
     changes: bool = False
 
 
@@ -99,48 +90,42 @@ def _declare_pure(module: ModuleType, names: str, **facts: Any) -> None:
             target = vars(target)[part]
         if isinstance(target, FunctionType) and target.__globals__ is not vars(module):
             continue  # somebody has replaced it
-        prefix = "" if module is builtins else f"{module.__name__}."
-        _KNOWN[id(target)] = KnownFunction(target, prefix + name, **facts)
+        _KNOWN[id(target)] = KnownFunction(target, **facts)
 
 
 def _make_methods(names: str, **facts: Any) -> None:
     METHODS.update((name, KnownMethod(**facts)) for name in names.split())
 
 
-_declare_pure(builtins, "abs ascii bin chr divmod float format hex int isinstance oct ord pow range repr round str")
+_declare_pure(
+    builtins,
+    "abs ascii bin chr dict dict.fromkeys divmod enumerate float format hex int isinstance iter list next oct ord pow "
+    "range repr reversed round str sum tuple zip",  # sum takes no sets: that of floats depends on their order
+)
 _declare_pure(builtins, "all any bool len max min sorted", unordered=True)
-_declare_pure(builtins, "frozenset set", unordered=True, gives=SET)
-# The sum of floats depends on their order, so it takes no sets.
-_declare_pure(builtins, "dict dict.fromkeys list next sum tuple", reads=1)
-_declare_pure(builtins, "enumerate iter reversed", reads=1, gives=OBJECT)
-_declare_pure(builtins, "zip", reads=99, gives=OBJECT)
-_declare_pure(builtins, "filter map", reads=99, calls=True, gives=OBJECT)
-_declare_pure(builtins, "type", gives=CODE)
+_declare_pure(builtins, "frozenset set", unordered=True, gives_set=True)
+_declare_pure(builtins, "filter map", calls=True)
+_declare_pure(builtins, "type", gives_code=True)
 _declare_pure(math, " ".join(name for name in vars(math) if callable(vars(math)[name])))
-_declare_pure(math, "fsum prod", reads=1)
 _declare_pure(
     operator,
     "abs add and_ concat contains countOf eq floordiv ge getitem gt index indexOf inv invert le lshift lt matmul mod "
     "mul ne neg not_ or_ pos pow rshift sub truediv truth xor",
 )
 _declare_pure(operator, "delitem setitem", changes=True)
-_declare_pure(operator, "itemgetter", gives=CODE)
-_declare_pure(functools, "reduce", reads=99, calls=True)
-_declare_pure(itertools, "chain product zip_longest", reads=99, gives=OBJECT)
+_declare_pure(operator, "itemgetter", gives_code=True)
+_declare_pure(functools, "reduce", calls=True)
 _declare_pure(
     itertools,
-    "chain.from_iterable combinations combinations_with_replacement compress count cycle islice pairwise permutations "
-    "repeat",
-    reads=1,
-    gives=OBJECT,
+    "chain chain.from_iterable combinations combinations_with_replacement compress count cycle islice pairwise "
+    "permutations product repeat zip_longest",
 )
 _declare_pure(heapq, "heapify heappop heappush heappushpop heapreplace", changes=True)
-_declare_pure(heapq, "nlargest nsmallest", reads=99)
+_declare_pure(heapq, "nlargest nsmallest")
 _declare_pure(bisect, "bisect bisect_left bisect_right")
 _declare_pure(bisect, "insort insort_left insort_right", changes=True)
-_declare_pure(collections, "deque", reads=1, gives=OBJECT)
-_declare_pure(collections, "defaultdict", reads=99, calls=True)
-_declare_pure(collections, "Counter OrderedDict", reads=1)
+_declare_pure(collections, "Counter OrderedDict deque")
+_declare_pure(collections, "defaultdict", calls=True)
 _declare_pure(copy, "copy deepcopy")
 
 # Modules that are read once they are loaded, with their functions.
@@ -161,9 +146,9 @@ _make_methods("join", fewest=1, reads=True)
 _make_methods("clear pop popitem popleft reverse rotate sort", changes=True)
 _make_methods("add append appendleft discard insert remove setdefault", fewest=1, changes=True)
 _make_methods("extend extendleft update", fewest=1, reads=True, changes=True)
-_make_methods("items keys values", gives=OBJECT)
-_make_methods("difference intersection symmetric_difference union", gives=SET, reads=True, unordered=True)
-_make_methods("isdisjoint issubset issuperset", reads=True, unordered=True)
+_make_methods("items keys values")
+_make_methods("difference intersection symmetric_difference union", gives_set=True, unordered=True)
+_make_methods("isdisjoint issubset issuperset", unordered=True)
 _make_methods("difference_update intersection_update symmetric_difference_update", unordered=True, changes=True)
 
 
@@ -173,23 +158,12 @@ def _add_pure_methods() -> None:
         for name, target in vars(owner).items():
             method = METHODS.get(name)
             if method is not None and name != "format" and not (owner is set and name == "pop"):
-                title = f"{owner.__name__}.{name}"
-                _KNOWN[id(target)] = KnownFunction(target, title, gives=method.gives, changes=method.changes)
+                _KNOWN[id(target)] = KnownFunction(target, gives_set=method.gives_set, changes=method.changes)
 
 
 _add_pure_methods()
 
 
-# Modules whose functions are never pure, and built-in functions with effects.
-def _split_names(text: str) -> frozenset[str]:
-    return frozenset(text.split())
-
-
-IMPURE_MODULES = _split_names(
-    "asyncio datetime io locale multiprocessing os pathlib posix random secrets shutil socket subprocess sys threading "
-    "time urllib uuid"
-)
-EFFECTS = _split_names("breakpoint delattr eval exec exit globals input locals open print quit setattr vars")
 # Attributes of these classes are looked up, so that `str.lower` and `chain.from_iterable` are found.
 CLASSES = (str, int, float, bool, list, tuple, dict, set, frozenset, itertools.chain)
 
@@ -207,7 +181,6 @@ class Findings:
 
     constants: dict[str, None] = field(default_factory=dict)
     changes: bool = False  # values are changed in place
-    cached: str | None = None  # a function with a cache is called
 
 
 def is_constant_binding(value: object) -> bool:
@@ -251,11 +224,11 @@ class FunctionNames:
             for name, values in self._values.items()
             if all(isinstance(value, ast.FunctionDef | ast.Lambda) for value in values)
         }
+        self._sets: set[str] | None = None
         code = function.__code__
         outside = {*code.co_freevars, *_iterate_global_names(code)}
         if twice := sorted(outside & self._values.keys()):
             raise Unproven(f"uses the name '{twice[0]}' for several things")
-        self._kinds: dict[str, ResultKind] | None = None
 
     def is_local(self, name: str) -> bool:
         return name in self._values
@@ -283,8 +256,8 @@ class FunctionNames:
             raise Unproven(f"reads the name '{name}', which has no value yet")
         value = self.function.__globals__[name]
         # A constant may be assigned again by another cell of a notebook, which nothing shows.
-        settled = not is_constant_binding(value) if names is None else names.get(name, not is_constant_binding(value))
-        if not settled:
+        known = names is not None and name in names
+        if not (self.located.module.is_bound_once(name) if known else not is_constant_binding(value)):
             raise Unproven(f"reads the global name '{name}', which may change")
         return self._check_lasting(value, name, f"the global name '{name}'")
 
@@ -322,55 +295,74 @@ class FunctionNames:
                     return vars(base).get(name, UNKNOWN)
         return UNKNOWN
 
-    def infer_kind(self, node: ast.AST | None) -> ResultKind:
-        """The kinds of an expression's value. A name has the kinds of all its values in the function."""
+    def describe_code(self, node: ast.AST) -> str:
+        """What an expression is that is no value, "a function" or "an exception"; empty for everything else."""
+        match node:
+            case ast.Lambda():
+                return "a function"
+            case ast.Name(id=name, ctx=ast.Load()) if self.is_local(name):
+                definitions = {type(value) for value in self._values[name]}
+                if ast.ExceptHandler in definitions:
+                    return "an exception"
+                return "a function" if definitions & {ast.FunctionDef, ast.Lambda} else ""
+            case ast.Name(ctx=ast.Load()) | ast.Attribute(ctx=ast.Load()):
+                value = self.find_object(node)
+                return "a function" if value is not UNKNOWN and is_code_binding(value) else ""
+            case ast.Call(func=func):
+                value = self.find_object(func)
+                if is_exception_class(value):
+                    return "an exception"
+                entry = find_known_pure(value)
+                return "a function" if entry is not None and entry.gives_code else ""
+            case _:
+                return ""
+
+    def is_set(self, node: ast.AST | None) -> bool:
+        """Whether the value of an expression may be a set."""
+        match node:
+            case ast.Name(id=name, ctx=ast.Load()):
+                return name in self._find_sets()
+            case ast.Set() | ast.SetComp():
+                return True
+            case ast.NamedExpr(value=value) | ast.Call(func=ast.Attribute(value=value, attr="copy")):
+                return self.is_set(value)
+            case ast.IfExp(body=left, orelse=right):
+                return self.is_set(left) or self.is_set(right)
+            case ast.BoolOp(values=values):
+                return any(map(self.is_set, values))
+            case ast.BinOp(left=left, op=op, right=right) if isinstance(op, SET_OPERATORS):
+                return any(self.is_set(part) or self._is_view(part) for part in (left, right))
+            case ast.Call(func=func):
+                target = self.find_object(func)
+                if target is UNKNOWN and isinstance(func, ast.Attribute):
+                    return func.attr in METHODS and METHODS[func.attr].gives_set
+                entry = find_known_pure(target)
+                return entry is not None and entry.gives_set
+            case _:
+                return False
+
+    def is_always_set(self, node: ast.AST) -> bool:
+        """Whether it is a local name, and each of its values may be a set."""
+        return isinstance(node, ast.Name) and all(map(self.is_set, self._values[node.id]))
+
+    def _is_view(self, node: ast.AST | None) -> bool:
+        """Whether it may be a view of a dict, of which operators make a set."""
         match node:
             case ast.Name(id=name) if self.is_local(name):
-                return self._get_kinds()[name]
-            case ast.Name() | ast.Attribute():
-                value = self.find_object(node)
-                return VALUE if value is UNKNOWN or is_constant_binding(value) else CODE
-            case ast.Call(func=func):
-                return self._infer_call_kind(func)
-            case ast.Set() | ast.SetComp():
-                return SET
-            case ast.GeneratorExp() | ast.ExceptHandler():
-                return OBJECT
-            case ast.Lambda() | ast.FunctionDef():
-                return CODE
-            case ast.NamedExpr(value=value):
-                return self.infer_kind(value)
-            case ast.IfExp(body=left, orelse=right):
-                return self.infer_kind(left) | self.infer_kind(right)
-            case ast.BoolOp(values=values):
-                return functools.reduce(ResultKind.__or__, map(self.infer_kind, values))
-            case ast.BinOp(left=left, op=op, right=right) if isinstance(op, SET_OPERATORS):
-                return _join_set_kinds(self.infer_kind(left) | self.infer_kind(right))
-            case ast.AugAssign(op=op, value=value) if isinstance(op, SET_OPERATORS):
-                return _join_set_kinds(self.infer_kind(value))
+                return any(isinstance(value, ast.Call) and self._is_view(value) for value in self._values[name])
+            case ast.Call(func=ast.Attribute(attr="keys" | "items")):
+                return True
             case _:
-                return VALUE
+                return False
 
-    def _get_kinds(self) -> dict[str, ResultKind]:
-        """The kinds of all local names, as a fixpoint."""
-        if self._kinds is None:
-            self._kinds = dict.fromkeys(self._values, NOTHING)
-            before: dict[str, ResultKind] = {}
-            while before != self._kinds:
-                before = dict(self._kinds)
-                for name, values in self._values.items():
-                    self._kinds[name] = functools.reduce(ResultKind.__or__, map(self.infer_kind, values))
-        return self._kinds
-
-    def _infer_call_kind(self, func: ast.expr) -> ResultKind:
-        target = self.find_object(func)
-        if target is UNKNOWN and isinstance(func, ast.Attribute):
-            if func.attr == "copy":
-                return self.infer_kind(func.value)
-            return METHODS[func.attr].gives if func.attr in METHODS else VALUE
-        if (entry := find_known_pure(target)) is not None:
-            return entry.gives
-        return OBJECT if is_exception_class(target) else VALUE
+    def _find_sets(self) -> set[str]:
+        """The local names that may stand for a set: a fixpoint."""
+        if self._sets is None:
+            self._sets, before = set(), None
+            while before != len(self._sets):
+                before = len(self._sets)
+                self._sets |= {name for name, values in self._values.items() if any(map(self.is_set, values))}
+        return self._sets
 
 
 def _iterate_local_values(root: FunctionNode) -> Iterator[tuple[str, ast.AST | None]]:
@@ -386,9 +378,9 @@ def _iterate_local_values(root: FunctionNode) -> Iterator[tuple[str, ast.AST | N
             case ast.AnnAssign(target=ast.Name() as target, value=value) | ast.NamedExpr(target=target, value=value):
                 valued.add(target)
                 yield target.id, value
-            case ast.AugAssign(target=ast.Name() as target):
+            case ast.AugAssign(target=ast.Name() as target, op=op, value=value):
                 valued.add(target)
-                yield target.id, node
+                yield target.id, value if isinstance(op, SET_OPERATORS) else None
             case ast.ExceptHandler(name=str(name)):
                 yield name, node
             case ast.FunctionDef(name=name) if node is not root:
@@ -405,15 +397,3 @@ def _iterate_global_names(code: CodeType) -> Iterator[str]:
     for const in code.co_consts:
         if isinstance(const, CodeType):
             yield from _iterate_global_names(const)
-
-
-def unwrap_cache(value: Any) -> Any:
-    """The function inside a cache."""
-    # `__wrapped__` can be set to anything: it counts only where the cache really holds it.
-    claimed = getattr(value, "__wrapped__", None)
-    return next((held for held in gc.get_referents(value) if held is claimed), UNKNOWN)
-
-
-def _join_set_kinds(kind: ResultKind) -> ResultKind:
-    """The kind of `a | b` and its like: of sets, or of views of dicts, a set."""
-    return (kind & ~OBJECT) | SET if kind & (SET | OBJECT) else kind

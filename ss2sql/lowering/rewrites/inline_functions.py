@@ -1,4 +1,4 @@
-"""`inline`, `columns` and `rows`: functions, names in brackets and lists of one column become what they stand for.
+"""`inline` and `columns`: calls of functions, and names in brackets, become what they stand for.
 
     def cost(a, b): return abs(a - b)          WHERE cost(x, 3) < 2          asks          abs(x - 3) < 2
 
@@ -16,25 +16,17 @@ the column of one that does is None, and to read its key is an error. A column t
 except that of a table, whose rows have all columns.
 
 Of a world whose list `pos` consists of the columns x, y and z, `pos[0]` becomes `x`.
-
-    FROM (SELECT this FROM pairs WHERE this[0] == here AS list)       and of it        this, this[1]
-
-    FROM (SELECT this, this[1] FROM pairs WHERE this[0] == here)      and of it        this, this_1
-
-So rows need not be collected in a list that is walked then: they are a part of the product around the query, and are
-looked up. It is done where nothing in the query can fail.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any
 
 from ss2sql.frontend.inlining.substitution import InlinedCall, Inliner
 from ss2sql.frontend.resolve.scope import resolve_source_column
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
-from ss2sql.language.plan_traversal import can_fail, list_plan_functions, rebuild_node, walk
+from ss2sql.language.plan_traversal import list_plan_functions, walk
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext, rewrite_bottom_up
 
 
@@ -97,91 +89,3 @@ def _find_columns_to_rewrite(source: plan.TableSource | plan.ValueSource | plan.
     if not source.element.is_only(Kind.DICT) or source.columns is None:
         return {}
     return {name: kind for name, kind in source.columns if not kind.may_be(Kind.NONE)}
-
-
-# --- `rows`: a query in FROM that gives a list of one column is read as the rows that it finds
-Names: TypeAlias = dict[plan.Expr, str]  # of columns, by what the query computes for them
-
-
-def read_lists_as_rows(query: plan.Query, world: RewriteContext) -> plan.Query:
-    found = [node for node in walk(query) if isinstance(node, plan.QuerySource)]
-    whole = {inner.id for node in found if node.optional for inner in node.query.sources}  # read through LEFT JOIN
-    among = [node for node in found if not node.optional and node.id not in whole]
-    sources = {node.id: node for node in among if _is_list_query(node.query)}
-    if not sources:
-        return query
-    for node in walk(query):
-        if isinstance(node, plan.Eval):
-            return query
-        if (
-            isinstance(node, plan.Column)
-            and node.source in sources
-            and _rewrite_element_read(node, sources[node.source]) is None
-        ):
-            del sources[node.source]
-        if isinstance(node, plan.Output) and node.star and isinstance(node.expr, plan.Element):
-            sources.pop(node.expr.source, None)
-    names: dict[int, Names] = {number: {source.query.columns[0].expr: "this"} for number, source in sources.items()}
-
-    def read_row(node: Any) -> Any:
-        number = _find_source_read(node)
-        expr = None if number is None or number not in sources else _rewrite_element_read(node, sources[number])
-        if number is None or expr is None:
-            return rebuild_node(node, read_row)
-        name = names[number].setdefault(expr, f"this_{len(names[number])}")
-        return plan.Column(number, name, expr.type, span=node.span)
-
-    def replace_source(node: Any) -> Any:
-        return (
-            _rewrite_to_rows(node, names[node.id]) if isinstance(node, plan.QuerySource) and node.id in names else node
-        )
-
-    return rewrite_bottom_up(read_row(query), replace_source) if sources else query
-
-
-def _is_list_query(query: plan.Query) -> bool:
-    """Whether a query is nothing but sources, conditions and one column of a list, none of which can fail."""
-    if query.representation.name != "list" or len(query.columns) > 1 or query.columns[0].label or query.columns[0].star:
-        return False
-    if query.search or query.grouped or query.order or query.limit:
-        return False
-    if not all(isinstance(source, (plan.TableSource, plan.ValueSource)) for source in query.sources):
-        return False
-    return not any(map(can_fail, (*query.sources, query.columns[0].expr, *((query.where,) if query.where else ()))))
-
-
-def _find_source_read(node: Any) -> int | None:
-    """The source of whose element a node reads the whole, a column or an item."""
-    match node:
-        case plan.Element(source=source) | plan.Column(source=source):
-            return source
-        case plan.Call(
-            function=plan.Function(name="item", builtin=True, raises=False),
-            arguments=(plan.Element(source=source), plan.Constant()),
-        ):
-            return source
-        case _:
-            return None
-
-
-def _rewrite_element_read(node: plan.Element | plan.Column | plan.Call, source: plan.QuerySource) -> plan.Expr | None:
-    """What is read of an element, as an expression of the query; None for a column that it does not declare."""
-    element = source.query.columns[0].expr
-    match node:
-        case plan.Element():
-            return element
-        case plan.Call(arguments=(_, place)):
-            return replace(node, arguments=(element, place))
-        case plan.Column(name=name) if isinstance(element, plan.Element):
-            columns = next((one.columns for one in source.query.sources if one.id == element.source), None)
-            declared = node.declared and name in dict(columns or ())
-            return replace(node, source=element.source) if declared else None
-        case _:
-            return None
-
-
-def _rewrite_to_rows(source: plan.QuerySource, names: Names) -> plan.QuerySource:
-    columns = tuple((name, expr.type) for expr, name in names.items())
-    outputs = tuple(plan.Output(name, expr) for expr, name in names.items())
-    query = replace(source.query, columns=outputs, representation=plan.Representation("dict"))
-    return replace(source, query=query, element=Type(Kind.DICT, columns=columns))
