@@ -10,7 +10,6 @@ import pytest
 from sessions import ENGINES, Clock
 
 import ss2sql
-from ss2sql.language import plan
 from ss2sql.language.rows import Rows
 from ss2sql.runtime.run.run_state import GraphLevel, ResultSink, Run
 from ss2sql.runtime.search.search_run import RowGraph
@@ -83,13 +82,6 @@ def said(run: Run, seconds: float) -> str:
     return line_of(run)[0].describe_progress(seconds)
 
 
-def query_of(script: str) -> plan.Query:
-    with ss2sql.connect() as ss:
-        (statement,) = ss.compile(script).plan.statements
-    assert isinstance(statement.expr, plan.Subquery)
-    return statement.expr.query
-
-
 def test_what_it_says_also_of_a_native_search() -> None:
     run = run_of(generated=3000, levels=[GraphLevel(3, 4), GraphLevel(1, 5)])
     run.graph = RowGraph(run.check, None)
@@ -102,37 +94,6 @@ def test_what_it_says_also_of_a_native_search() -> None:
     assert said(run, 2.0) == "2 s | 3,000 results, 1,500/s"
     run.sink = ResultSink(Rows(("n",), [(1,)]), "database")
     assert said(run, 2.0) == "2 s | 1 result, 0/s"
-
-
-def test_a_bar_where_the_total_is_known_and_for_the_first_list() -> None:
-    run = run_of(generated=100)
-    search = "SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY {} n = n + 1"
-    run.sink = ResultSink(Rows(("this",), None, [[]] * 4), "native", query_of(search.format("MAXIMUM 8") + ";"))
-    assert said(run, 1.0) == "1 s | [#####.....] 50% | 100 steps, 100/s | 4 results"
-    run.maximum = 5
-    assert said(run, 1.0).startswith("1 s | [########..] 80% | ")
-    run.maximum = 2  # there are more, of which some are dropped in the end
-    assert said(run, 1.0).startswith("1 s | [##########] 100% | ")
-    run.maximum = None
-    run.sink = run.sink._replace(query=query_of(search.format("") + ";"))
-    assert said(run, 1.0) == "1 s | 100 steps, 100/s | 4 results"
-    run.sink = ResultSink(Rows(("this",), [(1,)]), "native", query_of("SELECT this FROM [1, 2] LIMIT 10;"))
-    assert "[#.........] 10%" in said(run, 1.0)
-    run.sink = ResultSink(
-        Rows(("this",), [(1,)]), "native", query_of("SELECT this FROM [1, 2] ORDER BY this LIMIT 10;")
-    )
-    assert "[" not in said(run, 1.0)
-    line, _, _ = line_of(run_of())
-    outer, inner = [1] * 200, [1] * 3
-    line.note_walk(outer, 30, 200)
-    line.note_walk(inner, 2, 3)  # a list that is walked again and again says nothing
-    assert line.describe_progress(1.0) == "1 s | [#.........] 15%"
-    line.note_walk(outer, 200, 200)
-    assert line.describe_progress(1.0) == "1 s"
-    line.note_walk(inner, 1, 4)  # what is walked after it does
-    assert line.describe_progress(1.0) == "1 s | [##........] 25%"
-    line.begin_statement()
-    assert line.describe_progress(1.0) == "1 s"
 
 
 @pytest.fixture
@@ -166,7 +127,6 @@ def test_of_both_engines(terminal: Terminal, engine: str, script: str) -> None:
     text = terminal.getvalue()
     assert "0 results" in text
     assert ("step" in text) == ("UNIQUE" in script)
-    assert ("%" in text) == ("UNIQUE" not in script)
     assert terminal.line == ""
 
 

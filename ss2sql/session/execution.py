@@ -136,7 +136,7 @@ def _execute_for_last_value(
             run.trace = Trace(options.trace)
         run.answer = run.sink = run.graph = None
         if run.progress is not None:
-            run.progress.begin_statement()
+            run.progress.search = None  # that of the statement before
         host.forget_stable_calls(run)
         value = statement.compute_value(run)
         run.check_steps()

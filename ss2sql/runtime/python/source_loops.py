@@ -35,7 +35,6 @@ from ss2sql.runtime.python.equality_index import (
 from ss2sql.runtime.python.expression_facts import ExpressionFacts
 from ss2sql.runtime.python.loop_helpers import (
     iterate_with_checks,
-    iterate_with_progress,
     loop_over_dict_columns,
     loop_over_frame_rows,
     loop_over_table_rows,
@@ -98,7 +97,6 @@ class SourceLoops:
         }
         own_function = query.search is None and not inside and not owner.parameters
         self.alone = own_function and len(self.sources) == 1 and not any(self.lateral)
-        self.outermost = own_function and len(self.sources) > 1 and not self.lateral[0]
         self.items: dict[int, str] = {}  # by source: what is read once
         self.ready: dict[int, ast.expr] = {}  # the same inside of other loops, where it has no name
         self.lookups: dict[int, list[Lookup]] = {}  # by source: what its loop looks up
@@ -265,8 +263,6 @@ class SourceLoops:
         names = (name, self.frozen.get(source.id), codegen.keys.get(source.id))
         if self.alone and body.level == 0:
             items = build.call(codegen.use(iterate_with_checks), build.name("run"), items)
-        elif self.outermost and body.level == 0 and source is self.sources[0]:
-            items = build.call(codegen.use(iterate_with_progress), build.name("run"), items)
         body.open_loop([word for word in names if word is not None], items, build)
         body.levels[source.id] = body.level
         if source.id in self.items:

@@ -78,7 +78,6 @@ class SqliteExecution:
         self.truths: frozenset[str] = frozenset()  # functions whose values SQLite itself takes for true or false
         self.elements: dict[Any, ElementColumns] = {}
         self.memoized_values: dict[bytes, Any] = {}  # what was made of inner queries
-        self.outermost: Any = None  # the cursor of the first list that was walked
         self.readings = snapshot.copy_tables(run.host.memories.now, run.check)  # of worlds
 
     def keep_value(self, key: tuple[Any, ...], value: Any) -> Any:
@@ -202,18 +201,16 @@ class Database:
         caller = self.sql_callbacks[function.name] = FunctionCallback(function, memo, self.stack)
         self.guard.add_scalar(sql_name, caller.call)
 
-    def _open_table(self, name: str, arguments: tuple[Any, ...], cursor: Any) -> ElementColumns:
+    def _open_table(self, name: str, arguments: tuple[Any, ...]) -> ElementColumns:
         execution = self.current
-        execution.outermost = execution.outermost or cursor
         table = execution.modules[name]
         if table.function is not None:
             return self.sql_callbacks[table.function].list_elements(execution, arguments)
         return self._encode_elements(execution, arguments[0], table)
 
-    def _make_element_calls(self, name: str, cursor: Any, request: CallRequest) -> ColumnsFor:
+    def _make_element_calls(self, name: str, request: CallRequest) -> ColumnsFor:
         """What gives the columns of a table that calls functions with the elements of a list."""
         execution = self.current
-        execution.outermost = execution.outermost or cursor
         calls = execution.element_calls.get(name)
         if calls is None:
             table = execution.modules[name]
@@ -245,7 +242,7 @@ class Database:
         if self.stack:
             run = self.current.run
             if run.progress is not None:
-                run.progress.note_progress(self.current.outermost, self.search)
+                run.progress.search = self.search
             run.check()
             if run.steps_left is not None and self.current.query is not None and self.current.query.search is not None:
                 run.check_steps(self.search.count_generated(self.current.book, self.current.results()))

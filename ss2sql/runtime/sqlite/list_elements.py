@@ -67,8 +67,8 @@ def build_callback_columns(elements: Sequence[SqlValue], arguments: tuple[SqlVal
     return made
 
 
-# Walks a value for the module of this name, given its arguments and the cursor.
-Walk: TypeAlias = Callable[[str, tuple[SqlValue, ...], Any], ElementColumns]
+# Walks a value for the module of this name, given its arguments.
+Walk: TypeAlias = Callable[[str, tuple[SqlValue, ...]], ElementColumns]
 Found: TypeAlias = Sequence[Sequence[SqlValue]]  # columns; the requested ones are filled
 # Gives the number of rows and the columns of a table with calls, for its arguments.
 ColumnsFor: TypeAlias = Callable[[tuple[SqlValue, ...]], tuple[int, Found]]
@@ -83,7 +83,7 @@ class CallRequest:
 
 
 # Makes it for the module of this name, for the duration of the cursor's statement.
-Calls: TypeAlias = Callable[[str, Any, CallRequest], ColumnsFor]
+Calls: TypeAlias = Callable[[str, CallRequest], ColumnsFor]
 NOTHING = ElementColumns(None, 0, 0, lambda number: ())
 
 # The estimate of elements for SQLite's planner. Below 25 it makes no index for a join that is sorted.
@@ -229,7 +229,7 @@ class _Cursor:
         self.length = 0
 
     def Filter(self, number: int, name: str, arguments: tuple[SqlValue, ...]) -> None:  # noqa: N802
-        self.walked = self.module.walk(self.module.name, arguments, self)
+        self.walked = self.module.walk(self.module.name, arguments)
         self.columns, self.length = self.walked.columns, self.walked.length
         self.position = 0
 
@@ -263,7 +263,7 @@ class _CallingCursor(_Cursor):
     def Filter(self, number: int, name: str, arguments: tuple[SqlValue, ...]) -> None:  # noqa: N802
         if self.columns_for is None or number != self.number:
             self.columns_for, self.number = (
-                self.module.calls(self.module.name, self, self.module.requests[number]),
+                self.module.calls(self.module.name, self.module.requests[number]),
                 number,
             )
         self.length, self.columns = self.columns_for(arguments)
