@@ -12,7 +12,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.lowering.rewrites.constant_folding import fold_constants
 from ss2sql.lowering.rewrites.distance_ranges import limit_distances
-from ss2sql.lowering.rewrites.inline_functions import inline_functions, read_keys_as_columns
+from ss2sql.lowering.rewrites.inline_functions import inline_functions, read_keys_as_columns, read_lists_as_rows
 from ss2sql.lowering.rewrites.normalize_conditions import normalize_conditions
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.lowering.rewrites.unnest_subqueries import search_for_members, unnest_subqueries
@@ -62,6 +62,11 @@ REWRITES: dict[str, Rewrite] = {
         "flattens AND and OR, moves NOT inwards, drops repeated parts, makes IN of several ==",
         "conditions were taken apart, so that each is evaluated as early as possible",
         normalize_conditions,
+    ),
+    "rows": Rewrite(
+        "reads a query in FROM that gives a list of one column as rows",
+        "rows of a query in FROM are joined, not collected in a list",
+        read_lists_as_rows,
     ),
     "near": Rewrite(
         "queries a world only for the box around a point where distance(this, point) <= 1",

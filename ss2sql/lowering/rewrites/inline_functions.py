@@ -1,4 +1,4 @@
-"""`inline` and `columns`: calls of functions, and names in brackets, become what they stand for.
+"""`inline`, `columns` and `rows`: functions, names in brackets and lists of one column become what they stand for.
 
     def cost(a, b): return abs(a - b)          WHERE cost(x, 3) < 2          asks          abs(x - 3) < 2
 
@@ -16,17 +16,25 @@ the column of one that does is None, and to read its key is an error. A column t
 except that of a table, whose rows have all columns.
 
 Of a world whose list `pos` consists of the columns x, y and z, `pos[0]` becomes `x`.
+
+    FROM (SELECT this FROM pairs WHERE this[0] == here AS list)       and of it        this
+
+    FROM (SELECT this FROM pairs WHERE this[0] == here)               and of it        the column this
+
+So rows need not be collected in a list that is walked then: they are a part of the product around the query, and are
+looked up. It is done where nothing in the query can fail, and whole elements are all that is read of it.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from ss2sql.frontend.inlining.substitution import InlinedCall, Inliner
 from ss2sql.frontend.resolve.scope import resolve_source_column
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
-from ss2sql.language.plan_traversal import list_plan_functions, walk
+from ss2sql.language.plan_traversal import can_fail, is_column_query, list_plan_functions, walk
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext, rewrite_bottom_up
 
 
@@ -89,3 +97,40 @@ def _find_columns_to_rewrite(source: plan.TableSource | plan.ValueSource | plan.
     if not source.element.is_only(Kind.DICT) or source.columns is None:
         return {}
     return {name: kind for name, kind in source.columns if not kind.may_be(Kind.NONE)}
+
+
+# --- `rows`: a query in FROM that gives a list of one column is read as the rows that it finds
+def read_lists_as_rows(query: plan.Query, world: RewriteContext) -> plan.Query:
+    nodes = list(walk(query))
+    found = [node for node in nodes if isinstance(node, plan.QuerySource)]
+    whole = {inner.id for node in found if node.optional for inner in node.query.sources}  # read through LEFT JOIN
+    lists = {node.id for node in found if not node.optional and node.id not in whole and _is_list_query(node.query)}
+    for node in nodes:
+        match node:
+            case plan.Column(source=source) | plan.Output(expr=plan.Element(source=source), star=True):
+                lists.discard(source)
+            case plan.Eval():
+                return query
+
+    def read_row(node: Any) -> Any:
+        match node:
+            case plan.Element(source=source) if source in lists:
+                return plan.Column(source, "this", node.type, span=node.span)
+            case plan.QuerySource(id=number, query=inner) if number in lists:
+                output = plan.Output("this", inner.columns[0].expr)
+                inner = replace(inner, columns=(output,), representation=plan.Representation("dict"))
+                columns = (("this", output.expr.type),)
+                return replace(node, query=inner, element=Type(Kind.DICT, columns=columns), columns=columns)
+            case _:
+                return node
+
+    return rewrite_bottom_up(query, read_row) if lists else query
+
+
+def _is_list_query(query: plan.Query) -> bool:
+    """Whether a query is nothing but sources, conditions and one column of a list, none of which can fail."""
+    if not is_column_query(query) or query.columns[0].label or query.order:
+        return False
+    if not all(isinstance(source, (plan.TableSource, plan.ValueSource)) for source in query.sources):
+        return False
+    return not any(map(can_fail, (*query.sources, query.columns[0].expr, *((query.where,) if query.where else ()))))
