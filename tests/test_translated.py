@@ -29,6 +29,7 @@ def ss() -> Iterator[ss2sql.Session]:
             "CREATE TABLE people(id INTEGER PRIMARY KEY, name TEXT NOT NULL, age INT NOT NULL) STRICT;"
             "INSERT INTO people VALUES (1, 'Ann', 31);"
             "CREATE TABLE sales(kind TEXT NOT NULL, price INT NOT NULL) STRICT; CREATE TABLE loose(a INTEGER);"
+            "CREATE TABLE single(a INT NOT NULL UNIQUE) STRICT;"
             "CREATE TABLE pairs(a TEXT, b TEXT COLLATE NOCASE, PRIMARY KEY(a, b)) STRICT, WITHOUT ROWID"
         )
         session.set("many", list(range(2000)))

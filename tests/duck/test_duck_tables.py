@@ -456,6 +456,13 @@ def test_facts_of_a_table_are_those_of_its_rows_now(ss: ss2sql.Session, own: Any
     assert query.run().value == []
 
 
+@pytest.mark.parametrize("values", [[1.0, -0.0, 0.0], [0.0, -0.0, -1.0], [-0.0, 0.0], [1.0, 2.5, 1.0], [-2.0, -1.0]])
+def test_the_first_of_equal_extremes(ss: ss2sql.Session, values: list[float]) -> None:
+    ss.set("t", [{"x": x} for x in values])
+    found = ss.run("SELECT min(x), max(x) FROM t GROUP BY 1 AS rows")
+    assert (found.engine, exact(found.value)) == ("duckdb", exact([(min(values), max(values))]))
+
+
 def test_a_sum_that_is_too_large_on_its_way(ss: ss2sql.Session) -> None:
     ss.set("t", [{"x": 1.5e308}, {"x": 1.5e308}, {"x": -1.5e308}])
     for rest in ("", "WHERE x > 0"):
