@@ -9,11 +9,13 @@ its source proves it, and volatile in every other case. The proof assumes that
   the next cell of a notebook that defines a helper again);
 - the memory and the stack suffice, and the locale stays what it is.
 
-A function in `functools.cache` has a state: whoever changes a value that it gives, changes those that it gives later.
+A function in `functools.cache` is judged as the function itself, although the cache takes 1, 1.0 and True for one
+argument: its author chose that.
 """
 
 from __future__ import annotations
 
+import gc
 import inspect
 from collections.abc import Callable
 from dataclasses import field
@@ -106,6 +108,9 @@ class Proof:
                 self.prove_function(value, gives_sets=False)
             except Unproven as error:
                 raise Unproven(f"calls {text}, which {error}") from None
+        elif isinstance(value, _lru_cache_wrapper):
+            self.findings.caches = True
+            self.prove_called(_unwrap_cache(value), text)
         else:
             raise Unproven(f"calls {text}, which is not known to be pure")
 
@@ -133,9 +138,13 @@ def _prove_callable(function: Any) -> tuple[str, bool]:
         if entry.calls:
             raise Unproven("calls its arguments")
         return "is known to be pure", entry.changes
+    if isinstance(function, _lru_cache_wrapper):
+        return _prove_callable(_unwrap_cache(function))
     if type(function) is FunctionType:
         proof = Proof()
         proof.prove_function(function, gives_sets=True)
+        if proof.findings.caches and proof.findings.changes:
+            raise Unproven("may change values that a cached function remembers")
         names = ", ".join(f"'{name}'" for name in proof.findings.constants)
         constants = f" and the constants {names}" if names else ""
         return f"has a source that uses only its arguments{constants}", proof.findings.changes
@@ -146,6 +155,12 @@ def _prove_callable(function: Any) -> tuple[str, bool]:
     raise Unproven(
         "is a class, whose objects may have state" if issubclass(type(function), type) else "is an object with state"
     )
+
+
+def _unwrap_cache(cache: Any) -> Any:
+    """The function inside a cache. `__wrapped__` can be set to anything: it counts where the cache really holds it."""
+    claimed = getattr(cache, "__wrapped__", None)
+    return next((held for held in gc.get_referents(cache) if held is claimed), None)
 
 
 def infer_arity(function: Callable[..., object]) -> Arity:

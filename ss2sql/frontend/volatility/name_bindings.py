@@ -181,6 +181,7 @@ class Findings:
 
     constants: dict[str, None] = field(default_factory=dict)
     changes: bool = False  # values are changed in place
+    caches: bool = False  # a function in `functools.cache` is called
 
 
 def is_constant_binding(value: object) -> bool:
