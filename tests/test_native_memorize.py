@@ -14,9 +14,7 @@ from path_problems import CHANCES, COSTS, HARMLESS, MISLEADING, Edge, Problem, b
 from programs.drawn import amount
 
 import ss2sql
-from ss2sql.runtime.search import paths_by_length as careful_module
 from ss2sql.runtime.search import paths_by_length as lengths_module
-from ss2sql.runtime.search import paths_by_weight as weights_module
 from ss2sql.runtime.search.paths_by_length import PATIENCE_FACTOR, PathsByLength
 from ss2sql.runtime.search.paths_by_weight import PathsByWeight
 from ss2sql.runtime.search.search_run import RowGraph
@@ -36,25 +34,23 @@ RANKED: dict[str, Any] = {
 }
 WORK: dict[str, Any] = {
     "length": PathsByLength,
-    "cost": lambda graph: PathsByWeight(graph, False),
-    "chance": lambda graph: PathsByWeight(graph, True),
+    "cost": lambda graph: PathsByWeight(graph, graph.weights, False),
+    "chance": lambda graph: PathsByWeight(graph, graph.weights, True),
 }
 
 
-# The engine, when quick walks give up, and how much careful ones keep; None as it is.
-CARE = [("auto", None, None), ("native", None, None), ("native", 0, 0), ("native", 0.05, 3), ("native", 0.3, 1000)]
+# The engine, and when quick walks give up; None as it is.
+CARE = [("auto", None), ("native", None), ("native", 0), ("native", 0.05), ("native", 0.3)]
 
 
 @pytest.mark.drawn
 @pytest.mark.parametrize("order", RANKED)
-@pytest.mark.parametrize(("engine", "patience", "kept"), CARE)
+@pytest.mark.parametrize(("engine", "patience"), CARE)
 def test_the_paths_are_those_of_brute_force_whenever_care_begins(
-    ss: ss2sql.Session, order: str, engine: Any, patience: Any, kept: Any, monkeypatch: pytest.MonkeyPatch
+    ss: ss2sql.Session, order: str, engine: Any, patience: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if patience is not None:
         monkeypatch.setattr(lengths_module, "PATIENCE_FACTOR", patience)
-        monkeypatch.setattr(weights_module, "PATIENCE_FACTOR", patience)
-        monkeypatch.setattr(careful_module, "MAX_KEPT", kept)
     graph = Problem([], set(), set(), None)
     ss.function("near", lambda node: [list(edge) for edge in graph.edges[node]], volatility="stable")
     ss.function("is_goal", lambda node: node in graph.goals, volatility="stable")
@@ -191,12 +187,11 @@ def test_ways_that_are_cheap_but_too_long() -> None:
     graph = graph_of([*edges, []], {2 * places}, limit)
     graph.weights = [5 if node % 2 == 0 and target == node + 2 else 0 for node in range(2 * places)
                      for target in edges[node]]  # fmt: skip
-    search = PathsByWeight(graph, False)
+    search = PathsByWeight(graph, graph.weights, False)
     found = [tuple(path) for path in islice(search.find_paths(), 100)]
     # Four of the places are passed at no cost.
     assert {sum(graph.weights[edge] for edge in path) for path in found} == {36 * 5}
     assert len(found) == 100
-    assert search.lost
     assert search.steps <= most_steps(graph, 100)
 
 

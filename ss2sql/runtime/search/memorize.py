@@ -17,8 +17,8 @@ from ss2sql.errors import ExecutionError
 from ss2sql.language import plan
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.bidirectional import BackwardSearch, balance_backward_search, start_backward_search
-from ss2sql.runtime.search.paths_by_length import enumerate_by_length
-from ss2sql.runtime.search.paths_by_weight import enumerate_by_weight
+from ss2sql.runtime.search.paths_by_length import PathsByLength
+from ss2sql.runtime.search.paths_by_weight import PathsByWeight, can_search_by_length
 from ss2sql.runtime.search.search_run import ChooseElements, Found, Node, Nodes, RowGraph, SearchRun
 from ss2sql.runtime.search.step_contract import Notes, Problem
 
@@ -41,10 +41,13 @@ def iterate_graph_results(search_run: SearchRun, graph: RowGraph) -> Iterator[Fo
     if thaw is not None:
         graph.rows[1:] = thaw(graph.rows[1:])
     if by_weight:
-        yield from map(graph.make_result, enumerate_by_weight(graph, search_run.order == "probability"))
+        likeliest = search_run.order == "probability"
+        alike = can_search_by_length(graph, likeliest)
+        every = PathsByLength(graph) if alike else PathsByWeight(graph, graph.weights, likeliest)
+        yield from map(graph.make_result, every.find_paths())
         return
     marks = graph.list_marks()
-    others = islice(enumerate_by_length(graph, marks), 1, None)
+    others = islice(PathsByLength(graph, marks).find_paths(), 1, None)
     yield from map(graph.make_result, others) if marks is None else zip(others, repeat(None))
 
 
