@@ -17,7 +17,6 @@ from typing import Any
 import interrupting
 import pytest
 from interrupting import KINDS, NumberWorld, check_session, press_at
-from remembering import KNOWN, asked
 from sessions import both, write
 
 import ss2sql
@@ -253,23 +252,6 @@ def test_reading_a_large_table_to_compile_can_be_interrupted(file: Path, monkeyp
         assert cancelled(ss, "SELECT n FROM big;").partial is None
         monkeypatch.undo()
         assert len(ss.run("SELECT n FROM big;")) == 20_000
-
-
-def test_a_graph_is_written_in_parts_of_whole_states(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from ss2sql.runtime.graph_cache import cached_steps  # what a session imports first
-
-    monkeypatch.setattr(cached_steps, "MAX_STEPS_WRITTEN", 6)
-    monkeypatch.setattr(cached_steps, "MOMENT", -1.0)
-    with ss2sql.connect(file) as ss:
-        ss.function("hop", interrupting.hop, volatility="immutable")
-        answer = ss.run(LITTLE["memorize"]).value
-        ss.graphs().drop()
-        write_part = cached_steps.CachedSteps._write_part
-        monkeypatch.setattr(cached_steps.CachedSteps, "_write_part", lambda part: ss.interrupt() or write_part(part))
-        cancelled(ss, LITTLE["memorize"])
-        monkeypatch.undo()
-        assert set(asked(file, KNOWN)) == {(3, 3)}
-        assert ss.run(LITTLE["memorize"]).value == answer
 
 
 def test_the_partial_result_is_that_of_the_statement_that_ran(ss: ss2sql.Session) -> None:

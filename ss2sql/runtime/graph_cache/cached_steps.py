@@ -1,7 +1,7 @@
 """The steps of a search with MEMORIZE, as far as they are known, and notes of those that had to be evaluated.
 
-A level is looked up before its states are expanded. What was found out is written every half second, and in the end: of
-each state all steps or none.
+A level is looked up before its states are expanded. What was found out is written ten times a second, and in the end:
+of each state all steps or none.
 """
 
 from __future__ import annotations
@@ -38,9 +38,7 @@ if TYPE_CHECKING:
     from ss2sql.vtables.attached_worlds import AttachedWorld
 
 
-PART = 0.5  # seconds after which a part of what is new is written
-MAX_STEPS_WRITTEN = 1_500  # that are written in one transaction, which takes 15 ms
-MOMENT = 0.01  # seconds after which a run that was stopped begins no other one
+PART = 0.1  # seconds after which what is new is written, which takes as long at most: a run can be stopped meanwhile
 
 _TEMPORARY_ERRORS = (
     apsw.BusyError,
@@ -116,7 +114,7 @@ class CachedSteps(Notes):
                 self.store.drop_graph(self._number)
                 self._number = None
                 self._stop_caching(NotCacheable(f"'{changed}' changes what it reads"))
-            self._write_states(kind is not None and issubclass(kind, (Stopped, KeyboardInterrupt)))
+            self._write_states()
         except ExecutionError:
             if kind is None:
                 raise
@@ -158,46 +156,25 @@ class CachedSteps(Notes):
                 held[text] = CachedState(tuple(map(thaw_value, state)), text, steps.get(text), loaded)
         return list(map(held.__getitem__, texts))
 
-    def _write_states(self, stopped: bool = False) -> None:
-        """Writes what is new, in parts, so that a run can be stopped between them.
-
-        Of one that is `stopped` already as much is written as a moment is enough for; the rest is found out anew.
-        """
-        started = perf_counter()
-        while self._write_part() and self._unwritten:
-            if not stopped:
-                self.search_run.check()
-            elif perf_counter() - started > MOMENT:
-                break
+    def _write_states(self) -> None:
+        """Writes what is new, in one transaction; where somebody else is in the way that has to wait."""
         self._written = perf_counter()
-
-    def _write_part(self) -> bool:
-        """Writes some states; where somebody else is in the way that has to wait, and the answer is no."""
         store = self.store
         if self.off or not (store.writable and (self._unwritten or self._number)):
-            return False
-        part, length = list[tuple[str, int, str]](), 0
+            return
         try:
-            for text, state in self._unwritten.items():
-                steps = state.steps or []
-                part.append((text, len(steps), encode_steps(steps)))
-                length += len(steps)
-                if length >= MAX_STEPS_WRITTEN:
-                    break
-            if part or store.is_use_unnoted(self._number):
-                self._number = store.write_states(self.key, self.described, part, self._complete)
+            new = [(text, len(o.steps or ()), encode_steps(o.steps or ())) for text, o in self._unwritten.items()]
+            if new or store.is_use_unnoted(self._number):
+                self._number = store.write_states(self.key, self.described, new, self._complete)
         except NotCacheable as reason:
             self._stop_caching(reason)
-            return False
         except _TEMPORARY_ERRORS as error:
             self._unkept = str(error)
-            return False
         except READ_ERRORS as error:
             raise build_damaged_graph_error(str(error)) from error
-        for text, *_ in part:
-            del self._unwritten[text]
-            self._own.add(text)
-        return True
+        else:
+            self._own.update(self._unwritten)
+            self._unwritten.clear()
 
     def _stop_caching(self, reason: NotCacheable) -> None:
         self.off = True
