@@ -228,17 +228,6 @@ def is_marshalled_value(marshalled: bytes) -> bool:
     return b"g" not in marshalled and b"l" not in marshalled and b"(" not in marshalled
 
 
-def is_finite(value: list[Any], marshalled: bytes) -> bool:
-    """Whether there is no NaN and no infinity in a list of scalars and of lists of them, given with its marshal bytes.
-
-    False may be wrong where numbers are very large.
-    """
-    try:
-        return isfinite(sum(value))  # 0.15 us; to look through the bytes takes 0.5
-    except TypeError:  # not numbers alone
-        return not _find_suspect_bytes(marshalled)
-
-
 def is_shallow_list_value(value: list[Any] | tuple[Any, ...]) -> bool:
     """Whether a list or tuple consists of scalars, and of lists and tuples of scalars.
 

@@ -148,17 +148,6 @@ def make_hashable(value: Any) -> Hashable:
     return value  # type: ignore[no-any-return]
 
 
-class ListForm(bytes):
-    """The bytes of a list which was written in another form than its own, with 1 in place of 1.0."""
-
-    __slots__ = ()
-
-
-def encode_list_value(value: list[Any]) -> ListForm:
-    """What `make_hashable` gives for a list of numbers, text, None, and lists of such."""
-    return ListForm(dumps(_unify_numbers(value), 2))
-
-
 def _encode_value_list(value: list[Any]) -> bytes:
     """The bytes of a list, the same for equal lists. ValueError: there are dicts or objects inside."""
     marshalled = dumps(value, 2)

@@ -33,7 +33,7 @@ from ss2sql.runtime.parallel.process_pool import (
     warn_once,
 )
 from ss2sql.runtime.parallel.worker_process import NO_VALUE
-from ss2sql.runtime.run.call_memo import Result, report_memo_counts
+from ss2sql.runtime.run.call_memo import report_memo_counts
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search.search_run import SearchRun
 from ss2sql.runtime.search.step_contract import Notes, Pair
@@ -150,11 +150,11 @@ class CallPrefetcher:
         self.asked: set[tuple[str, bytes]] = set()  # of a block
         self.answers: SimpleQueue[Answer] = SimpleQueue()
 
-    def make_timed_call(self, entry: UserFunction, real: Callable[[Any], Result]) -> Callable[[Any], Result]:
+    def make_timed_call(self, entry: UserFunction, real: Callable[[Any], Any]) -> Callable[[Any], Any]:
         """A call as it is made where it is not remembered: `real`, unless it is one for other processes."""
         timed = self._get_timed(entry)
 
-        def call_timed(arguments: Any) -> Result:
+        def call_timed(arguments: Any) -> Any:
             if self.noting and timed.is_shared:
                 self._ask(entry.name, tuple(arguments))
                 raise PendingError

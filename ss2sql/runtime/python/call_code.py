@@ -29,7 +29,7 @@ def is_memoized_call(node: plan.Expr) -> bool:
 
 
 def generate_memoized_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -> ast.expr:
-    """The call; it gives the value and its frozen form, or None for that."""
+    """The call, which gives the value."""
     from ss2sql.runtime.python.python_expressions import generate_expression
 
     codegen = builder.codegen
@@ -65,7 +65,8 @@ def generate_memoized_call(builder: QueryCompiler, node: plan.Call, body: Python
         missed = build.call(bind_method("missed"), build.name(found), build.name(key_name), build.pack(*again), *values)
     kind = build.call("type", build.bind(found, build.call(bind_method("get"), build.bind(key_name, key))))
     remembered = [build.compare(kind, ast.Is(), build.name("tuple")), build.call(bind_method("hit"))]
-    return build.if_else(build.join_conditions(ast.And(), remembered), build.name(found), missed)
+    value = build.item(build.name(found), 0)
+    return build.if_else(build.join_conditions(ast.And(), remembered), value, missed)
 
 
 def find_keyed_sources(places: list[Any]) -> set[int]:
@@ -125,23 +126,12 @@ def _generate_argument_key(
         return key, name
     # A key of its own for the key: no expression of the plan has it.
     facts = replace(facts, key=None if facts.key is None else -1 - facts.key)
-    home, level = body.find_home(facts)
-    named = isinstance(argument, (plan.State, plan.Element)) and isinstance(value, ast.Name)
-    if home is not body or not named or not body.early_keys:
-        kept = body.compute_once(facts, key, build, "key")
-        if not isinstance(kept, ast.IfExp) or not isinstance(value, ast.NamedExpr):
-            return kept, name
-        # Where the key is known already, it must not be left out to give the argument its name.
-        return build.item(
-            build.pack(value, body.compute_once(facts, build.call(codegen.use(make_call_key), name), build, "key")), 1
-        ), name
-    early = body.name_of(facts)
-    if early is None:
-        early = codegen.new_name("key")
-        home.blocks[level].insert(-1, build.assign(early, key))  # before the loop
-        assert facts.key is not None
-        home.known[level][facts.key] = early
-    return build.name(early), name
+    kept = body.compute_once(facts, key, build, "key")
+    if not isinstance(kept, ast.IfExp) or not isinstance(value, ast.NamedExpr):
+        return kept, name
+    # Where the key is known already, it must not be left out to give the argument its name.
+    known = body.compute_once(facts, build.call(codegen.use(make_call_key), name), build, "key")
+    return build.item(build.pack(value, known), 1), name
 
 
 def get_call_method(run: Run, function: plan.Function, method: str) -> Any:

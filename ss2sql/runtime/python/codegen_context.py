@@ -63,9 +63,6 @@ class PythonScope:
     forgotten_values: dict[int, ast.expr] = field(default_factory=dict)  # like `known`, by identity
     before: PythonScope | None = None  # the function that this one continues
     sure: bool = True  # whether what is being written is certainly evaluated
-    may_check_later: bool = False  # writes indexes as Python's own, see write_with_later_check
-    trusted: bool = False  # whether there were any such indexes
-    early_keys: bool = True  # computes the keys of arguments before the loop
     find_arguments: Callable[[plan.Call], str | None] = lambda call: None  # names what gives those of calls to come
 
     def is_source_visible(self, source: int) -> bool:
@@ -148,23 +145,6 @@ class PythonScope:
             return value
         name = self.known[-1][facts.key] = self.codegen.new_name(hint)
         return build.bind(name, value)
-
-    def write_with_later_check(self, facts: ExpressionFacts, write: Callable[[], ast.stmt], build: AstBuilder) -> None:
-        """A statement whose indexes are Python's own; where one is out of range it runs again, and says so.
-
-        Asking before costs 0.2 us, a `try` nothing. What the facts are of must give the same once more.
-        """
-        self.may_check_later, self.trusted = facts.steady and not facts.calls, False
-        before = dict(self.known[-1])
-        statement = write()
-        self.may_check_later = False
-        if self.trusted:
-            after, self.known[-1] = self.known[-1], before
-            with self.write_skippable():
-                checked = write()
-            self.known[-1] = after
-            statement = build.try_except(statement, "IndexError", checked)
-        self.emit(statement)
 
     def name_or_constant(self, value: ast.expr, build: AstBuilder, hint: str) -> ast.expr:
         """A name or a constant that stands for the value."""

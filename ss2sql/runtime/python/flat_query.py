@@ -162,7 +162,7 @@ def compile_flat_query(
     keyed = find_keyed_sources([*inside, *where, *outputs, *keys])
     for source in query.sources[1:]:  # the first is walked once
         if source.id in keyed:
-            loops.attach_keys(source, frozen=False, keyed=True)
+            loops.attach_keys(source)
     evaluated = [*where, *outputs, *keys]
     loops.staged = count_array_calls(*query.sources, *evaluated) > 0 and builder.codegen.analysis.are_steady(evaluated)
     collects = query.aggregated and not loops.staged

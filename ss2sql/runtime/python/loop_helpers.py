@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.language import plan
 from ss2sql.language.element_columns import read_column
+from ss2sql.runtime.run.call_memo import make_call_key
 from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.vtables.frames.frame import Frame
@@ -129,9 +130,9 @@ class Parts:
 
 
 # --- what the loops of generated code walk: helpers that it calls
-def loop_with_computed(items: list[Any], *makers: Callable[[Any], Any]) -> list[tuple[Any, ...]]:
-    """The items, each with what the makers make of it."""
-    return list(zip(items, *(map(maker, items) for maker in makers), strict=True))
+def list_elements_with_keys(items: list[Any]) -> list[tuple[Any, bytes]]:
+    """The items, each with its exact key as an argument of a call."""
+    return [(item, make_call_key(item)) for item in items]
 
 
 def loop_over_dict_columns(value: Any, *names: str) -> list[tuple[Any, ...]]:

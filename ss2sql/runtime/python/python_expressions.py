@@ -455,7 +455,7 @@ def _generate_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -
     codegen, function = builder.codegen, node.function
     facts, build = codegen.analysis.facts(node), codegen.build_at(node.place)
     if is_memoized_call(node):
-        value = build.item(generate_memoized_call(builder, node, body), 0)
+        value = generate_memoized_call(builder, node, body)
         return body.compute_once(facts, value, codegen.build_at(node.span), function.name) if facts.steady else value
     reduced = builder.write_reduction(node, body) if function.builtin else None
     if reduced is not None:
@@ -465,8 +465,7 @@ def _generate_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -
         members = _generate_membership(builder, node, arguments, body)
         if members is not None:
             return members
-        if _is_generated_item_access(node) and (body.may_check_later or not function.raises):
-            body.trusted = body.trusted or function.raises
+        if _is_item_access(node) and not function.raises:
             return build.item(arguments[0], arguments[1])
         inline = generate_builtin_inline(node, arguments, codegen, build)
         if inline is not None:
@@ -485,7 +484,7 @@ def _generate_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -
     return body.compute_once(facts, call, codegen.build_at(node.span), function.name)
 
 
-def _is_generated_item_access(node: plan.Call) -> bool:
+def _is_item_access(node: plan.Call) -> bool:
     """Whether the call takes an element of a list by a whole number, so that nothing can be wrong but the number."""
     if node.function.name != "item":
         return False

@@ -99,9 +99,6 @@ class NotedStepFunction(StepFunction):
     ) -> None:
         super().__init__(builder, query, loops, form, None)
         self.columns = columns
-        self.body.early_keys = False  # often all calls are known
-        self.loops = copy(loops)
-        self.loops.frozen = {}  # the elements come by themselves
         self.note = self.codegen.new_name("note")
         target = self.loop.target
         pair = [ast.Name(self.note, ast.Store(), **self.build.at), target]
@@ -247,7 +244,7 @@ class BackwardSteps:
         codegen.page.note_call(expr.place, expr.function.name)
         value = codegen.new_name("before")
         result = build.call(codegen.name_function(expr.function, build), arguments)
-        body.emit(build.assign(value, build.item(result, 0)))
+        body.emit(build.assign(value, result))
         nothing = build.compare(build.name(value), ast.Is(), build.constant(None))
         body.emit(build.when(nothing, build.return_(build.constant(None))))
         return build.name(value)

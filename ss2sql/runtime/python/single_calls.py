@@ -76,7 +76,6 @@ class SingleCall:
         places = at.name(codegen.embed(list_plan_calls(step.query)[function.name], "places"))
         known = [at.name("run"), at.name(codegen.embed(function, "function")), places]
         known.append(at.name(step.loops.items[source]))
-        known.append(at.constant(source not in step.loops.frozen and source not in codegen.keys))
         step.owner.emit(at.unpack([once, remembered, count], at.call(codegen.use(make_single_call_variants), *known)))
         step.owner.locals += [once, remembered, count]
         self.begin.append(at.assign(made, at.constant(0)))
@@ -160,7 +159,7 @@ class SingleSourceCall:
         return SingleCall(self.node, key, made[0])
 
     def write_call(self, body: PythonScope) -> ast.expr:
-        """The call: it gives the value and None."""
+        """The call, which gives the value."""
         step, node = self.step, self.node
         codegen, build = step.codegen, step.codegen.build_at(node.place)
         arguments = [_generate_argument(step, argument, body, self.state_statements) for argument in node.arguments]
@@ -262,23 +261,23 @@ def make_single_calls(
 
 
 def make_single_call_variants(
-    run: Run, function: plan.Function, places: Places, items: Sequence[Any], single: bool
+    run: Run, function: plan.Function, places: Places, items: Sequence[Any]
 ) -> tuple[Callable[..., Any], Callable[..., Any], Callable[[int], None]]:
     """The function itself, the function with its memory, and what counts the calls that were made of both.
 
     Where somebody else calls the function, too, or an element comes twice, all calls go by the memory. `places` is
-    where the search calls it; `items` has the elements: `single`, or with what accompanies them.
+    where the search calls it; `items` has the elements.
     """
     calls: MemoizedCalls = run.host.get_callable(function, run)  # type: ignore[assignment]
 
     def call_memoized(*arguments: Any) -> Any:
-        return calls.call_any(*arguments)[0]
+        return calls.call_any(*arguments)
 
     def call_recounted(*arguments: Any) -> Any:
         calls.count(-1)  # the memory counts its calls itself
         return call_memoized(*arguments)
 
-    keys = list(map(make_call_key, items if single else [item[0] for item in items]))
+    keys = list(map(make_call_key, items))
     elsewhere = run.call_places.get(function.name, {None}) - places
     if elsewhere or calls.foretold or NO_KEY in keys or len(set(keys)) < len(keys):
         return call_memoized, call_memoized, lambda made: None

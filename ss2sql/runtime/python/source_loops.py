@@ -18,7 +18,6 @@ from ss2sql.errors import Stopped
 from ss2sql.language import plan
 from ss2sql.language.kinds import INT, Kind
 from ss2sql.language.plan_traversal import can_end_early, split_and, walk
-from ss2sql.language.values import freeze_any
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.codegen_context import MAX_LOOPS, PythonScope
 from ss2sql.runtime.python.equality_index import (
@@ -35,10 +34,10 @@ from ss2sql.runtime.python.equality_index import (
 from ss2sql.runtime.python.expression_facts import ExpressionFacts
 from ss2sql.runtime.python.loop_helpers import (
     iterate_with_checks,
+    list_elements_with_keys,
     loop_over_dict_columns,
     loop_over_frame_rows,
     loop_over_table_rows,
-    loop_with_computed,
 )
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
 from ss2sql.runtime.python.world_loops import WorldCondition, find_world_condition, generate_world_loop
@@ -52,7 +51,6 @@ from ss2sql.runtime.run.array_calls import (
     iterate_call_blocks,
     list_certain_calls,
 )
-from ss2sql.runtime.run.call_memo import make_call_key
 from ss2sql.runtime.run.elements import list_elements_or_none, list_source_elements
 
 if TYPE_CHECKING:
@@ -102,7 +100,6 @@ class SourceLoops:
         self.lookups: dict[int, list[Lookup]] = {}  # by source: what its loop looks up
         self.world_conditions: dict[int, list[WorldCondition]] = {}  # by source: what a world is told of conditions
         self.wanted: dict[int, str] = {}  # by source: the only column that is read of what its loop looks up
-        self.frozen: dict[int, str] = {}  # sources whose elements come with their frozen form
         self.staged = False  # whether calls of functions that take arrays are made for a block of rows
         # The functions that go on there, what comes before, and whether all loops are open then.
         self.stages: list[tuple[PythonScope, ast.expr, bool]] = []
@@ -139,27 +136,14 @@ class SourceLoops:
                 self.owner.emit(build.assign(name, items))
                 self.owner.locals.append(name)
 
-    def attach_keys(self, source: plan.Source, frozen: bool, keyed: bool) -> None:
-        """Lets elements come with their frozen forms, or with their exact keys, where they are values read once."""
+    def attach_keys(self, source: plan.Source) -> None:
+        """Lets elements come with their exact keys, where they are values read once."""
         codegen = self.builder.codegen
         if source.id not in self.items or source.id in self.lookups or source.id in codegen.tuples:
             return
         build, name = codegen.build_at(source.span), self.items[source.id]
-        makers: list[ast.expr] = []
-        if frozen:
-            self.frozen[source.id] = codegen.new_name("key")
-            makers.append(build.name(codegen.use(freeze_any)))
-        if keyed:
-            codegen.keys[source.id] = codegen.new_name("exact")
-            makers.append(build.name(codegen.use(make_call_key)))
-        self.owner.emit(build.assign(name, build.call(codegen.use(loop_with_computed), build.name(name), *makers)))
-
-    @staticmethod
-    def has_scalar_elements(source: plan.Source) -> bool:
-        """Whether the elements are numbers and strings, which need no frozen form."""
-        return isinstance(source, (plan.ValueSource, plan.QuerySource)) and source.element.is_only(
-            Kind.NUMBER | Kind.STR
-        )
+        codegen.keys[source.id] = codegen.new_name("exact")
+        self.owner.emit(build.assign(name, build.call(codegen.use(list_elements_with_keys), build.name(name))))
 
     def plan_lookup(self, condition: Lookup) -> bool:
         """Plans to look up what the condition asks for; gives whether that is possible and worth it.
@@ -173,7 +157,7 @@ class SourceLoops:
         source, other = condition.source, self.builder.codegen.analysis.facts(condition.other)
         index = number[source]
         facts = self.facts[index]
-        if source in self.frozen or self.lateral[index] or not facts.steady:
+        if self.lateral[index] or not facts.steady:
             return False
         if index + 1 < self.first_unnoticed or any(number.get(known, -1) > index for known in other.sources):
             return False
@@ -260,7 +244,7 @@ class SourceLoops:
         if source.id in self.lookups:
             items = self._look_up_source(source, items, body)
         name = codegen.names[source.id] = codegen.new_name(source.name)
-        names = (name, self.frozen.get(source.id), codegen.keys.get(source.id))
+        names = (name, codegen.keys.get(source.id))
         if self.alone and body.level == 0:
             items = build.call(codegen.use(iterate_with_checks), build.name("run"), items)
         body.open_loop([word for word in names if word is not None], items, build)

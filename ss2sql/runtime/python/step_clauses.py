@@ -267,13 +267,8 @@ class StepClauses:
 
     # --- rows ------------------------------------------------------------------------------------------
 
-    def shows_as_it_is(self, expr: plan.Expr) -> bool:
-        """Whether a column is an element that nobody compares: to freeze and to thaw it takes a third of the time."""
-        compared = self.search.repeats != "allowed" or self.form.watched or self.form.noted
-        return isinstance(expr, plan.Element) and not compared and expr not in self.connect.values()
-
     def _choose_column_shape(self, expr: plan.Expr) -> Shape:
-        if expr.type.is_only(SCALAR) or self.shows_as_it_is(expr):
+        if expr.type.is_only(SCALAR):
             return "scalar"
         if isinstance(expr, plan.State) and expr.query == self.query.id:
             return self.shapes[expr.name]
@@ -292,8 +287,6 @@ class StepClauses:
         if isinstance(expr, plan.State) and expr.query == self.query.id and not inner.has_state_changed(facts):
             return build.name(self.frozen_states[expr.name])
         value = self._write_value(expr)
-        if isinstance(expr, plan.Element) and expr.source in self.loops.frozen:
-            return build.name(self.loops.frozen[expr.source])
         if shape == "scalar":
             return build.name(inner.assign_name(value, build, "value"))
         made = self._write_frozen(expr, shape, inner.name_or_constant(value, build, "value"))
@@ -413,16 +406,12 @@ class StepClauses:
             leave[:0] = self._write_trace_note("stopped")
         if stop is not None and where is None:
             build = self.codegen.build_at(stop.span)
-            facts = self.codegen.analysis.facts(stop)
-            inner.write_with_later_check(facts, lambda: build.assign("stop", self._write_value(stop)), build)
+            inner.emit(build.assign("stop", self._write_value(stop)))
             inner.emit(build.when(build.name("stop"), *leave))
             return
         for name, clause in (("stop", stop), ("goal", where)):
             if clause is not None:
-                write = partial(self._assign_truth, name, clause)
-                inner.write_with_later_check(
-                    self.codegen.analysis.facts(clause), write, self.codegen.build_at(clause.span)
-                )
+                inner.emit(self._assign_truth(name, clause))
         if stop is not None:
             traceless = build.join_conditions(ast.And(), [build.name("stop"), build.negate(build.name("goal"))])
             inner.emit(build.when(traceless, *leave))

@@ -44,11 +44,9 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.language import plan
 from ss2sql.language.ordering import order_rows
-from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row
 from ss2sql.language.values import THAWERS
 from ss2sql.runtime.python.ast_builder import generate_template, list_names_code_reads
-from ss2sql.runtime.python.call_code import find_keyed_sources, is_memoized_call
 from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.python.equality_index import Lookup, find_index_lookups
 from ss2sql.runtime.python.flat_query import place_conditions
@@ -172,8 +170,6 @@ class StepFunction(StepClauses):
             placed, guarded = place_conditions(builder, replace(query, where=made), loops)
             placed[1] = [*placed.pop(0, []), *placed.get(1, [])]  # a step function goes through its elements
             guarded = None if guarded is None else max(guarded, 1)
-        if not form.noted:
-            self._attach_frozen()
         self.takes_arrays = count_array_calls(*self.keeps_everything, *(() if made is None else (made,))) > 0
         listed = form.noted or self.takes_arrays
         several = bool(self.search.siblings) or len(query.sources) > MAX_NESTED_LOOPS or listed
@@ -344,8 +340,6 @@ class StepFunction(StepClauses):
         generator.count_uses([*list_loop_expressions(self.query), *(key.expr for key in siblings)])
         innermost = self.loops.open_loops(generator, placed, guarded)
         names = [codegen.names[source.id] for source in self.query.sources]
-        for known in () if self.form.noted else (self.loops.frozen, codegen.keys):
-            names += [known[source.id] for source in self.query.sources if source.id in known]
         yielded = build.pack(*map(build.name, names)) if len(names) > 1 else build.name(*names)
         if siblings:
             yielded = build.pack(
@@ -384,15 +378,3 @@ class StepFunction(StepClauses):
         pairs = ((one.key, other.key), (one.other, other.other))
         keys = [(self.codegen.analysis.facts(a).key, self.codegen.analysis.facts(b).key) for a, b in pairs]
         return all(a is not None and a == b for a, b in keys)
-
-    def _attach_frozen(self) -> None:
-        """Freezes elements once that are read once and stand in the row as they are; also keys of arguments."""
-        single = None if self.single is None else self.single.key
-        frozen = {e.source for e in self.outputs if isinstance(e, plan.Element) and not self.shows_as_it_is(e)}
-        calls = (node for expr in self.keeps_everything for node in walk(expr) if is_memoized_call(node))
-        others = any(self.codegen.analysis.facts(call).key != single for call in calls)
-        keyed = find_keyed_sources(self.keeps_everything) if others else set()
-        for source in self.query.sources:
-            freezes = source.id in frozen and not self.loops.has_scalar_elements(source)
-            if freezes or source.id in keyed:
-                self.loops.attach_keys(source, freezes, source.id in keyed)
