@@ -295,7 +295,7 @@ def open_inner_loops(
     conditions, guarded = place_conditions(builder, query, loops)
     inner = query.sources[0]
     wanted = _find_column_of_loop(inner, [*chain.from_iterable(conditions.values()), *outputs.values()])
-    if wanted is not None and loops.has_row_index(inner):
+    if wanted is not None and loops.has_column_index(inner):
         loops.wanted[inner.id] = wanted
         codegen.single_column_queries.add(inner.id)
     body = loops.open_loops(body, conditions, guarded)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import replace
 from itertools import chain, takewhile
 from typing import TYPE_CHECKING, Any, assert_never
@@ -18,18 +17,14 @@ from ss2sql.errors import Stopped
 from ss2sql.language import plan
 from ss2sql.language.kinds import INT, Kind
 from ss2sql.language.plan_traversal import can_end_early, split_and, walk
+from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.codegen_context import MAX_LOOPS, PythonScope
 from ss2sql.runtime.python.equality_index import (
     Lookup,
-    index_by_columns,
-    index_elements,
-    index_elements_by_call,
-    index_elements_by_int,
-    index_plain_rows,
-    index_single_column,
-    index_tuples,
-    look_up_in_index,
+    index_column,
+    index_rows,
+    index_table_column,
 )
 from ss2sql.runtime.python.expression_facts import ExpressionFacts
 from ss2sql.runtime.python.loop_helpers import (
@@ -171,12 +166,12 @@ class SourceLoops:
         """Whether a key calls functions of the user for rows that LIMIT cuts off."""
         return can_end_early(self.query) and self.builder.codegen.analysis.facts(key).calls
 
-    def has_row_index(self, source: plan.Source) -> bool:
-        """Whether the source's loop looks up rows by columns of numbers and text."""
-        known = self.lookups.get(source.id)
-        if known is None or source.id not in self.builder.codegen.tuples:
+    def has_column_index(self, source: plan.Source) -> bool:
+        """Whether the source's loop looks up rows by one column of numbers or text."""
+        if source.id not in self.builder.codegen.tuples or len(self.lookups.get(source.id, ())) != 1:
             return False
-        return all(o.plain and isinstance(o.key, plan.Column) and o.key.type.is_only(SCALAR_KINDS) for o in known)
+        (known,) = self.lookups[source.id]
+        return known.sure and isinstance(known.key, plan.Column) and known.key.type.is_only(SCALAR_KINDS)
 
     def push_condition_to_world(self, condition: plan.Expr) -> None:
         """Tells a world of a condition, where what its column is compared with is known before the world is queried.
@@ -468,45 +463,46 @@ class SourceLoops:
         return tuple(read)
 
     def _look_up_source(self, source: plan.Source, items: ast.expr, body: PythonScope) -> ast.expr:
-        """The elements that the source's lookup finds; its index lives as long as the elements do."""
-        codegen, conditions = self.builder.codegen, self.lookups[source.id]
-        build = codegen.build_at(conditions[0].key.span)
-        columns = codegen.tuples.get(source.id)
-        names = [one.key.name for one in conditions if isinstance(one.key, plan.Column)]
-        of_element = not names and len(conditions) == 1 and columns is None
-        facts = self.builder.get_source_facts(source)
-        if not all(one.plain for one in conditions) or (len(names) < len(conditions) and not of_element):
-            return self._write_key_lookup(
-                source, body.compute_once(facts, self._write_key_index(source, items), build, "index"), body
-            )
-        if of_element:
-            index = build.call(codegen.use(index_elements), items)
-        elif columns is not None and self.has_row_index(source):
-            index = self._write_row_index(source, items, names, columns, build)
-        elif columns is None:
-            index = build.call(codegen.use(index_by_columns), items, *map(build.constant, names))
-        else:
-            places = (build.constant(columns.index(name)) for name in names)
-            index = build.call(codegen.use(index_tuples), items, *places)
-        kept = body.compute_once(facts, index, build, "index")
-        build = codegen.build_at(conditions[0].other.span)
-        values = [generate_expression(self.builder, one.other, body) for one in conditions]
-        if all(one.other.type.is_only(SCALAR_KINDS) for one in conditions):
-            key = values[0] if len(values) == 1 else build.pack(*values)
-            return build.call(build.part(kept, "get"), key, build.pack())
-        return build.call(codegen.use(look_up_in_index), kept, *values)
+        """The elements that the source's lookup finds; its index lives as long as the elements do.
 
-    def _write_key_index(self, source: plan.Source, items: ast.expr) -> ast.expr:
-        """The index by keys that a function of its own computes."""
+        They are all elements where what the keys must equal cannot be computed.
+        """
         codegen, conditions = self.builder.codegen, self.lookups[source.id]
         build = codegen.build_at(conditions[0].key.span)
+        write_index = self._write_column_index if source.id in self.wanted else self._write_index
+        made = write_index(source, items, build)
+        index = body.compute_once(self.builder.get_source_facts(source), made, build, "index")
+        build = codegen.build_at(conditions[0].other.span)
+        others = [one.other for one in conditions]
+        if all(one.sure for one in conditions):
+            return build.call(build.part(index, "get"), self._write_key(others, body, build), build.pack())
+        with body.write_skippable():
+            key = self._write_key(others, body, build)
+        index = body.name_or_constant(index, build, "index")
+        found = codegen.new_name("found")
+        body.locals.append(found)
+        codegen.use(Stopped)
+        attempt = build.assign(found, build.call(build.part(index, "find_rows"), key))
+        body.emit(build.try_unless_stopped(attempt, build.assign(found, build.part(index, "rows"))))
+        return build.name(found)
+
+    def _write_key(self, values: Sequence[plan.Expr], body: PythonScope, build: AstBuilder) -> ast.expr:
+        """What stands for values where they are compared."""
+        codegen, keys = self.builder.codegen, list[ast.expr]()
+        for expr in values:
+            value = generate_expression(self.builder, expr, body)
+            keys.append(value if expr.type.is_only(SCALAR_KINDS) else build.call(codegen.use(make_hashable), value))
+        return keys[0] if len(keys) == 1 else build.pack(*keys)
+
+    def _write_index(self, source: plan.Source, items: ast.expr, build: AstBuilder) -> ast.expr:
+        """The index by keys that a function of its own computes."""
+        codegen, keys = self.builder.codegen, [one.key for one in self.lookups[source.id]]
         name, before = codegen.new_name(source.name), codegen.names.get(source.id)
         key_of = PythonScope(codegen, codegen.new_name("key_of"), [name], codegen.root)
         key_of.levels[source.id] = 0
-        keys = [one.key for one in conditions]
         key_of.count_uses(keys)
         codegen.names[source.id] = name
-        key_of.emit(build.return_(build.array(*(generate_expression(self.builder, key, key_of) for key in keys))))
+        key_of.emit(build.return_(self._write_key(keys, key_of, build)))
         key_of.define_function()
         if before is not None:
             codegen.names[source.id] = before
@@ -515,39 +511,18 @@ class SourceLoops:
             blocks = build.call(codegen.use(Blocks), items, build.constant(BLOCK))
             given = [build.name("run"), blocks, build.name(key_of.name), build.constant(number)]
             items = build.call("list", build.call(codegen.use(iterate_call_blocks), *given))
-        return build.call(codegen.use(index_elements_by_call), items, build.name(key_of.name))
+        return build.call(codegen.use(index_rows), items, build.name(key_of.name))
 
-    def _write_key_lookup(self, source: plan.Source, index: ast.expr, body: PythonScope) -> ast.expr:
-        """What the index finds, or all rows where what the keys must equal cannot be computed."""
-        codegen, conditions = self.builder.codegen, self.lookups[source.id]
-        build = codegen.build_at(conditions[0].other.span)
-        sure = all(one.sure for one in conditions)
-        with nullcontext() if sure else body.write_skippable():
-            values = [generate_expression(self.builder, one.other, body) for one in conditions]
-        if sure:
-            return build.call(build.part(index, "find_rows"), *values)
-        index = body.name_or_constant(index, build, "index")
-        found = codegen.new_name("found")
-        body.locals.append(found)
-        codegen.use(Stopped)
-        attempt = build.assign(found, build.call(build.part(index, "find_rows"), *values))
-        body.emit(build.try_unless_stopped(attempt, build.assign(found, build.part(index, "rows"))))
-        return build.name(found)
-
-    def _write_row_index(
-        self, source: plan.Source, items: ast.expr, names: list[str], columns: tuple[str, ...], build: AstBuilder
-    ) -> ast.expr:
-        places, wanted = [build.constant(columns.index(name)) for name in names], self.wanted.get(source.id)
-        if wanted is None:
-            return build.call(self.builder.codegen.use(index_plain_rows), items, *places)
-        value = build.constant(columns.index(wanted))
-        kinds = dict(source.columns or ())
-        integers = all(kinds[name].is_only(Kind.INT) for name in (wanted, *names))
-        if isinstance(source, plan.TableSource) and len(names) == 1 and integers:
-            codegen = self.builder.codegen
+    def _write_column_index(self, source: plan.Source, items: ast.expr, build: AstBuilder) -> ast.expr:
+        """The index of a source of which one column is wanted; without its rows, which nobody needs."""
+        codegen, (known,), wanted = self.builder.codegen, self.lookups[source.id], self.wanted[source.id]
+        assert isinstance(known.key, plan.Column)
+        columns, kinds = codegen.tuples[source.id], dict(source.columns or ())
+        places = [build.constant(columns.index(name)) for name in (wanted, known.key.name)]
+        if isinstance(source, plan.TableSource) and all(kinds[o].is_only(Kind.INT) for o in (wanted, known.key.name)):
             table = build.name(codegen.embed(source, "table"))
-            return build.call(codegen.use(index_elements_by_int), build.name("run"), table, value, *places)
-        return build.call(self.builder.codegen.use(index_single_column), items, value, *places)
+            return build.call(codegen.use(index_table_column), build.name("run"), table, *places)
+        return build.call(codegen.use(index_column), items, *places)
 
     def _read_once(self, source: plan.Source, body: PythonScope, items: ast.expr) -> ast.expr:
         facts = self.builder.get_source_facts(source)
