@@ -267,8 +267,13 @@ class StepClauses:
 
     # --- rows ------------------------------------------------------------------------------------------
 
+    def _shows_as_it_is(self, expr: plan.Expr) -> bool:
+        """Whether a column is an element that nobody compares: to freeze and to thaw it takes a third of the time."""
+        compared = self.search.repeats != "allowed" or self.form.watched or self.form.noted
+        return isinstance(expr, plan.Element) and not compared and expr not in self.connect.values()
+
     def _choose_column_shape(self, expr: plan.Expr) -> Shape:
-        if expr.type.is_only(SCALAR):
+        if expr.type.is_only(SCALAR) or self._shows_as_it_is(expr):
             return "scalar"
         if isinstance(expr, plan.State) and expr.query == self.query.id:
             return self.shapes[expr.name]
