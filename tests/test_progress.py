@@ -85,8 +85,7 @@ def said(run: Run, seconds: float) -> str:
 def test_what_it_says_also_of_a_native_search() -> None:
     run = run_of(generated=3000, levels=[GraphLevel(3, 4), GraphLevel(1, 5)])
     run.graph = RowGraph(run.check, None)
-    for number in range(7):
-        run.graph.add_node((number,), False)
+    run.graph.rows += [(number,) for number in range(7)]
     run.sink = ResultSink(Rows(("n",), None, []), "native")
     assert said(run, 1.5) == "2 s | 2 levels of MEMORIZE | 7 rows | 3,000 steps, 2,000/s | 0 results"
     run = run_of()

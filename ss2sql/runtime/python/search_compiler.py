@@ -87,7 +87,7 @@ def generate_noted_steps(
         writer = BackwardSteps(builder, query, owner)
         backwards = [build.name(writer.write_goal_states(reverse)), build.name(writer.write_state_before(reverse))]
     plain = not any(source.id in codegen.tuples or source.id in codegen.worlds for source in query.sources)
-    made = (step.describe_places(), search.order == "probability", len(query.sources), plain)
+    made = (step.describe_places(), len(query.sources), plain)
     return build.pack(build.name(function), *backwards, *(build.name(codegen.embed(part)) for part in made))
 
 

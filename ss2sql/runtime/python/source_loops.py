@@ -30,7 +30,6 @@ from ss2sql.runtime.python.expression_facts import ExpressionFacts
 from ss2sql.runtime.python.loop_helpers import (
     iterate_with_checks,
     list_elements_with_keys,
-    loop_over_dict_columns,
     loop_over_frame_rows,
     loop_over_table_rows,
 )
@@ -361,16 +360,6 @@ class SourceLoops:
                 read = generate_expression(builder, value, body)
                 rows = build.call(codegen.use(loop_over_frame_rows), read, *map(build.constant, words))
                 return self._read_once(source, body, rows)
-            case plan.ValueSource(value=value) if body is self.owner and (
-                words := self._list_dict_columns_read(source)
-            ):
-                codegen.tuples[source.id] = words
-                rows = build.call(
-                    codegen.use(loop_over_dict_columns),
-                    generate_expression(builder, value, body),
-                    *map(build.constant, words),
-                )
-                return self._read_once(source, body, rows)
             case plan.ValueSource(value=value):
                 codegen.elements[source.id] = source.element
                 if isinstance(value, plan.MakeList):
@@ -447,20 +436,6 @@ class SourceLoops:
             if isinstance(node, plan.Column) and node.source == source:
                 read.add(node.name)
         return tuple(name for name in columns if name in read)
-
-    def _list_dict_columns_read(self, source: plan.ValueSource) -> tuple[str, ...]:
-        """The columns that a search reads of dicts, where it reads nothing else of them."""
-        if self.query.search is None or not source.element.is_only(Kind.DICT):
-            return ()
-        read: dict[str, None] = {}
-        for node in chain.from_iterable(map(walk, self.builder.codegen.analysis.roots)):
-            if isinstance(node, plan.Eval) or (isinstance(node, plan.Element) and node.source == source.id):
-                return ()
-            if isinstance(node, plan.Column) and node.source == source.id:
-                if not node.declared:
-                    return ()
-                read[node.name] = None
-        return tuple(read)
 
     def _look_up_source(self, source: plan.Source, items: ast.expr, body: PythonScope) -> ast.expr:
         """The elements that the source's lookup finds; its index lives as long as the elements do.

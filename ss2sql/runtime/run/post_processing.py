@@ -172,7 +172,7 @@ class PostProcessing:
             known = groups.get(self._group_key(key))
             if known is None:
                 values = self._group_values(key)
-                shown = _make_group_key(values[0] if len(values) == 1 else values)
+                shown = make_group_key(values[0] if len(values) == 1 else values)
                 known = groups[self._group_key(key)] = (shown, [])
             known[1].append(position)
         return list(groups.values())
@@ -189,13 +189,6 @@ class PostProcessing:
         """What is seen of a group: what its aggregates are computed of, then its values."""
         columns = zip(*members, strict=True)
         return (*islice(columns, len(self.form.aggregates)), *self._group_values(members[0]))
-
-
-def _make_group_key(value: Any) -> Any:
-    """A group's value as the key of a dict: lists become tuples, dicts tuples of pairs."""
-    if isinstance(value, (list, tuple)):
-        return tuple(map(_make_group_key, value))
-    return _make_group_key(list(map(list, value.items()))) if isinstance(value, dict) else value
 
 
 def find_grouped_aggregates(query: plan.Query) -> list[plan.Aggregate]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from ss2sql.language import plan
-from ss2sql.runtime.search.best_first import a_star, a_star_unique, greedy_best_first, uniform_cost, uniform_cost_unique
+from ss2sql.runtime.search.best_first import a_star, a_star_unique, greedy_best_first, uniform_cost_unique
 from ss2sql.runtime.search.breadth_first import breadth_first, breadth_first_unique
 from ss2sql.runtime.search.depth_first import depth_first
 from ss2sql.runtime.search.step_contract import Found, Problem
@@ -26,4 +26,4 @@ def choose_search(search: plan.Search) -> Callable[[Problem], Iterator[Found]]:
         return greedy_best_first
     if search.repeats == "unique":
         return a_star_unique if search.heuristic is not None else uniform_cost_unique
-    return a_star if search.heuristic is not None else uniform_cost
+    return a_star

@@ -22,43 +22,21 @@ from ss2sql.runtime.search.step_contract import Found, Problem
 TAKEN = -2  # less than every total
 
 
-def uniform_cost(problem: Problem) -> Iterator[Found]:
-    """Uniform cost: every path, or with NO CYCLE every path on which no key occurs twice."""
-    expand, likeliest = problem.expand, problem.likeliest
-    trail = PathKeys() if problem.repeats == "no cycle" else None
-    closed: Any = trail.keys if trail else ()
-    queue: list[Any] = []
-    number = 0
-    for state in problem.starts:
-        number += 1
-        path = make_start_backpointer(problem.key_of(state)) if problem.visits else None
-        queue.append((-1 if likeliest else 0, number, False, True, state, path, None))
-    while queue:
-        total, _, goal, goes_on, state, path, last = heappop(queue)
-        if goal:
-            yield (path[1],) if problem.last else follow_backpointers(path), last
-        if not goes_on:
-            continue
-        if trail:
-            trail.move_to(path)
-        for row, key, goal, goes_on, after, weight, _, last in expand(state, closed):
-            number += 1
-            new = (path, row, key, path[3] + 1 if path else 1) if trail else (path, row)
-            rank = total * weight if likeliest else total + weight
-            heappush(queue, (rank, number, goal, goes_on, after, new, last))
-
-
 def a_star(problem: Problem) -> Iterator[Found]:
-    """A* over all paths: a result waits at its total, its expansion at total plus estimate."""
-    expand, found = problem.expand, problem.found
+    """A* over all paths: a result waits at its total, its expansion at total plus estimate.
+
+    Without an estimate it is uniform cost. With NO CYCLE no key occurs twice on a path.
+    """
+    expand, found, likeliest = problem.expand, problem.found, problem.likeliest
     trail = PathKeys() if problem.repeats == "no cycle" else None
     closed: Any = trail.keys if trail else ()
     queue: list[Any] = []
-    number = highest = 0
+    number, start = 0, -1 if likeliest else 0
+    highest: Any = start
     for state in problem.starts:
         number += 1
         path = make_start_backpointer(problem.key_of(state)) if problem.visits else None
-        queue.append((0, 0, number, True, 0, state, path, None))
+        queue.append((start, 0, number, True, start, state, path, None))
     while queue:
         guess, _, _, goes_on, total, state, path, last = heappop(queue)
         if not goes_on:
@@ -71,13 +49,14 @@ def a_star(problem: Problem) -> Iterator[Found]:
         if trail:
             trail.move_to(path)
         for row, key, goal, goes_on, after, weight, estimate, last in expand(state, closed):
-            rank = total + weight
+            rank = total * weight if likeliest else total + weight
             number += 1
             new = (path, row, key, path[3] + 1 if path else 1) if trail else (path, row)
             if goal:
                 heappush(queue, (rank, 0, number, False, rank, state, new, last))
             if goes_on:
-                heappush(queue, (rank + estimate, estimate, number, True, rank, after, new, None))
+                ahead = estimate if estimate is not None else 0
+                heappush(queue, (rank + ahead, ahead, number, True, rank, after, new, None))
 
 
 def uniform_cost_unique(problem: Problem) -> Iterator[Found]:

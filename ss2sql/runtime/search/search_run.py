@@ -67,20 +67,6 @@ class RowGraph:
     weights: list[Any] = field(default_factory=list)  # cost or probability of an edge; empty where they are not needed
     lasts: list[Any] = field(default_factory=list)  # what GROUP BY and ORDER BY see of its step; likewise
 
-    def add_node(self, row: Row, goal: bool) -> int:
-        self.rows.append(row)
-        self.goals.append(goal)
-        self.edges.append(())
-        return len(self.rows) - 1
-
-    def add_edge(self, node: int, target: int, weight: Any, last: Any) -> None:
-        """One more edge; all edges out of a node are made one after the other."""
-        first, number = self.edges[node][:1], len(self.targets)
-        self.edges[node] = range(first[0] if first else number, number + 1)
-        self.targets.append(target)
-        self.weights.append(weight)
-        self.lasts.append(last)
-
     @property
     def longest(self) -> int:
         """No path without a repeated row has more steps than this."""

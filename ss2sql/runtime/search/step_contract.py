@@ -134,7 +134,7 @@ class NotedSearch:
     `expand(state, closed, notes)` is the step function, see runtime/search/step_contract.py; it calls
     `notes.get_known_pairs()` for the pairs of the state, and where there are none `notes.begin_state(elements)`.
     `goals(start)` and `before(last)` go backwards, where that is possible: the states at the goal, the state before a
-    step. `probable`: the weight is a probability. `plain`: all elements are values. `row(note)` is the row of a step
+    step. `plain`: all elements are values. `row(note)` is the row of a step
     that was evaluated, `after(note, before)` the state after it, None where CONNECT BY was not evaluated.
     """
 
@@ -142,7 +142,6 @@ class NotedSearch:
     goals: Callable[[State], list[State]] | None
     before: Callable[[Last], State | None] | None
     places: Places
-    probable: bool
     sources: int
     plain: bool
 
@@ -164,7 +163,6 @@ def make_noted_search(
     goals: Any,
     before: Any,
     places: Places,
-    probable: bool,
     sources: int,
     plain: bool,
 ) -> NotedSearch:
@@ -183,7 +181,7 @@ def make_noted_search(
         return found
 
     nothing = [*[UNSET] * places.size, False]
-    return NotedSearch(expand, goals, before, places, probable, sources, plain, take, read_next_state, nothing)
+    return NotedSearch(expand, goals, before, places, sources, plain, take, read_next_state, nothing)
 
 
 def _make_step_note_getter(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
