@@ -187,11 +187,9 @@ def compile_flat_query(
         return body.name
     codegen, build = builder.codegen, builder.codegen.build
     name = codegen.new_name("find")
-    stages = [
-        build.pack(build.name(stage.name), how, build.constant(reach))
-        for (stage, how, _), reach in zip(loops.stages, loops.list_reaches(), strict=True)
-    ]
-    joined = build.call(codegen.use(StagedRows), build.name("run"), build.name(body.name), *stages)
+    stages = [build.pack(build.name(stage.name), how) for stage, how in loops.stages]
+    noticed = build.constant(loops.notices_blocks())
+    joined = build.call(codegen.use(StagedRows), build.name("run"), noticed, build.name(body.name), *stages)
     codegen.definitions.append(build.assign(name, joined))
     return name
 

@@ -102,7 +102,7 @@ class QueryExecution:
     def _find_results(self, settings: QuerySettings, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
         """The results as they are found."""
         if isinstance(self.find, StagedRows) and settings.limit is not None and not self._needs_keys:
-            return self.find.find_rows(outer, settings.limit + (settings.offset or 0))  # type: ignore[no-any-return]
+            return self.find.find_rows(outer, limited=True)  # type: ignore[no-any-return]
         if self.form.query.search is None or self.form.search is None:
             return self.find(*outer)  # type: ignore[no-any-return]
         from ss2sql.runtime.python.search_execution import find_search_results

@@ -38,7 +38,6 @@ from ss2sql.runtime.python.world_loops import WorldCondition, find_world_conditi
 from ss2sql.runtime.run.array_calls import (
     BLOCK,
     Blocks,
-    Reach,
     count_array_calls,
     has_calls_without_arrays,
     is_array_call,
@@ -95,8 +94,7 @@ class SourceLoops:
         self.world_conditions: dict[int, list[WorldCondition]] = {}  # by source: what a world is told of conditions
         self.wanted: dict[int, str] = {}  # by source: the only column that is read of what its loop looks up
         self.staged = False  # whether calls of functions that take arrays are made for a block of rows
-        # The functions that go on there, what comes before, and whether all loops are open then.
-        self.stages: list[tuple[PythonScope, ast.expr, bool]] = []
+        self.stages: list[tuple[PythonScope, ast.expr]] = []  # the functions that go on there, and what comes before
         self.calls_rows = [False]  # by function, the first one too: whether it calls a function that takes no arrays
         self.called: dict[int, str] = {}  # such calls: the names of their values
 
@@ -324,17 +322,14 @@ class SourceLoops:
         stage.known[-1].update(self.called)
         stage.before = body
         self._spent.add(rows)
-        self.stages.append((stage, how, all(source.id in stage.levels for source in self.sources)))
+        self.stages.append((stage, how))
         self.calls_rows.append(False)
         return stage
 
-    def list_reaches(self) -> list[Reach]:
-        """For each stage the rows that may be evaluated for a block, where LIMIT may cut some of them off."""
-        found, noticed = list[Reach](), False
-        for number, (_, how, innermost) in enumerate(self.stages):
-            noticed |= self.calls_rows[number] or (isinstance(how, ast.Constant) and self.calls_rows[number + 1])
-            found.append("ahead" if not noticed else "wanted" if innermost else "one")
-        return found
+    def notices_blocks(self) -> bool:
+        """Whether functions that take no arrays are called before the last block is made, or for its trials."""
+        _, how = self.stages[-1]
+        return any(self.calls_rows[:-1]) or (isinstance(how, ast.Constant) and self.calls_rows[-1])
 
     def _start_inner_function(self, body: PythonScope) -> PythonScope:
         """A new function for the loops further in: Python does not nest any number of them."""

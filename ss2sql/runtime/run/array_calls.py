@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from marshal import dumps
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeAlias, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeGuard, TypeVar
 
 from ss2sql.errors import Error, ExecutionError, Stopped
 from ss2sql.frontend.user_functions import UserFunction
@@ -36,7 +36,6 @@ NUMBERS = (float, int, bool)
 
 Arguments: TypeAlias = tuple[Any, ...]
 Kinds: TypeAlias = tuple[type, ...]
-Reach: TypeAlias = Literal["ahead", "wanted", "one"]
 T = TypeVar("T")
 
 
@@ -80,48 +79,19 @@ def list_certain_calls(node: Any) -> Iterator[plan.Call]:
                 yield node
 
 
-class Demand:
-    """How many rows a query with LIMIT wants, or the part of it that collects a block of them at the moment."""
-
-    def __init__(self, rows: int) -> None:
-        self.rows = rows
-
-    def count_results(self, results: Iterator[T]) -> Iterator[T]:
-        """The results of the last part."""
-        for result in results:
-            yield result
-            self.rows -= 1
-
-    def take_rows(self, rows: Iterator[T], number: int) -> Iterator[T]:
-        """Some rows of the part before, which sees how many of them are still wanted."""
-        wanted, self.rows = self.rows, number
-        try:
-            for row in islice(rows, number):
-                yield row
-                self.rows -= 1
-        finally:
-            self.rows = wanted
-
-
 class Blocks(Generic[T]):
-    """Blocks of rows, which grow from `size`.
+    """Blocks of rows, which grow from `size`; of 1 they stay, so that no row is evaluated before it is wanted."""
 
-    With a demand they have only the rows that are "wanted", or "one", by their `reach`: no row is evaluated that LIMIT
-    may cut off.
-    """
-
-    def __init__(self, rows: Iterable[T], size: int, demand: Demand | None = None, reach: Reach = "ahead") -> None:
-        self.rows, self.size, self.demand, self.reach = iter(rows), size, demand, reach
+    def __init__(self, rows: Iterable[T], size: int) -> None:
+        self.rows, self.size = iter(rows), size
         self.error: Exception | None = None
 
     def collect_block(self, block: list[T]) -> list[T]:
         """The block with more rows; without any at the end. What a row raises is raised after those before it."""
-        size, self.size = self.size, min(4 * self.size, BLOCK)
-        if self.demand is not None and self.reach != "ahead":
-            size = self.demand.rows if self.reach == "wanted" else 1
-        number = max(size - len(block), 0)
+        size = self.size
+        self.size = size if size == 1 else min(4 * size, BLOCK)
         try:
-            block.extend(self.demand.take_rows(self.rows, number) if self.demand else islice(self.rows, number))
+            block.extend(islice(self.rows, max(size - len(block), 0)))
         except Stopped:
             raise
         except Exception as error:
@@ -196,27 +166,28 @@ class StagedRows:
     """The generator of a query from those of its parts: each takes the rows of the one before, in blocks.
 
     With each stands a function, whose arguments the part before it gives with each row, or how many calls it makes
-    itself: it has made them for a row when it gives the first of its own; and the reach of its blocks.
+    itself: it has made them for a row when it gives the first of its own. `noticed`: functions are called that take no
+    arrays, which LIMIT bounds.
     """
 
-    def __init__(self, run: Run, first: Callable[..., Any], *stages: Any) -> None:
-        self.run, self.first, self.stages = run, first, stages
+    def __init__(self, run: Run, noticed: bool, first: Callable[..., Any], *stages: Any) -> None:
+        self.run, self.noticed, self.first, self.stages = run, noticed, first, stages
 
     def __call__(self, *outer: Any) -> Any:
-        return self.find_rows(outer, None)
+        return self.find_rows(outer, limited=False)
 
-    def find_rows(self, outer: tuple[Any, ...], most: int | None) -> Any:
-        """The rows, of which no more than `most` will be taken."""
-        found, demand = self.first(*outer), None if most is None else Demand(most)
-        size = BLOCK if demand is None and self.run.max_rows is None else FIRST
-        for stage, how, reach in self.stages:
+    def find_rows(self, outer: tuple[Any, ...], limited: bool) -> Any:
+        """The rows, of which LIMIT may cut some off where they are `limited`."""
+        size = BLOCK if not limited and self.run.max_rows is None else 1 if limited and self.noticed else FIRST
+        found = self.first(*outer)
+        for stage, how in self.stages:
             if isinstance(how, ArrayFunction):
-                found = _iterate_array_calls(how, Blocks(found, size, demand, reach))
+                found = _iterate_array_calls(how, Blocks(found, size))
             elif how:
-                blocks = Blocks[Any](found, size, demand, reach)
-                found = iterate_call_blocks(self.run, blocks, _make_array_call_trial(stage, outer), how)
+                trial = _make_array_call_trial(stage, outer)
+                found = iterate_call_blocks(self.run, Blocks[Any](found, size), trial, how)
             found = stage(*outer, found)
-        return found if demand is None else demand.count_results(found)
+        return found
 
 
 def _make_array_call_trial(stage: Callable[..., Any], outer: tuple[Any, ...]) -> Callable[[Any], object]:
