@@ -93,11 +93,14 @@ CHANCES: list[list[Any]] = [[0.9], [1], [0.5, 1, 0.25], [0.1, 0.3, 0.9], [1 / 3,
 def graph_of(edges: list[list[int]], goals: set[int], bound: int | None = None) -> RowGraph:
     """The graph of these edges, all of weight 1; node 0 is the start, which has no row."""
     graph = RowGraph(lambda: None, bound)
-    for node in range(1, len(edges)):
-        graph.add_node((node,), node in goals)
-    for node, targets in enumerate(edges):
-        for target in targets:
-            graph.add_edge(node, target, 1, None)
+    graph.rows += [(node,) for node in range(1, len(edges))]
+    graph.goals += [node in goals for node in range(1, len(edges))]
+    graph.targets = [target for targets in edges for target in targets]
+    graph.weights, graph.lasts = [1] * len(graph.targets), [None] * len(graph.targets)
+    graph.edges, first = [], 0
+    for targets in edges:
+        graph.edges.append(range(first, first + len(targets)))
+        first += len(targets)
     return graph
 
 
