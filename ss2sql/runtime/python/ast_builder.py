@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterable, Mapping
-from functools import cache
+from functools import cache, reduce
 from typing import Any, TypeVar
 
 from ss2sql.runtime.run.error_locations import Position
@@ -47,6 +47,11 @@ class AstBuilder:
     def part(self, value: ast.expr, name: str) -> ast.expr:
         """`value.name`."""
         return ast.Attribute(value, name, ast.Load(), **self.at)
+
+    def call_method(self, path: str, *arguments: ast.expr) -> ast.expr:
+        """`run.host.name(...)`, given as a path of names."""
+        first, *parts = path.split(".")
+        return self.call(reduce(self.part, parts, self.name(first)), *arguments)
 
     def compare(self, left: ast.expr, operator: ast.cmpop, right: ast.expr) -> ast.expr:
         return ast.Compare(left, [operator], [right], **self.at)

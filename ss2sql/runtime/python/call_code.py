@@ -12,7 +12,6 @@ from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import walk_own
 from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.run.call_memo import make_call_key
-from ss2sql.runtime.run.run_state import Run
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.query_compiler import QueryCompiler
@@ -50,7 +49,7 @@ def generate_memoized_call(builder: QueryCompiler, node: plan.Call, body: Python
     constant = build.name(codegen.embed(node.function, "function"))
 
     def bind_method(part: str) -> str:
-        function = build.call(codegen.use(get_call_method), build.name("run"), constant, build.constant(part))
+        function = build.part(build.call_method("run.host.get_callable", constant, build.name("run")), part)
         return codegen.bind((node.function.name, part), f"{node.function.name}_{part}", function, build)
 
     if method == "call_any":
@@ -132,7 +131,3 @@ def _generate_argument_key(
     # Where the key is known already, it must not be left out to give the argument its name.
     known = body.compute_once(facts, build.call(codegen.use(make_call_key), name), build, "key")
     return build.item(build.pack(value, known), 1), name
-
-
-def get_call_method(run: Run, function: plan.Function, method: str) -> Any:
-    return getattr(run.host.get_callable(function, run), method)

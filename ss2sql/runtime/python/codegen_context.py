@@ -282,9 +282,8 @@ class CodegenContext:
                 self._bound[key] = self.embed(python, function.name)
             else:
                 constant = build.name(self.embed(function, "function"))
-                self.bind(
-                    key, function.name, build.call(self.use(get_run_callable), build.name("run"), constant), build
-                )
+                found = build.call_method("run.host.get_callable", constant, build.name("run"))
+                self.bind(key, function.name, found, build)
         return self._bound[key]
 
     def read_sizes(self, part: str, build: AstBuilder) -> ast.expr:
@@ -297,14 +296,14 @@ class CodegenContext:
         """The value of a script variable: read once where nothing in this code changes it, else each time."""
         run, text = build.name("run"), build.constant(name)
         if not self.analysis.is_fixed(name):
-            return build.call(self.use(get_run_variable), run, text)
+            return build.call_method("run.get_variable", text)
         self.use(MissingValueError)
         value = build.call(self.use(get_run_variable_if_set), run, text)
         return build.name(self.bind(("variable", name), name, value, build, "MissingValueError"))
 
     def read_frame(self, name: str, build: AstBuilder) -> ast.expr:
         """A data frame, as it was when the run first read it."""
-        return build.call(self.use(get_run_frame), build.name("run"), build.constant(name))
+        return build.call_method("run.get_source", build.constant(name))
 
     def name_counter(self, name: str, body: PythonScope) -> str:
         """A counter of the whole run, to be increased in `body`."""
@@ -343,18 +342,6 @@ class CodegenContext:
         code = compile(module, self.page.name, "exec", dont_inherit=True)
         inner = next(constant for constant in code.co_consts if isinstance(constant, CodeType))
         return FunctionType(inner, self.namespace)
-
-
-def get_run_callable(run: Run, function: plan.Function) -> Callable[..., Any]:
-    return run.host.get_callable(function, run)
-
-
-def get_run_variable(run: Run, name: str) -> Any:
-    return run.get_variable(name)
-
-
-def get_run_frame(run: Run, name: str) -> Any:
-    return run.get_source(name)
 
 
 def get_run_variable_if_set(run: Run, name: str) -> Any:

@@ -556,34 +556,22 @@ def _generate_variable_access(
 ) -> ast.expr:
     """Access to variables beyond reading their value."""
     codegen = builder.codegen
-    owner = (build.name("run"), build.constant(node.name))
+    name = build.constant(node.name)
     match node:
         case plan.Assign(value=value):
-            return build.call(codegen.use(assign_run_variable), *owner, write_part(value))
+            return build.call_method("run.assign_variable", name, write_part(value))
         case plan.Temporal(when=when):
-            return build.call(
-                codegen.use(read_run_temporal), *owner, build.constant(None) if when is None else write_part(when)
-            )
+            read = build.constant(None) if when is None else write_part(when)
+            return build.call_method("run.host.read_temporal", name, read)
         case plan.TemporalAssign(keep=keep, value=value):
-            return build.call(codegen.use(store_run_temporal), *owner, write_part(keep), write_part(value))
+            parts = (write_part(keep), write_part(value))
+            return build.call(codegen.use(store_run_temporal), build.name("run"), name, *parts)
         case plan.AssignLate(literal=literal):
-            return build.call(codegen.use(bind_late_list), *owner, build.name(codegen.embed(literal)))
+            return build.call_method("run.host.bind_late", name, build.name(codegen.embed(literal)))
         case _:
             assert_never(node)
-
-
-def assign_run_variable(run: Run, name: str, value: Any) -> Any:
-    return run.assign_variable(name, value)
-
-
-def read_run_temporal(run: Run, name: str, when: Any) -> Any:
-    return run.host.read_temporal(name, when)
 
 
 def store_run_temporal(run: Run, name: str, keep: Any, value: Any) -> Any:
     run.host.store_temporal(name, keep, run.copy_for_keeping(value))
     return value
-
-
-def bind_late_list(run: Run, name: str, literal: Any) -> None:
-    run.host.bind_late(name, literal)

@@ -24,7 +24,7 @@ from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
 from ss2sql.runtime.python.expression_facts import ExpressionAnalysis, ExpressionFacts
 from ss2sql.runtime.python.python_expressions import generate_expression, get_group_key
-from ss2sql.runtime.python.query_execution import get_tuples_function, get_value_function, make_execution
+from ss2sql.runtime.python.query_execution import QueryExecution, get_value_function
 from ss2sql.runtime.run.array_calls import count_array_calls
 from ss2sql.runtime.run.call_memo import make_call_key
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, forget_older_half
@@ -119,10 +119,6 @@ def compile_statements(statements: tuple[plan.Expr, ...], name_scope: EvalScope)
         return codegen.compile_module(codegen.build_module(build.name(body.name)))
 
 
-def make_eval_cache(run: Run, name_scope: EvalScope) -> EvalCache:
-    return EvalCache(run, name_scope)
-
-
 # --- compiles the queries of a statement, each with the queries inside of it
 SELF_KEYED_KINDS = Kind.INT | Kind.STR | Kind.NONE  # equal values of these kinds are the same
 
@@ -206,7 +202,7 @@ class QueryCompiler:
         )
         constant = build.name(codegen.embed(eval_scope, "eval_scope"))
         texts = codegen.bind(
-            ("texts", id(node)), "texts", build.call(codegen.use(make_eval_cache), build.name("run"), constant), build
+            ("texts", id(node)), "texts", build.call(codegen.use(EvalCache), build.name("run"), constant), build
         )
         function = build.item(build.name(texts), generate_expression(self, node.text, body))
         return build.call(function, *self._list_outer_values(sources, states, body, build))
@@ -278,9 +274,9 @@ class QueryCompiler:
         parts = [build.constant(None) if name is None else build.name(name) for name in functions.values()]
         task, value, tuples = codegen.new_name("task"), codegen.new_name("value_of"), codegen.new_name("rows_of")
         codegen.definitions += [
-            build.assign(task, build.call(codegen.use(make_execution), build.name("run"), form, *parts)),
+            build.assign(task, build.call(codegen.use(QueryExecution), build.name("run"), form, *parts)),
             build.assign(value, build.call(codegen.use(get_value_function), build.name(task))),
-            build.assign(tuples, build.call(codegen.use(get_tuples_function), build.name(task))),
+            build.assign(tuples, build.part(build.name(task), "compute_tuples")),
         ]
         outer = self._list_outer_values(sources, states, caller, build) + [build.name(name) for name in groups.values()]
         ends = query.search or query.grouped or query.order or functions["settings"]

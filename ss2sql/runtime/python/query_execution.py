@@ -156,10 +156,6 @@ def _bind_outer_loop_values(function: Callable[..., Any], outer: tuple[Any, ...]
 # --- what generated code calls -------------------------------------------------------------------------
 
 
-def make_execution(run: Run, form: QueryForm, *functions: Any) -> QueryExecution:
-    return QueryExecution(run, form, *functions)
-
-
 def get_value_function(task: QueryExecution) -> Callable[..., Any]:
     """What gives the query's value; straight from its loop where its rows are all that is wanted.
 
@@ -173,7 +169,3 @@ def get_value_function(task: QueryExecution) -> Callable[..., Any]:
     if shape is None or task.settings is not None:
         return task.compute_value
     return lambda *outer: shape(list(find(*outer)))
-
-
-def get_tuples_function(task: QueryExecution) -> Callable[..., list[Row]]:
-    return task.compute_tuples

@@ -7,16 +7,14 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from ss2sql.errors import Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.runtime.python.ast_builder import AstBuilder
-from ss2sql.runtime.run.run_state import Run
 from ss2sql.vtables.attached_worlds import AttachedWorldTable
-from ss2sql.vtables.reading import NOTHING, Read, Reading, Readings
-from ss2sql.vtables.snapshots import Snapshot, find_first_table_place, plan_snapshot
+from ss2sql.vtables.reading import NOTHING
+from ss2sql.vtables.snapshots import find_first_table_place, plan_snapshot
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
@@ -69,64 +67,38 @@ def generate_world_loop(
         codegen.tuples[source.id] = tuple(name for name, _ in source.columns)
     else:
         codegen.worlds[source.id] = table
-    reading = build.name(_bind_reading(codegen, table, build))
+    reading = _bind_reading(codegen, table, build)
     if table.schema.parameters:
         arguments = [generate_expression(builder, argument, body) for argument in source.arguments]
-        return build.call(codegen.use(loop_over_world_rows), reading, *arguments)
+        return build.call_method(f"{reading}.call_function", build.pack(*arguments))
+    if not demands:
+        return build.call_method(f"{reading}.list_keys", build.name(codegen.embed(NOTHING, "nothing")))
     comparisons = tuple((demand.column, demand.operator) for demand in demands)
     values = [generate_expression(builder, demand.value, body) for demand in demands]
-    return build.call(
-        codegen.use(loop_over_world_keys), reading, build.name(codegen.embed(comparisons, "demands")), *values
-    )
+    told = build.name(codegen.embed(comparisons, "demands"))
+    return build.call_method(f"{reading}.find_keys", told, build.pack(*values))
 
 
 def bind_column_reader(codegen: CodegenContext, source: int, name: str, build: AstBuilder) -> str:
     """A name for the function from a key to a column."""
     table = codegen.worlds[source]
-    value = build.call(
-        codegen.use(get_column_reader), build.name(_bind_reading(codegen, table, build)), build.constant(name)
-    )
+    value = build.call_method(f"{_bind_reading(codegen, table, build)}.make_reader", build.constant(name))
     return codegen.bind(("column", id(table), name), f"read_{name}", value, build)
 
 
 def bind_element_reader(codegen: CodegenContext, source: int, build: AstBuilder) -> str:
     """A name for the function from a key to the element."""
     table = codegen.worlds[source]
-    value = build.call(codegen.use(get_element_reader), build.name(_bind_reading(codegen, table, build)))
+    value = build.part(build.name(_bind_reading(codegen, table, build)), "get_element")
     return codegen.bind(("element", id(table)), "element", value, build)
 
 
 def _bind_reading(codegen: CodegenContext, table: AttachedWorldTable, build: AstBuilder) -> str:
-    snapshot = build.name(codegen.embed(plan_snapshot(codegen.analysis.roots), "snapshot"))
-    value = build.call(codegen.use(get_readings), build.name("run"), snapshot)
+    snapshot = codegen.embed(plan_snapshot(codegen.analysis.roots), "snapshot")
+    run = build.name("run")
+    memory = build.part(build.part(build.part(run, "host"), "memories"), "now")
+    value = build.call_method(f"{snapshot}.copy_tables", memory, build.part(run, "check"))
     readings = codegen.bind("readings", "readings", value, build)
     known = (table.table, find_first_table_place(table, codegen.analysis.roots))
-    value = build.call(codegen.use(get_reading), build.name(readings), build.name(codegen.embed(known, "table")))
+    value = build.call_method(f"{readings}.get_reading", *(build.name(codegen.embed(one, "table")) for one in known))
     return codegen.bind(("reading", id(table)), "reading", value, build)
-
-
-# --- what the code calls -------------------------------------------------------------------------------
-
-
-def get_readings(run: Run, snapshot: Snapshot) -> Readings:
-    return snapshot.copy_tables(run.host.memories.now, run.check)
-
-
-def get_reading(readings: Readings, known: tuple[Any, Span | None]) -> Reading:
-    return readings.get_reading(*known)
-
-
-def get_column_reader(reading: Reading, name: str) -> Read:
-    return reading.make_reader(name)
-
-
-def get_element_reader(reading: Reading) -> Read:
-    return reading.get_element
-
-
-def loop_over_world_keys(reading: Reading, demands: Sequence[tuple[str, str]], *values: Any) -> list[Any]:
-    return reading.find_keys(demands, values) if demands else reading.list_keys(NOTHING)
-
-
-def loop_over_world_rows(reading: Reading, *arguments: Any) -> list[Any]:
-    return reading.call_function(arguments)
