@@ -332,9 +332,6 @@ def _convert_value(value: Any, depth: int, named: bool) -> Any:
     if named and isinstance(value, tuple) and hasattr(type(value), "_fields"):
         value = dict(zip(getattr(type(value), "_fields"), value, strict=True))  # noqa: B009
     if isinstance(value, _SEQUENCES):
-        items = _convert_tuples(value, depth)
-        if items is not None:
-            return items
         items = []
         for index, item in enumerate(value):
             try:
@@ -377,22 +374,6 @@ def _convert_float_value(value: float) -> float:
         return value
     hint = "floats have to be finite; None can say that there is no value"
     raise _RefusedValue("NaN" if value != value else format_value(value), hint)
-
-
-def _convert_tuples(value: Iterable[Any], depth: int) -> list[Any] | None:
-    """A sequence of tuples of plain values, or of such values, as lists; None if it is anything else."""
-    if not isinstance(value, (list, tuple)) or depth + 1 >= DEPTH_LIMIT:
-        return None
-    kinds = set(map(type, value))
-    if kinds <= {tuple, list}:
-        inner = list(chain.from_iterable(value))
-        return list(map(list, value)) if _are_clean_scalar_values(inner) else None
-    return list(value) if _are_clean_scalar_values(list(value)) else None
-
-
-def _are_clean_scalar_values(items: list[Any]) -> bool:
-    kinds = set(map(type, items))
-    return kinds <= SCALARS and _are_number_values_valid(items, kinds)
 
 
 def _sort_set_elements(items: list[Any]) -> list[Any]:

@@ -22,7 +22,7 @@ its place is wrapped, so a tuple there is proof of the shape.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from marshal import dumps, loads
 from typing import Any, Literal, TypeAlias
 
@@ -307,43 +307,13 @@ class FrozenShapes:
         return tuple(map(thaw_value, state))
 
     def make_row_thaw(self) -> Thaw | None:
-        """What makes the rows of paths of frozen ones, for one run; None where they are the same.
-
-        Paths share their rows, so after the first path, which often is the only one, each row is thawed once: the
-        garbage collector looks through all that are made.
-        """
-        if all(shape == "scalar" for shape in self.columns):
-            return None
-        rows_of = _thaw_rows_of_lists if self.columns == ("flat",) else _thaw_rows
-        known: dict[int, Row] = {}  # by identity
-        frozen: list[FrozenRow] = []  # keeps it
-        begun = False
-
-        def thaw_first(path: Sequence[FrozenRow]) -> tuple[Row, ...]:
-            return tuple(rows_of(path))
-
-        def thaw_other(path: Sequence[FrozenRow]) -> tuple[Row, ...]:
-            rows: list[Any] = list(map(known.get, map(id, path)))
-            if None in rows:
-                for place, row in enumerate(path):
-                    if rows[place] is None:
-                        made = tuple([value if type(value) in SCALARS else _thaw_deep(value) for value in row])
-                        rows[place] = known[id(row)] = made
-                        frozen.append(row)
-            return tuple(rows)
-
-        def thaw_path(path: Sequence[FrozenRow]) -> tuple[Row, ...]:
-            nonlocal begun
-            work, begun = thaw_other if begun else thaw_first, True
-            return _retry_with_stack(work, path)  # type: ignore[no-any-return]
-
-        return thaw_path
+        """What makes the rows of paths of frozen ones; None where they are the same."""
+        return None if all(shape == "scalar" for shape in self.columns) else _thaw_rows
 
 
-def _thaw_rows(path: Iterable[FrozenRow]) -> list[Row]:
-    return [tuple([value if type(value) in SCALARS else _thaw_deep(value) for value in row]) for row in path]
+def _thaw_rows(path: Sequence[FrozenRow]) -> tuple[Row, ...]:
+    return _retry_with_stack(_thaw_rows_deep, path)  # type: ignore[no-any-return]
 
 
-def _thaw_rows_of_lists(path: Iterable[FrozenRow]) -> list[Row]:
-    """The same for rows whose only column is `flat`."""
-    return [(list(value) if type(value) is tuple else _thaw_deep(value),) for (value,) in path]
+def _thaw_rows_deep(path: Sequence[FrozenRow]) -> tuple[Row, ...]:
+    return tuple([tuple([value if type(value) in SCALARS else _thaw_deep(value) for value in row]) for row in path])

@@ -99,15 +99,12 @@ COUNT_TYPE = Type(Kind.INT, 0, 2**53)
 
 def is_row_count_syntax(columns: tuple[ast.Expr | ast.Named | ast.Star, ...]) -> bool:
     """Whether SELECT without GROUP BY has `count(*)` or `count(DISTINCT x)`, outside of inner queries."""
-    return any(map(_is_count_syntax, columns))
-
-
-def _is_count_syntax(tree: Any) -> bool:
-    match tree:
-        case ast.Call(function="count", owner=None) if tree.star or tree.distinct:
-            return True
-        case _:
-            return not isinstance(tree, ast.Query) and any(map(_is_count_syntax, ast.list_syntax_children(tree)))
+    own = (column for column in columns if not isinstance(column, ast.Query))
+    parts = (part for column in own for part in ast.walk_syntax(column, lambda part: isinstance(part, ast.Query)))
+    return any(
+        isinstance(part, ast.Call) and part.function == "count" and part.owner is None and (part.star or part.distinct)
+        for part in parts
+    )
 
 
 def resolve_count_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:

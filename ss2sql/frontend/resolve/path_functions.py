@@ -14,7 +14,6 @@ CONNECT BY in place of the variables, `leaf()` is a query for the next elements.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -64,7 +63,7 @@ def is_path_function(resolver: Resolver, tree: Any) -> bool:
 def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, PathFunctions]:
     """The query with the hidden variables, and their names."""
     found = PathFunctions()
-    calls = [node for node in _iterate_syntax(tree) if is_path_function(resolver, node)]
+    calls = [node for node in ast.walk_syntax(tree, _is_other_search) if is_path_function(resolver, node)]
     # An outer call is assigned first, because it reads the inner one as it was before the step.
     calls.sort(key=lambda call: -_measure_prior_nesting(resolver, call))
     start: list[ast.Assign] = []
@@ -168,7 +167,7 @@ def resolve_next_call(scope: Scope, expr: plan.Expr) -> Any:
 
 def calls_path_function(resolver: Resolver, tree: ast.Expr | ast.Named | ast.Star) -> bool:
     """Whether an expression calls a path function."""
-    return any(is_path_function(resolver, node) for node in _iterate_syntax(tree))
+    return any(is_path_function(resolver, node) for node in ast.walk_syntax(tree, _is_other_search))
 
 
 def _check_path_clause(tree: ast.Call, said: PathFunctions) -> None:
@@ -238,18 +237,13 @@ def _make_first_step_syntax(then: ast.Expr, otherwise: ast.Expr) -> ast.Expr:
     return ast.If(ast.Operator("eq", level, span=span, place=span), (then,), (otherwise,), span=span)
 
 
-def _iterate_syntax(tree: Any) -> Iterator[Any]:
-    yield tree
-    for part in _list_syntax_children(tree):
-        yield from _iterate_syntax(part)
-
-
-def _list_syntax_children(tree: Any) -> Iterator[Any]:
-    """The nodes directly below a node; searches inside have calls of their own."""
-    return (part for part in ast.list_syntax_children(tree) if not (isinstance(part, ast.Query) and part.searches))
+def _is_other_search(tree: Any) -> bool:
+    """Whether it is a search inside of this one, which has calls of its own."""
+    return isinstance(tree, ast.Query) and tree.searches
 
 
 def _measure_prior_nesting(resolver: Resolver, tree: Any) -> int:
     """The depth of nesting of these calls."""
-    inside = max((_measure_prior_nesting(resolver, part) for part in _list_syntax_children(tree)), default=0)
+    parts = (part for part in ast.list_syntax_children(tree) if not _is_other_search(part))
+    inside = max((_measure_prior_nesting(resolver, part) for part in parts), default=0)
     return inside + is_path_function(resolver, tree)

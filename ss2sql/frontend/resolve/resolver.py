@@ -448,33 +448,15 @@ def is_resolved_aggregate(function: plan.Function) -> bool:
 
 def _find_assignments(tree: Any) -> list[ast.Assign]:
     """Every assignment to a script variable inside a syntax tree, without those of START WITH and CONNECT BY."""
-    found: list[ast.Assign] = []
-    stack: list[Any] = [tree]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, tuple):
-            stack.extend(node)
-        elif isinstance(node, ast.Query):
-            assigns = [part for part in (*node.start, *node.connect) if isinstance(part, ast.Assign)]
-            inner = [*(assign.value for assign in assigns), *(p for p in node.start if isinstance(p, ast.Each))]
-            rest = (getattr(node, name) for name in node.__slots__ if name not in ("start", "connect", "span"))
-            stack.extend((*inner, *rest))
-        elif hasattr(type(node), "__dataclass_fields__") and not isinstance(node, Span):
-            if isinstance(node, ast.Assign):
-                found.append(node)
-            stack.extend(ast.list_syntax_children(node))
-    return found
+    nodes = list(ast.walk_syntax(tree))
+    own = {id(part) for node in nodes if isinstance(node, ast.Query) for part in (*node.start, *node.connect)}
+    return [node for node in nodes if isinstance(node, ast.Assign) and id(node) not in own]
 
 
 def _mentions_source_syntax(tree: ast.Expr) -> bool:
     """Whether a list literal outside any query mentions `this` or `source.column`, outside of nested queries."""
-    match tree:
-        case ast.This() | ast.Attribute():
-            return True
-        case ast.Query():
-            return False
-        case _:
-            return any(_mentions_source_syntax(part) for part in ast.list_syntax_children(tree))
+    parts = ast.walk_syntax(tree, lambda part: isinstance(part, ast.Query))
+    return any(isinstance(part, ast.This | ast.Attribute) for part in parts)
 
 
 def is_value_syntax(tree: ast.Expr) -> bool:

@@ -6,7 +6,7 @@ The tree is closed: code that walks it uses `match` and ends with `assert_never`
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import field
 from typing import Any, TypeAlias
 
@@ -282,6 +282,15 @@ def list_syntax_children(tree: Any) -> Iterator[Any]:
                 yield item
 
 
+def walk_syntax(tree: Any, closed: Callable[[Any], bool] = lambda part: False) -> Iterator[Any]:
+    """A node and all nodes below it, parents first, but for those that are `closed` and what they hold."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        waiting.extend(reversed([part for part in list_syntax_children(node) if not closed(part)]))
+
+
 @dataclass(frozen=True, slots=True)
 class Script(Node):
     """The statements of a script in order, at least one."""
@@ -292,13 +301,10 @@ class Script(Node):
 def collect_syntax_columns(*trees: Script | Expr) -> frozenset[str] | None:
     """The names in trees that may be columns; None where any column may be read: by `*`, `this` or `eval`."""
     names: set[str] = set()
-    waiting: list[Any] = list(trees)
-    while waiting:
-        node = waiting.pop()
+    for node in (node for tree in trees for node in walk_syntax(tree)):
         match node:
             case Star() | This() | Call(function="eval", owner=None):
                 return None
             case Name(name=name) | Attribute(name=name):
                 names.add(name)
-        waiting.extend(list_syntax_children(node))
     return frozenset(names)

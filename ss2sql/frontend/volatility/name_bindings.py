@@ -20,7 +20,6 @@ import heapq
 import itertools
 import math
 import operator
-import sys
 from collections.abc import Iterator
 from dataclasses import field
 from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
@@ -73,13 +72,8 @@ METHODS: dict[str, KnownMethod] = {}
 
 
 def find_known_pure(value: object) -> KnownFunction | None:
-    """The entry of a function object, or None. Costly modules are read once they are loaded."""
-    found = _KNOWN.get(id(value))
-    if found is None and _LATE and isinstance(value, FunctionType):
-        for name in [name for name in _LATE if name in sys.modules]:
-            _declare_pure(sys.modules[name], _LATE.pop(name))
-        found = _KNOWN.get(id(value))
-    return found
+    """The entry of a function object, or None."""
+    return _KNOWN.get(id(value))
 
 
 def _declare_pure(module: ModuleType, names: str, **facts: Any) -> None:
@@ -127,13 +121,6 @@ _declare_pure(bisect, "insort insort_left insort_right", changes=True)
 _declare_pure(collections, "Counter OrderedDict deque")
 _declare_pure(collections, "defaultdict", calls=True)
 _declare_pure(copy, "copy deepcopy")
-
-# Modules that are read once they are loaded, with their functions.
-_LATE = {
-    "json": "dumps loads",
-    "statistics": "fmean geometric_mean harmonic_mean mean median median_high median_low mode multimode pstdev "
-    "pvariance quantiles stdev variance",
-}
 
 _make_methods("capitalize casefold expandtabs format isalnum isalpha isascii isdecimal isdigit isidentifier islower")
 _make_methods(
