@@ -110,7 +110,10 @@ class Proof:
                 raise Unproven(f"calls {text}, which {error}") from None
         elif isinstance(value, _lru_cache_wrapper):
             self.findings.caches = True
-            self.prove_called(_unwrap_cache(value), text)
+            inside = _unwrap_cache(value)
+            entry = find_known_pure(inside)
+            self.findings.iterators |= entry is not None and entry.gives_iterator
+            self.prove_called(inside, text)
         else:
             raise Unproven(f"calls {text}, which is not known to be pure")
 
@@ -129,22 +132,26 @@ def infer_purity(function: Callable[..., object]) -> Purity:
         return Purity("volatile", "is nested too deeply to be followed")
 
 
-def _prove_callable(function: Any) -> tuple[str, bool]:
-    """Why a callable is immutable, and whether it may change its arguments. Raises `Unproven`."""
+def _prove_callable(function: Any, cached: bool = False) -> tuple[str, bool]:
+    """Why a callable, perhaps of a cache, is immutable, and whether it may change its arguments. Raises `Unproven`."""
     entry = find_known_pure(function)
     if entry is not None:
         if entry.gives_code:
             raise Unproven("gives a function, which is not a value")
         if entry.calls:
             raise Unproven("calls its arguments")
+        if cached and entry.gives_iterator:
+            raise Unproven("may give an iterator that a cached function remembers")
         return "is known to be pure", entry.changes
     if isinstance(function, _lru_cache_wrapper):
-        return _prove_callable(_unwrap_cache(function))
+        return _prove_callable(_unwrap_cache(function), cached=True)
     if type(function) is FunctionType:
         proof = Proof()
         proof.prove_function(function, gives_sets=True)
         if proof.findings.caches and proof.findings.changes:
             raise Unproven("may change values that a cached function remembers")
+        if proof.findings.iterators and (cached or proof.findings.caches):
+            raise Unproven("may give an iterator that a cached function remembers")
         names = ", ".join(f"'{name}'" for name in proof.findings.constants)
         constants = f" and the constants {names}" if names else ""
         return f"has a source that uses only its arguments{constants}", proof.findings.changes

@@ -31,7 +31,7 @@ _ATTRIBUTE = re.compile(r"\{[^{}:!]*\.")
 _PLAIN = (
     ast.Constant, ast.Name, ast.BinOp, ast.UnaryOp, ast.Subscript, ast.Slice, ast.Starred, ast.List, ast.Tuple,
     ast.Dict, ast.JoinedStr, ast.FormattedValue, ast.keyword, ast.expr_context, ast.operator, ast.unaryop, ast.Pass,
-    ast.Break, ast.Continue, ast.For, ast.Try, ast.Delete,
+    ast.Break, ast.Continue, ast.Try, ast.Delete,
 )  # fmt: skip
 
 
@@ -58,10 +58,14 @@ class FunctionProof:
             if node is not None:
                 self.check(node, sets)
 
-    def check(self, node: ast.AST, sets: bool = False) -> None:
-        """Checks a statement, or an expression that is read as a value; with `sets` it may be one."""
+    def check(self, node: ast.AST, sets: bool = False, read: bool = False) -> None:
+        """Checks a statement, or an expression that is read as a value; with `sets` it may be one.
+
+        With `read` its elements are all that is wanted of it.
+        """
         if not sets and self.names.is_set(node):
             raise Unproven(f"uses the set '{ast.unparse(node)[:40]}' where its order may count")
+        self.names.findings.iterators |= not read and self.names.makes_iterator(node)
         if what := self.names.describe_code(node):
             raise Unproven(f"keeps or passes on '{ast.unparse(node)[:40]}', {what}")
         match node:
@@ -108,6 +112,9 @@ class FunctionProof:
                 # Only a set takes another in without regard to its order: `|=` of a dict reads it as pairs.
                 self.check(value, sets=isinstance(op, SET_OPERATORS) and self.names.is_always_set(target))
                 self.check(target)
+            case ast.For(target=target, iter=iterable, body=body, orelse=orelse):
+                self.check(iterable, read=True)
+                self.check_all([target, *body, *orelse])
             case ast.While(test=test, body=body, orelse=orelse) | ast.If(test=test, body=body, orelse=orelse):
                 self.check(test, sets=True)
                 self.check_all([*body, *orelse])
@@ -147,7 +154,7 @@ class FunctionProof:
 
     def check_comprehension(self, node: Comprehension, unordered: bool) -> None:
         for generator in node.generators:
-            self.check(generator.iter, sets=unordered)
+            self.check(generator.iter, sets=unordered, read=True)
             self.check(generator.target)
             self.check_all(generator.ifs, sets=True)
         self.check_all([node.key, node.value] if isinstance(node, ast.DictComp) else [node.elt])
@@ -219,7 +226,7 @@ class FunctionProof:
             elif unordered and isinstance(argument, ast.GeneratorExp):
                 self.check_comprehension(argument, unordered=True)
             else:
-                self.check(argument, sets=unordered)
+                self.check(argument, sets=unordered, read=position == 0 or entry.gives_iterator)
         self.check_keywords(node)
 
     def check_keywords(self, node: ast.Call) -> None:
@@ -255,6 +262,7 @@ class FunctionProof:
             raise Unproven(f"uses {text} as a function, which does not give plain values")
         else:
             self.names.findings.changes |= entry.changes
+            self.names.findings.iterators |= entry.gives_iterator
 
     def check_method(self, node: ast.Call, func: ast.Attribute) -> None:
         name = func.attr
