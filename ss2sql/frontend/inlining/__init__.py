@@ -1,4 +1,4 @@
-"""Bodies of Python functions as expressions of the plan.
+"""Bodies of Python functions as expressions of the language.
 
-function_bodies reads a body, inliner replaces calls, substitution puts arguments in the place of parameters.
+function_bodies reads a body, substitution puts it in the place of calls, with the arguments in the place of parameters.
 """

@@ -1,8 +1,8 @@
 """Inlining: calls of functions with known bodies, replaced by the bodies with the arguments in place of the parameters.
 
-The expression is made only if it is provably equivalent to the call. No operator in it can fail with the types of
-these arguments, since its error would differ from Python's. No argument can fail or has an effect, and no costly
-argument is evaluated twice. Types of the result are those that the resolver would have found.
+The body is resolved like a part of the script, with the arguments in place of its names. The expression counts only if
+it is provably equivalent to the call. No operator in it can fail with the types of these arguments, since its error
+would differ from Python's. No argument can fail or has an effect, and no costly argument is evaluated twice.
 
 The resolver uses the types, so that it can prove as much of `x = move(x)` as of `x = x + 1`; the rewrite `inline` uses
 the expressions.
@@ -17,23 +17,21 @@ from typing import Any
 
 from ss2sql.errors import Source, Span
 from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.resolve.catalog import Catalog
+from ss2sql.frontend.resolve.resolver import Resolver
+from ss2sql.frontend.resolve.scope import Scope
+from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
-from ss2sql.language.kinds import ANY, Kind, Type, make_list_type, type_of, unite
+from ss2sql.language.kinds import ANY, Kind, Type, type_of, unite
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import (
-    can_fail,
-    format_type,
-    list_parts,
-    rebuild_node,
-    walk,
-)
+from ss2sql.language.plan_traversal import can_fail, format_type, list_parts, rebuild_node, walk
 
 NO_SPAN = Span(Source(""), 0, 0)
 MOST_NODES = 300
 # Operations that may be evaluated twice: a few machine instructions, in SQL too.
 _CHEAP = frozenset(name for name, row in OPERATIONS.items() if row.cheap)
+_CATALOG = Catalog({name: row.make_function() for name, row in OPERATIONS.items()})
 
-Args = Mapping[str, plan.Expr]
 ColumnReader = Callable[[plan.Element, str], plan.Column | None]
 
 
@@ -42,148 +40,113 @@ class FunctionBody:
     """A function as an expression of its parameters."""
 
     parameters: tuple[str, ...]
-    defaults: Mapping[str, plan.Constant]  # values of parameters that a call may leave out
-    expr: plan.Expr
+    defaults: Mapping[str, ast.Literal]  # values of parameters that a call may leave out
+    tree: ast.Expr
     text: str  # the expression as Python writes it
     uses: frozenset[str]  # the built-in functions in it
-    gives_tuple: bool  # a result may be a tuple, which becomes a list outside of Python
-
-
-def find_builtin(name: str) -> plan.Function:
-    """A built-in function as the plan knows it."""
-    return OPERATIONS[name].make_function()
 
 
 class NotInlinable(Exception):  # noqa: N818 - it is a finding, not an error
     """The call cannot be inlined; the reason is a clause."""
 
 
-class InlinedBody:
-    """The expression for one call.
+class _BodyResolver(Resolver):
+    """Resolves the body of the function of one call; what is known of its arguments is computed at once.
 
     `column` reads a column that an element certainly has. The caller guarantees that the arguments fit the parameters.
     """
 
     def __init__(self, call: plan.Call, column: ColumnReader) -> None:
-        body: FunctionBody = call.function.body
-        self.span: Span = call.span
-        self.place: Span = call.place
+        super().__init__(_CATALOG)
+        self.call = call
         self.column = column
-        names = (*body.parameters, *(name for name in body.defaults if name not in body.parameters))
-        args: dict[str, plan.Expr] = {**body.defaults, **dict(zip(names, call.arguments, strict=False))}
+        self.known: dict[int, plan.Expr] = {}  # by the identity of the tree, of which parts are shared
+
+    def build_expr(self) -> plan.Expr:
+        """The expression for the call."""
+        body: FunctionBody = self.call.function.body
+        args = {name: super(_BodyResolver, self).resolve_expr(value, None) for name, value in body.defaults.items()}
+        names = (*body.parameters, *(name for name in args if name not in body.parameters))
+        args.update(zip(names, self.call.arguments, strict=False))
         for name, argument in args.items():
             if argument.type.may_be(Kind.OBJECT) or not argument.type.kinds:
                 raise NotInlinable(f"nothing is known of the argument '{name}'")
-        built = self._build_expr(body.expr, args)
-        # Expressions from Python have no place in the script, so all get the place of the call.
-        self.expr = replace(built, span=call.span) if isinstance(built, plan.Constant) else built
-        _check_inlined_size(self.expr)
-        _check_uses(call.arguments, self.expr)
+        expr = self.resolve_expr(body.tree, Scope(None, 0, columns=args))
+        if self.errors:
+            raise NotInlinable(self.errors[0].message)
+        _check_inlined_size(expr)
+        _check_uses(self.call.arguments, expr)
+        return replace(expr, span=self.call.span) if isinstance(expr, plan.Constant) else expr
 
-    # --- building --------------------------------------------------------------------------------------
+    def resolve_expr(self, tree: ast.Expr, scope: Scope | None) -> plan.Expr:
+        """The plan of a part of the body. Expressions from Python have no place, so they get that of the call."""
+        if isinstance(tree, ast.Name):
+            return super().resolve_expr(tree, scope)
+        if id(tree) not in self.known:
+            expr = super().resolve_expr(tree, scope)
+            if isinstance(expr, plan.Call) and expr.span is NO_SPAN:
+                expr = replace(self._check_call(expr), span=self.call.span, place=self.call.place)
+            elif not isinstance(expr, plan.Constant) and expr.span is NO_SPAN:
+                expr = replace(expr, span=self.call.span)
+            self.known[id(tree)] = self._simplify(expr)
+        return self.known[id(tree)]
 
-    def _build_expr(self, node: plan.Expr, args: Args, test: bool = False) -> plan.Expr:
-        """The instance of a part of the body; with `test` only its truth matters."""
-        match node:
-            case plan.Constant():
-                return node
-            case plan.Variable(name=name):
-                return args[name]
-            case plan.Call(function=function, arguments=arguments):
-                built = tuple(self._build_expr(argument, args) for argument in arguments)
-                if function.builtin:
-                    return self._build_call(function.name, built)
-                body: FunctionBody = function.body
-                return self._build_expr(body.expr, dict(zip(body.parameters, built, strict=True)), test)
-            case plan.And(parts=tested) | plan.Or(parts=tested):
-                built = tuple(self._build_expr(part, args, test) for part in tested)
-                return self._build_and_or(isinstance(node, plan.And), built, test)
-            case plan.Not(operand=operand):
-                denied = self._build_test(operand, args)
-                if isinstance(denied, plan.Constant):
-                    return self._build_constant(not denied.value)
-                return plan.Not(denied, span=self.span)
-            case plan.If(condition=condition, then=(then,), otherwise=(otherwise,)):
-                return self._build_choice(self._build_test(condition, args), then, otherwise, args, test)
-            case _:
-                assert isinstance(node, plan.MakeList), "bodies have no other parts"
-                return self._build_list(tuple(self._build_expr(item, args) for item in node.items))
-
-    def _build_test(self, node: plan.Expr, args: Args) -> plan.Expr:
-        return self._build_expr(node, args, test=True)
-
-    def _build_and_or(self, both: bool, tested: tuple[plan.Expr, ...], test: bool) -> plan.Expr:
-        """Python's `and` or `or`: the operand that decides."""
-        if test or all(part.type.is_only(Kind.BOOL) for part in tested):
-            return self._build_condition(both, tested)
-        result = tested[-1]
-        for part in reversed(tested[:-1]):
-            result = self._build_if(part, result, part) if both else self._build_if(part, part, result)
-        return result
-
-    def _build_condition(self, both: bool, tested: tuple[plan.Expr, ...]) -> plan.Expr:
-        """The conjunction (`both`) or disjunction of conditions; constants are folded."""
-        known = [bool(part.value) for part in tested if isinstance(part, plan.Constant)]
-        if (not both) in known:
-            return self._build_constant(not both)
-        open_parts = tuple(part for part in tested if not isinstance(part, plan.Constant))
-        if not open_parts:
-            return self._build_constant(both)
-        if len(open_parts) == 1:
-            return open_parts[0]
-        return (plan.And if both else plan.Or)(open_parts, span=self.span)
-
-    def _build_if(self, condition: plan.Expr, then: plan.Expr, otherwise: plan.Expr) -> plan.Expr:
+    def resolve_if(self, tree: ast.If, scope: Scope | None) -> plan.Expr:
+        """The choice; of a known condition, usually a default, one branch alone: the other may be invalid."""
+        condition = self.resolve_expr(tree.condition, scope)
         if isinstance(condition, plan.Constant):
-            return then if condition.value else otherwise
-        kind = unite((then.type, otherwise.type))
-        return plan.If(condition, (then,), (otherwise,), kind, span=self.span)
+            return self.resolve_expr((tree.then if condition.value else tree.otherwise)[0], scope)
+        then, otherwise = self.resolve_expr(tree.then[0], scope), self.resolve_expr(tree.otherwise[0], scope)
+        return plan.If(condition, (then,), (otherwise,), unite((then.type, otherwise.type)), span=tree.span)
 
-    def _build_choice(
-        self, condition: plan.Expr, then: plan.Expr, otherwise: plan.Expr, args: Args, test: bool
-    ) -> plan.Expr:
-        if isinstance(condition, plan.Constant):  # usually a default; the other branch may be invalid
-            return self._build_expr(then if condition.value else otherwise, args, test)
-        return self._build_if(condition, self._build_expr(then, args, test), self._build_expr(otherwise, args, test))
-
-    def _build_list(self, items: tuple[plan.Expr, ...]) -> plan.Expr:
-        types = [item.type for item in items]
-        if not all(map(_is_plain_to_inline, types)):
-            raise NotInlinable("it puts a value into a list that may be nested too deeply or hold objects")
-        if all(isinstance(item, plan.Constant) for item in items):
-            return self._build_constant([item.value for item in items if isinstance(item, plan.Constant)])
-        return plan.MakeList(items, make_list_type(types), span=self.span)
-
-    def _build_constant(self, value: Any) -> plan.Expr:
-        return plan.Constant(value, type_of(value), span=NO_SPAN)
-
-    def _build_call(self, name: str, arguments: tuple[plan.Expr, ...]) -> plan.Expr:
-        picked = self._pick_inlined_element(*arguments) if name == "item" else None
-        if picked is not None:
-            return picked
-        types = tuple(argument.type for argument in arguments)
-        if name in ("eq", "ne", "in", "not_in") and not _has_inlined_comparison(name, arguments, types):
+    def _check_call(self, call: plan.Call) -> plan.Call:
+        """Raises NotInlinable for a call that can fail, or compares what Python compares in another way."""
+        name, types = call.function.name, [argument.type for argument in call.arguments]
+        if name == "item" and self._pick_element(call) is not None:
+            return call
+        if name in ("eq", "ne", "in", "not_in") and not _has_inlined_comparison(name, call.arguments, types):
             raise NotInlinable(f"it compares {' and '.join(map(format_type, types))}, where objects may be inside")
-        row = OPERATIONS[name]
         if name == "distance" and not all(kind.is_only(Kind.LIST) for kind in types):
             raise NotInlinable("it measures the distance of what may be no lists")
-        if row.can_fail(types):
+        if call.function.raises:
             raise NotInlinable(f"'{name}' can fail on {' and '.join(map(format_type, types))}")
-        if all(isinstance(argument, plan.Constant) for argument in arguments):
-            assert row.value is not None
-            values = (argument.value for argument in arguments if isinstance(argument, plan.Constant))
-            return self._build_constant(row.value(*values))
-        return plan.Call(row.make_function(types), arguments, row.result(types), span=self.span, place=self.place)
+        return call
 
-    def _pick_inlined_element(self, container: plan.Expr, index: plan.Expr) -> plan.Expr | None:
+    def _simplify(self, expr: plan.Expr) -> plan.Expr:
+        """The expression, or its value if that is known."""
+        match expr:
+            case plan.MakeList(items=items) if not all(_is_plain_to_inline(item.type) for item in items):
+                raise NotInlinable("it puts a value into a list that may be nested too deeply or hold objects")
+            case plan.Call(function=function, arguments=arguments):
+                if all(isinstance(argument, plan.Constant) for argument in arguments):
+                    value = OPERATIONS[function.name].value
+                    assert value is not None
+                    return _make_constant(value(*(one.value for one in arguments if isinstance(one, plan.Constant))))
+                return (self._pick_element(expr) if function.name == "item" else None) or expr
+            case plan.Not(operand=plan.Constant(value=value)):
+                return _make_constant(not value)
+            case plan.And(parts=parts) | plan.Or(parts=parts):
+                deciding = isinstance(expr, plan.Or)
+                left = tuple(part for part in parts if not isinstance(part, plan.Constant))
+                if any(isinstance(part, plan.Constant) and bool(part.value) is deciding for part in parts):
+                    return _make_constant(deciding)
+                return replace(expr, parts=left) if len(left) > 1 else left[0] if left else _make_constant(not deciding)
+            case _:
+                return expr
+
+    def _pick_element(self, call: plan.Call) -> plan.Expr | None:
         """An element with a known position: of a list literal, or a column of a row."""
-        match container, index:
+        match call.arguments:
             case plan.MakeList(items=items), plan.Constant(value=int(place)) if -len(items) <= place < len(items):
                 return items[place]
-            case plan.Element(), plan.Constant(value=str(name)):
-                return self.column(container, name)
+            case plan.Element() as element, plan.Constant(value=str(name)):
+                return self.column(element, name)
             case _:
                 return None
+
+
+def _make_constant(value: Any) -> plan.Constant:
+    return plan.Constant(value, type_of(value), span=NO_SPAN)
 
 
 def _is_plain_to_inline(kind: Type) -> bool:
@@ -193,7 +156,7 @@ def _is_plain_to_inline(kind: Type) -> bool:
     return not kind.may_be(Kind.LIST) or (kind.item is not None and _is_plain_to_inline(kind.item))
 
 
-def _has_inlined_comparison(name: str, arguments: tuple[plan.Expr, ...], types: tuple[Type, ...]) -> bool:
+def _has_inlined_comparison(name: str, arguments: tuple[plan.Expr, ...], types: list[Type]) -> bool:
     """Whether `==` or `in` compares without methods of objects and without unhashable keys of dicts."""
     if name in ("eq", "ne") and any(isinstance(one, plan.Constant) and one.value is None for one in arguments):
         return not any(kind.may_be(Kind.OBJECT) for kind in types)
@@ -303,7 +266,7 @@ class Inliner:
         """The replacement of a call whose arguments are already processed."""
         place = (id(call.span.source), call.span.start, call.function.name)
         try:
-            result = InlinedBody(call, self._find_column).expr
+            result = _BodyResolver(call, self._find_column).build_expr()
         except NotInlinable as refused:
             self.sites[place] = InlinedCall(call.function, str(refused))
             return call

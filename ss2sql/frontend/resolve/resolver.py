@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any, assert_never
 
 from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names, suggest_similar
-from ss2sql.frontend.inlining.substitution import Inliner
 from ss2sql.frontend.resolve.catalog import Catalog
 from ss2sql.frontend.resolve.grouping import is_row_count_syntax, resolve_count_distinct, resolve_count_star
 from ss2sql.frontend.resolve.path_functions import FUNCTIONS as PATH_FUNCTIONS
@@ -75,6 +74,8 @@ class Resolver:
     """The state of one resolution: the errors so far, and what the current statement relies on."""
 
     def __init__(self, catalog: Catalog, base: int = 0) -> None:
+        from ss2sql.frontend.inlining.substitution import Inliner  # which resolves bodies of functions
+
         self.catalog = catalog
         self.errors: list[ResolveError] = []
         self.parameters: dict[str, None] = {}
