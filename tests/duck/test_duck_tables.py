@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -429,6 +430,19 @@ def test_sums_of_floats_are_rounded_once(own: Any, threads: int) -> None:
         assert "LIST(" not in (found.sql or "LIST(")  # no values are collected
         ours = "SELECT count(*) FROM duckdb_functions() WHERE function_name LIKE 'ss2sql%'"
         assert own.execute(ours).fetchall() == [(0,)]
+
+
+def test_sessions_of_one_database_at_once(own: Any) -> None:
+    own.execute("CREATE TABLE t AS SELECT i % 3 AS k, sin(i) AS x, 'ab' AS s FROM range(20000) AS r(i)")
+    script = "SELECT k, sum(x), average(x), median(x), max(upper(s)) FROM t GROUP BY k AS rows"
+
+    def ask(cursor: Any) -> list[Any]:
+        with ss2sql.connect(engine="duckdb", session=cursor) as ss:
+            return [ss.eval(script) for _ in range(5)]
+
+    with ThreadPoolExecutor(3) as threads:
+        found = list(threads.map(ask, [own.cursor() for _ in range(3)]))
+    assert found == [[found[0][0]] * 5] * 3
 
 
 FLOATS = st.floats(-1e300, 1e300) | st.sampled_from((-0.0, 5e-324, 2.0**62, -(2.0**63), 2.0**63, 2.0**-68, 1e16, 0.1))

@@ -24,7 +24,7 @@ from ss2sql.lowering.portable.pushdown import (
 )
 from ss2sql.lowering.portable.search_steps import TypedColumn
 from ss2sql.lowering.sql_builder import DUCKDB
-from ss2sql.runtime.external.duckdb_aggregates import register_aggregate, remove_aggregate
+from ss2sql.runtime.external.duckdb_functions import create_function, register_aggregate, remove_function
 from ss2sql.runtime.external.duckdb_sources import DuckFrame, DuckSources, DuckTransaction
 from ss2sql.runtime.external.table_statements import build_batch, interrupt_when_due
 from ss2sql.runtime.python.native_query import compile_statement
@@ -38,21 +38,17 @@ if TYPE_CHECKING:
 
 
 def register_in_duckdb(
-    cursor: duckdb.DuckDBPyConnection, functions: Mapping[str, plan.Call | None], run: Run
-) -> list[str]:
-    """Makes the functions known to the transaction of a cursor. Gives a list of why their values will be no good.
-
-    Raises an error of DuckDB where another transaction has them just now.
-    """
-    failed: list[str] = []
+    cursor: duckdb.DuckDBPyConnection, functions: Mapping[str, plan.Call | None], run: Run, failed: list[str]
+) -> dict[str, str]:
+    """Makes the functions known to a cursor; gives their other names. `failed` gets why their values are no good."""
+    made = {}
     for name, call in functions.items():
         if call is None:
-            register_aggregate(cursor, name, failed)
-            continue
-        function = _wrap_duckdb_function(call, run, failed)
-        result, *kinds = (str(get_sql_column_type(part.type)) for part in (call, *call.arguments))
-        cursor.create_function(name, function, kinds, result, null_handling="special")  # type: ignore[call-overload]
-    return failed
+            made[name] = register_aggregate(cursor, name, failed)
+        else:
+            result, *kinds = (str(get_sql_column_type(part.type)) for part in (call, *call.arguments))
+            made[name] = create_function(cursor, name, _wrap_duckdb_function(call, run, failed), kinds, result)
+    return made
 
 
 def _wrap_duckdb_function(call: plan.Call, run: Run, failed: list[str]) -> Callable[..., Any]:
@@ -216,21 +212,18 @@ class DuckQuery:
         run: Run,
         fetch: Callable[..., Iterable[Any]],
     ) -> Iterator[Any]:
-        cursor, functions = reading.cursor, self.written.functions
+        cursor, failed = reading.cursor, list[str]()
         for table, columns in loaded:
             cursor.register(table.name, build_duckdb_table(table, columns))
-        failed = register_in_duckdb(cursor, functions, run)
+        made = register_in_duckdb(cursor, self.written.functions, run, failed)
         for block in fetch(cursor, self.text, dict(values) or None):
             if not failed:
                 yield block
             run.check()
         for table, _ in loaded:  # where anything fails, they go with the transaction
             cursor.unregister(table.name)
-        for name, call in functions.items():
-            if call is None:
-                remove_aggregate(cursor, name)
-            else:
-                cursor.remove_function(name)
+        for name, shared in made.items():
+            remove_function(cursor, name, shared)
         if failed:
             raise build_refusal(failed[0], self.query.span)
 

@@ -1,4 +1,4 @@
-"""Aggregates of floats in DuckDB, rounded once: the sum is the same in any order, and takes no list of the values.
+"""Functions of Python in DuckDB, and aggregates of floats, whose sum is rounded once and takes no list of the values.
 
 A float below 2^63 is a whole number, a multiple of 2^-60 below 1, and one of 2^-120 below 2^-60; DuckDB adds these
 three as integers, exactly. What is left of a value, mostly nothing, is collected. A macro makes the parts of a value:
@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from itertools import count
+from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.operations import GROUPS
@@ -20,6 +21,8 @@ from ss2sql.lowering.portable.pushdown import LISTED_AGGREGATES, SUMMED_AGGREGAT
 
 if TYPE_CHECKING:
     import duckdb
+
+_numbers = count(1)
 
 UNIT = 60  # bits of each part but the first
 _SCALE = 2.0**UNIT
@@ -40,33 +43,47 @@ SUMMED = {function: GROUPS[name].of_float_sum for name, function in SUMMED_AGGRE
 LISTED = {function: GROUPS[name].value for name, function in LISTED_AGGREGATES.items()}
 
 
-def register_aggregate(cursor: duckdb.DuckDBPyConnection, function: str, failed: list[str]) -> None:
-    """Makes one of SUMMED or LISTED known to the transaction of a cursor; `failed` gets why its values are no good."""
+def register_aggregate(cursor: duckdb.DuckDBPyConnection, function: str, failed: list[str]) -> str:
+    """Makes one of SUMMED or LISTED known, see `create_function`; `failed` gets why its values are no good."""
     if function in LISTED:
-        _create_function(cursor, function, _wrap_listed(function, failed), ["DOUBLE[]"])
-    else:
-        inner = _get_inner_name(function)
-        _create_function(cursor, inner, _wrap_summed(function, failed), _KINDS)
-        cursor.execute(f"CREATE TEMPORARY MACRO {function}(x) AS {inner}({_PARTS})")
+        return create_function(cursor, function, _wrap_listed(function, failed), ["DOUBLE[]"], "DOUBLE")
+    return create_function(cursor, function, _wrap_summed(function, failed), _KINDS, "DOUBLE", ["x"], _PARTS)
 
 
-def _create_function(
-    cursor: duckdb.DuckDBPyConnection, name: str, function: Callable[..., float | None], kinds: list[str]
-) -> None:
-    cursor.create_function(name, function, kinds, "DOUBLE", null_handling="special")  # type: ignore[call-overload]
+def create_function(
+    cursor: duckdb.DuckDBPyConnection,
+    name: str,
+    function: Callable[..., Any],
+    kinds: list[str],
+    result: str,
+    parameters: list[str] | None = None,
+    arguments: str = "",
+) -> str:
+    """Makes a Python function known to a cursor by a macro, which calls it under a name that nobody else has.
+
+    All connections of a database share their functions: two transactions cannot make one of the same name at once.
+
+    Args:
+        cursor: the connection.
+        name: the macro, which statements call.
+        function: takes values of these `kinds`, types of DuckDB, and gives one of the type `result`.
+        parameters: those of the macro, where they are not the arguments of the function.
+        arguments: what the function is called with, then.
+
+    Returns:
+        the other name of the function.
+    """
+    shared = f"{name}_{next(_numbers)}"
+    cursor.create_function(shared, function, kinds, result, null_handling="special")  # type: ignore[call-overload]
+    names = parameters or [f"x{n}" for n in range(len(kinds))]
+    cursor.execute(f"CREATE TEMPORARY MACRO {name}({', '.join(names)}) AS {shared}({arguments or ', '.join(names)})")
+    return shared
 
 
-def remove_aggregate(cursor: duckdb.DuckDBPyConnection, function: str) -> None:
-    """Takes away what `register_aggregate` has made."""
-    if function in LISTED:
-        cursor.remove_function(function)
-        return
-    cursor.execute(f"DROP MACRO {function}")
-    cursor.remove_function(_get_inner_name(function))
-
-
-def _get_inner_name(function: str) -> str:
-    return f"{function}_of_parts"
+def remove_function(cursor: duckdb.DuckDBPyConnection, name: str, shared: str) -> None:
+    """Takes away the macro, and the function that it calls."""
+    cursor.execute(f"DROP MACRO {name}")
+    cursor.remove_function(shared)
 
 
 def _wrap_listed(function: str, failed: list[str]) -> Callable[[list[float] | None], float | None]:
