@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Hashable, Sequence
-from dataclasses import field
 from functools import cached_property
 from typing import Any, TypeAlias
 
 from ss2sql.bench.results import BenchResult
 from ss2sql.bench.strategies import RacedStrategy
+from ss2sql.conformance.check_world import tag_checked_value
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.plan_traversal import walk
-from ss2sql.language.rows import Row
 from ss2sql.language.step_identity import describe_unnamed
 from ss2sql.language.values import make_hashable
 from ss2sql.results import count_words, get_result_paths
@@ -52,15 +51,6 @@ class Answer:
         return {path[-1] for path in self.paths}
 
 
-def are_answers_identical(one: Any, other: Any) -> bool:
-    """Whether two values are identical, unlike 1 and 1.0."""
-    if isinstance(one, (list, tuple)):
-        return type(one) is type(other) and len(one) == len(other) and all(map(are_answers_identical, one, other))
-    if isinstance(one, dict):
-        return isinstance(other, dict) and are_answers_identical(list(one.items()), list(other.items()))
-    return one is other or (type(one) is type(other) and make_hashable(one) == make_hashable(other))
-
-
 def compare_answers(own: Answer, other: Answer, unnamed: Sequence[str]) -> Verdict:
     """How a strategy's answer differs from that of the script's own strategy.
 
@@ -78,7 +68,9 @@ def compare_answers(own: Answer, other: Answer, unnamed: Sequence[str]) -> Verdi
     rules = {own.strategy.repeats, other.strategy.repeats}
     if unnamed and rules & {"UNIQUE", "MEMORIZE"} and own.ends != other.ends:
         return Verdict(f"{count}: SELECT does not name {', '.join(unnamed)}")
-    return Verdict(_describe_difference(own, other))
+    if len(own.paths) == len(other.paths):
+        return Verdict("other paths")
+    return Verdict(f"{len(other.paths):,} of the {len(own.paths):,}" if len(other.paths) < len(own.paths) else count)
 
 
 def compare_answer_groups(own: Sequence[Sequence[Any]], other: Sequence[Sequence[Any]]) -> Verdict:
@@ -90,19 +82,6 @@ def compare_answer_groups(own: Sequence[Sequence[Any]], other: Sequence[Sequence
         return REORDERED
     rounded = any(type(value) is float for row in (*own, *other) for value in row)
     return Verdict("other rows: sums of floats depend on the order" if rounded else "other rows", not rounded)
-
-
-def _describe_difference(own: Answer, other: Answer) -> str:
-    """A difference that the language allows, in words."""
-    here, there = len(own.paths), len(other.paths)
-    if own.strategy.repeats == other.strategy.repeats == "UNIQUE":
-        return "other paths to the same rows"
-    if here == there:
-        return "other paths"
-    if there > here:
-        return f"{count_words(len(other.paths), 'path')}, as {other.strategy.name} finds more"
-    why = {"UNIQUE": "one for each row", "NO CYCLE": "without repeated rows", "MEMORIZE": "without repeated rows"}
-    return f"{there:,} of the {here:,}, {why.get(other.strategy.repeats, 'none of probability 0')}"
 
 
 def find_reason_answers_differ(query: plan.Query) -> str | None:
@@ -120,7 +99,7 @@ def find_reason_answers_differ(query: plan.Query) -> str | None:
 AS_WRITTEN, REFERENCE = "as written", "the measure of the others"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class FinishedRun:
     """The outcome of a strategy on an engine: the result, or its error as text. `query` is its plan."""
 
@@ -130,7 +109,7 @@ class FinishedRun:
     result: Result | None
     failure: str = ""
 
-    @property
+    @cached_property
     def answer(self) -> Answer | None:
         """The paths of a search; None of anything else."""
         paths = None if self.result is None else get_result_paths(self.result)
@@ -144,25 +123,16 @@ class FinishedRun:
         return Answer(self.strategy, paths, cut)
 
 
-@dataclass(slots=True)
 class Comparer:
     """Compares each outcome with the first one, the reference, and with the same strategy on another engine."""
 
-    own: str  # the strategy of the script as written
-    variation: str | None  # the reason why two runs may differ
-    unnamed: Sequence[str]  # what clauses read beside the rows, see ss2sql/language/step_identity.py
-    reference: FinishedRun | None = None
-    _answer: Answer | None = None
-    _by_strategy: dict[str, FinishedRun] = field(default_factory=dict)
-
-    @classmethod
-    def for_query(cls, query: plan.Query | None, own: str) -> Comparer:
-        searched = query is not None and query.search is not None
-        return cls(
-            own,
-            find_reason_answers_differ(query) if query else None,
-            describe_unnamed(query) if query and searched else (),
-        )
+    def __init__(self, query: plan.Query | None, own: str) -> None:
+        self.own = own  # the strategy of the script as written
+        self.variation = None if query is None else find_reason_answers_differ(query)
+        # What clauses read beside the rows, see ss2sql/language/step_identity.py.
+        self.unnamed = () if query is None or query.search is None else describe_unnamed(query)
+        self.reference: FinishedRun | None = None
+        self._by_strategy: dict[str, FinishedRun] = {}
 
     def record_verdict(self, finished: FinishedRun) -> None:
         cell = finished.cell
@@ -174,47 +144,30 @@ class Comparer:
 
     def _compare_twin(self, finished: FinishedRun, twin: FinishedRun) -> Verdict:
         """Compares with the same strategy on another engine, which must be equal, errors included."""
+        if finished.failure == twin.failure != "":
+            return Verdict("")
         if finished.failure or twin.failure:
-            if finished.failure == twin.failure:
-                return Verdict("")
-            one = finished if finished.failure else twin
-            other = twin if finished.failure else finished
+            one, other = (finished, twin) if finished.failure else (twin, finished)
             return Verdict(f"it fails in {one.cell.engine} and not so in {other.cell.engine}", True)
-        assert finished.result is not None
-        assert twin.result is not None
-        if not _are_answers_equal(finished.result, twin.result):
+        if _list_contents(finished.result) != _list_contents(twin.result):
             return Verdict(f"not what {twin.cell.engine} gives", True)
         return Verdict("same" if twin is self.reference else twin.cell.answer, same=twin.cell.same)
 
     def _compare_reference(self, finished: FinishedRun) -> Verdict:
         if finished.result is None:
             return Verdict("")
-        answer = finished.answer
         if self.reference is None or self.reference.result is None:
-            self.reference, self._answer = finished, answer
+            self.reference = finished
             return Verdict(AS_WRITTEN if finished.cell.strategy == self.own else REFERENCE, same=True)
-        if answer is None or self._answer is None:
+        own, other = self.reference.answer, finished.answer
+        if own is None or other is None:
             return compare_answer_groups(list(self.reference.result), list(finished.result))
-        return compare_answers(self._answer, answer, self.unnamed)
+        return compare_answers(own, other, self.unnamed)
 
 
-def _are_answers_equal(one: Result, other: Result) -> bool:
-    """Whether two results are equal: rows or paths in the same order, or values."""
-    if one.columns != other.columns or one.status != other.status:
-        return False
-    if one.answer is None or other.answer is None:
-        return are_answers_identical(one.value, other.value)
-    first, second = one.answer.rows, other.answer.rows
-    if first.groups is not None and not are_answers_identical(first.groups, second.groups):
-        return False
-    if (first.paths is None) != (second.paths is None):
-        return False
-    if first.paths is None or second.paths is None:
-        return _do_engines_agree_on_rows(first.rows or (), second.rows or ())
-    return len(first.paths) == len(second.paths) and all(map(_do_engines_agree_on_rows, first.paths, second.paths))
-
-
-def _do_engines_agree_on_rows(ours: Sequence[Row], theirs: Sequence[Row]) -> bool:
-    return len(ours) == len(theirs) and all(
-        are_answers_identical(list(one), list(other)) for one, other in zip(ours, theirs, strict=True)
-    )
+def _list_contents(result: Result | None) -> Any:
+    """What two engines have to agree on: rows or paths in their order, or a value, with their types."""
+    assert result is not None
+    answer = result.answer
+    found = result.value if answer is None else [answer.rows.groups, *map(list, result)]
+    return result.columns, result.status, tag_checked_value(found)

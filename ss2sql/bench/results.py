@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import asdict, field
 from statistics import median
@@ -12,13 +13,12 @@ from typing import Any
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.resolver import resolve
 from ss2sql.frontend.syntax import ast
-from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
-from ss2sql.language.plan_traversal import walk
 from ss2sql.results.result import Result
 from ss2sql.session.compiled_script import Query
 from ss2sql.session.engines import Engine
 from ss2sql.session.session import Session
+from ss2sql.session.variables import Variables
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,14 +83,14 @@ def time_statement(session: Session, query: Query, settings: BenchRules, cell: B
     The first run has cold caches and does not count, unless it took more than half of the time limit. No further run
     begins after the limit. Every run starts with the variables of the first one.
     """
-    variables = _Variables(session, query)
+    before = dict(session.host.names.values)
     first, seconds = _run_once(query, settings)
     spent = seconds
     if seconds > settings.timeout / 2:
         cell.seconds.append(seconds)
     else:
         while len(cell.seconds) < settings.repeat and (spent < settings.timeout or not cell.seconds):
-            variables.restore_values()
+            _restore_variables(session.host.names, before)
             _, seconds = _run_once(query, settings)
             cell.seconds.append(seconds)
             spent += seconds
@@ -108,21 +108,9 @@ def _run_once(query: Query, settings: BenchRules) -> tuple[Result, float]:
         return result, time.perf_counter() - started
 
 
-_NOTHING = object()
-
-
-class _Variables:
-    """The variables that a statement assigns, as they were before it."""
-
-    def __init__(self, session: Session, query: Query) -> None:
-        self._names = session.host.names
-        nodes = (node for statement in query.plan.statements for node in walk(statement.expr))
-        assigned = [node.name for node in nodes if isinstance(node, plan.Assign)]
-        self._before: dict[str, Any] = {name: self._names.values.get(name, _NOTHING) for name in assigned}
-
-    def restore_values(self) -> None:
-        for name, value in self._before.items():
-            if value is _NOTHING:
-                self._names.forget_name(name)
-            else:
-                self._names.assign_value(name, value)
+def _restore_variables(names: Variables, before: Mapping[str, Any]) -> None:
+    for name in names.values.keys() - before.keys():
+        names.forget_name(name)
+    for name, value in before.items():
+        if names.values.get(name) is not value:
+            names.assign_value(name, value)

@@ -54,10 +54,8 @@ class StatementRuns:
         search = self.search
         own = RacedStrategy(search.options if search else ())
         name = own.name if search else NO_SEARCH
-        comparer = Comparer.for_query(
-            _find_raced_query(compile_raced_statement(self.session, self.tree, "auto").plan.statements[0].expr),
-            name,
-        )
+        compiled = compile_raced_statement(self.session, self.tree, "auto")
+        comparer = Comparer(_find_raced_query(compiled.plan.statements[0].expr), name)
         self._run_strategy(own, name, comparer)
         if search is None:
             return

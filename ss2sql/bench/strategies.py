@@ -20,8 +20,11 @@ class RacedStrategy:
 
     options: tuple[ast.Option, ...]
 
+    def list_options(self, keyword: str) -> tuple[ast.Option, ...]:
+        return tuple(option for option in self.options if option.keyword == keyword)
+
     def find_option(self, keyword: str) -> ast.Option | None:
-        return next((option for option in self.options if option.keyword == keyword), None)
+        return next(iter(self.list_options(keyword)), None)
 
     @property
     def order(self) -> str:
@@ -68,9 +71,8 @@ def list_strategies(query: ast.Query, longest: int | None) -> list[RacedStrategy
                 if order and order[0].keyword not in WEIGHTS:
                     continue
                 order = tuple(option for option in order if option.keyword != "HEURISTIC")
-            found.append(
-                RacedStrategy((*order, *_make_repeats_options(query, own, rule, longest), *_find_raced_maximum(own)))
-            )
+            options = (*order, *_make_repeats_options(query, own, rule, longest), *own.list_options("MAXIMUM"))
+            found.append(RacedStrategy(options))
     by_name = {strategy.name: strategy for strategy in found}
     by_name.pop(own.name, None)
     return list(by_name.values())
@@ -106,18 +108,8 @@ def _make_repeats_options(
 ) -> tuple[ast.Option, ...]:
     if not rule:
         return ()
-    written = own.find_option(rule)
-    if written is not None:
-        return (written,)
-    bound = None
-    if rule == "MEMORIZE" and longest:
-        bound = ast.Literal(longest, span=query.span)
-    return (ast.Option(rule, bound, span=query.span),)
-
-
-def _find_raced_maximum(own: RacedStrategy) -> tuple[ast.Option, ...]:
-    option = own.find_option("MAXIMUM")
-    return () if option is None else (option,)
+    bound = ast.Literal(longest, span=query.span) if rule == "MEMORIZE" and longest else None
+    return own.list_options(rule) or (ast.Option(rule, bound, span=query.span),)
 
 
 def parse_strategy(text: str, own: Sequence[ast.Option]) -> RacedStrategy:
@@ -132,5 +124,5 @@ def parse_strategy(text: str, own: Sequence[ast.Option]) -> RacedStrategy:
         raise SessionError("S002", f"{text!r} is more than options of CONNECT BY", hints=("write UNIQUE, or COST km",))
     options = statement.options
     if not any(option.keyword == "MAXIMUM" for option in options):
-        options += _find_raced_maximum(RacedStrategy(tuple(own)))
+        options += RacedStrategy(tuple(own)).list_options("MAXIMUM")
     return RacedStrategy(options)
