@@ -254,12 +254,6 @@ class Place:
     inner: int | None = None
     whole: bool = False
 
-    def write_code(self, values: str) -> str:
-        """Python code for the value of the column; `values` is code for the group's value."""
-        if self.inner is not None:
-            return f"{values}[{self.number}][{self.inner}]"
-        return f"[*{values}[{self.number}]]" if self.whole else f"{values}[{self.number}]"
-
     def get_value(self, values: Sequence[Any]) -> Any:
         value = values[self.number]
         if self.inner is not None:

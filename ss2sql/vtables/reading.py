@@ -7,7 +7,6 @@ again. A query that may move the world itself reads from a copy, made at its sta
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence, Sized
-from functools import cache
 from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -339,21 +338,15 @@ class Reading:
             return schema.cleaners[name]
         group = schema.group_of[name]
         known = self._rows[group].get
-        return _make_reader(schema.groups[group].places[name])(known, self.get_fetcher(group))
+        return _make_reader(schema.groups[group].places[name], known, self._get_fetcher(group))
 
-    def get_fetcher(self, group: str) -> Fetch:
+    def _get_fetcher(self, group: str) -> Fetch:
         """The fetcher of a group; its columns share one, since blocks grow with what is read."""
-        if self._shared is not None:
-            return self._shared.get_fetcher(group)
         found = self._fetches.get(group)
         if found is None:
             assert isinstance(self.table, Table)
             found = self._fetches[group] = make_fetcher(self, self.table, group, self._rows[group])
         return found
-
-    def get_read_values(self, group: str) -> Callable[[Any], tuple[Any, ...] | None]:
-        """The values of a group that have been read, by key."""
-        return (self if self._shared is None else self._shared)._rows[group].get
 
     def get_handles(self, name: str) -> dict[Hashable, Any]:
         """The SQL values of a column, or of the elements, by key, for values that are passed as handles.
@@ -379,14 +372,14 @@ class Reading:
         self._taken = keys
 
 
-@cache
-def _make_reader(place: Place) -> Callable[[Callable[[Any], Any], Fetch], Read]:
-    """Generates the function that reads the column at a place, from known values or by a fetch."""
-    lines = ["def make(known, fetch):", " def read(key):", "  values = known(key)", "  if values is None:"]
-    lines += ["   values = fetch(key)", f"  return {place.write_code('values')}", " return read"]
-    made: dict[str, Any] = {}
-    exec("\n".join(lines), made)  # the code comes from this file, apart from numbers
-    return made["make"]  # type: ignore[no-any-return]
+def _make_reader(place: Place, known: Callable[[Any], Values | None], fetch: Fetch) -> Read:
+    """A function that reads the column at a place, from known values or by a fetch."""
+    number, inner = place.number, place.inner
+    if inner is not None:
+        return lambda key: (known(key) or fetch(key))[number][inner]
+    if place.whole:
+        return lambda key: [*(known(key) or fetch(key))[number]]
+    return lambda key: (known(key) or fetch(key))[number]
 
 
 def unwrap_world_key(value: Any, world: Any) -> Any:

@@ -7,8 +7,8 @@ SQLite selects the keys alone, and each row is made from these.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from functools import cache
-from itertools import chain
+from itertools import chain, tee
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ss2sql.errors import Span
@@ -17,7 +17,6 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import walk
 from ss2sql.vtables.contract import QueryCache
-from ss2sql.vtables.declared_types import Place
 from ss2sql.vtables.reading import Readings
 
 if TYPE_CHECKING:
@@ -25,27 +24,26 @@ if TYPE_CHECKING:
 
 
 Row: TypeAlias = tuple[Any, ...]
-Cell: TypeAlias = tuple[int, int | None, Place | None]  # source, group; a key has no group, an element no place either
 
 
 @dataclass(frozen=True, slots=True)
 class LateColumns:
     """Makes the rows of a query from keys, which its SQL selects.
 
-    `tables` are the tables of the sources, with the places where errors show them; `groups` are (source, group), in
-    the order in which they are first shown.
+    `tables` are the tables of the sources, with the places where errors show them; `cells` are what is shown:
+    the number of a source and the name of its column, None for its element.
     """
 
     tables: tuple[tuple[AttachedWorldTable, Span], ...]
-    groups: tuple[tuple[int, str], ...]
-    cells: tuple[Cell, ...]
+    cells: tuple[tuple[int, str | None], ...]
 
     def iterate_rows(self, readings: Readings, keys: Iterable[Sequence[Any]]) -> Iterator[Row]:
         known = [readings.get_reading(table.table, span) for table, span in self.tables]
-        constants: list[Any] = [reading.get_element for reading in known]
-        for source, group in self.groups:
-            constants += [known[source].get_read_values(group), known[source].get_fetcher(group)]
-        return _make_row_reader(len(known), tuple(source for source, _ in self.groups), self.cells)(*constants)(keys)
+        columns = []
+        for (number, name), copy in zip(self.cells, tee(keys, len(self.cells)), strict=True):
+            read = known[number].get_element if name is None else known[number].make_reader(name)
+            columns.append(map(read, map(itemgetter(number), copy)))
+        return zip(*columns, strict=True)  # row by row, each from the left to the right
 
 
 def find_late_columns(query: plan.Query) -> tuple[plan.Column, ...]:
@@ -72,46 +70,13 @@ def plan_late_columns(query: plan.Query, keys: Sequence[plan.Column]) -> LateCol
     """How the rows of a query are made from these keys."""
     worlds = {source.id: source for source in query.sources if isinstance(source, plan.WorldSource)}
     number_of = {key.source: number for number, key in enumerate(keys)}
-    groups: dict[tuple[int, str], int] = {}
-    cells: list[Cell] = []
-    for output in query.columns:
-        expr: Any = output.expr
-        source, schema = number_of[expr.source], worlds[expr.source].table.schema
-        if isinstance(expr, plan.Element):
-            cells.append((source, None, None))
-        elif expr.name == schema.keyed.key:
-            cells.append((source, None, Place(0)))
-        else:
-            group = schema.group_of[expr.name]
-            number = groups.setdefault((source, group), len(groups))
-            cells.append((source, number, schema.groups[group].places[expr.name]))
+    cells = [
+        (number_of[expr.source], None if isinstance(expr, plan.Element) else expr.name)
+        for expr in (output.expr for output in query.columns)
+        if isinstance(expr, (plan.Element, plan.Column))  # all are
+    ]
     tables = tuple((worlds[key.source].table, worlds[key.source].span) for key in keys)
-    return LateColumns(tables, tuple(groups), tuple(cells))
-
-
-@cache
-def _make_row_reader(
-    sources: int, groups: tuple[int, ...], cells: tuple[Cell, ...]
-) -> Callable[..., Callable[[Iterable[Sequence[Any]]], Iterator[Row]]]:
-    """Makes the function from keys to rows; `groups` are the sources of groups."""
-    names = [f"element{number}" for number in range(sources)]
-    for number in range(len(groups)):
-        names += [f"known{number}", f"fetch{number}"]
-    lines = [f"def make({', '.join(names)}):", " def rows(keys):"]
-    lines.append(f"  for {' '.join(f'key{number},' for number in range(sources))} in keys:")
-    for number, source in enumerate(groups):
-        lines += [f"   values{number} = known{number}(key{source})", f"   if values{number} is None:"]
-        lines += [f"    values{number} = fetch{number}(key{source})"]
-    shown = []
-    for source, group, place in cells:
-        if place is None:
-            shown.append(f"element{source}(key{source})")
-        else:
-            shown.append(f"key{source}" if group is None else place.write_code(f"values{group}"))
-    lines += [f"   yield ({', '.join(shown)},)", " return rows"]
-    made: dict[str, Any] = {}
-    exec("\n".join(lines), made)  # the code comes from this file, apart from numbers
-    return made["make"]  # type: ignore[no-any-return]
+    return LateColumns(tables, tuple(cells))
 
 
 # --- snapshots: the tables that a query copies at its start, because it may move the world during the walk
