@@ -79,7 +79,7 @@ def push(balls: dict[int, Any], key: int) -> None:
 
 
 TOO_FEW, ORDER, UNIQUE = "keys are never too few", "keys keep one order", "keys are unique"
-FIT, BLOCKS, DEAD = "values fit their columns", "blocks fit their columns", "the dead raise Gone"
+FIT, DEAD = "values fit their columns", "the dead raise Gone"
 READING, DECLARED, OWN = "reading changes nothing", "declarations hold together", "values belong to their keys"
 # What the adapter does, the table it does it in, what it has in place of the table's own, and the rule that it breaks.
 BROKEN_TABLES: list[tuple[str, type[Any], dict[str, Any], str]] = [
@@ -105,10 +105,6 @@ BROKEN_TABLES: list[tuple[str, type[Any], dict[str, Any], str]] = [
     ("reads the dead", Balls, {"place": lambda table, key:
         Balls.place(table, key) if key in balls_of(table) else (0.0, 0.0, 0.0)}, DEAD),
     ("says KeyError of the dead", Balls, {"place": lambda table, key: place_of(balls_of(table)[key])}, DEAD),
-    ("gives integers in blocks", Blocked, {"spots": lambda table, keys:
-        [tuple(map(round, row)) for row in Blocked.spots(table, keys)]}, BLOCKS),
-    ("gives too few rows", Blocked, {"spots": lambda table, keys:
-        Blocked.spots(table, keys)[: max(1, len(keys) // 2)]}, BLOCKS),
     ("turns blocks around", Blocked, {"spots": lambda table, keys: Blocked.spots(table, keys)[::-1]}, OWN),
     ("reads the dead in blocks", Blocked, {"spots": lambda table, keys: [
         Balls.place(table, key) if key in balls_of(table) else (0.0, 0.0, 0.0) for key in keys]}, DEAD),

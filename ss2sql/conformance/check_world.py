@@ -310,7 +310,6 @@ class _Judge:
             place = next(index for index, pair in enumerate(zip(rows, again, strict=True)) if pair[0] != pair[1])
             detail = f"{keys[place]!r} is first {rows[place]}, then {again[place]}"
             raise BrokenRuleError("reading changes nothing", table.name, detail)
-        self._check_blocks(table, schema, keys)
         self._check_arrays(table, schema, keys, rows)
         for _ in range(60):
             self._check_filter(table, schema, keys, rows)
@@ -328,20 +327,6 @@ class _Judge:
         with _guard_judged_rule("values fit their columns", table.name):
             readers = {name: reading.make_reader(name) for name in schema.kinds}
             return [{name: read(key) for name, read in readers.items()} for key in keys]
-
-    def _check_blocks(self, table: Table, schema: Schema, keys: list[Any]) -> None:
-        """Blocks, which queries use unchecked, are lists of tuples with values of the declared types."""
-        for group in sorted(schema.blocks):
-            with _guard_judged_rule("blocks fit their columns", table.name):
-                found = list(getattr(table, group)(keys))
-                clean = [schema.convert_row(group, row) for row in found]
-            if len(found) != len(keys):
-                detail = f"{group} gives {len(found)} rows for {len(keys)} keys"
-                raise BrokenRuleError("blocks fit their columns", table.name, detail)
-            single = len(schema.groups[group].parts) == 1
-            for row, wanted in zip(zip(found, strict=True) if single else found, clean, strict=True):
-                if repr(row) != repr(wanted):  # `repr` distinguishes types, too
-                    raise BrokenRuleError("blocks fit their columns", table.name, f"{group} gives {row}, not {wanted}")
 
     def _check_arrays(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:
         """Arrays and blocks have the values of the requested keys, in their order."""

@@ -124,7 +124,7 @@ class BlockFetcher:
         self.method = method
         self.rows = rows
         self.single = len(reading.schema.groups[group].parts) == 1  # a block of values, not of tuples
-        self.first_fits, self.fit = reading.schema.quick_tests[group], reading.schema.block_tests[group]
+        self.fits = reading.schema.quick_tests[group]
         self.alone = _fetch_singly(reading, group, self._fetch_single, rows)
         self.keys: Sequence[Hashable] = ()  # that were given when the last block was fetched
         self.end = 0  # of the last block
@@ -137,7 +137,7 @@ class BlockFetcher:
                 found = self.method(block)
                 if self.single:
                     found = list(zip(islice(found, len(block) + 1), strict=True))
-                if len(found) == len(block) and self.first_fits(found[0]) and self.fit(found):
+                if len(found) == len(block) and all(map(self.fits, found)):
                     self.rows.update(zip(block, found, strict=True))
                     return self.rows[key]
             except Exception:

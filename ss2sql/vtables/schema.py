@@ -7,15 +7,14 @@ in float columns floats, tuples lists. Values that do not fit are refused with t
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from itertools import chain, islice, starmap
-from math import hypot
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from itertools import chain, islice
 from typing import Any
 
 from ss2sql.errors import Error, ExecutionError, SessionError, Span, suggest_names
 from ss2sql.language.conversion import format_value
-from ss2sql.language.kinds import Kind, Type, is_encodable
-from ss2sql.vtables.contract import LARGEST, OPERATORS, Column, Gone, Table, TableFunction, World, WorldFunction
+from ss2sql.language.kinds import Kind, Type
+from ss2sql.vtables.contract import OPERATORS, Column, Gone, Table, TableFunction, World, WorldFunction
 from ss2sql.vtables.declared_types import Cleaner, Layout, find_declared_type, make_cleaner, make_column_test
 
 
@@ -54,8 +53,6 @@ class Schema:
         self.groups: dict[str, Layout] = {}  # of each group its columns
         # Whether `convert_row` would leave a tuple of a group unchanged; false if unsure. It takes 0.2 us, that 1.1.
         self.quick_tests: dict[str, Callable[[Any], bool]] = {}
-        # The same for a block of tuples with values of the right types, of which only the sizes are tested.
-        self.block_tests: dict[str, Callable[[Sequence[Any]], bool]] = {}
         self.arrays: frozenset[str] = frozenset()
         self.blocks: frozenset[str] = frozenset()
         self.group_of: dict[str, str] = {}
@@ -136,7 +133,6 @@ class Schema:
             else None
         )
         self.quick_tests[group] = tested or _reject_all_cells
-        self.block_tests[group] = self._make_block_test(layout)
 
     def _read_places(self, table: Table) -> None:
         for name, text in table.places.items():
@@ -187,17 +183,6 @@ class Schema:
         except (TypeError, ValueError):
             raise self._make_count_error(layout.heads, raw, f"the group '{group}'") from None
 
-    def _make_block_test(self, layout: Layout) -> Callable[[Sequence[Any]], bool]:
-        kinds = layout.list_tested_kinds(self.kinds)
-        if all(isinstance(kind, Kind) and kind in _HAVE_SIZE for kind in kinds):
-            return _are_cells_within_limits
-        if all(isinstance(kind, tuple) and set(kind) <= _HAVE_SIZE for kind in kinds):
-            return lambda rows: _are_cells_within_limits(chain.from_iterable(rows))
-        if kinds == (Kind.STR,):
-            return lambda rows: is_encodable("".join(chain.from_iterable(rows)))
-        fits = make_column_test(kinds) or _reject_all_cells
-        return lambda rows: all(map(fits, rows))
-
     def convert_values(self, names: Sequence[str], raw: Any, giver: str) -> tuple[Any, ...]:
         cleaners = self.cleaners
         try:
@@ -240,14 +225,6 @@ class Schema:
                 (raw,) = raw
         rows = self.split_arrays(group, raw, [key]) if group in self.arrays else iter([self.convert_row(group, raw)])
         return self.groups[group].places[name].get_value(next(rows))
-
-
-_HAVE_SIZE = {Kind.FLOAT, Kind.BOOL}
-
-
-def _are_cells_within_limits(rows: Iterable[Any]) -> bool:
-    """Whether floats are within the limit. Six take 0.1 us, by a test of each value 0.3."""
-    return sum(starmap(hypot, rows)) <= LARGEST  # false where one is NaN
 
 
 def _reject_all_cells(values: Any) -> bool:
