@@ -6,9 +6,8 @@ outside of their shape, and, until the next step, those that the last step moved
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import repeat
-from math import pi
 from typing import Any, ClassVar, TypeAlias
 
 from ss2sql.vtables.body_functions import (
@@ -22,19 +21,20 @@ from ss2sql.vtables.body_functions import (
 )
 from ss2sql.vtables.contract import Column, Element, Table, Where
 from ss2sql.vtables.pybullet.links import SOFT, UNKNOWN
-from ss2sql.vtables.pybullet.poses import Box, unite_boxes
+from ss2sql.vtables.pybullet.poses import Box as Bounds
+from ss2sql.vtables.pybullet.poses import unite_boxes
+from ss2sql.vtables.pybullet.scene import (
+    Box,
+    Capsule,
+    Cylinder,
+    Plane,
+    Solid,
+    Sphere,
+    describe_shape,
+    measure_volume,
+)
 
 KINDS = {2: "sphere", 3: "box", 4: "cylinder", 5: "mesh", 6: "plane", 7: "capsule", 9: "terrain"}  # PyBullet's GEOM_...
-_TYPES = (*KINDS.values(), "compound", "ghost")
-FORM_ROWS = {
-    (kind, robot): (*list_body_shape_columns(kind), robot, kind != "ghost")
-    for kind in _TYPES
-    for robot in (False, True)
-}
-SINGLE_ROWS: dict[int, tuple[Any, ...]] = {  # of bodies with one shape
-    number: FORM_ROWS[kind, False] for number, kind in KINDS.items()
-}
-SOFT_ROW = (*list_body_shape_columns(None), False, True)
 FIXED = 4  # PyBullet's JOINT_FIXED
 
 
@@ -99,55 +99,48 @@ class BulletBodies(Table):
         return found if name is None else [body for body in found if world.name_of(body) == name]
 
     def read_names(self, keys: Sequence[int]) -> list[str]:
-        try:
-            if self.world.names:
-                return list(map(self.world.name_of, keys))
-            info, client = self._info, self._client
-            return [info(key, client)[1].decode(errors="replace") or f"body_{key}" for key in keys]
-        except self.error as error:
-            raise self._explain_refusal(keys, error) from None
+        return self._ask_simulator(self.world.name_of if self.world.names else self._read_name, keys)
 
     def read_poses(self, keys: Sequence[int]) -> list[Any]:
-        try:
-            return list(map(self._where, keys, repeat(self._client)))
-        except self.error as error:
-            raise self._explain_refusal(keys, error) from None
+        return self._ask_simulator(self._where, keys, repeat(self._client))
 
     def read_velocities(self, keys: Sequence[int]) -> list[Any]:
-        info, velocity, client = self._dynamics, self._velocity, self._client
-        try:
-            return [UNKNOWN if info(key, -1, client)[10] == SOFT else velocity(key, client) for key in keys]
-        except self.error as error:
-            raise self._explain_refusal(keys, error) from None
+        return self._ask_simulator(self._read_velocity, keys)
 
     def read_masses(self, keys: Sequence[int]) -> list[Any]:
-        info, joints, client = self._dynamics, self._joints, self._client
-        rows: list[tuple[Any, ...]] = []
+        return self._ask_simulator(self._read_mass, keys)
+
+    def _ask_simulator(self, function: Callable[..., Any], keys: Sequence[int], *more: Any) -> list[Any]:
+        """What the function gives for each key. Raises Gone in place of the simulator's error where a body is gone."""
         try:
+            return list(map(function, keys, *more))
+        except self.error:
             for key in keys:
-                base = info(key, -1, client)
-                if base[10] == SOFT:
-                    rows.append((None, True, None, None))
-                    continue
-                mass = base[0]
-                for link in range(joints(key, client)):
-                    mass += info(key, link, client)[0]
-                rows.append((mass, mass > 0, base[1], base[5]))
-        except self.error as error:
-            raise self._explain_refusal(keys, error) from None
-        return rows
+                self.world.check_body(key)
+            raise
+
+    def _read_name(self, key: int) -> str:
+        return self._info(key, self._client)[1].decode(errors="replace") or f"body_{key}"
+
+    def _read_velocity(self, key: int) -> Any:
+        client = self._client
+        return UNKNOWN if self._dynamics(key, -1, client)[10] == SOFT else self._velocity(key, client)
+
+    def _read_mass(self, key: int) -> tuple[Any, ...]:
+        info, client = self._dynamics, self._client
+        base = info(key, -1, client)
+        if base[10] == SOFT:
+            return None, True, None, None
+        mass = base[0]
+        for link in range(self._joints(key, client)):
+            mass += info(key, link, client)[0]
+        return mass, mass > 0, base[1], base[5]
 
     def are_sensing(self, keys: Sequence[int]) -> list[bool]:
         sensors = self.world.sensors
         for key in keys:
             self.world.check_body(key)
         return [key in sensors for key in keys]
-
-    def _explain_refusal(self, keys: Sequence[int], error: Exception) -> Exception:
-        """Why the simulator refused: a body is gone, or something else."""
-        for key in keys:
-            self.world.check_body(key)
-        return error
 
     def read_angles(self, key: int) -> Any:
         return self.calls.getEulerFromQuaternion(self.read_poses([key])[0][1])
@@ -156,7 +149,7 @@ class BulletBodies(Table):
         ((pos, quat),) = self.read_poses([key])
         return (*pos, *quat)
 
-    def read_box(self, key: int) -> Box:
+    def read_box(self, key: int) -> Bounds:
         return measure_box(self.world, key)
 
     def read_volume(self, key: int) -> float | None:
@@ -181,20 +174,22 @@ class BulletBodies(Table):
         return list(seen[0][7]) if seen else None
 
     def read_shape(self, key: int) -> tuple[Any, ...]:
-        calls = self.calls
+        kind = self._find_kind(key)
+        joints = range(self.calls.getNumJoints(key))
+        robot = kind is not None and any(self.calls.getJointInfo(key, joint)[2] != FIXED for joint in joints)
+        return *list_body_shape_columns(kind), robot, kind != "ghost"
+
+    def _find_kind(self, key: int) -> str | None:
+        """The kind of the shape; None of a soft body."""
         shapes = self.world.shapes.read_shapes(key)
-        joints = range(calls.getNumJoints(key))
-        if not joints and len(shapes) == 1:
-            return SINGLE_ROWS[shapes[0][2][2]]
-        robot = any(calls.getJointInfo(key, joint)[2] != FIXED for joint in joints)
         kinds = {KINDS.get(shape[2], "mesh") for _, _, shape in shapes}
-        if len(shapes) == 1 or (kinds == {"mesh"} and not joints):  # PyBullet splits meshes of files
-            return FORM_ROWS[kinds.pop(), robot]
+        if len(shapes) == 1 or (kinds == {"mesh"} and not self.calls.getNumJoints(key)):  # files: PyBullet splits them
+            return kinds.pop()
         if shapes:
-            return FORM_ROWS["compound", robot]
+            return "compound"
         if self.world.shapes.is_soft(key):
-            return SOFT_ROW
-        return FORM_ROWS["terrain" if self._is_terrain(key) else "ghost", robot]
+            return None
+        return "terrain" if self._is_terrain(key) else "ghost"
 
     def read_element(self, key: int) -> Element:
         self.world.check_body(key)
@@ -206,47 +201,48 @@ class BulletBodies(Table):
         return low != high
 
 
-def measure_box(world: Any, body: int) -> Box:
+def measure_box(world: Any, body: int) -> Bounds:
     calls = world.calls
     world.check_body(body)
     boxes = [calls.getAABB(body, link) for link in range(-1, calls.getNumJoints(body))]
     return unite_boxes(boxes)
 
 
-def get_volume(shape: Any) -> float | None:
-    a, b, c = shape[3]
-    match KINDS.get(shape[2]):
+def make_solid(kind: int, size: Sequence[float]) -> Solid | None:
+    """The solid with PyBullet's measures; None for meshes and other shapes."""
+    a, b, c = size
+    match KINDS.get(kind):
         case "sphere":
-            return 4 / 3 * pi * float(a) ** 3
+            return Sphere(a)
         case "box":
-            return float(a * b * c)
-        case "cylinder":
-            return pi * float(b * b * a)
+            return Box(a, b, c)
         case "capsule":
-            return pi * float(b * b * a) + 4 / 3 * pi * float(b) ** 3
+            return Capsule(b, a)
+        case "cylinder":
+            return Cylinder(b, a)
+        case "plane":
+            return Plane((a, b, c), SIDE)
         case _:
             return None
 
 
+def get_volume(shape: Any) -> float | None:
+    solid = make_solid(shape[2], shape[3])
+    return None if solid is None else measure_volume(solid)
+
+
+SIDE = 10.0  # metres: the edge of the squares that represent endless planes in pictures
 UNNAMED = (b"", b"unknown_file")  # the files of meshes that were built from points
 Part: TypeAlias = dict[str, Any]  # the keywords of a shape for PyBullet
 
 
 def read_bullet_shape(kind: int, size: Sequence[float], file: bytes, corners: Sequence[Any]) -> Part | None:
     """A shape from PyBullet's data; None where these are incomplete."""
-    a, b, c = size
-    match KINDS.get(kind):
-        case "sphere":
-            return {"shapeType": kind, "radius": a}
-        case "box":
-            return {"shapeType": kind, "halfExtents": [a / 2, b / 2, c / 2]}
-        case "capsule" | "cylinder":
-            return {"shapeType": kind, "radius": b, "height": a}
-        case "plane":
-            return {"shapeType": kind, "planeNormal": [a, b, c]}
-        case "mesh" if file not in UNNAMED:
-            return {"shapeType": kind, "fileName": file.decode(), "meshScale": [a, b, c]}
-        case "mesh" if corners:
-            return {"shapeType": kind, "vertices": corners}
-        case _:
-            return None
+    solid = make_solid(kind, size)
+    if solid is not None:
+        return describe_shape(solid)
+    if KINDS.get(kind) != "mesh":
+        return None
+    if file not in UNNAMED:
+        return {"shapeType": kind, "fileName": file.decode(), "meshScale": list(size)}
+    return {"shapeType": kind, "vertices": corners} if corners else None

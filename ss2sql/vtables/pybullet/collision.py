@@ -22,64 +22,24 @@ import numpy as np
 from ss2sql.errors import ExecutionError
 from ss2sql.vtables.body_functions import BodyWorld, Quaternion, Vector, make_parameter_error, read_body_numbers
 from ss2sql.vtables.contract import Element, function
-from ss2sql.vtables.pybullet.bodies import KINDS, UNNAMED, measure_box, read_bullet_shape
+from ss2sql.vtables.pybullet.bodies import KINDS, UNNAMED, make_solid, measure_box, read_bullet_shape
 from ss2sql.vtables.pybullet.links import SOFT, read_link_pose
 from ss2sql.vtables.pybullet.poses import (
     UPRIGHT,
     Box,
     Point,
-    Pose,
     Rotation,
     compose_pose_turns,
     convert_pose_to_local,
     convert_pose_to_world,
     get_link_poses,
+    rotate_point,
     unite_boxes,
 )
+from ss2sql.vtables.pybullet.scene import measure_reach
 from ss2sql.vtables.schema import world_error
 
 SLACK = 1e-3  # metres: shapes made of corners reach this far beyond them
-
-
-class ShapeExtent(NamedTuple):
-    """How far a shape reaches from its middle: a box, to which a ball is added, and a disc that looks along z."""
-
-    box: Point = (0.0, 0.0, 0.0)
-    ball: float = 0.0
-    disc: float = 0.0
-
-    def measure_reach(self, turn: Rotation) -> Point:
-        """Its reach along x, y and z when it is turned."""
-        (a, b, c), ball, disc = self
-        x, y, z, w = turn
-        right, up, away = (
-            ball + abs(along_x) * a + abs(along_y) * b + abs(along_z) * c + disc * sqrt(max(0.0, 1 - along_z * along_z))
-            for along_x, along_y, along_z in (
-                (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-                (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-                (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-            )
-        )
-        return right, up, away
-
-
-def measure_extent(kind: str, size: Any) -> ShapeExtent:
-    """The extent of a sphere, box, cylinder or capsule with PyBullet's measures."""
-    a, b, c = size
-    match kind:
-        case "sphere":
-            return ShapeExtent(ball=a)
-        case "box":
-            return ShapeExtent((a / 2, b / 2, c / 2))
-        case "cylinder":
-            return ShapeExtent((0.0, 0.0, a / 2), disc=b)
-        case _:  # a capsule
-            return ShapeExtent((0.0, 0.0, a / 2), ball=b)
-
-
-def measure_corners_extent(corners: Iterable[Point]) -> ShapeExtent:
-    x, y, z = (max(map(abs, values)) for values in zip(*corners, strict=True))
-    return ShapeExtent((x, y, z), ball=SLACK)
 
 
 def measure_link_reach(world: Any, body: int, link: int, box: Box) -> float:
@@ -96,12 +56,11 @@ def measure_solid_box(world: Any, body: int) -> Box:
     if not calls.getNumJoints(body):
         return base
     boxes = [base]
-    for link, ((x, y, z), _) in get_link_poses(world, body).items():
+    for link, (place, _) in get_link_poses(world, body).items():
         if link >= 0:
             box = calls.getAABB(body, link)
             boxes.append(box)
-            reach = measure_link_reach(world, body, link, box)
-            boxes.append(((x - reach, y - reach, z - reach), (x + reach, y + reach, z + reach)))
+            boxes.append(_make_collision_box(place, measure_link_reach(world, body, link, box)))
     return unite_boxes(boxes)
 
 
@@ -131,6 +90,7 @@ MARGIN = 0.04  # m, by which Bullet makes the box around a capsule of two ends l
 NEAR = 1e-4  # the tolerance of comparisons of boxes, as a part of the shape
 BLIND = 1e-3  # a part of what directions add to a box; smaller parts are ignored
 ORIGIN: Point = (0.0, 0.0, 0.0)
+NOWHERE: Box = (ORIGIN, ORIGIN)
 
 # A shape as from getCollisionShapeData, with two Nones for an unknown pose.
 Shape = tuple[Any, ...]
@@ -232,7 +192,11 @@ class _MeasuredLink:
 
     def _measure_half_edges(self, half: Point) -> Point:
         """Half the edges of the box around a box that is turned as the capsule is."""
-        return ShapeExtent(ShapeExtent(half).measure_reach(self.turn)).measure_reach(self.own)
+        for turn in (self.turn, self.own):
+            edges = [rotate_point(turn, edge) for edge in np.diag(half).tolist()]
+            x, y, z = np.abs(edges).sum(axis=0).tolist()
+            half = x, y, z
+        return half
 
 
 # --- the parts of a robot as shapes that can be tested at any pose without moving the robot
@@ -240,24 +204,24 @@ MOST_TURNS = 1000  # cached orientations of one robot, each about 6 kB
 
 
 class Part(NamedTuple):
-    """A shape of a robot, where it is as seen from the robot's base, but turned as in the world, and its reach."""
+    """A shape of a robot, where it is as seen from the robot's base, but turned as in the world.
+
+    `reach` is the radius of a sphere around it.
+    """
 
     shape: int
     place: Point
     turn: Rotation
-    reach: Point
+    reach: float
 
 
 class Robot:
     """The parts of a body for one orientation of its base, and the box around them relative to the base."""
 
-    def __init__(self, turn: Rotation, parts: Iterable[tuple[int, ShapeExtent, Pose]]) -> None:
+    def __init__(self, turn: Rotation, parts: Iterable[Part]) -> None:
         self.turn = turn
-        self._shapes = tuple(parts)
-        self.parts = tuple(Part(shape, place, o, extent.measure_reach(o)) for shape, extent, (place, o) in self._shapes)
-        self.box = unite_boxes(
-            [_make_collision_box(part.place, part.reach) for part in self.parts] or [(ORIGIN, ORIGIN)]
-        )
+        self.parts = tuple(parts)
+        self.box = unite_boxes([_make_collision_box(part.place, part.reach) for part in self.parts] or [NOWHERE])
         self._turned: dict[Rotation, Robot] = {turn: self}
 
     def turn_base(self, turn: Rotation) -> Robot:
@@ -268,14 +232,16 @@ class Robot:
                 self._turned.clear()
             _, offset = convert_pose_to_local((ORIGIN, self.turn), (ORIGIN, UPRIGHT))
             more = ORIGIN, compose_pose_turns(turn, offset)  # from the one orientation to the other
-            parts = [(shape, extent, convert_pose_to_world(more, pose)) for shape, extent, pose in self._shapes]
-            known = self._turned[turn] = Robot(turn, parts)
+            turned = [convert_pose_to_world(more, (part.place, part.turn)) for part in self.parts]
+            parts = zip(self.parts, turned, strict=True)
+            known = self._turned[turn] = Robot(turn, [Part(part.shape, *pose, part.reach) for part, pose in parts])
         return known
 
 
-def _make_collision_box(place: Point, reach: Point) -> Box:
-    (x, y, z), (a, b, c) = place, reach
-    return (x - a, y - b, z - c), (x + a, y + b, z + c)
+def _make_collision_box(place: Point, reach: float) -> Box:
+    """The box around a sphere."""
+    x, y, z = place
+    return (x - reach, y - reach, z - reach), (x + reach, y + reach, z + reach)
 
 
 class ShapeCache:
@@ -288,7 +254,7 @@ class ShapeCache:
     def __init__(self, calls: Any) -> None:
         self._calls = calls
         self._made: dict[Any, int] = {}
-        self.extents: dict[int, ShapeExtent | None] = {}  # of each shape; None for files
+        self.reaches: dict[int, float | None] = {}  # the radius around each shape; None for files
         self._radius = 0.0
         self._sphere = -1
 
@@ -296,7 +262,7 @@ class ShapeCache:
         if self._sphere >= 0 and self._is_valid():
             return
         self._made.clear()
-        self.extents.clear()
+        self.reaches.clear()
         self._radius = 0.1 + random() / 10
         self._sphere = self._calls.createCollisionShape(self._calls.GEOM_SPHERE, radius=self._radius)
 
@@ -321,16 +287,15 @@ class ShapeCache:
         part = read_bullet_shape(data[2], size, file, corners)
         if part is None or kind is None or kind == "plane":
             raise _make_unmovable_error(body, f"it is a {kind or 'shape that PyBullet does not describe'}")
-        made = self._calls.createCollisionShape(**part)
-        if kind == "mesh":
-            return self._keep_shape(key, made, measure_corners_extent(corners) if corners else None)
-        return self._keep_shape(key, made, measure_extent(kind, size))
-
-    def _keep_shape(self, key: Any, made: int, extent: ShapeExtent | None) -> int:
+        made: int = self._calls.createCollisionShape(**part)
         if made < 0:
             raise world_error("PyBullet cannot make a shape", "see what it has written to the standard output")
+        solid = make_solid(data[2], size)
+        if solid is not None:
+            self.reaches[made] = measure_reach(solid)
+        else:
+            self.reaches[made] = max(hypot(*corner) for corner in corners) + SLACK if corners else None
         self._made[key] = made
-        self.extents[made] = extent
         return made
 
 
@@ -352,12 +317,12 @@ def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
         if data[4] != b"unknown_file":  # others consist of corners, which are relative to the link
             pose = convert_pose_to_world(pose, (data[5], data[6]))
         shape = stock.get_shape(body, link, number, data)
-        extent = stock.extents[shape]
-        if extent is None:
-            reach = measure_link_reach(world, body, link, world.calls.getAABB(body, link))
-            extent = ShapeExtent(ball=reach + dist(pose[0], poses[link][0]))
+        reach = stock.reaches[shape]
+        if reach is None:
+            box = world.calls.getAABB(body, link)
+            reach = measure_link_reach(world, body, link, box) + dist(pose[0], poses[link][0])
         (x, y, z), turn = pose
-        parts.append((shape, extent, ((x - base[0][0], y - base[0][1], z - base[0][2]), turn)))
+        parts.append(Part(shape, (x - base[0][0], y - base[0][1], z - base[0][2]), turn, reach))
     return Robot(base[1], parts)
 
 
@@ -475,11 +440,14 @@ class CollisionFunctions(BodyFunctions):
         if not others:
             return False
         far = max(margin, 0.0) + SLACK
-        for shape, (px, py, pz), own, (a, b, c) in robot.parts:
+        for shape, (px, py, pz), own, reach in robot.parts:
             place = px, py, pz = px + x, py + y, pz + z
-            a, b, c = a + far, b + far, c + far
+            reach += far
             for other, ax, ay, az, bx, by, bz in others:
-                if ax > px + a or px - a > bx or ay > py + b or py - b > by or az > pz + c or pz - c > bz:
+                if (
+                    ax > px + reach or px - reach > bx or ay > py + reach or py - reach > by
+                    or az > pz + reach or pz - reach > bz
+                ):  # fmt: skip
                     continue
                 if closest(
                     bodyA=-1, bodyB=other, distance=margin, collisionShapeA=shape, collisionShapePositionA=place,

@@ -7,36 +7,17 @@ motors, which PyBullet does not expose, have Bullet's defaults in the copy.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from math import dist
 from typing import Any, NoReturn
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.area_arguments import refuse_argument
-from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, UNNAMED, Part, measure_box, read_bullet_shape
+from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, UNNAMED, Part, make_solid, measure_box, read_bullet_shape
 from ss2sql.vtables.pybullet.occupancy_grid import measure_bounds
 from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, convert_pose_to_local, convert_pose_to_world
-from ss2sql.vtables.pybullet.scene import Box, Capsule, Cylinder, Plane, Scene, Solid, Sphere, View, make_visual_shape
+from ss2sql.vtables.pybullet.scene import Scene, Sphere, View, make_visual_shape
 
 MOST_PARTS = 16  # of one shape: PyBullet leaves out those beyond
-SIDE = 10.0  # metres: the edge of the squares that represent endless planes in pictures
-
-
-def make_solid(kind: int, size: Sequence[float]) -> Solid | None:
-    a, b, c = size
-    match KINDS.get(kind):
-        case "sphere":
-            return Sphere(a)
-        case "box":
-            return Box(a, b, c)
-        case "capsule":
-            return Capsule(b, a)
-        case "cylinder":
-            return Cylinder(b, a)
-        case "plane":
-            return Plane((a, b, c), SIDE)
-        case _:
-            return None
 
 
 class ShapeCopier:

@@ -71,19 +71,35 @@ def measure_reach(solid: Solid) -> float:
             return float("inf")
 
 
-def make_collision_shape(client: Any, solid: Solid) -> int:
+def describe_shape(solid: Solid) -> dict[str, Any]:
+    """The arguments of PyBullet's `createCollisionShape`."""
     bullet = import_pybullet()
     match solid:
         case Sphere(radius):
-            return int(client.createCollisionShape(bullet.GEOM_SPHERE, radius=radius))
+            return {"shapeType": bullet.GEOM_SPHERE, "radius": radius}
         case Box(x, y, z):
-            return int(client.createCollisionShape(bullet.GEOM_BOX, halfExtents=(x / 2, y / 2, z / 2)))
+            return {"shapeType": bullet.GEOM_BOX, "halfExtents": [x / 2, y / 2, z / 2]}
         case Cylinder(radius, length):
-            return int(client.createCollisionShape(bullet.GEOM_CYLINDER, radius=radius, height=length))
+            return {"shapeType": bullet.GEOM_CYLINDER, "radius": radius, "height": length}
         case Capsule(radius, length):
-            return int(client.createCollisionShape(bullet.GEOM_CAPSULE, radius=radius, height=length))
+            return {"shapeType": bullet.GEOM_CAPSULE, "radius": radius, "height": length}
         case Plane(normal):
-            return int(client.createCollisionShape(bullet.GEOM_PLANE, planeNormal=normal))
+            return {"shapeType": bullet.GEOM_PLANE, "planeNormal": list(normal)}
+
+
+def measure_volume(solid: Solid) -> float | None:
+    """The volume of a solid; None for a plane."""
+    match solid:
+        case Sphere(radius):
+            return 4 / 3 * pi * radius**3
+        case Box(x, y, z):
+            return x * y * z
+        case Cylinder(radius, length):
+            return pi * (radius * radius * length)
+        case Capsule(radius, length):
+            return pi * (radius * radius * length) + 4 / 3 * pi * radius**3
+        case Plane():
+            return None
 
 
 def make_visual_shape(client: Any, solid: Solid, colour: Colour) -> int:
@@ -264,7 +280,7 @@ class Scene:
     def _make_collision_shape(self, solid: Solid) -> int:
         # Bullet keeps shapes until the simulation ends: equal ones are made once.
         if solid not in self._shapes:
-            self._shapes[solid] = make_collision_shape(self.client, solid)
+            self._shapes[solid] = self.client.createCollisionShape(**describe_shape(solid))
         return self._shapes[solid]
 
     def _make_visual_shape(self, solid: Solid, colour: Colour) -> int:
