@@ -28,6 +28,7 @@ from ss2sql.vtables.pybullet.poses import (
     UPRIGHT,
     Box,
     Point,
+    Pose,
     Rotation,
     compose_pose_turns,
     convert_pose_to_local,
@@ -36,17 +37,25 @@ from ss2sql.vtables.pybullet.poses import (
     rotate_point,
     unite_boxes,
 )
-from ss2sql.vtables.pybullet.scene import measure_reach
+from ss2sql.vtables.pybullet.scene import measure_half_edges
 from ss2sql.vtables.schema import world_error
 
 SLACK = 1e-3  # metres: shapes made of corners reach this far beyond them
 
 
-def measure_link_reach(world: Any, body: int, link: int, box: Box) -> float:
-    """The radius of a sphere around all shapes of a link, whose middle is the link's centre of mass, by its box."""
+def turn_box(turn: Rotation, half: Point) -> Point:
+    """Half the edges of the box around a turned box."""
+    edges = [rotate_point(turn, edge) for edge in np.diag(half).tolist()]
+    x, y, z = np.abs(edges).sum(axis=0).tolist()
+    return x, y, z
+
+
+def measure_link_reach(world: Any, body: int, link: int, box: Box) -> Point:
+    """Half the edges of a cube around all shapes of a link, whose middle is its centre of mass, from the link's box."""
     (x, y, z), _ = read_link_pose(world, (body, link))
     (ax, ay, az), (bx, by, bz) = box
-    return hypot(max(x - ax, bx - x), max(y - ay, by - y), max(z - az, bz - z))
+    radius = hypot(max(x - ax, bx - x), max(y - ay, by - y), max(z - az, bz - z))
+    return radius, radius, radius
 
 
 def measure_solid_box(world: Any, body: int) -> Box:
@@ -192,11 +201,7 @@ class _MeasuredLink:
 
     def _measure_half_edges(self, half: Point) -> Point:
         """Half the edges of the box around a box that is turned as the capsule is."""
-        for turn in (self.turn, self.own):
-            edges = [rotate_point(turn, edge) for edge in np.diag(half).tolist()]
-            x, y, z = np.abs(edges).sum(axis=0).tolist()
-            half = x, y, z
-        return half
+        return turn_box(self.own, turn_box(self.turn, half))
 
 
 # --- the parts of a robot as shapes that can be tested at any pose without moving the robot
@@ -206,13 +211,19 @@ MOST_TURNS = 1000  # cached orientations of one robot, each about 6 kB
 class Part(NamedTuple):
     """A shape of a robot, where it is as seen from the robot's base, but turned as in the world.
 
-    `reach` is the radius of a sphere around it.
+    `half` are half the edges of a box around it along its own axes, `reach` those along the axes of the world.
     """
 
     shape: int
     place: Point
     turn: Rotation
-    reach: float
+    half: Point
+    reach: Point
+
+
+def make_part(shape: int, pose: Pose, half: Point) -> Part:
+    place, turn = pose
+    return Part(shape, place, turn, half, turn_box(turn, half))
 
 
 class Robot:
@@ -234,14 +245,13 @@ class Robot:
             more = ORIGIN, compose_pose_turns(turn, offset)  # from the one orientation to the other
             turned = [convert_pose_to_world(more, (part.place, part.turn)) for part in self.parts]
             parts = zip(self.parts, turned, strict=True)
-            known = self._turned[turn] = Robot(turn, [Part(part.shape, *pose, part.reach) for part, pose in parts])
+            known = self._turned[turn] = Robot(turn, [make_part(part.shape, pose, part.half) for part, pose in parts])
         return known
 
 
-def _make_collision_box(place: Point, reach: float) -> Box:
-    """The box around a sphere."""
-    x, y, z = place
-    return (x - reach, y - reach, z - reach), (x + reach, y + reach, z + reach)
+def _make_collision_box(place: Point, reach: Point) -> Box:
+    (x, y, z), (a, b, c) = place, reach
+    return (x - a, y - b, z - c), (x + a, y + b, z + c)
 
 
 class ShapeCache:
@@ -254,7 +264,7 @@ class ShapeCache:
     def __init__(self, calls: Any) -> None:
         self._calls = calls
         self._made: dict[Any, int] = {}
-        self.reaches: dict[int, float | None] = {}  # the radius around each shape; None for files
+        self.halves: dict[int, Point | None] = {}  # half the edges of the box around each shape; None for files
         self._radius = 0.0
         self._sphere = -1
 
@@ -262,7 +272,7 @@ class ShapeCache:
         if self._sphere >= 0 and self._is_valid():
             return
         self._made.clear()
-        self.reaches.clear()
+        self.halves.clear()
         self._radius = 0.1 + random() / 10
         self._sphere = self._calls.createCollisionShape(self._calls.GEOM_SPHERE, radius=self._radius)
 
@@ -292,9 +302,12 @@ class ShapeCache:
             raise world_error("PyBullet cannot make a shape", "see what it has written to the standard output")
         solid = make_solid(data[2], size)
         if solid is not None:
-            self.reaches[made] = measure_reach(solid)
+            self.halves[made] = measure_half_edges(solid)
+        elif corners:
+            x, y, z = (np.abs(corners).max(axis=0) + SLACK).tolist()
+            self.halves[made] = x, y, z
         else:
-            self.reaches[made] = max(hypot(*corner) for corner in corners) + SLACK if corners else None
+            self.halves[made] = None
         self._made[key] = made
         return made
 
@@ -317,12 +330,13 @@ def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
         if data[4] != b"unknown_file":  # others consist of corners, which are relative to the link
             pose = convert_pose_to_world(pose, (data[5], data[6]))
         shape = stock.get_shape(body, link, number, data)
-        reach = stock.reaches[shape]
-        if reach is None:
-            box = world.calls.getAABB(body, link)
-            reach = measure_link_reach(world, body, link, box) + dist(pose[0], poses[link][0])
+        half = stock.halves[shape]
+        if half is None:
+            away = dist(pose[0], poses[link][0])
+            a, b, c = measure_link_reach(world, body, link, world.calls.getAABB(body, link))
+            half = a + away, b + away, c + away
         (x, y, z), turn = pose
-        parts.append(Part(shape, (x - base[0][0], y - base[0][1], z - base[0][2]), turn, reach))
+        parts.append(make_part(shape, ((x - base[0][0], y - base[0][1], z - base[0][2]), turn), half))
     return Robot(base[1], parts)
 
 
@@ -440,14 +454,11 @@ class CollisionFunctions(BodyFunctions):
         if not others:
             return False
         far = max(margin, 0.0) + SLACK
-        for shape, (px, py, pz), own, reach in robot.parts:
+        for shape, (px, py, pz), own, _, (a, b, c) in robot.parts:
             place = px, py, pz = px + x, py + y, pz + z
-            reach += far
+            a, b, c = a + far, b + far, c + far
             for other, ax, ay, az, bx, by, bz in others:
-                if (
-                    ax > px + reach or px - reach > bx or ay > py + reach or py - reach > by
-                    or az > pz + reach or pz - reach > bz
-                ):  # fmt: skip
+                if ax > px + a or px - a > bx or ay > py + b or py - b > by or az > pz + c or pz - c > bz:
                     continue
                 if closest(
                     bodyA=-1, bodyB=other, distance=margin, collisionShapeA=shape, collisionShapePositionA=place,

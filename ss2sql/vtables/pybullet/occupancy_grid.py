@@ -2,8 +2,7 @@
 
 A cell is occupied where a body reaches into its square at the height z, beyond touching its edge, so a wall that is
 thinner than the cells stays closed for path planning. The shape itself is tested, not its bounding box: Bullet tests
-whether a thin plate of the size of the cell meets the body. Plates of 2 x 2, 4 x 4 ... cells come first: where they
-meet nothing, their cells are free.
+whether a thin plate of the size of the cell meets the body.
 
 A sensor sees a cell if the middle of the cell, at the height z, is within its range and its angle, and if nothing
 stands between the two: no body of the world, selected or not, except the sensor's own. A middle on a surface, such as
@@ -12,7 +11,7 @@ the floor, is seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from math import ceil, dist
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -26,7 +25,7 @@ from ss2sql.vtables.contract import Element
 from ss2sql.vtables.pybullet.bodies import measure_box
 from ss2sql.vtables.pybullet.collision import ShapeCache, are_in_cone
 from ss2sql.vtables.pybullet.contact_tables import MOST_RAYS
-from ss2sql.vtables.pybullet.poses import Box, unite_boxes
+from ss2sql.vtables.pybullet.poses import Box, Point, unite_boxes
 
 if TYPE_CHECKING:
     from ss2sql.vtables.pybullet.environment import Environment
@@ -92,10 +91,8 @@ def measure_bounds(world: Any) -> Box:
 
 GAP = 1e-3  # parts of a cell by which plates are smaller than cells, so that touching a cell is not occupying it
 THIN = 1e-3  # the thickness of plates, in parts of a cell
-LARGEST = 6  # the largest plate has 2^6 cells along its edges
 
-Meets = Callable[[int, int, int], bool]
-Ranges = tuple[int, int, int, int]  # the first and last columns and rows, these excluded
+Ranges = tuple[range, range]  # of columns and of rows
 
 
 def make_occupancy_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> Grid:
@@ -103,38 +100,30 @@ def make_occupancy_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) 
     height = check_number("occupancygrid", "the height z", z)
     origin, edge, columns, rows = resolve_area(world, "occupancygrid", cell, area)
     cells = np.zeros((rows, columns), dtype=bool)
-    plates = _make_grid_plates(world, edge) if bodies else []
+    plate = _make_grid_plate(world, edge) if bodies else -1
     for body in bodies:
         low, high = measure_box(world, body)
         if low[2] - edge <= height <= high[2] + edge:
-            meets = _make_tester(world, plates, body, origin, edge, height)
-            _mark_occupied_cells(cells, meets, _find_covered_cells((low, high), origin, edge, columns, rows))
+            covered, across = _find_covered_cells((low, high), origin, edge, columns, rows)
+            for row in across:
+                for column in covered:
+                    middle = (origin[0] + (column + 0.5) * edge, origin[1] + (row + 0.5) * edge, height)
+                    cells[row, column] = cells[row, column] or _is_plate_touching(world, plate, middle, body)
     return Grid(cells, origin, edge)
 
 
-def _make_grid_plates(world: Any, edge: float) -> list[int]:
-    """The shapes of plates of 1, 2, 4 ... cells along their edges, made once for each size of cells."""
+def _make_grid_plate(world: Any, edge: float) -> int:
+    """The shape of a plate, made once for each size of cells."""
     stock: ShapeCache = world.__dict__.setdefault("plates", ShapeCache(world.calls))
     stock.clear_after_reset()
-    sizes = [(2**level - GAP) * edge for level in range(LARGEST + 1)]
-    return [stock.get_shape(-1, -1, 0, (-1, -1, world.calls.GEOM_BOX, (s, s, THIN * edge), b"")) for s in sizes]
+    side = (1 - GAP) * edge
+    return stock.get_shape(-1, -1, 0, (-1, -1, world.calls.GEOM_BOX, (side, side, THIN * edge), b""))
 
 
-def _make_tester(world: Any, plates: list[int], body: int, origin: list[float], edge: float, height: float) -> Meets:
-    """A test whether a plate, given by its level, column and row, meets a body. It takes 3 us."""
+def _is_plate_touching(world: Any, plate: int, middle: Point, body: int) -> bool:
+    """Whether a plate at a point meets a body. It takes 3 us."""
     closest = world.calls.getClosestPoints
-    x, y = origin
-
-    def is_cell_occupied(level: int, column: int, row: int) -> bool:
-        half = 2**level / 2
-        middle = (x + (column + half) * edge, y + (row + half) * edge, height)
-        return bool(
-            closest(
-                bodyA=-1, bodyB=body, distance=0.0, collisionShapeA=plates[level], collisionShapePositionA=middle
-            )
-        )  # fmt: skip
-
-    return is_cell_occupied
+    return bool(closest(bodyA=-1, bodyB=body, distance=0.0, collisionShapeA=plate, collisionShapePositionA=middle))
 
 
 def _find_covered_cells(box: Box, origin: list[float], edge: float, columns: int, rows: int) -> Ranges:
@@ -143,29 +132,9 @@ def _find_covered_cells(box: Box, origin: list[float], edge: float, columns: int
     ranges = []
     for low, high, start, count in ((x1, x2, origin[0], columns), (y1, y2, origin[1], rows)):
         first, last = (low - start) / edge - GAP, (high - start) / edge + GAP
-        ranges.append((int(max(0.0, min(first, count))), int(max(0.0, min(last + 1, count)))))
-    (left, right), (lower, upper) = ranges
-    return left, right, lower, upper
-
-
-def _mark_occupied_cells(cells: Any, meets: Meets, ranges: Ranges) -> None:
-    """Marks the cells that a body occupies, from the largest plates to single cells."""
-    left, right, lower, upper = ranges
-    level = min(LARGEST, max(0, max(right - left, upper - lower) - 1).bit_length())
-    step = 2**level
-    waiting = [(level, x, y) for y in range(lower, upper, step) for x in range(left, right, step)]
-    while waiting:
-        level, column, row = waiting.pop()
-        if (level == 0 and cells[row, column]) or not meets(level, column, row):
-            continue
-        if level == 0:
-            cells[row, column] = True
-            continue
-        half = 2 ** (level - 1)
-        for y in (row, row + half):
-            for x in (column, column + half):
-                if x < right and y < upper:
-                    waiting.append((level - 1, x, y))
+        ranges.append(range(int(max(0.0, min(first, count))), int(max(0.0, min(last + 1, count)))))
+    covered, across = ranges
+    return covered, across
 
 
 # --- `AS sensorgrid(z, cell, area)`, also `sensormap`: how many of the selected sensors see each cell

@@ -71,6 +71,20 @@ def measure_reach(solid: Solid) -> float:
             return float("inf")
 
 
+def measure_half_edges(solid: Solid) -> Vector:
+    """Half the edges of the box around a solid along its own axes."""
+    match solid:
+        case Box(x, y, z):
+            return x / 2, y / 2, z / 2
+        case Cylinder(radius, length):
+            return radius, radius, length / 2
+        case Capsule(radius, length):
+            return radius, radius, radius + length / 2
+        case _:
+            reach = measure_reach(solid)
+            return reach, reach, reach
+
+
 def describe_shape(solid: Solid) -> dict[str, Any]:
     """The arguments of PyBullet's `createCollisionShape`."""
     bullet = import_pybullet()
