@@ -78,57 +78,35 @@ def misfit_error(message: str, *hints: str) -> ExecutionError:
 
 def make_cleaner(kind: Type, giver: str) -> Cleaner:
     """The function that converts values of one declared type to values of the language; `giver` names the column."""
-    match kind:
-        case Type(kinds=Kind.FLOAT):
-            return _make_float_cleaner(giver)
-        case Type(kinds=Kind.INT):
-            return _make_integer_cleaner(giver)
-        case Type(kinds=Kind.STR | Kind.BOOL as kinds):
-            return _make_class_cleaner(str if kinds is Kind.STR else bool, giver)
-        case _:
-            return _make_other_cleaner(kind, giver)
+    scalar = _SCALARS.get(kind.kinds)
+    return _make_other_cleaner(kind, giver) if scalar is None else _make_scalar_cleaner(scalar, kind.kinds, giver)
 
 
-def _make_float_cleaner(giver: str) -> Cleaner:
-    def clean_float(value: Any) -> Any:
-        if type(value) is not float:
-            plain = _convert_scalar(value, giver)
-            if isinstance(plain, bool) or not isinstance(plain, (int, float)):
-                raise _make_column_kind_error(giver, value, "a float")
-            value = float(plain)
-        if -LARGEST <= value <= LARGEST:
-            return value
-        raise misfit_error(
-            f"{giver} holds {value}", "floats of worlds lie within 1e100; None needs a column `float | None`"
-        )
-
-    return clean_float
+_SCALARS: dict[Kind, type] = {Kind.FLOAT: float, Kind.INT: int, Kind.BOOL: bool, Kind.STR: str}
+_LIMITS: dict[type, tuple[float, float]] = {float: (-LARGEST, LARGEST), int: (INT_MIN, INT_MAX), bool: (False, True)}
 
 
-def _make_integer_cleaner(giver: str) -> Cleaner:
-    def clean_integer(value: Any) -> Any:
-        if type(value) is not int:
-            value = _convert_scalar(value, giver)
-            if type(value) is not int:
-                raise _make_column_kind_error(giver, value, "an int")
-        if INT_MIN <= value <= INT_MAX:
-            return value
-        raise misfit_error(f"{giver} holds {format_value(value)}, which does not fit into 64 bits")
+def _make_scalar_cleaner(wanted: type[Any], kind: Kind, giver: str) -> Cleaner:
+    low, high = _LIMITS.get(wanted, (0, 0))
 
-    return clean_integer
-
-
-def _make_class_cleaner(wanted: type, giver: str) -> Cleaner:
-    def clean_value(value: Any) -> Any:
+    def clean_scalar(value: Any) -> Any:
         if type(value) is not wanted:
             value = _convert_scalar(value, giver)
+            if wanted is float and type(value) is int:
+                value = float(value)
             if type(value) is not wanted:
-                raise _make_column_kind_error(giver, value, f"a {wanted.__name__}")
-        if isinstance(value, str) and not is_encodable(value):
-            raise misfit_error(f"{giver} holds {value!r}, which is no text that can be written as UTF-8")
+                raise _make_column_kind_error(giver, value, _ONE[kind])
+        if wanted is str:
+            if not is_encodable(value):
+                raise misfit_error(f"{giver} holds {value!r}, which is no text that can be written as UTF-8")
+        elif not low <= value <= high:
+            if wanted is int:
+                raise misfit_error(f"{giver} holds {format_value(value)}, which does not fit into 64 bits")
+            hint = "floats of worlds lie within 1e100; None needs a column `float | None`"
+            raise misfit_error(f"{giver} holds {value}", hint)
         return value
 
-    return clean_value
+    return clean_scalar
 
 
 def _make_other_cleaner(kind: Type, giver: str) -> Cleaner:
