@@ -149,7 +149,7 @@ def test_ctrl_c_ends_the_run_only(engine: str, shell: Shell, capsys) -> None:
     finally:
         pressing.join()
         signal.signal(signal.SIGINT, before)
-    assert err.startswith("cancelled\n")
+    assert err.startswith("cancelled; ")
     assert out.splitlines()[-1].endswith(", cancelled")
     assert said(shell, "1 + 1;", capsys) == ("2\n", "")
 
@@ -316,5 +316,5 @@ def test_ctrl_c_ends_a_pipe(folder: Path) -> None:
         finally:
             answer.kill()
     assert answer.returncode == 130
-    assert err.startswith("cancelled\n")
+    assert err.startswith("cancelled; ")
     assert out.splitlines()[-1].endswith(", cancelled")

@@ -124,18 +124,20 @@ SPELLED_FOR_COMMANDS, SPELLED_FOR_SHELL = ([(row[0], row[form]) for row in SPELL
 
 
 def _end_with_error(error: Error) -> NoReturn:
-    code = TIMEOUT if isinstance(error, Timeout) else CTRL_C if isinstance(error, Cancelled) else SCRIPT
     respell_hints(error, SPELLED_FOR_COMMANDS)
+    _print_to_stderr(format_printed_error(error))
+    sys.exit(TIMEOUT if isinstance(error, Timeout) else CTRL_C if isinstance(error, Cancelled) else SCRIPT)
+
+
+def format_printed_error(error: Error) -> str:
+    """An error as text, or as JSON with a line for each, with the size of the partial result of its run."""
     if writes_json():
-        for one in error.errors:
-            found = {"found": _measure_partial_output(error)} if isinstance(error, Stopped) else {}
-            _print_to_stderr(json.dumps({**one.as_dict(), **found}, ensure_ascii=False))
-        sys.exit(code)
+        found = {"found": _measure_partial_output(error)} if isinstance(error, Stopped) else {}
+        return "\n".join(json.dumps({**one.as_dict(), **found}, ensure_ascii=False) for one in error.errors)
+    counted = _format_partial_output(error) if isinstance(error, Stopped) else ""
     if isinstance(error, Cancelled):
-        _print_to_stderr(f"cancelled{_format_partial_output(error)}")
-    else:
-        _print_to_stderr(f"{render_all(error, wants_color(sys.stderr))}{describe_partial_output(error)}")
-    sys.exit(code)
+        return f"cancelled{counted}"
+    return render_all(error, wants_color(sys.stderr)) + (f"\nbroken off{counted}" if counted else "")
 
 
 def _measure_partial_output(stopped: Stopped) -> dict[str, int] | None:
@@ -152,12 +154,6 @@ def _format_partial_output(stopped: Stopped) -> str:
         return ""
     ((unit, number),) = found.items()
     return f"; {number:,} {unit[:-1] if number == 1 else unit} had been found" if number else "; nothing had been found"
-
-
-def describe_partial_output(error: Error) -> str:
-    """The line after the message of a run that ended early: the size of its partial result."""
-    counted = _format_partial_output(error) if isinstance(error, Stopped) else ""
-    return counted and f"\nbroken off{counted}"
 
 
 def exit_after_interrupt() -> NoReturn:

@@ -17,8 +17,8 @@ from ss2sql.cli.output import (
     SPELLED_FOR_SHELL,
     Count,
     UserError,
-    describe_partial_output,
     exit_with_code_on_error,
+    format_printed_error,
     make_output,
     print_note,
     wants_color,
@@ -26,7 +26,7 @@ from ss2sql.cli.output import (
 )
 from ss2sql.cli.script_commands import add_run_options, build_partial_output, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_session_options
-from ss2sql.errors import Cancelled, Error, SessionError, Source, Stopped, render_all, require_package, respell_hints
+from ss2sql.errors import Cancelled, Error, SessionError, Source, Stopped, require_package, respell_hints
 from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
@@ -140,15 +140,12 @@ class Shell:
 
 def _format_shell_error(error: BaseException) -> str:
     match error:
-        case Error() | UserError() if writes_json():
-            found = error.errors if isinstance(error, Error) else (error,)
-            return "\n".join(json.dumps(one.as_dict(), ensure_ascii=False) for one in found)
-        case Cancelled() | KeyboardInterrupt():
-            return "cancelled" + (describe_partial_output(error) if isinstance(error, Cancelled) else "")
-        case Stopped():
-            return f"{render_all(error, wants_color(sys.stderr))}{describe_partial_output(error)}"
         case Error():
-            return render_all(error, wants_color(sys.stderr))
+            return format_printed_error(error)
+        case UserError() if writes_json():
+            return json.dumps(error.as_dict(), ensure_ascii=False)
+        case KeyboardInterrupt():
+            return "cancelled"
         case click.ClickException():
             return f"error: {escape_controls(error.format_message())}"
         case _:
