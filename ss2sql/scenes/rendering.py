@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from itertools import pairwise
-from math import asin, degrees, dist, hypot, isfinite, log, radians, tan
+from math import asin, degrees, dist, hypot, isfinite, log
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 
 from ss2sql.errors import SessionError, suggest_names
 from ss2sql.fast_dataclasses import dataclass
+from ss2sql.vtables.pybullet import PyBulletWorld
 from ss2sql.vtables.pybullet.client import import_pybullet
-from ss2sql.vtables.pybullet.scene import Colour, Scene, Vector, View
+from ss2sql.vtables.pybullet.occupancy_grid import measure_bounds
+from ss2sql.vtables.pybullet.scene import Colour, Scene, Vector, View, make_corner_view
 
 Floats = NDArray[np.float32]
 LIGHT: Vector = (0.35, -0.5, 1.1)  # the direction from which it comes
@@ -98,7 +100,7 @@ class Camera:
 def make_sun_camera(low: Vector, high: Vector, pixels: int) -> Camera:
     """The camera at the light's position, far away, so that the rays are almost parallel."""
     middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
-    around = dist(low, high) / 2
+    around = max(0.1, dist(low, high) / 2)
     away = 8 * around
     scale = away / dist((0, 0, 0), LIGHT)
     eye = (middle[0] + LIGHT[0] * scale, middle[1] + LIGHT[1] * scale, middle[2] + LIGHT[2] * scale)
@@ -256,7 +258,7 @@ def render(
     """
     client = getattr(world, "client", world)
     _check_picture_of_scene(world, client, highlight, size)
-    low, high = _measure_scene_bounds(world, client)
+    low, high = measure_bounds(PyBulletWorld(world))
     camera = _make_camera(_choose_camera_view(world, view, low, high), size, low, high)
     shot = camera.take_picture(client)
     source = make_sun_camera(low, high, min(SUN_PIXELS[1], max(SUN_PIXELS[0], FINER * max(size))))
@@ -302,18 +304,6 @@ def _check_picture_of_scene(world: Any, client: Any, highlight: Collection[int] 
             )
 
 
-def _measure_scene_bounds(world: Any, client: Any) -> tuple[Vector, Vector]:
-    if isinstance(world, Scene):
-        return world.bounds
-    bodies = [client.getBodyUniqueId(number) for number in range(client.getNumBodies())]
-    boxes = [client.getAABB(body) for body in bodies]
-    boxes = [box for box in boxes if dist(*box) < 1000]  # endless planes are left out
-    if not boxes:
-        return (-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)
-    low, high = (np.array(corners) for corners in zip(*boxes, strict=True))
-    return tuple(low.min(axis=0).tolist()), tuple(high.max(axis=0).tolist())
-
-
 def _choose_camera_view(world: Any, view: str | View | None, low: Vector, high: Vector) -> View:
     if isinstance(view, View):
         return view
@@ -325,9 +315,7 @@ def _choose_camera_view(world: Any, view: str | View | None, low: Vector, high: 
         raise SessionError("S002", f"the scene has no view '{view}'", hints=suggest_names(view, world.views))
     if view is not None:
         raise SessionError("S002", "only scenes have views with names", hints=("give a View: eye, target, angle",))
-    x, y, z = ((a + b) / 2 for a, b in zip(low, high, strict=True))
-    away = 1.1 * dist(low, high) / 2 / tan(radians(20))
-    return View((x + 0.4 * away, y - 0.75 * away, z + 0.55 * away), (x, y, z))
+    return make_corner_view(low, high)
 
 
 def _make_camera(view: View, size: tuple[int, int], low: Vector, high: Vector) -> Camera:

@@ -7,15 +7,14 @@ motors, which PyBullet does not expose, have Bullet's defaults in the copy.
 from __future__ import annotations
 
 from collections import Counter
-from math import dist
 from typing import Any, NoReturn
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.area_arguments import refuse_argument
 from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, UNNAMED, Part, make_solid, measure_box, read_bullet_shape
 from ss2sql.vtables.pybullet.occupancy_grid import measure_bounds
-from ss2sql.vtables.pybullet.poses import UPRIGHT, Point, Pose, convert_pose_to_local, convert_pose_to_world
-from ss2sql.vtables.pybullet.scene import Scene, Sphere, View, make_visual_shape
+from ss2sql.vtables.pybullet.poses import UPRIGHT, Pose, convert_pose_to_local, convert_pose_to_world
+from ss2sql.vtables.pybullet.scene import Scene, Sphere, make_corner_view, make_visual_shape
 
 MOST_PARTS = 16  # of one shape: PyBullet leaves out those beyond
 
@@ -85,7 +84,7 @@ class Environment(Scene):
         self.ids: dict[int, int] = {}  # of the copies, by those of the originals
         _copy_bullet_settings(world.calls, self.client)
         self.bounds = measure_bounds(world)  # type: ignore[misc]
-        self.views = {"corner": _make_view(*self.bounds)}  # type: ignore[misc]
+        self.views = {"corner": make_corner_view(*self.bounds)}  # type: ignore[misc]
         for name in ("views", "places", "outlines", "steps"):
             if hasattr(scene, name):
                 setattr(self, name, getattr(scene, name))
@@ -104,13 +103,6 @@ class Environment(Scene):
         for body, force in self.forces.items():
             place, _ = self.client.getBasePositionAndOrientation(body)
             self.client.applyExternalForce(body, -1, force, place, self.client.WORLD_FRAME)
-
-
-def _make_view(low: Point, high: Point) -> View:
-    """A view of a box from above one of its corners."""
-    x, y, z = ((a + b) / 2 for a, b in zip(low, high, strict=True))
-    away = 1.5 * max(1.0, dist(low, high))
-    return View((x + 0.4 * away, y - 0.75 * away, z + 0.55 * away), (x, y, z))
 
 
 def _copy_bullet_settings(calls: Any, client: Any) -> None:

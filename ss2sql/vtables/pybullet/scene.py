@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from math import hypot, pi
+from math import dist, hypot, pi
 from random import Random
 from types import TracebackType
 from typing import Any, ClassVar, Self
@@ -193,6 +193,13 @@ class View:
     target: Vector
     angle: float = 40.0
     up: Vector = (0.0, 0.0, 1.0)
+
+
+def make_corner_view(low: Vector, high: Vector) -> View:
+    """A view of a box from above one of its corners."""
+    x, y, z = ((a + b) / 2 for a, b in zip(low, high, strict=True))
+    away = 1.5 * max(1.0, dist(low, high))
+    return View((x + 0.4 * away, y - 0.75 * away, z + 0.55 * away), (x, y, z))
 
 
 @dataclass(frozen=True, slots=True)
