@@ -21,6 +21,7 @@ from ss2sql.vtables.body_functions import (  # fmt: skip
     SHAPE,
     SPIN,
     VECTOR,
+    VELOCITY,
     RequestedPairs,
     compute_euler_angles,
     list_body_shape_columns,
@@ -246,11 +247,10 @@ class MuJoCoBodies(_Oriented):
     columns = make_body_columns()
     places = PLACES
     arrays: ClassVar[Mapping[str, str]] = {
-        "read_names": "name", "read_elements": "obj", "read_places": "x y z", "read_turns": ROTATION,
-        "read_angles": "rot", "read_speeds": "vx vy vz", "read_spins": SPIN, "pushed": "force", "turned": "torque",
+        "read_names": "name", "read_elements": "obj", "read_places": POSITION, "read_turns": ROTATION,
+        "read_angles": "rot", "read_velocities": VELOCITY, "read_spins": SPIN, "pushed": "force", "turned": "torque",
         "weight": "mass", "read_shapes": SHAPE, "read_volumes": "volume", "read_boxes": "aabb", "are_driven": "isRobot",
         "are_sensing": "isSensor", "are_touchable": "isEnabled", "are_movable": "hasBody", "read_poses": "pose",
-        "axes": "posX posY posZ", "point": "pos", "read_velocities": "velocity", "moving": "linearVelocity",
     }  # fmt: skip
 
     def keys(self, where: Where) -> Iterable[int]:
@@ -263,30 +263,20 @@ class MuJoCoBodies(_Oriented):
     def read_elements(self, keys: Keys) -> list[Any]:
         return [self.element(int(key)) for key in self.check_keys(keys)]
 
-    # Equal columns are groups of their own, because an unread column costs as much as a read one.
-
-    point = _read_from_data("xpos")
-
     def read_quaternions(self, keys: Keys) -> Array:
         found: Array = self.world.data.xquat[self.check_keys(keys)]
         return found
 
     def read_places(self, keys: Keys) -> tuple[Array, ...]:
-        return tuple(self.point(keys).T)
+        points = self.world.data.xpos[self.check_keys(keys)]
+        return *points.T, *points.T, points
 
-    axes = read_places
-
-    def read_velocities(self, keys: Keys) -> Array:
+    def read_velocities(self, keys: Keys) -> tuple[Array, ...]:
         model, data, index = self.world.model, self.world.data, self.check_keys(keys)
         known = data.cvel[index]  # of the point that is now at the centre of mass of the whole kinematic tree
         lever = data.xpos[index] - data.subtree_com[model.body_rootid[index]]
         linear: Array = known[:, 3:] + np.cross(known[:, :3], lever)
-        return linear
-
-    def read_speeds(self, keys: Keys) -> tuple[Array, ...]:
-        return tuple(self.read_velocities(keys).T)
-
-    moving = read_velocities
+        return *linear.T, linear, linear
 
     def read_spins(self, keys: Keys) -> tuple[Array, ...]:
         angular = self.world.data.cvel[self.check_keys(keys), :3]
@@ -322,7 +312,7 @@ class MuJoCoBodies(_Oriented):
         return found
 
     def read_poses(self, keys: Keys) -> Array:
-        return np.hstack((self.point(keys), self.read_quaternions(keys)[:, _REAL_LAST]))
+        return np.hstack((self.world.data.xpos[self.check_keys(keys)], self.read_quaternions(keys)[:, _REAL_LAST]))
 
 
 class MuJoCoGeoms(_Oriented):
