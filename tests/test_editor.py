@@ -12,12 +12,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import pytest
 from golden import cases
 from pygments.token import Comment, Error, Keyword, Name, Operator, Punctuation, String, Whitespace
 
 from ss2sql.editor.keywords import CONSTANTS, TEXTS, keywords, list_words
-from ss2sql.editor.lexer import BoundSqlLexer, SelectScriptLexer
+from ss2sql.editor.lexer import SelectScriptLexer
 from ss2sql.errors import ParseError, Source
 from ss2sql.frontend.syntax import ast, tokenizer
 from ss2sql.frontend.syntax.parse_failure import PAIRS
@@ -197,18 +196,3 @@ def seen_otherwise(script: str) -> Iterator[Token]:
 
 def test_the_textmate_grammar_sees_the_same_words():
     assert [(case.name, token) for case in CASES for token in seen_otherwise(case.script)] == []
-
-
-@pytest.mark.parametrize(
-    ("sql", "named"),
-    [
-        ("SELECT kind FROM sales WHERE price > $least AND day < CAST($day AS BIGINT)", ["$least", "$day"]),
-        ("SELECT x.this FROM elements(:xs) AS x WHERE x.this != :p1 /* [':no', '$no'] */", [":xs", ":p1"]),
-        ('SELECT \'$no\', ":no", place FROM "steps"', []),
-    ],
-)
-def test_parameters_of_sql_have_a_color(sql: str, named: list[str]):
-    tokens = list(BoundSqlLexer().get_tokens(sql))
-    assert "".join(text for _, text in tokens) == sql + "\n"
-    assert [text for kind, text in tokens if kind is Error] == []
-    assert [text for kind, text in tokens if kind is Name.Variable] == named

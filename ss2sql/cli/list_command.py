@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, TypeAlias
 
 import click
 
-from ss2sql.cli.output import exit_with_code_on_error, make_output_console, print_line
+from ss2sql.cli.output import exit_with_code_on_error, print_line
 from ss2sql.cli.script_options import NO_INPUTS, ScriptInputs, add_uses_options
 from ss2sql.errors import CODES, suggest_names
 
@@ -135,19 +134,8 @@ def _print_worlds(session: Session, name: str | None, form: str) -> None:
 
 
 def _print_entries(entries: Sequence[Entry]) -> None:
-    """Prints a table: on a terminal with wrapped texts, elsewhere with a line for each entry."""
+    """Prints a table with a line for each entry."""
     keys = list(entries[0])
-    if sys.stdout.isatty():
-        from rich.table import Table
-        from rich.text import Text
-
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-        for key in keys:
-            table.add_column(key, no_wrap=key != "text", header_style="bold", style="cyan" if key == "name" else "")
-        for entry in entries:
-            table.add_row(*(Text(entry[key]) for key in keys))
-        make_output_console().print(table)
-        return
     rows = [dict(zip(keys, keys, strict=True)), *entries]
     widths = {key: max(len(row[key]) for row in rows) for key in keys}
     for row in rows:

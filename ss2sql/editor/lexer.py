@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from pygments.lexer import Lexer
-from pygments.lexers.sql import SqlLexer
 from pygments.token import Comment, Error, Keyword, Name, Number, Operator, Punctuation, String, Text, Whitespace
 from pygments.token import _TokenType as Type
 
@@ -75,13 +74,3 @@ def _split_comments(text: str, start: int, end: int) -> Iterator[tuple[int, Type
         start = stop
     if end > start:
         yield start, Text if text[start] == "\ufeff" else Whitespace, text[start:end]
-
-
-class BoundSqlLexer(SqlLexer):
-    """SQL with named parameters."""
-
-    name = "SQL with parameters"
-    aliases: ClassVar = []
-    filenames: ClassVar = []
-    mimetypes: ClassVar = []
-    tokens: ClassVar = {**SqlLexer.tokens, "root": [(r"[:$][a-zA-Z_]\w*", Name.Variable), *SqlLexer.tokens["root"]]}

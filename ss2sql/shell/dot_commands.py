@@ -289,7 +289,7 @@ def _find_result_or_compile(shell: Shell, text: str) -> Result | Query:
 
 
 def _run_dot_sql(shell: Shell, text: str) -> None:
-    shell.print_sql(format_sql_with_parameters(_find_result_or_compile(shell, text).sql))
+    shell.say(format_sql_with_parameters(_find_result_or_compile(shell, text).sql))
 
 
 def _run_dot_plot(shell: Shell, rest: str) -> None:

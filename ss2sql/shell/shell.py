@@ -126,17 +126,6 @@ class Shell:
             respell_hints(error, SPELLED_FOR_SHELL)
         click.echo(_format_shell_error(error), err=True, color=wants_color(sys.stderr))
 
-    def print_sql(self, text: str) -> None:
-        text = escape_controls(text)
-        if wants_color(sys.stdout):
-            from pygments import highlight
-            from pygments.formatters import TerminalFormatter
-
-            from ss2sql.editor.lexer import BoundSqlLexer
-
-            text = highlight(text, BoundSqlLexer(), TerminalFormatter()).rstrip("\n")
-        click.echo(text)
-
 
 def _format_shell_error(error: BaseException) -> str:
     match error:

@@ -109,7 +109,11 @@ class SymbolTable:
         return found
 
     def _list_own_tables(self) -> list[str]:
-        rows = self._fetch_rows("SELECT schema, name FROM pragma_table_list WHERE type IN ('table', 'view')")
+        text = "SELECT schema, name FROM pragma_table_list WHERE type IN ('table', 'view')"
+        try:
+            rows: list[Any] = self.host.connection.execute(text).fetchall()
+        except apsw.Error:  # a view of a missing table, for instance: the script will raise the error
+            return []
         own = [(schema, name) for schema, name in rows if not name.startswith(("sqlite_", "ss2sql_"))]
         return sorted(name if schema in ("main", "temp") else f"{schema}.{name}" for schema, name in own)
 
@@ -147,14 +151,11 @@ class SymbolTable:
                     _format_symbol_type(of_column.item if of_lists and of_column.item is not None else of_column),
                 )
         else:
-            schema, table_name = (owner, rest) if rest else (None, source)
-            rows = self._fetch_rows(
-                "SELECT c.name, c.type FROM pragma_table_list AS t, pragma_table_xinfo(t.name, t.schema) AS c"
-                " WHERE t.name = ? AND (? IS NULL OR t.schema = ?)", (table_name, schema, schema),
-            )  # fmt: skip
-            yield from ((name, kind.lower()) for name, kind in rows)
-            if not rows and names.others is not None:
-                yield from ((name, _format_symbol_type(kind)) for name, kind in names.others.describe_table(source))
+            others = self.host.names.others
+            known = self.host.tables.list_columns(rest or source)
+            yield from ((name, "") for name in known)
+            if not known and others is not None:
+                yield from ((name, _format_symbol_type(kind)) for name, kind in others.describe_table(source))
 
     def _read_head(self, name: str) -> Any:
         """The first elements of a variable: reading the types of 300,000 dicts would take 2 s."""
@@ -165,12 +166,6 @@ class SymbolTable:
         elif isinstance(value, (list, tuple)):
             value = value[:LOOKED_AT]
         return convert_value(value, f"the variable '{name}'", named=True)
-
-    def _fetch_rows(self, text: str, bindings: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-        try:
-            return self.host.connection.execute(text, bindings).fetchall()
-        except apsw.Error:  # a view of a missing table, for instance: the script will raise the error
-            return []
 
 
 def _format_symbol_type(kind: Type) -> str:
