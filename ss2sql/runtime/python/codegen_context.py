@@ -221,7 +221,7 @@ class PythonScope:
 class CodegenContext:
     """One piece of generated code."""
 
-    def __init__(self, span: Span, analysis: ExpressionAnalysis, parameters: tuple[str, ...] = ()) -> None:
+    def __init__(self, span: Span, analysis: ExpressionAnalysis) -> None:
         self.page = CodePage(span.source)
         self.build = self.build_at(span)
         self.analysis = analysis

@@ -68,7 +68,7 @@ def generate_noted_steps(
     form: StepForm,
     columns: list[Shape],
 ) -> ast.expr:
-    """What `NotedSearch` is made of, in the order of its fields; None where steps are taken in one go."""
+    """What `NotedSearch` is made of, in its order; None where steps are taken in one go."""
     codegen, build = builder.codegen, builder.codegen.build_at(query.span)
     search = query.search
     assert search is not None

@@ -24,7 +24,7 @@ from ss2sql.runtime.search.memoized_steps import MemoizedSteps, ignore_step_key
 from ss2sql.runtime.search.memorize import run_memorize
 from ss2sql.runtime.search.memorize_by_key import KeyedMemorize
 from ss2sql.runtime.search.search_run import Found, SearchRun
-from ss2sql.runtime.search.step_contract import Expand, NotedSearch, Problem, make_noted_search
+from ss2sql.runtime.search.step_contract import Expand, NotedSearch, Problem
 from ss2sql.runtime.search.trace import TracedSearch
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def find_search_results(
     """The results as they are found; `bound` is MEMORIZE's."""
     run, query = task.run, task.form.query
     starts, function, keys, key_of, noted = task.find(*outer)
-    noted = noted and make_noted_search(*noted)
+    noted = noted and NotedSearch(*noted)
     problem = Problem(
         starts if key_of is None or search.repeats == "no cycle" else _drop_equal_starts_of_run(starts, key_of),
         function,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from itertools import islice
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
@@ -93,7 +93,7 @@ class PostProcessing:
         places = places[self.kept]
         results[:] = [results[at] for at in places]
         if self.query.group:
-            answer.groups = self._group_positions([keys[at] for at in places])
+            answer.groups = group_positions([self._group_values(keys[at]) for at in places])
 
     def _sort_flat_rows(self, found: Iterator[Any], results: list[Any]) -> None:
         """ORDER BY of a flat query: its keys stand after the columns of its rows."""
@@ -165,18 +165,6 @@ class PostProcessing:
                 kept.extend(members)
         return sorted(kept)
 
-    def _group_positions(self, keys: list[Row]) -> list[tuple[Any, list[int]]]:
-        """The value and the members of each group, in order of first appearance."""
-        groups: dict[Hashable, tuple[Any, list[int]]] = {}
-        for position, key in enumerate(keys):
-            known = groups.get(self._group_key(key))
-            if known is None:
-                values = self._group_values(key)
-                shown = make_group_key(values[0] if len(values) == 1 else values)
-                known = groups[self._group_key(key)] = (shown, [])
-            known[1].append(position)
-        return list(groups.values())
-
     def _group_values(self, key: Row) -> Row:
         first = len(self.form.aggregates)
         return key[first : first + self.form.groups]
@@ -233,14 +221,7 @@ def finish_sql_rows(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, A
     if kept.stop is not None and not lowered.limited:
         order = list(order[kept])
     if query.group and not query.aggregated:
-        members: dict[Any, list[int]] = {}
-        shown: dict[Any, Any] = {}
-        for position, index in enumerate(order):
-            keys = extras[index][0]
-            key = tuple(map(make_hashable, keys))
-            shown.setdefault(key, keys[0] if len(keys) == 1 else keys)
-            members.setdefault(key, []).append(position)
-        sink.groups = [(make_group_key(shown[key]), positions) for key, positions in members.items()]
+        sink.groups = group_positions([extras[index][0] for index in order])
     if sink.paths is not None:
         sink.paths = sink.paths.choose_paths(order) if isinstance(sink.paths, SearchPaths) else []
     elif not isinstance(order, range):
@@ -249,8 +230,19 @@ def finish_sql_rows(lowered: SqlQuery, sink: Rows, extras: Sequence[tuple[Any, A
     return sink
 
 
-def make_group_key(value: Any) -> Any:
+def group_positions(rows: Iterable[Row]) -> list[tuple[Any, list[int]]]:
+    """The value and the members of each group, in order of first appearance; `rows` are the values of GROUP BY."""
+    shown: dict[Hashable, Row] = {}
+    members: dict[Hashable, list[int]] = {}
+    for position, values in enumerate(rows):
+        key = tuple(map(make_hashable, values))
+        shown.setdefault(key, values)
+        members.setdefault(key, []).append(position)
+    return [(_make_group_key(values[0] if len(values) == 1 else values), members[key]) for key, values in shown.items()]
+
+
+def _make_group_key(value: Any) -> Any:
     """A group's value as the key of a dict: lists become tuples, dicts tuples of pairs."""
     if isinstance(value, dict):
-        return make_group_key(list(value.items()))
-    return tuple(map(make_group_key, value)) if isinstance(value, (list, tuple)) else value
+        return _make_group_key(list(value.items()))
+    return tuple(map(_make_group_key, value)) if isinstance(value, (list, tuple)) else value

@@ -73,7 +73,6 @@ from typing import Any, NamedTuple, TypeAlias
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.rows import Row
 from ss2sql.language.values import UNSET, FrozenRow, Shape, State
 
 Step: TypeAlias = tuple[FrozenRow, Any, bool | None, bool, Any, Any, Any, Any]
@@ -127,61 +126,43 @@ class Places(NamedTuple):
     size: int
 
 
-@dataclass(frozen=True, slots=True)
 class NotedSearch:
     """A search whose steps are noted.
 
-    `expand(state, closed, notes)` is the step function, see runtime/search/step_contract.py; it calls
-    `notes.get_known_pairs()` for the pairs of the state, and where there are none `notes.begin_state(elements)`.
-    `goals(start)` and `before(last)` go backwards, where that is possible: the states at the goal, the state before a
-    step. `plain`: all elements are values. `row(note)` is the row of a step
-    that was evaluated, `after(note, before)` the state after it, None where CONNECT BY was not evaluated.
+    `expand(state, closed, notes)` is the step function, see above; it calls `notes.get_known_pairs()` for the pairs of
+    the state, and where there are none `notes.begin_state(elements)`. `goals(start)` and `before(last)` go backwards,
+    where that is possible: the states at the goal, the state before a step. `plain`: all elements are values.
     """
 
-    expand: Callable[[State, Container[Any], Any], Iterator[Step]]
-    goals: Callable[[State], list[State]] | None
-    before: Callable[[Last], State | None] | None
-    places: Places
-    sources: int
-    plain: bool
+    def __init__(
+        self,
+        expand: Callable[[State, Container[Any], Any], Iterator[Step]],
+        goals: Callable[[State], list[State]] | None,
+        before: Callable[[Last], State | None] | None,
+        places: Places,
+        sources: int,
+        plain: bool,
+    ) -> None:
+        self.expand, self.goals, self.before = expand, goals, before
+        self.places, self.sources, self.plain = places, sources, plain
+        self.row = _make_step_note_getter(places.rows)  # of a step that was evaluated
+        self._whole = None if None in places.states else _make_step_note_getter(places.states)
 
-    row: Callable[[Note], Row]
-    after: Callable[[Note, State], State | None]
-    nothing: Note
+    def after(self, note: Note, before: State) -> State | None:
+        """The state after a step, None where CONNECT BY was not evaluated."""
+        if self._whole is not None:
+            found = self._whole(note)
+        else:
+            found = tuple([old if at is None else note[at] for at, old in zip(self.places.states, before, strict=True)])
+        return None if any(value is UNSET for value in found) else found
 
     def make_blank_note(self) -> Note:
         """A note of which nothing is known."""
-        return self.nothing.copy()
+        return [*[UNSET] * self.places.size, False]
 
     def read_elements(self, item: Any) -> tuple[Any, ...]:
         """The elements of all sources."""
         return item if self.sources > 1 else (item,)
-
-
-def make_noted_search(
-    expand: Callable[..., Iterator[Step]],
-    goals: Any,
-    before: Any,
-    places: Places,
-    sources: int,
-    plain: bool,
-) -> NotedSearch:
-    """A search whose steps are noted, from what is generated."""
-    states = places.states
-    take, whole = _make_step_note_getter(places.rows), None if None in states else _make_step_note_getter(states)
-
-    def read_next_state(note: Note, before: State) -> State | None:
-        if whole is not None:
-            found = whole(note)
-        else:
-            found = tuple([old if at is None else note[at] for at, old in zip(states, before, strict=True)])
-        for value in found:
-            if value is UNSET:
-                return None
-        return found
-
-    nothing = [*[UNSET] * places.size, False]
-    return NotedSearch(expand, goals, before, places, sources, plain, take, read_next_state, nothing)
 
 
 def _make_step_note_getter(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
