@@ -9,13 +9,12 @@ from sqlglot import exp
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, is_flag
-from ss2sql.language.plan_traversal import walk
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering
 from ss2sql.lowering.materialize import MaterializedTables
 from ss2sql.lowering.search import EagerSearch
 from ss2sql.lowering.sql_builder import SQLITE, Dialect
-from ss2sql.lowering.sql_query import Bookkeeping, OutputColumn, SqlQuery
+from ss2sql.lowering.sql_query import Bookkeeping, SqlQuery
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.sqlite_forms import strip_numeric_affinity
 from ss2sql.lowering.statement_needs import StatementNeeds
@@ -62,12 +61,7 @@ def lower(
             select = sql_builder.sort_query(
                 search.group_results(select, _name_sql_columns(query)), (), *needs.bind_limits(query)
             )
-        # Of tables' BLOBs, and of bools that SQL makes, the interning hears nothing.
-        quiet = any(isinstance(node, (plan.TableSource, plan.WorldSource)) for node in walk(query))
-        quiet = quiet or any(
-            isinstance(p.expr, plan.Constant) and p.expr.value is True for p in needs.parameters.values()
-        )
-        bookkeeping = replace(search.describe_steps(), compares_raw_rows=not (quiet or by_value))
+        bookkeeping = search.describe_steps()
         keys, orders = ((), ()) if query.aggregated else (query.group, query.order)
     elif query.aggregated:
         is_sorted, is_limited = True, _can_limit_in_sql(query)
@@ -108,9 +102,9 @@ def lower(
         query,
         dialect.print_tree(select),
         tuple(needs.parameters.values()),
-        _describe_sql_columns(columns),
-        _describe_sql_columns(keys),
-        _describe_sql_columns([key.expr for key in orders]),
+        _list_flags(columns),
+        _list_flags(keys),
+        _list_flags([key.expr for key in orders]),
         is_sorted,
         is_limited,
         {name: tuple(sorted(spans, key=lambda span: span.start)) for name, spans in needs.calls.items()},
@@ -187,5 +181,5 @@ def _name_sql_columns(query: plan.Query) -> list[str | None]:
     return [None if output.name == output.expr.span.text else output.name for output in query.columns]
 
 
-def _describe_sql_columns(exprs: Sequence[plan.Expr]) -> tuple[OutputColumn, ...]:
-    return tuple(OutputColumn(is_flag(expr.type)) for expr in exprs)
+def _list_flags(exprs: Sequence[plan.Expr]) -> tuple[bool, ...]:
+    return tuple(is_flag(expr.type) for expr in exprs)

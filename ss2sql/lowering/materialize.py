@@ -23,7 +23,8 @@ nobody reads; of a table that is materialised it does neither.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from sqlglot import exp
 
@@ -32,6 +33,9 @@ from ss2sql.lowering import sql_builder
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_names import choose_free_name
 
+if TYPE_CHECKING:
+    from ss2sql.lowering.statement_needs import StatementNeeds
+
 
 class MaterializedTables:
     """The copies of one statement, by their names."""
@@ -39,31 +43,35 @@ class MaterializedTables:
     def __init__(self) -> None:
         self.tables: dict[str, exp.Select] = {}
 
-    def copy_walked(self, item: exp.Table, make_name: Callable[[], str]) -> exp.Table:
-        """A copy of a list whose elements have no columns, under a new name where there is none of this list."""
-        select = sql_builder.select([sql_builder.column("this")], [exp.Table(this=item.this.copy())])
-        name = next((name for name, made in self.tables.items() if made == select), None) or make_name()
-        self.tables[name] = select
-        return sql_builder.table(name, item.alias_or_name)
-
-    def copy_indexed(
-        self, item: exp.Table, name: str, columns: tuple[str, ...], computed: Sequence[Node] = ()
+    def copy_item(
+        self,
+        item: exp.Table,
+        label: str,
+        columns: Sequence[Node],
+        name: str,
+        needs: StatementNeeds,
+        order: Sequence[tuple[Node, bool]] = (),
     ) -> exp.Table:
-        """A copy of a list or table that SQLite can index, `rowid` first; what is `computed` reads the item's label."""
-        walked, label = item.copy(), item.alias_or_name if computed else None
-        if not computed:
-            walked.set("alias", None)
-        self.tables[name] = sql_builder.select(
-            [*(sql_builder.column(column, label) for column in columns), *computed], [walked]
-        )
-        return sql_builder.table(name, item.alias_or_name)
+        """A copy of a list or table, under a label: the one that there is, or a new one under a name like this.
 
-    def add_materialized_tables(self, select: exp.Select) -> list[exp.CTE]:
+        The first column numbers the rows where SQLite may look them up, see `sort_sql_by_row_number`.
+        """
+        select = sql_builder.select(columns, [item.copy()], order=order)
+        known = next((known for known, made in self.tables.items() if made == select), None)
+        chosen = known or needs.choose_table_name(name)
+        self.tables[chosen] = select
+        return sql_builder.table(chosen, label)
+
+    def get_number_column(self, name: str) -> str:
+        """The first column of a copy."""
+        return str(self.tables[name].expressions[0].alias_or_name)
+
+    def add_materialized_tables(self, statement: exp.Query) -> list[exp.CTE]:
         """The copies as WITH of the statement, with the columns that it reads."""
         made = [build_materialized_cte(name, copied) for name, copied in self.tables.items()]
-        readers = [select]
+        readers: list[exp.Expr] = [statement]
         for table in reversed(made):  # a copy reads those that were made before it
-            prune_columns(table, readers)
+            _prune_columns(table, readers)
             readers.append(table.this)
         return made
 
@@ -162,7 +170,7 @@ def _find_equalities(conditions: Iterable[Node]) -> list[tuple[Node, Node]]:
     return [sides for one in equal for sides in ((one.this, one.expression), (one.expression, one.this))]
 
 
-def prune_columns(copied: exp.CTE, readers: Sequence[exp.Expr]) -> None:
+def _prune_columns(copied: exp.CTE, readers: Sequence[exp.Expr]) -> None:
     name = copied.alias_or_name
     labels = {item.alias_or_name for one in readers for item in one.find_all(exp.Table) if item.name == name}
     read = {column.name for one in readers for column in one.find_all(exp.Column) if column.table in labels}

@@ -27,10 +27,9 @@ from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering
 from ss2sql.lowering.from_clause import FromItem, lower_sources
 from ss2sql.lowering.materialize import (
-    build_materialized_cte,
+    MaterializedTables,
     find_equality_columns,
     number_sql_rows,
-    prune_columns,
     require_sql_index_order,
     sort_sql_by_row_number,
 )
@@ -88,9 +87,7 @@ class RecursiveQuery:
         last = {name: number for number, (name, _) in enumerate(search.connect)}
         self.variables = sorted((name for name, _ in search.start), key=lambda name: last.get(name, -1))
         self.assigned = set(last)
-        self.tables: list[exp.CTE] = []
-        self.positions: dict[str, str] = {}  # the column of each copied table that numbers its rows
-        self.copied: dict[str, Node] = {}  # the lists and worlds that are read once, by the names of their copies
+        self.copies = MaterializedTables()  # of what is read once: tables, lists and worlds, and the starts
         self.arms = None if "arms" in selects.needs.disabled else find_union_branches(query)
 
     # --- the recursive table ---------------------------------------------------------------------------
@@ -136,9 +133,8 @@ class RecursiveQuery:
         union.set("order", exp.Order(expressions=keys))
         columns = [sql_builder.identifier(name) for name in names]
         cte = exp.CTE(this=union, alias=exp.TableAlias(this=sql_builder.identifier(self.table), columns=columns))
-        for copied in self.tables:
-            prune_columns(copied, [union])
-        tables = [*self.selects.needs.materialized_ctes.values(), *self.tables, cte]
+        copies = self.copies.add_materialized_tables(union)
+        tables = [*self.selects.needs.materialized_ctes.values(), *copies, cte]
         results.set("with_", exp.With(expressions=tables, recursive=True))
         return results
 
@@ -199,7 +195,7 @@ class RecursiveQuery:
         ]
         items = [item for part in opened for item in part.items]
         visit = self.write_visit(SqlScope().with_states(states))
-        self._add_copy(name, sql_builder.select(shown, items, visit))
+        self.copies.tables[name] = sql_builder.select(shown, items, visit)
         self.starts = sql_builder.table(name, name)
         return states | {state: sql_builder.column(column, name) for state, column in columns.items()}
 
@@ -239,9 +235,9 @@ class RecursiveQuery:
         """What reads the positions of rows that SQLite may look up: it indexes copies that must equal something."""
         compared = {table for table, _, _ in find_equality_columns(conditions)}
         return [
-            sort_sql_by_row_number(item.alias_or_name, self.positions[item.name])
+            sort_sql_by_row_number(item.alias_or_name, self.copies.get_number_column(item.name))
             for item in items
-            if isinstance(item, exp.Table) and item.name in self.positions and item.alias_or_name in compared
+            if isinstance(item, exp.Table) and item.name in self.copies.tables and item.alias_or_name in compared
         ]
 
     def _order_item(self, item: Node, conditions: list[Node], unknown: list[str]) -> Node:
@@ -252,7 +248,7 @@ class RecursiveQuery:
         Steps are numbered as they are walked, so the walk must be in order. SQLite keeps a materialised copy
         in the order of its making. Where a condition asks for equality it builds an index on the copy, so that
         a step costs its neighbours, not the table. That index holds the key and then the columns that are
-        read, in their order: `position`, the first, keeps equal keys in the order of the table.
+        read, in their order: the first, which numbers the rows, keeps equal keys in the order of the table.
 
         A list costs three Python calls per element each time it is walked, 0.5 us, its copy 0.04 us.
         """
@@ -273,49 +269,26 @@ class RecursiveQuery:
         }
         if require_sql_index_order(item, source, compared):
             return item
-        name = f"{item.alias_or_name}_in_order"
-        if name not in self.positions:
-            self.positions[name] = choose_free_name("position", {column.lower() for column, _ in source.columns})
-            shown: list[Node] = [sql_builder.column(column) for column, _ in source.columns]
-            order = [(sql_builder.column(key), False) for key in source.order]
-            position: Node = (
-                sql_builder.column("rowid") if source.order == ("rowid",) else sql_builder.row_number(order)
-            )
-            copied = sql_builder.table(source.table, source.table, source.schema)
-            select = sql_builder.select(
-                [sql_builder.alias(position, self.positions[name]), *shown], [copied], order=order
-            )
-            self._add_copy(name, select)
-        return sql_builder.table(name, item.alias_or_name)
+        order = [(sql_builder.column(key), False) for key in source.order]
+        number: Node = sql_builder.column("rowid")
+        if source.order != ("rowid",):
+            position = choose_free_name("position", {column.lower() for column, _ in source.columns})
+            number = sql_builder.alias(sql_builder.row_number(order), position)
+        columns = [number, *(sql_builder.column(column) for column, _ in source.columns)]
+        table = sql_builder.table(source.table, item.alias_or_name, source.schema)
+        return self.copies.copy_item(table, item.alias_or_name, columns, f"{item.alias_or_name}_in_order", needs, order)
 
     def _materialize_item(self, item: exp.Table, columns: Iterable[str], place: str) -> Node:
-        """A list or a world's table that mentions no column is walked once; its copy has the columns that are read.
+        """A list or a world's table that mentions no column is walked once; `place` numbers its rows.
 
-        `place` numbers its rows. A source may be another list in the first step than later, where START WITH and
-        CONNECT BY give constants: so what is copied decides, not the name of the source.
+        A source may be another list in the first step than later, where START WITH and CONNECT BY give constants: so
+        what is copied decides, not the name of the source.
         """
         if any(True for _ in item.find_all(exp.Column)):
             return item
+        shown = [sql_builder.column(column) for column in (place, "this", *choose_sql_names(tuple(columns)).values())]
         label = item.alias_or_name
-        name = next((name for name, known in self.copied.items() if known == item), None)
-        if name is None:
-            name = self.selects.needs.choose_table_name(f"{label}_once")
-            self.copied[name] = item
-            names = ["this", *choose_sql_names(tuple(columns)).values()]
-            self.positions[name] = choose_free_name("position", {column.lower() for column in names})
-            shown: list[Node] = [
-                sql_builder.column(column) for column in (*names, place)
-            ]  # the last may be the witness
-            self._add_copy(
-                name,
-                sql_builder.select(
-                    [sql_builder.alias(sql_builder.column(place), self.positions[name]), *shown], [item.copy()]
-                ),
-            )
-        return sql_builder.table(name, label)
-
-    def _add_copy(self, name: str, select: exp.Select) -> None:
-        self.tables.append(build_materialized_cte(name, select))
+        return self.copies.copy_item(item, label, shown, f"{label}_once", self.selects.needs)
 
     # --- results ---------------------------------------------------------------------------------------
 

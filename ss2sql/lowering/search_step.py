@@ -33,7 +33,7 @@ from ss2sql.language.plan_traversal import (
 )
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.rewrites.rewrite_context import make_conjunction, make_disjunction
-from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sql_builder import Node, negate
 from ss2sql.lowering.sqlite_expressions import SqlScope
 
 if TYPE_CHECKING:
@@ -121,9 +121,7 @@ class SearchStep:
         guarded = bool(made) or (fails and bool(alive)) or (bool(alive) and self._can_key_fail())
         if guarded and len(conditions) > 1:
             # STOP WITH guards the weight; parts of AND SQLite evaluates as early as it can.
-            return [
-                sql_builder.case([(_negate_flag(o), sql_builder.number(0)) for o in conditions[:-1]], conditions[-1])
-            ]
+            return [sql_builder.case([(negate(o), sql_builder.number(0)) for o in conditions[:-1]], conditions[-1])]
         return conditions
 
     def _can_key_fail(self) -> bool:
@@ -148,16 +146,16 @@ class SearchStep:
             arguments.append(self.of.rank_total(self.of.column(self.of.total)))
         if self.first and name in ("on_path", "closed") and not self.of.keyed:
             return []  # nothing was met yet
-        return [_negate_flag(sql_builder.call(name, *arguments, *self.lower_key()))]
+        return [negate(sql_builder.call(name, *arguments, *self.lower_key()))]
 
     def _lower_goes_on_or_goal(self) -> list[Node]:
         """Whether the step goes on or is a goal; a part of STOP WITH that is never true of goals stands alone."""
-        conditions = [_negate_flag(self.expressions.lower_condition(part, self.scope)) for part in self.of.stops.others]
+        conditions = [negate(self.expressions.lower_condition(part, self.scope)) for part in self.of.stops.others]
         drops = self.of.stops.pruning_condition
         if drops is not None:
             conditions.append(
                 sql_builder.disjunction(
-                    [_negate_flag(self.expressions.lower_condition(drops, self.scope)), self.lower_goal()]
+                    [negate(self.expressions.lower_condition(drops, self.scope)), self.lower_goal()]
                 )
             )
         return conditions
@@ -186,13 +184,13 @@ class SearchStep:
             # Whatever enters goes on, unless it is a goal: only then STOP WITH is evaluated once more.
             both = not self._do_call_python([self.lower_goal()])
             if of.stops.pruning_condition != of.stops.goals and both:
-                carried[of.continues_column] = _negate_flag(self.lower_goal())
+                carried[of.continues_column] = negate(self.lower_goal())
             else:
                 calls = both and self._do_call_python([self.lower_stop()])
                 carried[of.continues_column] = (
-                    sql_builder.case([(self.lower_goal(), _negate_flag(self.lower_stop()))], sql_builder.number(1))
+                    sql_builder.case([(self.lower_goal(), negate(self.lower_stop()))], sql_builder.number(1))
                     if calls
-                    else _negate_flag(self.lower_stop())
+                    else negate(self.lower_stop())
                 )
         if of.waits is not None:
             carried[of.waits] = self._write_waiting_flag()
@@ -236,12 +234,11 @@ class SearchStep:
             return sql_builder.call("next_number")
         # The repeat test that was evaluated last knows the row: `enter_first` and `enter_best` take it from there.
         row = self.lower_row() if number == "enter" or self.of.keyed else []
-        keyed = "_keyed" if self.of.keyed else ""
-        return sql_builder.call(number + keyed, self.parent.copy(), *rank, *row)
+        return sql_builder.call(number, self.parent.copy(), *rank, *row)
 
     def _write_waiting_flag(self) -> Node:
         """0 for a goal."""
-        return sql_builder.number(0) if self.query.where is None else _negate_flag(self.lower_goal())
+        return sql_builder.number(0) if self.query.where is None else negate(self.lower_goal())
 
     def _build_next_state(self) -> list[Node]:
         return [self.next[(self.query.id, name)].copy() for name in self.of.variables]
@@ -335,18 +332,6 @@ def _get_sides(expr: plan.Expr) -> list[tuple[plan.Expr, plan.Expr]]:
 def is_within_bound(kind: Type, most: float) -> bool:
     """Whether the type promises numbers from 0 to `most`; a bool among other values is a handle."""
     return (kind.is_only(Kind.INT | Kind.FLOAT) or is_flag(kind)) and kind.is_at_least(0) and kind.is_bounded(most)
-
-
-def _negate_flag(node: Node) -> Node:
-    match node:
-        case exp.Not():
-            return node.this.unnest()  # type: ignore[no-any-return]
-        case exp.NullSafeEQ(this=left, expression=right):
-            return exp.NullSafeNEQ(this=left, expression=right)
-        case exp.EQ(this=left, expression=right):  # neither of which is NULL, for the node is a flag
-            return exp.NEQ(this=left, expression=right)
-        case _:
-            return exp.Not(this=sql_builder.wrap_operand(node))
 
 
 def _add_sql_terms(left: Node, right: Node) -> Node:

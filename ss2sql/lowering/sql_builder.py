@@ -143,6 +143,27 @@ def _wrap_operand_unless(loose: tuple[type[Node], ...], node: Node) -> Node:
     return node if isinstance(node, loose) else wrap_operand(node)
 
 
+_OPPOSITE: dict[type[Node], type[exp.Binary]] = {
+    exp.EQ: exp.NEQ,
+    exp.NEQ: exp.EQ,
+    exp.NullSafeEQ: exp.NullSafeNEQ,
+    exp.LT: exp.GTE,
+    exp.GTE: exp.LT,
+    exp.GT: exp.LTE,
+    exp.LTE: exp.GT,
+}
+
+
+def negate(node: Node) -> Node:
+    """The opposite of a condition that is never NULL; an equality is what databases look up."""
+    if type(node) in _OPPOSITE:
+        return binary(_OPPOSITE[type(node)], node.this.copy(), node.expression.copy())
+    if isinstance(node, exp.Not):
+        inside: Node = node.this.unnest()
+        return inside.copy()
+    return exp.Not(this=wrap_operand(node.copy()))
+
+
 def mark_sql_as_rare(node: Node) -> Node:
     """The node, marked as what is evaluated hardly ever."""
     node.meta["rare"] = True

@@ -122,7 +122,6 @@ class Bookkeeping:
     counts: StepCounting = "steps"  # how the number of generated steps is known
     all_go_on: bool = False  # every step that enters goes on
     all_results: bool = False  # every step that enters is a result
-    compares_raw_rows: bool = False  # rows are compared as they are, until values with several forms turn up
     sources: tuple[str, ...] = ()  # the parameters that are walked as sources, where each state has all their elements
     arms: int = 1  # the number of SELECTs that make the steps from a state
     parts: tuple[int, ...] = ()  # for each column of a row the number of values that form its list; 0: it is one value
@@ -148,22 +147,18 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class OutputColumn:
-    """One output column of a statement: whether a bool travels as 0 or 1 in it."""
-
-    flag: bool
-
-
-@dataclass(frozen=True, slots=True)
 class SqlQuery:
-    """A lowered query. Its columns: of a search the step's and its parent's number; then outputs, keys, orders."""
+    """A lowered query. Its columns: of a search the step's and its parent's number; then outputs, keys, orders.
+
+    Of each of these it says whether a bool travels as 0 or 1 in it.
+    """
 
     query: plan.Query
     text: str
     parameters: tuple[Parameter, ...]
-    outputs: tuple[OutputColumn, ...]
-    keys: tuple[OutputColumn, ...]  # the values of groups
-    orders: tuple[OutputColumn, ...]  # the keys of ORDER BY where SQL does not sort
+    outputs: tuple[bool, ...]
+    keys: tuple[bool, ...]  # the values of groups
+    orders: tuple[bool, ...]  # the keys of ORDER BY where SQL does not sort
     sorted: bool  # SQL has done ORDER BY
     limited: bool  # SQL has done LIMIT
     calls: Mapping[str, tuple[Span, ...]]

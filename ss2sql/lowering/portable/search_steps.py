@@ -225,7 +225,9 @@ class _StepWriter:
         goal = exp.true() if where is None else self.portable.lower_condition(where, self.name_scope)
         if stop is None:
             return goal, exp.true(), []
-        goes_on = negate_condition(self.portable.lower_condition(stop, self.name_scope))
+        wanted = stop.parts if isinstance(stop, plan.Or) else (stop,)
+        parts = [self.portable.lower_condition(part, self.name_scope) for part in wanted]
+        goes_on = sql_builder.join_by_and([sql_builder.negate(part) for part in parts])
         if where is None:
             return goal, exp.true(), [goes_on]  # what stops leaves no trace
         return goal, goes_on, [sql_builder.disjunction([goes_on.copy(), goal.copy()])]
@@ -243,28 +245,6 @@ class _StepWriter:
 
 def build_sql_limit_error(what: str) -> UnsupportedError:
     return UnsupportedError("U001", f"{what} has more than {MAX_ELEMENTS:,} elements", hints=("bound FROM",))
-
-
-_OPPOSITE: dict[type[exp.Expr], type[exp.Binary]] = {
-    exp.EQ: exp.NEQ,
-    exp.NEQ: exp.EQ,
-    exp.LT: exp.GTE,
-    exp.GTE: exp.LT,
-    exp.GT: exp.LTE,
-    exp.LTE: exp.GT,
-}
-
-
-def negate_condition(node: Node) -> Node:
-    """The opposite of a condition that is never NULL; an equality is what databases look up."""
-    if type(node) in _OPPOSITE:
-        return sql_builder.binary(_OPPOSITE[type(node)], node.this.copy(), node.expression.copy())
-    if isinstance(node, exp.Not):
-        inside: Node = node.this.unnest()
-        return inside.copy()
-    if isinstance(node, exp.Or):
-        return sql_builder.binary(exp.And, negate_condition(node.this), negate_condition(node.expression))
-    return exp.Not(this=sql_builder.wrap_operand(node.copy()))
 
 
 def _get_constant_truth(condition: Node) -> bool | None:

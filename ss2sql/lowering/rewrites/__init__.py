@@ -59,7 +59,7 @@ REWRITES: dict[str, Rewrite] = {
         search_for_members,
     ),
     "split": Rewrite(
-        "flattens AND and OR, moves NOT inwards, drops repeated parts, makes IN of several ==",
+        "flattens AND and OR, moves NOT inwards, drops repeated parts",
         "conditions were taken apart, so that each is evaluated as early as possible",
         normalize_conditions,
     ),

@@ -4,7 +4,7 @@
 
 so that later stages see parts: each is evaluated as soon as its sources are bound, looked up, or compared with a
 part of another clause. Parts keep their order. A part that stands there a second time goes, for it was true
-(in a conjunction) or false when it was evaluated first. Comparisons of one value with several constants become IN.
+(in a conjunction) or false when it was evaluated first.
 
     (boss == None AND parent == None) OR parent == boss    becomes    parent == boss
 
@@ -17,21 +17,15 @@ from dataclasses import replace
 from typing import Any, TypeGuard
 
 from ss2sql.language import plan
-from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.plan_traversal import is_volatile
 from ss2sql.language.values import SCALARS
 from ss2sql.lowering.rewrites.rewrite_context import (
     COMPARISONS,
     RewriteContext,
-    is_foldable_value,
-    make_call,
-    make_constant,
     negate_expression,
     rewrite_bottom_up,
     rewrite_to_bool,
 )
-
-MIN_MEMBERS = 3  # comparisons that are worth an IN
 
 
 def normalize_conditions(query: plan.Query, world: RewriteContext) -> plan.Query:
@@ -90,7 +84,6 @@ def _flatten_connective(node: Any) -> Any:
         for one in (part.parts if type(part) is type(node) else (part,))
     ]
     parts = _drop_implied_parts(list(dict.fromkeys(flat)), isinstance(node, plan.Or)) if steady else flat
-    parts = _merge_equalities(parts, isinstance(node, plan.Or))
     if len(parts) == 1:
         return rewrite_to_bool(parts[0])
     same = len(parts) == len(node.parts) and all(a is b for a, b in zip(parts, node.parts, strict=True))
@@ -120,51 +113,3 @@ def _drop_implied_parts(parts: list[plan.Expr], is_or: bool) -> list[plan.Expr]:
 
 def _is_call(expr: plan.Expr, name: str) -> TypeGuard[plan.Call]:
     return isinstance(expr, plan.Call) and expr.function.builtin and expr.function.name == name
-
-
-def _merge_equalities(parts: list[plan.Expr], is_or: bool) -> list[plan.Expr]:
-    """`x == 1 OR x == 2 OR x == 3` as `x IN [1, 2, 3]`, and `!=` in a conjunction as NOT IN; the rest as it is."""
-    result: list[plan.Expr] = []
-    run: list[plan.Expr] = []
-    values: list[Any] = []
-    item: plan.Expr | None = None
-
-    def close_run() -> None:
-        if item is not None and len(run) >= MIN_MEMBERS:
-            span = run[0].span
-            known = make_constant(list(values), span)
-            result.append(make_call("in" if is_or else "not_in", item, known, span=span))
-        else:
-            result.extend(run)
-        run.clear()
-        values.clear()
-
-    for part in parts:
-        found = _get_constant_comparison(part, "eq" if is_or else "ne")
-        if found is None or (run and found[0] != item):
-            close_run()
-        if found is None:
-            result.append(part)
-            continue
-        item = found[0]
-        run.append(part)
-        values.append(found[1])
-    close_run()
-    return result
-
-
-def _get_constant_comparison(expr: plan.Expr, operator: str) -> tuple[plan.Expr, Any] | None:
-    """What a comparison compares with which constant."""
-    match expr:
-        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(one, other)) if name == operator:
-            for item, known in ((one, other), (other, one)):
-                if isinstance(known, plan.Constant) and is_foldable_value(known.value) and not is_volatile(item):
-                    return (item, known.value) if _can_share_membership(item.type, known.type) else None
-    return None
-
-
-def _can_share_membership(item: Type, known: Type) -> bool:
-    """Whether IN compares them no slower than == does: of one class for SQLite, or not of one anyway."""
-    classes = (Kind.INT | Kind.FLOAT, Kind.STR)
-    plain = any(item.is_only(kind | Kind.NONE) for kind in classes)
-    return not plain or any(item.is_only(kind) and known.is_only(kind) for kind in classes)

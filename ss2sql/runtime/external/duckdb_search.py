@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
 
 ROWS_PER_BLOCK = 10_000  # rows that are read at once
-REPLAN_GROWTH = 4  # a plan is made anew for so many times as many steps
 _numbers = count(1)
 
 
@@ -67,8 +66,7 @@ class DuckTables:
     def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
         self.connection = connection
         self.name = f"ss2sql_{next(_numbers)}"
-        self.writer = _PreparedStatements(connection)
-        self.idle: list[_PreparedStatements] = []  # what asks
+        self.idle: list[duckdb.DuckDBPyConnection] = []  # what asks
         ((self.home,),) = connection.execute("SELECT current_database()").fetchall()
         connection.execute(f"ATTACH ':memory:' AS {self.name}")
         connection.execute(f"USE {self.name}")
@@ -90,20 +88,20 @@ class DuckTables:
         self.connection.unregister("block")
 
     def run_statement(self, text: str, **values: Value) -> None:
-        self.writer.execute_statement(text, values, None)
+        _execute_statement(self.connection, text, values)
 
-    def add_rows(self, text: str, before: int, **values: Value) -> int:
-        """Runs a statement that adds rows, and counts them; `before` says how many there are."""
-        ((added,),) = self.writer.execute_statement(text, {"before": before, **values}, before).fetchall()
+    def add_rows(self, text: str, **values: Value) -> int:
+        """Runs a statement that adds rows, and counts them."""
+        ((added,),) = _execute_statement(self.connection, text, values).fetchall()
         return int(added)
 
-    def read_rows(self, text: str, kept: bool = False, **values: Value) -> Iterator[tuple[Any, ...]]:
-        """The rows of a query, read in blocks; another statement may run meanwhile. `kept`: its plan is."""
+    def read_rows(self, text: str, **values: Value) -> Iterator[tuple[Any, ...]]:
+        """The rows of a query, read in blocks; another statement may run meanwhile."""
         if not self.idle:
-            self.idle.append(_PreparedStatements(self.connection.cursor()))
-            self.idle[-1].connection.execute(f"USE {self.name}")
+            self.idle.append(self.connection.cursor())
+            self.idle[-1].execute(f"USE {self.name}")
         reading = self.idle.pop()
-        found = reading.execute_statement(text, values, 0 if kept else None)
+        found = _execute_statement(reading, text, values)
         while block := found.fetchmany(ROWS_PER_BLOCK):
             yield from block
         self.idle.append(reading)
@@ -113,32 +111,19 @@ class DuckTables:
 
     def close_tables(self) -> None:
         for reading in self.idle:
-            reading.connection.close()
+            reading.close()
         self.connection.execute(f'USE "{self.home}"')
         self.connection.execute(f"DETACH {self.name}")
         self.connection.close()
 
 
-class _PreparedStatements:
-    """A connection that keeps the plans of what is run for every level: to make one takes DuckDB a millisecond."""
-
-    def __init__(self, connection: duckdb.DuckDBPyConnection) -> None:
-        self.connection = connection
-        self.plans: dict[str, tuple[str, int]] = {}  # by the text: a name, and how many steps there were
-
-    def execute_statement(self, text: str, values: dict[str, Value], steps: int | None) -> duckdb.DuckDBPyConnection:
-        """Runs a statement, which has a plan for so many `steps`, or none that is kept."""
-        text = translate_duckdb_sql(DUCKDB, text)
-        # DuckDB wants no values but those that it names.
-        wanted = {name: value for name, value in values.items() if re.search(rf"\${name}\b", text)}
-        if steps is None or not all(type(value) is int for value in wanted.values()):
-            return self.connection.execute(text, wanted or None)
-        name, before = self.plans.get(text, (f"plan_{len(self.plans)}", -1))
-        if before < 0 or steps > REPLAN_GROWTH * before:
-            self.connection.execute(f"PREPARE {name} AS {text}")
-            self.plans[text] = name, steps
-        arguments = ", ".join(f"{label} := {value}" for label, value in wanted.items())
-        return self.connection.execute(f"EXECUTE {name}({arguments})")
+def _execute_statement(
+    connection: duckdb.DuckDBPyConnection, text: str, values: dict[str, Value]
+) -> duckdb.DuckDBPyConnection:
+    text = translate_duckdb_sql(DUCKDB, text)
+    # DuckDB wants no values but those that it names.
+    wanted = {name: value for name, value in values.items() if re.search(rf"\${name}\b", text)}
+    return connection.execute(text, wanted or None)
 
 
 # --- going from level to level in DuckDB: steps from the states of a level are tried, then a statement says which sta
@@ -199,7 +184,7 @@ class DuckSearch:
                 self.steps.count_tries(going, self._count_matched(depth))
             else:
                 self._expand_level(depth)
-            kept = tables.add_rows(written.kept, steps, depth=depth, **self.steps.values)
+            kept = tables.add_rows(written.kept, before=steps, depth=depth, **self.steps.values)
             steps += kept
             search_run.stats.levels.append(GraphLevel(kept, kept, search_run.stats.generated - generated - kept))
             search_run.check()
@@ -212,7 +197,7 @@ class DuckSearch:
         counted = self.steps.steps.counted
         if counted is None:
             return None
-        ((matched,),) = self.tables.read_rows(counted, kept=True, depth=depth, **self.steps.values)
+        ((matched,),) = self.tables.read_rows(counted, depth=depth, **self.steps.values)
         return int(matched)
 
     def _expand_level(self, depth: int) -> None:
@@ -234,7 +219,7 @@ class DuckSearch:
         goal, goes_on = self.written.steps.goal, self.written.steps.goes_on
         if goal is not None and goes_on is not None:  # DuckDB takes 1 ms to count nothing
             return kept * goal, kept * goes_on
-        ((goals, going),) = self.tables.read_rows(self.written.counts, kept=True, depth=depth)
+        ((goals, going),) = self.tables.read_rows(self.written.counts, depth=depth)
         return goals, going
 
     def _read_goals(self, depth: int) -> Iterator[Found]:

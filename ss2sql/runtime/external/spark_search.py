@@ -1,14 +1,12 @@
 """Going from level to level in Spark: steps by Python processes of the executors, or by SQL.
 
-Each level is one query, whose rows the executors keep, and one job, which counts them. While the job runs the next
-level is planned, because a plan takes as long as the job of a level with some thousand steps. The levels of a search
-that are smaller than that this process does itself, see level_steps.py.
+Each level is one query, whose rows the executors keep, and one job, which counts them. A plan takes as long as the job
+of a level with some thousand steps. The levels that are smaller than that this process does itself, see level_steps.py.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from itertools import accumulate
 from operator import itemgetter
@@ -122,25 +120,16 @@ STEPS_PER_QUERY = 1_000  # steps that are looked up by naming them in a query
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PlannedLevel:
-    """A level that was not computed yet: the states to go on from, what will be kept, and what counts that."""
-
-    frontier: DataFrame
-    kept: DataFrame
-    counts: DataFrame
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class ComputedLevel:
-    """A level that was computed."""
+    """A level that was computed, with the steps that it has kept."""
 
     depth: int
-    planned: PlannedLevel
+    kept: DataFrame
     counts: LevelCounts
 
     @property
     def goals(self) -> DataFrame:
-        return self.planned.kept.where("goal")
+        return self.kept.where("goal")
 
 
 class SparkSearch:
@@ -149,7 +138,6 @@ class SparkSearch:
     def __init__(self, search_run: SearchRun, store: SparkStore, written: SparkLevelStatements) -> None:
         self.search_run, self.store, self.written = search_run, store, written
         self.steps = SparkSteps(search_run, store, written)
-        self.planner = ThreadPoolExecutor(1)
         self.levels: dict[int, DataFrame] = {}
         self.met: DataFrame | None = None  # the rows of all levels, for UNIQUE
         self.tables = 0  # of which they are put together
@@ -170,7 +158,6 @@ class SparkSearch:
             self.steps.check_transferable()
             yield FirstLevels(self.search_run, seconds=SECONDS)
         finally:
-            self.planner.shutdown(cancel_futures=True)
             self.steps.release_broadcast()
 
     def _flush_and_check(self) -> None:
@@ -186,35 +173,22 @@ class SparkSearch:
         self.steps.send_to_executors()
         self._load_first_levels(beginning)
         depth = len(beginning.levels)
-        planned = self._plan_level(self._make_frontier(beginning), few=True)
+        frontier, few = self._make_frontier(beginning), True
         while expanded:
             depth += 1
             self._flush_and_check()
-            self.levels[depth] = planned.kept
-            following = self.planner.submit(self._plan_next_level, depth)
-            counts = self.steps.read_counts(tuple(planned.counts.collect()[0]), planned.frontier, expanded)
-            yield ComputedLevel(depth, planned, counts)
+            kept = self.levels[depth] = self._plan_level(frontier, few)
+            counted = self.store.query_rows(self.written.counts, self.steps.made.values).collect()
+            counts = self.steps.read_counts(tuple(counted[0]), frontier, expanded)
+            yield ComputedLevel(depth, kept, counts)
             self.search_run.stats.levels.append(GraphLevel(counts.kept, counts.kept, counts.tried - counts.kept))
             few = counts.continuing * counts.kept <= MAX_IN_ONE_PARTITION * expanded  # kept, if as many for each state
-            expanded = counts.continuing
-            if expanded:
-                planned = following.result()
-                if not few:
-                    planned = self._plan_level(self._select_continuing(depth), few)
+            expanded, frontier = counts.continuing, kept.where("goes_on")
+            if self.written.search.repeats == "unique":
+                self._add_to_closed_list(kept.where("place >= 0"))
 
-    def _plan_next_level(self, depth: int) -> PlannedLevel:
-        if self.written.search.repeats == "unique":
-            self._add_to_closed_list(self.levels[depth].where("place >= 0"))
-        return self._plan_level(self._select_continuing(depth), few=True)
-
-    def _select_continuing(self, depth: int) -> DataFrame:
-        return self.levels[depth].where("goes_on")
-
-    def _plan_level(self, frontier: DataFrame, few: bool) -> PlannedLevel:
-        """Plans a level and makes its job ready, which takes a tenth of a second or more.
-
-        Done while the job before runs, the gap between the jobs of the 8-puzzle is 24 ms, not 45 ms.
-        """
+    def _plan_level(self, frontier: DataFrame, few: bool) -> DataFrame:
+        """The steps that a level keeps, not computed yet."""
         self.steps.make_level_views(frontier)
         if self.met is not None:
             self.met.createOrReplaceTempView("steps")
@@ -223,9 +197,7 @@ class SparkSearch:
         else:
             kept = self._select_kept_in_partitions()
         kept.createOrReplaceTempView("kept")
-        counts = self.store.query_rows(self.written.counts, self.steps.made.values)
-        counts._jdf.queryExecution().toRdd()
-        return PlannedLevel(frontier, kept, counts)
+        return kept
 
     def _select_kept_in_partitions(self) -> DataFrame:
         """The same without bringing all rows into one partition."""

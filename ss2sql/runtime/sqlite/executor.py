@@ -36,12 +36,11 @@ from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, Authorizer, find_sqlit
 from ss2sql.runtime.sqlite.function_callbacks import (
     CompletedCalls,
     FunctionCallback,
-    ItemCache,
     MemberCache,
     make_builtin_callback,
     make_final_callback,
 )
-from ss2sql.runtime.sqlite.interning import FALSE, TRUE, Interning, OtherFormError, make_decoder, make_row_decoder
+from ss2sql.runtime.sqlite.interning import TRUE, Interning, OtherFormError, make_decoder, make_row_decoder
 from ss2sql.runtime.sqlite.list_elements import CallRequest, ColumnsFor, ElementColumns, ListModules, SqliteElementCalls
 from ss2sql.runtime.sqlite.search_functions import FUNCTIONS, SearchState, StepNumbers
 from ss2sql.runtime.sqlite.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, intern_element_columns
@@ -70,7 +69,6 @@ class SqliteExecution:
         self.modules: dict[str, ListTable] = {}  # the lists that its statements walk
         self.element_calls: dict[str, SqliteElementCalls] = {}  # by the names of modules
         self.interning = Interning(run.sizes)
-        self.parts = ItemCache(self.interning)
         self.members = MemberCache(self.interning)
         self.book = Bookkeeping()
         self.results: Callable[[], int] = int  # how many paths were found
@@ -346,10 +344,7 @@ class Database:
     ) -> list[tuple[Row, Row]]:
         interning = execution.interning
         execution.book, execution.truths = lowered.bookkeeping, lowered.truths
-        self.search.begin_search(interning.frozen, lowered.plain_keys, lowered.bookkeeping.keyed)
-        if lowered.bookkeeping.compares_raw_rows and interning.pure:
-            self.search.trust_plain_rows()
-        interning.mixed = self.search.mixed
+        self.search.begin_search({} if lowered.plain_keys else interning.keys, lowered.bookkeeping.keyed)
         values = self._bind_values(lowered, interning, evaluate)
         interning.watched = frozenset(values[name] for name in lowered.plain)
         walked = [self._encode_elements(execution, values[name], ListTable(())) for name in execution.book.sources]
@@ -431,8 +426,6 @@ def _encode_parameter(interning: Interning, value: Any, flag: bool = False, only
         return int(value)
     if only_walked and type(value) is list:
         return interning.encode_frame(value)  # as one value a list of 10,000 dicts takes a quarter of a query's time
-    if value is True or value is False:
-        return TRUE if value else FALSE
     if isinstance(value, Frame):
         return interning.encode_frame(value)
     return value if type(value) is BlobValue else interning.encode(value)

@@ -7,7 +7,6 @@ they were put in. Equality is another matter: `make_key` gives equal values one 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from functools import cache
 from itertools import chain, islice
 from marshal import dumps, loads
 from os import urandom
@@ -22,7 +21,6 @@ from ss2sql.language.conversion import (
 )
 from ss2sql.language.kinds import INT_MAX, INT_MIN, is_encodable
 from ss2sql.language.values import Opaque, copy_for_python, find_several_forms, get_truth, make_hashable
-from ss2sql.lowering.sql_query import OutputColumn
 from ss2sql.runtime.run.value_sizes import ValueSizes
 
 # SQLite takes the number that a BLOB begins with for its truth. The zero byte ends this number, and makes
@@ -51,8 +49,8 @@ class Interning:
     """
 
     __slots__ = (
-        *("_classes", "_handles", "_keys", "_made", "_objects", "_tags", "_values"),
-        *("marshalled", "mixed", "pure", "sizes", "watched"),
+        *("_classes", "_handles", "_made", "_objects", "_tags", "_values"),
+        *("keys", "marshalled", "sizes", "watched"),
     )
 
     def __init__(self, sizes: ValueSizes | None = None) -> None:
@@ -62,14 +60,11 @@ class Interning:
         self._made = 0
         # What tells values apart -> handle: marshal bytes; of objects, which have none, see _make_handle_key.
         self._handles: dict[Hashable, bytes] = {}
-        # Whether all values were such that equal ones are the same, numbers apart; `mixed` hears of the first other.
-        self.pure = True
-        self.mixed: Callable[[], None] = _ignore_value
         self.watched: frozenset[Any] = frozenset()  # handles that must stand for all values that equal theirs
         self.marshalled = {TRUE: dumps(True, 2), FALSE: dumps(False, 2)}
         self._values: dict[bytes, Any] = {}  # of plain data, as long as there is room
         self._objects: dict[bytes, Any] = {}
-        self._keys: dict[bytes, int | float | str | bytes] = {TRUE: 1, FALSE: 0}
+        self.keys: dict[Any, int | bytes] = {}  # of handles that equal another SQL value: the one for both
         self._classes: dict[Hashable, bytes] = {}
 
     def encode(self, value: Any) -> Any:
@@ -80,9 +75,9 @@ class Interning:
         if kind is str and (value.isascii() or is_encodable(value)):
             return value
         if kind is bool:
-            if self.pure:
-                self._mark_mixed()
-            return TRUE if value else FALSE
+            handle = TRUE if value else FALSE
+            self.keys[handle] = int(value)
+            return handle
         try:
             marshalled = dumps(value, 2)
         except ValueError:
@@ -198,25 +193,32 @@ class Interning:
 
         The key of True is 1. Keys of structured values are handles. They are hashable.
         """
-        if type(value) is not bytes:
-            return value
-        try:
-            return self._keys[value]
-        except KeyError:
-            return self._make_handle_key(value)
-
-    # The same serves as a key of Python's dicts and sets.
-    frozen = make_key
+        return self.keys.get(value, value)
 
     def are_equal(self, left: Any, right: Any) -> bool:
         """Whether two SQL values stand for equal values."""
         return bool(self.make_key(left) == self.make_key(right))
 
     def _add_handle(self, exact: Hashable, marshalled: bytes | None, value: Any) -> bytes:
-        """A new handle for what `exact` tells from all other values."""
-        if (self.watched or self.pure) and (marshalled is None or find_several_forms(marshalled)):
-            self._check_other_form(marshalled, value)  # it may raise, so nothing of the value is kept yet
-        return self._make_handle(exact, marshalled, get_truth(value))
+        """A new handle for what `exact` tells from all other values.
+
+        Raises OtherFormError if the value equals one whose handle stands for all that do.
+        """
+        if marshalled is not None and type(value) is not bytes and not find_several_forms(marshalled):
+            return self._make_handle(exact, marshalled, get_truth(value))
+        frozen = make_hashable(value)
+        if self.watched and type(frozen) is bytes and self._handles.get(frozen) in self.watched:
+            raise OtherFormError  # nothing of the value is kept yet
+        handle = self._make_handle(exact, marshalled, get_truth(value))
+        if type(value) is bytes:
+            key = value  # as a BLOB of a table is
+        elif type(frozen) is bytes:  # the marshal bytes of a list, which is the key of all lists that equal it
+            key = self._handles.get(frozen) or self._add_handle(frozen, frozen, loads(frozen))
+        else:
+            key = self._classes.setdefault(frozen, handle)
+        if key is not handle:
+            self.keys[handle] = key
+        return handle
 
     def _make_handle(self, exact: Hashable, marshalled: bytes | None, truthy: bool) -> bytes:
         """The same of a value that is equal to no other in another form."""
@@ -225,20 +227,6 @@ class Interning:
         if marshalled is not None:
             self.marshalled[handle] = marshalled
         return handle
-
-    def _check_other_form(self, marshalled: bytes | None, value: Any) -> None:
-        """Raises OtherFormError if the value equals one whose handle stands for all that do."""
-        self._mark_mixed()
-        if not self.watched:
-            return
-        key = make_hashable(value) if marshalled is None or find_several_forms(marshalled) else marshalled
-        if type(key) is bytes and self._handles.get(key) in self.watched:
-            raise OtherFormError
-
-    def _mark_mixed(self) -> None:
-        if self.pure:
-            self.pure = False
-            self.mixed()
 
     def _encode_objects(self, value: Any) -> bytes:
         """The handle of an object, or of a list or dict with objects inside, which this keeps alive."""
@@ -251,28 +239,6 @@ class Interning:
             handle = self._add_handle(exact, None, value)
             self._objects[handle] = value
         return handle
-
-    def _make_handle_key(self, handle: bytes) -> Any:
-        """The key of a structured value that nobody has compared yet."""
-        marshalled = self.marshalled.get(handle)
-        key: Any = handle
-        if marshalled is None or find_several_forms(marshalled):
-            value = self.decode(handle)
-            if value is handle:  # a BLOB of a table, which may also have come from Python
-                return self.encode(value)
-            if type(value) is not str and type(value) is not bytes:
-                key = self._find_frozen_key(make_hashable(value), handle)
-        self._keys[handle] = key
-        return key
-
-    def _find_frozen_key(self, frozen: Any, handle: bytes) -> Any:
-        if type(frozen) is bytes:  # the marshal bytes of a list, which is the key of all lists that equal it
-            return self._handles.get(frozen) or self._add_handle(frozen, frozen, loads(frozen))
-        return self._classes.setdefault(frozen, handle)
-
-
-def _ignore_value() -> None:
-    """Who hears nothing."""
 
 
 def _make_handle_key(value: Any) -> Hashable:
@@ -290,26 +256,19 @@ def _make_handle_key(value: Any) -> Hashable:
 Decoder = Callable[[Sequence[Any]], tuple[Any, ...]]
 
 
-def make_decoder(interning: Interning, shown: Sequence[OutputColumn]) -> Decoder:
-    """What turns a row of SQL values into values of the language.
-
-    Written out column by column it takes 0.5 us for a row of eight numbers, with a call for each value 1.8 us.
-    """
-    return _compile_decoder(tuple(part.flag for part in shown), ())(interning.decode)
+def make_decoder(interning: Interning, flags: Sequence[bool]) -> Decoder:
+    """What turns a row of SQL values into values of the language; `flags` are the columns where bools are 0 or 1."""
+    decode = interning.decode
+    if not any(flags):
+        return lambda raw: tuple([value if type(value) is not bytes else decode(value) for value in raw])
+    return lambda raw: tuple([bool(value) if flag else decode(value) for flag, value in zip(flags, raw, strict=True)])
 
 
 def make_row_decoder(interning: Interning, parts: Sequence[int]) -> Decoder:
     """What turns a step's row into values: `parts` says of each column how many of them are a list, 0 for no list."""
-    return _compile_decoder((False,) * sum(size or 1 for size in parts), tuple(parts))(interning.decode)
 
+    def read_row(raw: Sequence[Any]) -> tuple[Any, ...]:
+        values = map(interning.decode, raw)
+        return tuple([list(islice(values, size)) if size else next(values) for size in parts])
 
-@cache
-def _compile_decoder(flags: tuple[bool, ...], parts: tuple[int, ...]) -> Callable[[Callable[[Any], Any]], Decoder]:
-    forms = {True: "True if {0} else False", False: "{0} if type({0}) is not bytes else decode({0})"}
-    values = iter([forms[flag].format(f"raw[{place}]") for place, flag in enumerate(flags)])
-    columns = [f"[{', '.join(islice(values, size))}]" if size else next(values) for size in parts] or list(values)
-    made: dict[str, Any] = {}
-    row = "".join(f"{column}, " for column in columns)
-    text = f"def maker(decode):\n def read(raw):\n  return ({row})\n return read"
-    exec(text, made)  # a text of this file, with nothing but numbers in it from elsewhere
-    return made["maker"]  # type: ignore[no-any-return]
+    return read_row

@@ -7,7 +7,7 @@ searches writes down. Ranks are totals for which less is better.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from math import inf
 from typing import Any
 
@@ -22,7 +22,6 @@ FUNCTIONS = {
     "give_once": 2,
     "still_best": -1,
     **dict.fromkeys(("enter", "enter_first", "enter_best", "on_path", "reached", "closed", "improves", "visit"), -1),
-    **dict.fromkeys(("enter_keyed", "enter_first_keyed", "enter_best_keyed"), -1),
 }
 
 
@@ -34,10 +33,10 @@ class StepPathKeys:
     the greater of two ends is never on the path to the other.
     """
 
-    def __init__(self, parents: list[int], compared: list[Any], key_of: Callable[[Any], Hashable]) -> None:
+    def __init__(self, parents: list[int], compared: list[Any], make_key: Callable[[Any], Hashable]) -> None:
         self.parents = parents
         self.compared = compared
-        self.key_of = key_of
+        self.make_key = make_key
         self.end = 0
         self.keys: set[Any] = set()
 
@@ -46,17 +45,13 @@ class StepPathKeys:
         gained: list[Hashable] = []
         while old != new:
             if old > new:
-                self.keys.discard(self.key_of(compared[old]))
+                self.keys.discard(self.make_key(compared[old]))
                 old = parents[old]
             else:
-                gained.append(self.key_of(compared[new]))
+                gained.append(self.make_key(compared[new]))
                 new = parents[new]
         self.end = step
         self.keys.update(gained)
-
-
-def _return_step_key(key: Any) -> Any:
-    return key
 
 
 class StepNumbers:
@@ -90,15 +85,15 @@ class SearchState:
 
     # What stands in a slot is found faster than in a dict: a search over edges runs a quarter fewer instructions.
     __slots__ = (
-        *("always_plain", "compared", "current_path", "expanded", "expansions", "generated", "highest", "key", "keyed"),
-        *("last_dropped", "late_pruned", "met", "numbers", "overestimated", "parents", "plain", "pruned", "returned"),
+        *("compared", "current_path", "expanded", "expansions", "generated", "highest", "keyed", "keys"),
+        *("last_dropped", "late_pruned", "met", "numbers", "overestimated", "parents", "pruned", "returned"),
         *("rows", "steps_per_state", "taken", "tested_key", "tested_row"),
     )
 
     def __init__(self) -> None:
         self.numbers = StepNumbers()  # of steps that are not kept
         self.expansions = StepNumbers()  # of steps that went on, the start among them
-        self.begin_search(lambda value: value, True)
+        self.begin_search({})
 
     def save_state(self) -> tuple[Any, ...]:
         """What `restore_state` gives back to an execution that another one has interrupted."""
@@ -111,20 +106,15 @@ class SearchState:
         for name, value in zip(self.__slots__, values, strict=True):
             setattr(self, name, value)
 
-    def trust_plain_rows(self) -> None:
-        """Lets rows stand for themselves until `mixed` is called."""
-        self.plain = True
-
-    def begin_search(self, key: Callable[[Any], Hashable], plain: bool, keyed: bool = False) -> None:
+    def begin_search(self, keys: Mapping[Any, Any], keyed: bool = False) -> None:
         """Starts afresh.
 
-        `key` gives equal SQL values one hashable value; what is compared needs none where it is `plain`, see also
-        `trust_plain_rows`. `keyed`: something else than rows is compared, and kept beside them.
+        `keys` has those SQL values that equal another one, with the one that stands for both. `keyed`: something else
+        than rows is compared, and kept beside them in `compared`.
         """
         self.numbers.restart_count()
         self.expansions.restart_count()
-        self.key = key
-        self.always_plain = self.plain = plain
+        self.keys = keys
         self.tested_row: tuple[Any, ...] = ()  # the row that a repeat test let pass
         self.tested_key: Any = ()
         self.generated = 0
@@ -140,7 +130,7 @@ class SearchState:
         self.returned: set[Any] = set()
         self.keyed = keyed
         self.compared: list[Any] = [()] if keyed else self.rows
-        self.current_path = StepPathKeys(self.parents, self.compared, _return_step_key if keyed else self._make_key)
+        self.current_path = StepPathKeys(self.parents, self.compared, self._make_key)
         self.last_dropped = 0
         self.steps_per_state = 1  # where all states have as many
 
@@ -174,21 +164,9 @@ class SearchState:
         """The number of steps that have entered until now."""
         return len(self.rows) - 1
 
-    def mixed(self) -> None:
-        """Goes over to keys for rows that have stood for themselves so far."""
-        if not self.plain or self.always_plain:
-            return
-        self.plain = False
-        self.met = {self._make_key(row): value for row, value in self.met.items()}
-        self.taken = {self._make_key(row): value for row, value in self.taken.items()}
-        self.returned = set(map(self._make_key, self.returned))
-        self.tested_key = self._make_key(self.tested_key)
-        if self.keyed:
-            self.compared[:] = map(self._make_key, self.compared)
-        self.current_path.keys = set(map(self._make_key, self.current_path.keys))
-
     def _make_key(self, row: tuple[Any, ...]) -> Hashable:
-        return row if self.plain else tuple(map(self.key, row))
+        """The key of a row, or of what is its key already."""
+        return tuple(map(self.keys.get, row, row)) if self.keys else row
 
     def get_kept_steps(self) -> KeptSteps:
         return KeptSteps(self.parents, self.rows)
@@ -213,37 +191,24 @@ class SearchState:
         number = len(self.parents)
         self.parents.append(parent)
         self.rows.append(row)
+        if self.keyed:
+            self.compared.append(self.tested_key)
         return number
 
-    def enter_first(self, parent: int) -> int:
-        """The same for the first step to the row that `reached` was called with last."""
+    def enter_first(self, parent: int, *row: Any) -> int:
+        """The same for the first step to what `reached` was called with last: a row, or the key of the row given."""
         number = self.met[self.tested_key] = len(self.parents)
         self.parents.append(parent)
-        self.rows.append(self.tested_row)
+        self.rows.append(row or self.tested_row)
+        if self.keyed:
+            self.compared.append(self.tested_key)
         return number
 
-    def enter_best(self, parent: int, rank: Any) -> int:
-        """The same for the best step so far to the row that `improves` was called with last."""
+    def enter_best(self, parent: int, rank: Any, *row: Any) -> int:
+        """The same for the best step so far to what `improves` was called with last."""
+        number = self.enter_first(parent, *row)
         self.met[self.tested_key] = rank
-        number = len(self.parents)
-        self.parents.append(parent)
-        self.rows.append(self.tested_row)
         return number
-
-    def enter_keyed(self, parent: int, *row: Any) -> int:
-        """`enter` for a step whose key was tested last."""
-        self.compared.append(self.tested_key)
-        return self.enter(parent, *row)
-
-    def enter_first_keyed(self, parent: int, *row: Any) -> int:
-        """`enter_first` for the first step to a key."""
-        self.met[self.tested_key] = len(self.parents)
-        return self.enter_keyed(parent, *row)
-
-    def enter_best_keyed(self, parent: int, rank: Any, *row: Any) -> int:
-        """`enter_best` for the best step so far to a key."""
-        self.met[self.tested_key] = rank
-        return self.enter_keyed(parent, *row)
 
     def visit(self, *key: Any) -> int:
         """Lets the state of a start count as visited; false if another start has it."""
@@ -254,12 +219,9 @@ class SearchState:
         self.current_path.keys.add(found)
         return 1
 
-    def _get_compared(self, step: int) -> Any:
-        return self.compared[step] if self.keyed else self._make_key(self.compared[step])
-
     def reached(self, *row: Any) -> int:
         """Whether a step has reached the row."""
-        key = row if self.plain else self._make_key(row)
+        key = self._make_key(row) if self.keys else row
         if key in self.met:
             self.pruned += 1
             return 1
@@ -268,7 +230,7 @@ class SearchState:
 
     def arrive(self, step: int) -> int:
         """Whether a step that is taken is the first to reach its row; it then is the one that has."""
-        if not step or self.met.setdefault(self._get_compared(step), step) == step:
+        if not step or self.met.setdefault(self._make_key(self.compared[step]), step) == step:
             return 1
         if step != self.last_dropped:  # it is called for the result and for the children
             self.last_dropped = step
@@ -286,7 +248,7 @@ class SearchState:
 
     def improves(self, rank: Any, *row: Any) -> int:
         """Whether the step is better than the best to the row so far."""
-        key = row if self.plain else self._make_key(row)
+        key = self._make_key(row) if self.keys else row
         if rank < self.met.get(key, inf):
             self.tested_row, self.tested_key = row, key
             return 1
@@ -297,7 +259,7 @@ class SearchState:
         """Whether a step that is taken is still the best to its row; the start is. `guess` is that of `expand`."""
         if not step:
             return 1
-        key = self.compared[step] if self.plain else self._get_compared(step)
+        key = self._make_key(self.compared[step])
         if self.met[key] < rank:
             return 0
         self.taken[key] = rank
@@ -314,7 +276,7 @@ class SearchState:
 
     def give_once(self, step: int, rank: Any) -> int:
         """Whether a step is still the best to its row, which was not given out before."""
-        key = self._get_compared(step)
+        key = self._make_key(self.compared[step])
         if self.met[key] < rank:
             return 0
         self.taken[key] = rank
@@ -328,7 +290,7 @@ class SearchState:
         current_path = self.current_path
         if parent != current_path.end:
             current_path.follow_to(parent)
-        key = row if self.plain else self._make_key(row)
+        key = self._make_key(row) if self.keys else row
         if key in current_path.keys:
             self.pruned += 1
             return 1
