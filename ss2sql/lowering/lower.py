@@ -97,7 +97,7 @@ def lower(
     truths = frozenset[str]() if by_value else _strip_sql_truth(select, needs)
     columns = [output.expr for output in query.columns]
     compared = (query.search.key if query.search else ()) or query.rows or columns
-    only_walked = frozenset[str]() if query.search is not None else _find_walked_sql_parameters(select, needs)
+    only_walked = _find_walked_sql_parameters(select, needs)
     return SqlQuery(
         query,
         dialect.print_tree(select),

@@ -92,9 +92,8 @@ class Interning:
         return encoded
 
     def encode_frame(self, source: Any) -> bytes:
-        """A handle for a data frame, which is walked and never compared."""
-        self._made += 1
-        handle = self._tags[True] + self._made.to_bytes(5, "big")
+        """A handle for a data frame or a list, which is walked and never compared; the same for the same object."""
+        handle = self._handles.get(id(source)) or self._make_handle(id(source), None, True)
         self._objects[handle] = source
         return handle
 
