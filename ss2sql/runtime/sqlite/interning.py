@@ -49,7 +49,7 @@ class Interning:
     """
 
     __slots__ = (
-        *("_classes", "_handles", "_made", "_objects", "_tags", "_values"),
+        *("_classes", "_handles", "_made", "_objects", "_tags", "_values", "_walked"),
         *("keys", "marshalled", "sizes", "watched"),
     )
 
@@ -64,6 +64,7 @@ class Interning:
         self.marshalled = {TRUE: dumps(True, 2), FALSE: dumps(False, 2)}
         self._values: dict[bytes, Any] = {}  # of plain data, as long as there is room
         self._objects: dict[bytes, Any] = {}
+        self._walked: set[bytes] = set()
         self.keys: dict[Any, int | bytes] = {}  # of handles that equal another SQL value: the one for both
         self._classes: dict[Hashable, bytes] = {}
 
@@ -95,6 +96,7 @@ class Interning:
         """A handle for a data frame or a list, which is walked and never compared; the same for the same object."""
         handle = self._handles.get(id(source)) or self._make_handle(id(source), None, True)
         self._objects[handle] = source
+        self._walked.add(handle)
         return handle
 
     def encode_object(self, value: Any, giver: str) -> Any:
@@ -139,8 +141,8 @@ class Interning:
 
     @property
     def is_plain(self) -> bool:
-        """Whether there are no objects among the values so far."""
-        return not self._objects
+        """Whether there are no objects among the values so far, but what is only walked."""
+        return self._objects.keys() <= self._walked
 
     def decode(self, value: Any) -> Any:
         """The value of the language; it is shared and must not be changed."""
