@@ -48,7 +48,7 @@ FUNCTIONS = {
         SearchPaths.choose_paths
     """,
     "native": """
-        runtime/python/query_compiler.py QueryCompiler.compile_query ·
+        runtime/python/native_query.py QueryCompiler.compile_query ·
         runtime/python/search_compiler.py compile_search · runtime/search/__init__.py choose_search ·
         runtime/python/step_function.py StepFunction.write_function · runtime/python/codegen_context.py
         CodegenContext.compile_module · runtime/python/native_query.py NativeQuery.compute_rows ·

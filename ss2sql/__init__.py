@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ss2sql.session.compiled_script import Query as Query
     from ss2sql.session.session import Session as Session
     from ss2sql.session.session import connect as connect
-    from ss2sql.session.triggers import Trigger as Trigger
+    from ss2sql.session.variables import Trigger as Trigger
     from ss2sql.vtables.contract import World as World
 
 __version__ = "0.1.0"
@@ -47,7 +47,7 @@ _NAMES = {
     "ss2sql.results.result": "Result",
     "ss2sql.session.compiled_script": "Query",
     "ss2sql.session.session": "Session connect",
-    "ss2sql.session.triggers": "Trigger",
+    "ss2sql.session.variables": "Trigger",
     "ss2sql.vtables.contract": "World",
 }
 PLACES = {name: module for module, names in _NAMES.items() for name in names.split()}

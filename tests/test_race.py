@@ -26,7 +26,7 @@ from ss2sql.errors import Source
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.language import plan
-from ss2sql.language.step_identity import describe_unnamed
+from ss2sql.language.plan_traversal import describe_unnamed
 
 QUICK = BenchRules(repeat=1)
 

@@ -12,8 +12,7 @@ from ss2sql.bench.strategies import RacedStrategy
 from ss2sql.conformance.check_world import tag_checked_value
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.plan_traversal import walk
-from ss2sql.language.step_identity import describe_unnamed
+from ss2sql.language.plan_traversal import describe_unnamed, walk
 from ss2sql.language.values import make_hashable
 from ss2sql.results import count_words, get_result_paths
 from ss2sql.results.result import Result

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ss2sql.frontend.resolve.path_functions import FUNCTIONS
+from ss2sql.frontend.resolve.search_clauses import FUNCTIONS
 from ss2sql.language import plan
-from ss2sql.language.plan_traversal import list_states, split_and, walk
+from ss2sql.language.plan_traversal import (
+    find_growing_states,
+    find_unnamed,
+    list_states,
+    split_and,
+    split_stop_conditions,
+    walk,
+    write_in_script,
+)
 from ss2sql.language.rows import Rows
-from ss2sql.language.step_identity import find_growing_states, find_unnamed, split_stop_conditions, write_in_script
 from ss2sql.runtime.run.run_state import Stats
 
 REPEAT_KEYWORDS = {"unique": "UNIQUE", "no cycle": "NO CYCLE", "memorize": "MEMORIZE"}

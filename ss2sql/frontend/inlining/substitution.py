@@ -17,9 +17,8 @@ from typing import Any
 
 from ss2sql.errors import Source, Span
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.frontend.resolve.catalog import Catalog
 from ss2sql.frontend.resolve.resolver import Resolver
-from ss2sql.frontend.resolve.scope import Scope
+from ss2sql.frontend.resolve.scope import Catalog, Scope
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, Kind, Type, type_of, unite

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from ss2sql.errors import ResolveError, Span, suggest_names, suggest_similar
 from ss2sql.frontend.resolve.from_clause import resolve_sources, resolve_value_source
 from ss2sql.frontend.resolve.grouping import is_row_count_syntax, resolve_groups
-from ss2sql.frontend.resolve.path_functions import add_path_variables
 from ss2sql.frontend.resolve.scope import (
     Scope,
     is_function_of_this,
@@ -23,6 +22,7 @@ from ss2sql.frontend.resolve.scope import (
     resolve_this,
 )
 from ss2sql.frontend.resolve.search_clauses import (
+    add_path_variables,
     infer_state_types,
     resolve_outside,
     resolve_search_options,

@@ -12,12 +12,14 @@ from dataclasses import replace
 from typing import Any, assert_never
 
 from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names, suggest_similar
-from ss2sql.frontend.resolve.catalog import Catalog
 from ss2sql.frontend.resolve.grouping import is_row_count_syntax, resolve_count_distinct, resolve_count_star
-from ss2sql.frontend.resolve.path_functions import FUNCTIONS as PATH_FUNCTIONS
-from ss2sql.frontend.resolve.path_functions import is_path_function, resolve_path_function
 from ss2sql.frontend.resolve.scope import (
+    Catalog,
+    Place,
     Scope,
+    explain_method,
+    explain_unknown_function,
+    explain_unknown_name,
     find_first_source,
     is_name_resolution_final,
     list_names_in_scope,
@@ -29,14 +31,10 @@ from ss2sql.frontend.resolve.scope import (
     resolve_source_column,
     resolve_this,
     resolve_world_call,
-)
-from ss2sql.frontend.resolve.suggestions import (
-    Place,
-    explain_method,
-    explain_unknown_function,
-    explain_unknown_name,
     suggest_row_query,
 )
+from ss2sql.frontend.resolve.search_clauses import FUNCTIONS as PATH_FUNCTIONS
+from ss2sql.frontend.resolve.search_clauses import is_path_function, resolve_path_function
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, BOOL, NONE, Kind, Type, make_list_type, type_of, unite

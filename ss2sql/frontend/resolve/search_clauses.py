@@ -1,4 +1,15 @@
-"""The clauses of a search: its options, and the types of START WITH variables in all states.
+"""The clauses of a search: its options, the types of its variables in all states, and path functions.
+
+All but `next` and `leaf` read hidden variables that the search carries beside those of START WITH. They are assigned
+before CONNECT BY changes anything else:
+
+    level()    START WITH "level()" = 1              CONNECT BY "level()" = "level()" + 1
+    prior(e)   START WITH "prior(e)" = None          CONNECT BY "prior(e)" = e
+    root(e)    START WITH "root(e)" = None           CONNECT BY "root(e)" = IF("level()" == 1; e; "root(e)")
+    path(e)    START WITH "path(e)" = None           CONNECT BY "path(e)" = a cell of "path(e)" and e
+
+`path(e)` is a linked list, so that a step costs the same on paths of any length. `next(e)` is e with the assignments of
+CONNECT BY in place of the variables, `leaf()` is a query for the next elements.
 
 The types are a fixpoint: CONNECT BY is resolved with assumed types, which grow until its values stay within them or
 lose their bounds. In `x = x + dx` a number grows with every step, by a bounded amount, so its size follows from the
@@ -8,22 +19,245 @@ number of steps; types alone could not prove it, for each step would widen the b
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple, get_args
+from dataclasses import field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
-from ss2sql.errors import ResolveError
+from ss2sql.errors import ResolveError, Span
+from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.from_clause import resolve_sources
-from ss2sql.frontend.resolve.path_functions import calls_path_function
+from ss2sql.frontend.resolve.grouping import renumber_node
 from ss2sql.frontend.resolve.scope import Scope
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
-from ss2sql.language.kinds import ANY, Kind, Type, drop_bounds, is_supertype, make_list_type, unite
-from ss2sql.language.plan_traversal import list_plan_choices, list_sources
+from ss2sql.language.kinds import ANY, BOOL, Kind, Type, drop_bounds, is_supertype, make_list_type, unite
+from ss2sql.language.plan_traversal import is_volatile, list_plan_choices, list_sources, rebuild_node, walk
+from ss2sql.language.rows import make_unique_name
 
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve.resolver import Resolver
 
 
+# --- path functions: `level() prior(e) root(e) path(e) next(e) cycle(e) leaf()`
+# The functions with the least and the greatest number of their arguments.
+FUNCTIONS = {"level": (0, 0), "prior": (1, 1), "root": (1, 1), "path": (1, 2), "next": (1, 1), "cycle": (1, 1),
+             "leaf": (0, 0)}  # fmt: skip
+USAGE = {"level": "level()", "path": 'path(x) or path(x, "/")', "leaf": "leaf()"}
+FORBIDDEN_CLAUSES = ("FROM", "START WITH", "BY")
+RESULT_CLAUSES = ("SELECT", "GROUP BY", "HAVING", "ORDER BY")
+
+
+@dataclass(slots=True)
+class PathFunctions:
+    """The path functions in the clauses of one search. `clause` is the one that is being resolved.
+
+    `variables` are the names of the hidden variables, by the function and its argument; `search` is the search as it is
+    known after CONNECT BY.
+    """
+
+    variables: dict[tuple[str, ast.Expr | None], str] = field(default_factory=dict)
+    clause: str = ""
+    sources: tuple[plan.Source, ...] = ()
+    search: plan.Search | None = None
+
+
+def is_path_function(resolver: Resolver, tree: Any) -> bool:
+    """Whether a call is one of these; a function that the user has registered comes first."""
+    if not isinstance(tree, ast.Call) or tree.function not in FUNCTIONS or tree.owner is not None or tree.star:
+        return False
+    registered = resolver.catalog.functions.get(tree.function)
+    return registered is None or registered.builtin
+
+
+def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, PathFunctions]:
+    """The query with the hidden variables, and their names."""
+    found = PathFunctions()
+    calls = [node for node in ast.walk_syntax(tree, _is_other_search) if is_path_function(resolver, node)]
+    # An outer call is assigned first, because it reads the inner one as it was before the step.
+    calls.sort(key=lambda call: -_measure_prior_nesting(resolver, call))
+    start: list[ast.Assign] = []
+    connect: list[ast.Assign] = []
+    for call in calls:
+        argument = call.arguments[0] if call.arguments else None
+        word = {"cycle": "path"}.get(call.function, call.function)
+        key = (word, argument)
+        if word not in ("prior", "root", "path") or argument is None or key in found.variables:
+            continue
+        short = " ".join(argument.span.text.split())
+        name = found.variables[key] = make_unique_name(f"{word}({short})", found.variables.values())
+        itself, span = ast.Name(name, span=call.span), argument.span
+        start.append(_make_assignment_syntax(name, ast.Literal(None, span=span)))
+        value: ast.Expr = argument
+        if word == "root":
+            value = _make_first_step_syntax(argument, itself)
+        elif word == "path":
+            value = ast.Call("path cell", (itself, argument), span=span)
+        connect.append(_make_assignment_syntax(name, value))
+    if any(call.function in ("level", "root") for call in calls):
+        call = next(call for call in calls if call.function in ("level", "root"))
+        found.variables["level", None] = "level()"
+        one = ast.Literal(1, span=call.span)
+        count = ast.Operator("add", (ast.Name("level()", span=call.span), one), span=call.span, place=call.span)
+        start.append(_make_assignment_syntax("level()", one))
+        connect.append(_make_assignment_syntax("level()", count))
+    tree = replace(tree, start=(*tree.start, *start), connect=(*connect, *tree.connect))
+    return tree, found
+
+
+def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | None) -> plan.Expr:
+    """The plan of a call of one of these functions."""
+    own = next((level for level in scope.list_outwards() if level.path_functions is not None), None) if scope else None
+    usage = USAGE.get(tree.function, f"{tree.function}(x)")
+    if own is None or own.path_functions is None:
+        hint = "write it in a clause of a step of a query with CONNECT BY"
+        raise ResolveError("R014", f"{usage} is said of a step of a search", tree.span, (hint,))
+    least, most = FUNCTIONS[tree.function]
+    if not least <= len(tree.arguments) <= most:
+        message = f"'{tree.function}' takes {least if least == most else '1 or 2'} argument{'s' * (most != 1)}, "
+        raise ResolveError("R005", message + f"not {len(tree.arguments)}", tree.span, (f"it is called as {usage}",))
+    said = own.path_functions
+    _check_path_clause(tree, said)
+    key = ({"cycle": "path"}.get(tree.function, tree.function), tree.arguments[0] if tree.arguments else None)
+    name = said.variables.get(key, "")
+    if not name and tree.function not in ("next", "leaf"):
+        hint = f"write {usage} outside of eval"
+        raise ResolveError("R014", "a text that eval reads cannot ask for the path", tree.span, (hint,))
+    state: plan.Expr = plan.State(own.query, name, own.states.get(name, Type(Kind.ANY)), span=tree.span)
+    if tree.function in ("level", "prior"):
+        return state
+    if tree.function == "leaf":
+        return _resolve_leaf(resolver, tree.span, own)
+    argument = _resolve_argument(resolver, tree, own)
+    match tree.function:
+        case "root":
+            return replace(
+                resolver.resolve_expr(_make_first_step_syntax(tree.arguments[0], ast.Name(name, span=tree.span)), own),
+                span=tree.span,
+            )
+        case "next":
+            after: plan.Expr = replace(resolve_next_call(own, argument), span=tree.span)
+            return after
+        case "cycle":
+            reached = argument
+            if not list_sources(argument):
+                state, reached = (
+                    _resolve_path_cell(resolver, state, argument, tree.span),
+                    resolve_next_call(own, argument),
+                )
+            values = resolver.make_call("path values", (state,), tree.span, tree.span)
+            return resolver.make_call("in", (reached, values), tree.span, tree.span)
+        case _:
+            more = resolver.resolve_all(tree.arguments[1:], own)
+            cell = _resolve_path_cell(resolver, state, argument, tree.span)
+            if more:
+                return resolver.make_call("path text", (cell, *more), tree.span, tree.span)
+            values = resolver.make_call("path values", (cell,), tree.span, tree.span)
+            item = argument.type
+            columns = item.columns if item.is_only(Kind.DICT) else None
+            return replace(values, type=Type(Kind.LIST, item=item, columns=columns))
+
+
+def resolve_next_call(scope: Scope, expr: plan.Expr) -> Any:
+    """The expression in the state after a step: the assignments of CONNECT BY in place of the variables."""
+    assert scope.path_functions is not None
+    if scope.path_functions.search is None:  # an attempt with assumed types
+        raise ResolveError("R014", "what CONNECT BY assigns is not known yet")
+    values: dict[str, plan.Expr] = {}
+
+    def substitute(node: Any) -> Any:
+        if isinstance(node, plan.State) and node.query == scope.query:
+            return values.get(node.name, node)
+        return rebuild_node(node, substitute)
+
+    for name, value in scope.path_functions.search.connect:
+        values[name] = substitute(value)
+    return substitute(expr)
+
+
+def calls_path_function(resolver: Resolver, tree: ast.Expr | ast.Named | ast.Star) -> bool:
+    """Whether an expression calls a path function."""
+    return any(is_path_function(resolver, node) for node in ast.walk_syntax(tree, _is_other_search))
+
+
+def _check_path_clause(tree: ast.Call, said: PathFunctions) -> None:
+    clause, function = said.clause, tree.function
+    wrong = clause in FORBIDDEN_CLAUSES or (function == "leaf" and clause not in RESULT_CLAUSES)
+    if clause == "CONNECT BY" and function in ("next", "cycle"):
+        wrong = True
+    if not wrong:
+        return
+    where = f"the key after {clause}" if clause == "BY" else clause if clause != "CONNECT BY" else "an assignment"
+    hints = {
+        "leaf": "write it in SELECT, GROUP BY, HAVING or ORDER BY",
+        "next": "write it in a condition, or in SELECT",
+        "cycle": "write it in a condition, or in SELECT",
+    }
+    hint = hints.get(function, "write it in the condition of CONNECT BY, in STOP WITH, WHERE or SELECT")
+    raise ResolveError("R014", f"{function} does not stand in {where}", tree.span, (hint,))
+
+
+def _resolve_argument(resolver: Resolver, tree: ast.Call, own: Scope) -> plan.Expr:
+    """The argument, resolved in the search, even inside an inner query."""
+    argument = resolver.resolve_expr(tree.arguments[0], own)
+    if is_volatile(argument):
+        hint = "assign what it gives to a variable of START WITH in CONNECT BY"
+        raise ResolveError("R014", f"{tree.function} does not go with what changes or is volatile", tree.span, (hint,))
+    return argument
+
+
+def _resolve_leaf(resolver: Resolver, span: Span, own: Scope) -> plan.Expr:
+    """The expression of `leaf()`: the step stops, or no element meets CONNECT BY in the state after it."""
+    assert own.path_functions is not None
+    assert own.path_functions.search is not None
+    search = own.path_functions.search
+    numbers: dict[int, int] = {}
+    sources = tuple(resolve_next_call(own, _renumber_copy(resolver, s, numbers)) for s in own.path_functions.sources)
+    where = None if search.made is None else resolve_next_call(own, _renumber_copy(resolver, search.made, numbers))
+    one = plan.Constant(1, Type(Kind.INT, 1, 1), span=span)
+    shown = (plan.Output("1", one),)
+    form = plan.Representation("list")
+    query = plan.Query(resolver.make_number(), sources, shown, where, limit=one, representation=form, span=span)
+    found = plan.Subquery(query, make_list_type([one.type]), span=span)
+    nothing = plan.Constant([], Type(Kind.LIST), span=span)
+    none = resolver.make_call("eq", (replace(found, type=Type(Kind.LIST, item=one.type)), nothing), span, span)
+    return none if search.stop is None else plan.Or((search.stop, none), BOOL, span=span)
+
+
+def _renumber_copy(resolver: Resolver, node: Any, numbers: dict[int, int]) -> Any:
+    """A copy of sources, or of what reads them, with numbers of its own for sources and queries inside."""
+    for part in walk(node):
+        if isinstance(part, (*plan.SOURCES, plan.Query)) and part.id not in numbers:
+            numbers[part.id] = resolver.make_number()
+
+    return renumber_node(node, numbers)
+
+
+def _resolve_path_cell(resolver: Resolver, state: plan.Expr, argument: plan.Expr, span: Span) -> plan.Expr:
+    return resolver.make_call("path cell", (state, argument), argument.span, span)
+
+
+def _make_assignment_syntax(name: str, value: ast.Expr) -> ast.Assign:
+    return ast.Assign(name, value, span=value.span, name_span=value.span)
+
+
+def _make_first_step_syntax(then: ast.Expr, otherwise: ast.Expr) -> ast.Expr:
+    span = then.span
+    level = (ast.Name("level()", span=span), ast.Literal(1, span=span))
+    return ast.If(ast.Operator("eq", level, span=span, place=span), (then,), (otherwise,), span=span)
+
+
+def _is_other_search(tree: Any) -> bool:
+    """Whether it is a search inside of this one, which has calls of its own."""
+    return isinstance(tree, ast.Query) and tree.searches
+
+
+def _measure_prior_nesting(resolver: Resolver, tree: Any) -> int:
+    """The depth of nesting of these calls."""
+    parts = (part for part in ast.list_syntax_children(tree) if not _is_other_search(part))
+    inside = max((_measure_prior_nesting(resolver, part) for part in parts), default=0)
+    return inside + is_path_function(resolver, tree)
+
+
+# --- the clauses of a search: its options, and the types of START WITH variables in all states
 # --- the types of START WITH variables, valid in the first state and in every one that CONNECT BY makes
 # A round resolves FROM and CONNECT BY once more, and in nested queries the rounds multiply.
 _ROUNDS = {1: 6, 2: 3}

@@ -37,7 +37,7 @@ from ss2sql.language.operations.operation import (
     each,
     exactly,
 )
-from ss2sql.language.ordering import NUMBERS
+from ss2sql.language.values import NUMBERS
 
 TIMES = (date, timedelta)
 EXACT = 2**53  # integers up to here are exact as floats

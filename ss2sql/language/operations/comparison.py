@@ -22,8 +22,7 @@ from ss2sql.language.operations.operation import (
     exactly,
     have_one_sql_class,
 )
-from ss2sql.language.ordering import find_ordering_pair
-from ss2sql.language.values import has_dict_key, make_dict_key
+from ss2sql.language.values import find_ordering_pair, has_dict_key, make_dict_key
 
 
 def _declare_equality(name: str, symbol: str, negated: str, about: str, example: str) -> Operation:

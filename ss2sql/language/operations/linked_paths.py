@@ -1,4 +1,4 @@
-"""The path of a step as a linked list, for `path(e)` and `cycle(e)`, see frontend/resolve/path_functions.py.
+"""The path of a step as a linked list, for `path(e)` and `cycle(e)`, see frontend/resolve/search_clauses.py.
 
 The names of these operations have blanks, so scripts cannot call them.
 """

@@ -31,8 +31,16 @@ from ss2sql.language.operations.operation import (
     find_sql_class,
     misuse,
 )
-from ss2sql.language.ordering import NUMBERS, compare_values, sort_values
-from ss2sql.language.values import SCALARS, get_truth, has_dict_key, make_dict_key, make_hashable
+from ss2sql.language.values import (
+    NUMBERS,
+    SCALARS,
+    compare_values,
+    get_truth,
+    has_dict_key,
+    make_dict_key,
+    make_hashable,
+    sort_values,
+)
 
 LENGTH = 2**53  # no list and no string is longer: no machine's memory would hold it
 RANGE_LIMIT = 10_000_000

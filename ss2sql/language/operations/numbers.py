@@ -36,7 +36,7 @@ from ss2sql.language.operations.operation import (
     find_sql_class,
     misuse,
 )
-from ss2sql.language.ordering import NUMBERS, compare_values
+from ss2sql.language.values import NUMBERS, compare_values
 
 HALF = 8e307  # the difference of two such numbers is finite
 SMALL = 1e306  # of 16 such numbers even the sum is finite

@@ -26,8 +26,8 @@ from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import ANY, NOTHING, Kind, Type, type_of, unite
-from ss2sql.language.ordering import NUMBERS
 from ss2sql.language.plan import Function, Volatility
+from ss2sql.language.values import NUMBERS
 
 INTEGERS = frozenset({int, bool})
 _MISFITS = {

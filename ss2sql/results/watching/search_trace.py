@@ -10,7 +10,7 @@ from ss2sql.errors import RepresentationError, SessionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
-from ss2sql.language.step_identity import find_growing_states
+from ss2sql.language.plan_traversal import find_growing_states
 from ss2sql.runtime.search.trace import Event, Trace
 
 if TYPE_CHECKING:

@@ -27,10 +27,8 @@ from ss2sql.runtime.external.table_statements import (
     list_duckdb_columns,
     translate_duckdb_sql,
 )
-from ss2sql.runtime.python.codegen_context import CodegenContext
-from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
-from ss2sql.runtime.python.native_query import NativeQuery
-from ss2sql.runtime.python.query_compiler import QueryCompiler
+from ss2sql.runtime.python.codegen_context import CodegenContext, ExpressionAnalysis
+from ss2sql.runtime.python.native_query import NativeQuery, QueryCompiler
 from ss2sql.runtime.python.search_compiler import can_be_noted
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search.search_run import Found, SearchRun

@@ -14,7 +14,7 @@ from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.run.call_memo import make_call_key
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.python.query_compiler import QueryCompiler
+    from ss2sql.runtime.python.native_query import QueryCompiler
 
 _SELF_KEYED_KINDS = Kind.INT | Kind.STR | Kind.NONE  # the kinds that are their own keys, PLAIN in call_memo.py
 

@@ -16,7 +16,7 @@ from typing import Any
 from ss2sql.errors import Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
+from ss2sql.runtime.python.codegen_context import ExpressionAnalysis
 from ss2sql.runtime.run.run_state import Run, pause_collector
 
 

@@ -25,16 +25,15 @@ from ss2sql.language.kinds import INT
 from ss2sql.language.plan_traversal import is_volatile, split_and, walk
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.call_code import find_keyed_sources
-from ss2sql.runtime.python.codegen_context import PythonScope
+from ss2sql.runtime.python.codegen_context import ExpressionAnalysis, PythonScope
 from ss2sql.runtime.python.equality_index import find_index_lookups
-from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
 from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions, loops_over_query_rows
 from ss2sql.runtime.run.array_calls import StagedRows, count_array_calls
 from ss2sql.runtime.run.post_processing import is_row_count
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.python.query_compiler import QueryCompiler
+    from ss2sql.runtime.python.native_query import QueryCompiler
 
 
 class GroupCollector:

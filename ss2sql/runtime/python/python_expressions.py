@@ -32,15 +32,14 @@ from ss2sql.language.plan_traversal import list_plan_choices
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_code import generate_memoized_call, is_memoized_call
-from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
-from ss2sql.runtime.python.expression_facts import OWN_GROUP
+from ss2sql.runtime.python.codegen_context import OWN_GROUP, CodegenContext, PythonScope
 from ss2sql.runtime.python.world_loops import bind_column_reader, bind_element_reader
 from ss2sql.runtime.run.post_processing import make_group_aggregation
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import SMALL_LENGTH
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.python.query_compiler import QueryCompiler
+    from ss2sql.runtime.python.native_query import QueryCompiler
 
 
 MAX_SAFE = 9e18  # a number of unknown kind that is smaller is a value, whatever it is

@@ -28,8 +28,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR
 from ss2sql.language.plan_traversal import find_direct_assignments, walk
 from ss2sql.language.values import FREEZERS, THAWERS, UNSET, FrozenShapes, Shape, State, freeze_any
-from ss2sql.runtime.python.codegen_context import PythonScope
-from ss2sql.runtime.python.expression_facts import OWN_GROUP, ExpressionFacts
+from ss2sql.runtime.python.codegen_context import OWN_GROUP, ExpressionFacts, PythonScope
 from ss2sql.runtime.python.flat_query import list_key_expressions
 from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.step_clauses import StepForm, choose_state_shapes, name_frozen_variables
@@ -37,12 +36,11 @@ from ss2sql.runtime.python.step_function import StepFunction, StepLoops
 from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.search import choose_search
 from ss2sql.runtime.search.bidirectional import Regression, find_regression
-from ss2sql.runtime.search.memorize import add_graph_level
-from ss2sql.runtime.search.memorize_by_key import has_path_rows
+from ss2sql.runtime.search.memorize import add_graph_level, has_path_rows
 from ss2sql.runtime.search.step_contract import Expand, Places, Step
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.python.query_compiler import QueryCompiler
+    from ss2sql.runtime.python.native_query import QueryCompiler
 
 
 def can_be_noted(builder: QueryCompiler, query: plan.Query) -> bool:
@@ -261,7 +259,7 @@ class SearchForm:
     shapes: FrozenShapes
     inlined: bool  # the step function stands in its loop
     chooses: bool  # MEMORIZE may choose among the elements of a state there
-    remembered: bool  # steps are remembered, see memoized_steps.py
+    remembered: bool  # steps are remembered, see step_contract.py
     watched: bool  # the trace of the run hears of the steps
 
 

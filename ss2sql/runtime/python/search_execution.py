@@ -14,17 +14,14 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language import plan
-from ss2sql.language.ordering import is_overestimate
 from ss2sql.language.rows import Row
-from ss2sql.language.values import State, Thaw
+from ss2sql.language.values import State, Thaw, is_overestimate
 from ss2sql.runtime.python.loop_helpers import make_count_report, make_known_steps_check
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search import choose_search
-from ss2sql.runtime.search.memoized_steps import MemoizedSteps, ignore_step_key
-from ss2sql.runtime.search.memorize import run_memorize
-from ss2sql.runtime.search.memorize_by_key import KeyedMemorize
+from ss2sql.runtime.search.memorize import KeyedMemorize, run_memorize
 from ss2sql.runtime.search.search_run import Found, SearchRun
-from ss2sql.runtime.search.step_contract import Expand, NotedSearch, Problem
+from ss2sql.runtime.search.step_contract import Expand, MemoizedSteps, NotedSearch, Problem, ignore_step_key
 from ss2sql.runtime.search.trace import TracedSearch
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from ss2sql.language.plan_traversal import find_direct_assignments, list_plan_ca
 from ss2sql.language.values import Shape, copy_for_python, is_flat_list_type, thaw_value
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_code import is_memoized_call
-from ss2sql.runtime.python.expression_facts import ExpressionAnalysis
+from ss2sql.runtime.python.codegen_context import ExpressionAnalysis
 from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.run.call_memo import NO_KEY, MemoizedCalls, make_call_key
 from ss2sql.runtime.run.run_state import Places, Run

@@ -19,14 +19,13 @@ from ss2sql.language.kinds import INT, Kind
 from ss2sql.language.plan_traversal import can_end_early, split_and, walk
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.ast_builder import AstBuilder
-from ss2sql.runtime.python.codegen_context import MAX_LOOPS, PythonScope
+from ss2sql.runtime.python.codegen_context import MAX_LOOPS, ExpressionFacts, PythonScope
 from ss2sql.runtime.python.equality_index import (
     Lookup,
     index_column,
     index_rows,
     index_table_column,
 )
-from ss2sql.runtime.python.expression_facts import ExpressionFacts
 from ss2sql.runtime.python.loop_helpers import (
     iterate_with_checks,
     list_elements_with_keys,
@@ -48,7 +47,7 @@ from ss2sql.runtime.run.elements import list_elements_or_none, list_source_eleme
 
 if TYPE_CHECKING:
     from ss2sql.lowering.table_filter import TableFilter
-    from ss2sql.runtime.python.query_compiler import QueryCompiler
+    from ss2sql.runtime.python.native_query import QueryCompiler
 
 
 class SourceLoops:

@@ -26,7 +26,7 @@ from ss2sql.runtime.run import option_checks
 from ss2sql.runtime.search.best_first import TAKEN
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.python.query_compiler import QueryCompiler
+    from ss2sql.runtime.python.native_query import QueryCompiler
 
 # The row of a step is closed.
 CLOSED = """
@@ -73,7 +73,7 @@ class StepForm:
     """What the step functions of one search have in common.
 
     `start` is the name of the frozen state that START WITH gives, the last of several. `keyed`: somebody needs the
-    last part of a step. `complete`: what leaves no trace is told, see memoized_steps.py; `watched`: the trace of the
+    last part of a step. `complete`: what leaves no trace is told, see step_contract.py; `watched`: the trace of the
     run hears of it. `key_of` is the name of the function that gives the key of a state, where BY names it. `noted`:
     what clauses evaluate is taken from notes, and kept there, see runtime/search/step_contract.py.
     """

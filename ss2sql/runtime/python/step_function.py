@@ -43,9 +43,8 @@ from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language import plan
-from ss2sql.language.ordering import order_rows
 from ss2sql.language.rows import Row
-from ss2sql.language.values import THAWERS
+from ss2sql.language.values import THAWERS, order_rows
 from ss2sql.runtime.python.ast_builder import generate_template, list_names_code_reads
 from ss2sql.runtime.python.codegen_context import PythonScope
 from ss2sql.runtime.python.equality_index import Lookup, find_index_lookups
@@ -72,7 +71,7 @@ from ss2sql.runtime.run.search_paths import (
 from ss2sql.runtime.search.best_first import TAKEN
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.python.query_compiler import QueryCompiler
+    from ss2sql.runtime.python.native_query import QueryCompiler
 
 HELPERS: tuple[Callable[..., Any], ...] = (
     deque,

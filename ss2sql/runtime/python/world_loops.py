@@ -18,7 +18,7 @@ from ss2sql.vtables.snapshots import find_first_table_place, plan_snapshot
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
-    from ss2sql.runtime.python.query_compiler import QueryCompiler
+    from ss2sql.runtime.python.native_query import QueryCompiler
 
 _OPERATORS = {"eq": "=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
 _MIRRORED = {"=": "=", "<": ">", "<=": ">=", ">": "<", ">=": "<="}

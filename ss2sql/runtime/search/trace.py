@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from ss2sql.language import plan
-from ss2sql.language.step_identity import write_in_script
+from ss2sql.language.plan_traversal import write_in_script
 from ss2sql.language.values import FrozenRow, State, copy_deep, thaw_value
 from ss2sql.runtime.search.step_contract import Found, Problem, Step
 

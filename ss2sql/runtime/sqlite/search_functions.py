@@ -11,7 +11,7 @@ from collections.abc import Callable, Hashable, Mapping
 from math import inf
 from typing import Any
 
-from ss2sql.language.ordering import is_overestimate
+from ss2sql.language.values import is_overestimate
 from ss2sql.lowering.sql_query import Bookkeeping
 from ss2sql.runtime.run.run_state import Stats
 from ss2sql.runtime.run.search_paths import KeptSteps
