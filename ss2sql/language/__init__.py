@@ -1,6 +1,6 @@
 """What every other room speaks: values, types, the plan, the operations, and what a representation is given.
 
-Values: values, conversion (from Python's objects), ordering, element_columns. Types: kinds, column_shapes.
-The plan: plan, plan_traversal, step_identity. Rows: rows, area_grid, area_arguments. Around a run:
+Values: values, conversion (from Python's objects), element_columns. Types: kinds, column_shapes.
+The plan: plan, plan_traversal. Rows: rows, area_grid, area_arguments. Around a run:
 cancellation, file_sources.
 """

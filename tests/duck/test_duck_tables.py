@@ -470,6 +470,12 @@ def test_facts_of_a_table_are_those_of_its_rows_now(ss: ss2sql.Session, own: Any
     assert query.run().value == []
 
 
+def test_lists_of_floats_leave_none_out(ss: ss2sql.Session) -> None:
+    ss.set("t", [{"k": k, "x": x} for k, x in [(1, 2.5), (1, None), (1, 0.5), (1, 4.0), (2, 1.0), (2, 2.0)]])
+    found = ss.run("SELECT median(x), variance(x) FROM t GROUP BY k AS rows")
+    assert (found.engine, found.value) == ("duckdb", [(2.5, pytest.approx(37 / 12)), (1.5, 0.5)])
+
+
 @pytest.mark.parametrize("values", [[1.0, -0.0, 0.0], [0.0, -0.0, -1.0], [-0.0, 0.0], [1.0, 2.5, 1.0], [-2.0, -1.0]])
 def test_the_first_of_equal_extremes(ss: ss2sql.Session, values: list[float]) -> None:
     ss.set("t", [{"x": x} for x in values])

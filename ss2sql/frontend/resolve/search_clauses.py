@@ -159,8 +159,7 @@ def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | Non
 def resolve_next_call(scope: Scope, expr: plan.Expr) -> Any:
     """The expression in the state after a step: the assignments of CONNECT BY in place of the variables."""
     assert scope.path_functions is not None
-    if scope.path_functions.search is None:  # an attempt with assumed types
-        raise ResolveError("R014", "what CONNECT BY assigns is not known yet")
+    assert scope.path_functions.search is not None, "sources and assignments have no path functions"
     values: dict[str, plan.Expr] = {}
 
     def substitute(node: Any) -> Any:

@@ -192,13 +192,11 @@ def _iterate_scope(nodes: Iterable[ast.AST], repeated: bool) -> Iterator[tuple[a
 
 def _count_bindings_of_function(owner: ast.AST) -> Counter[str]:
     """How often a function, lambda or comprehension gives each of its names a value."""
-    match owner:
-        case ast.FunctionDef(args=arguments) | ast.AsyncFunctionDef(args=arguments) | ast.Lambda(args=arguments):
-            body = [owner.body] if isinstance(owner, ast.Lambda) else owner.body
-            return _count_bindings(body) + Counter(parameter.arg for parameter in list_parameters(arguments))
-        case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
-            return _count_bindings([generator.target for generator in owner.generators], repeated=True)
-    return Counter()
+    if isinstance(owner, Comprehension):
+        return _count_bindings([generator.target for generator in owner.generators], repeated=True)
+    assert isinstance(owner, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+    body = [owner.body] if isinstance(owner, ast.Lambda) else owner.body
+    return _count_bindings(body) + Counter(parameter.arg for parameter in list_parameters(owner.args))
 
 
 def _name_import(alias: ast.alias) -> str:

@@ -1,8 +1,8 @@
 """The searches of the Python engine: one textbook loop per file over the step function of a query.
 
-step_contract says what loops and step function owe each other. breadth_first, depth_first and best_first are the loops;
-memoized_steps evaluates the steps of a state once, trace notes events. MEMORIZE: search_run, memorize, bidirectional;
-then its paths: paths_by_length, paths_by_weight, memorize_by_key.
+step_contract says what loops and step function owe each other, and evaluates the steps of a state once where that pays.
+breadth_first, depth_first and best_first are the loops; trace notes events. MEMORIZE: search_run, memorize,
+bidirectional; then its paths: paths_by_length, paths_by_weight.
 """
 
 from __future__ import annotations
