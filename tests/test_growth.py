@@ -86,12 +86,6 @@ def test_the_work_grows_with_the_size(script: str, power: str, engine: Engine, m
     assert large < small * (LARGE / SMALL) ** float(power), (small, large)
 
 
-@each_row("queries/growth-natively", "script", "power")
-def test_the_work_grows_so_natively(script: str, power: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    test_the_work_grows_with_the_size(script, power, "native", monkeypatch)
-    test_the_values_are_those_of_trying_all(script, power, "database")
-
-
 @each_row("queries/growth", "script", "power")
 @pytest.mark.parametrize("engine", ["database", "native"])
 def test_the_values_are_those_of_trying_all(script: str, power: str, engine: Engine) -> None:
