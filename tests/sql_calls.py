@@ -27,6 +27,7 @@ def run_shown_sql(session: ss2sql.Session, sql: Sql) -> list[tuple[Any, ...]]:
     database.lists.register_modules(sql.modules)
     execution = SqliteExecution(Run(session.host), calls=dict.fromkeys(database.memos, ()))
     with database._push_execution(execution):
+        execution.interning.key_all_values()
         database.search.begin_search(execution.interning.keys)
         execution.modules.update(sql.modules)
         values = {name: _encode_parameter(execution.interning, value) for name, value in sql.parameters.items()}

@@ -9,6 +9,7 @@ import math
 import re
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from second_opinion import DECISIONS, TYPES, twin
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.external import duckdb_search, duckdb_sources
+from ss2sql.runtime.external import duckdb_functions, duckdb_search, duckdb_sources
 
 duckdb = pytest.importorskip("duckdb")
 
@@ -443,6 +444,12 @@ def test_sessions_of_one_database_at_once(own: Any) -> None:
     with ThreadPoolExecutor(3) as threads:
         found = list(threads.map(ask, [own.cursor() for _ in range(3)]))
     assert found == [[found[0][0]] * 5] * 3
+
+
+def test_names_of_functions_do_not_meet(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(duckdb_functions, "_numbers", count(2))
+    ss.set("t", [{"x": 2.5}])
+    assert ss.eval("SELECT round(x), round(x / 4, 2) FROM t AS rows") == [(2, 0.62)]
 
 
 FLOATS = st.floats(-1e300, 1e300) | st.sampled_from((-0.0, 5e-324, 2.0**62, -(2.0**63), 2.0**63, 2.0**-68, 1e16, 0.1))

@@ -73,7 +73,7 @@ def create_function(
     Returns:
         the other name of the function.
     """
-    shared = f"{name}_{next(_numbers)}"
+    shared = f"{name}_of_run_{next(_numbers)}"  # names of macros end in a number, too
     cursor.create_function(shared, function, kinds, result, null_handling="special")  # type: ignore[call-overload]
     names = parameters or [f"x{n}" for n in range(len(kinds))]
     cursor.execute(f"CREATE TEMPORARY MACRO {name}({', '.join(names)}) AS {shared}({arguments or ', '.join(names)})")

@@ -344,6 +344,8 @@ class Database:
     ) -> list[tuple[Row, Row]]:
         interning = execution.interning
         execution.book, execution.truths = lowered.bookkeeping, lowered.truths
+        if lowered.query.search is not None and not lowered.plain_keys:
+            interning.key_all_values()
         self.search.begin_search({} if lowered.plain_keys else interning.keys, lowered.bookkeeping.keyed)
         values = self._bind_values(lowered, interning, evaluate)
         interning.watched = frozenset(values[name] for name in lowered.plain)
