@@ -120,6 +120,8 @@ class Database:
             guard.add_aggregate(name, self._wrap_factory(factory))
         for name, arguments in FUNCTIONS.items():
             guard.add_scalar(name, getattr(self.search, name), arguments)
+        guard.add_scalar("enter_first", self.search.enter_first_row)
+        guard.add_scalar("enter_best", self.search.enter_best_row)
         guard.add_scalar("next_number", self.search.numbers.next, 0)
         guard.add_scalar("expand", self.search.expansions.next, 0)
         guard.add_scalar("expand", self.search.expand, 1)

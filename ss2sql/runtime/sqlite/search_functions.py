@@ -18,10 +18,10 @@ from ss2sql.runtime.run.search_paths import KeptSteps
 
 # The SQL functions with the number of their arguments, -1 for any.
 FUNCTIONS = {
-    **dict.fromkeys(("count_step", "arrive", "give"), 1),
-    "give_once": 2,
+    **dict.fromkeys(("count_step", "arrive", "give", "enter_first"), 1),
+    **dict.fromkeys(("give_once", "enter_best"), 2),
     "still_best": -1,
-    **dict.fromkeys(("enter", "enter_first", "enter_best", "on_path", "reached", "closed", "improves", "visit"), -1),
+    **dict.fromkeys(("enter", "on_path", "reached", "closed", "improves", "visit"), -1),
 }
 
 
@@ -195,19 +195,35 @@ class SearchState:
             self.compared.append(self.tested_key)
         return number
 
-    def enter_first(self, parent: int, *row: Any) -> int:
-        """The same for the first step to what `reached` was called with last: a row, or the key of the row given."""
+    def enter_first(self, parent: int) -> int:
+        """The same for the first step to the row that `reached` was called with last."""
         number = self.met[self.tested_key] = len(self.parents)
         self.parents.append(parent)
-        self.rows.append(row or self.tested_row)
+        self.rows.append(self.tested_row)
         if self.keyed:
             self.compared.append(self.tested_key)
         return number
 
-    def enter_best(self, parent: int, rank: Any, *row: Any) -> int:
-        """The same for the best step so far to what `improves` was called with last."""
-        number = self.enter_first(parent, *row)
+    def enter_first_row(self, parent: int, *row: Any) -> int:
+        """The same where that was the key of another row; SQLite picks by the number of arguments."""
+        number = self.enter_first(parent)
+        self.rows[number] = row
+        return number
+
+    def enter_best(self, parent: int, rank: Any) -> int:
+        """The same for the best step so far to the row that `improves` was called with last."""
         self.met[self.tested_key] = rank
+        number = len(self.parents)
+        self.parents.append(parent)
+        self.rows.append(self.tested_row)
+        if self.keyed:
+            self.compared.append(self.tested_key)
+        return number
+
+    def enter_best_row(self, parent: int, rank: Any, *row: Any) -> int:
+        """The same where that was the key of another row."""
+        number = self.enter_best(parent, rank)
+        self.rows[number] = row
         return number
 
     def visit(self, *key: Any) -> int:
