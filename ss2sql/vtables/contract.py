@@ -138,7 +138,7 @@ class Table:
     elements and returns one array per column (a group of one column: the array itself). `blocks` is for simulators
     that answer quickly, with values that are numbers, strings or None of exactly the declared types: `def pose(self,
     keys)` gets the keys of the next few elements and returns a list of tuples, one for each (a block of one column:
-    a list of values). A block with other values is asked for again, element by element.
+    a list of values). A block with other values is read again, element by element.
 
     `places` maps elements to coordinates: `{"this": "x y z", "pos": "x y z"}`. With "this" the world promises that
     its function `distance` measures the straight distance from the point [x, y, z] of an element to a point, to a

@@ -3,7 +3,7 @@
 A float below 2^63 is a whole number, a multiple of 2^-60 below 1, and one of 2^-120 below 2^-60; DuckDB adds these
 three as integers, exactly. What is left of a value, mostly nothing, is collected. A macro makes the parts of a value:
 
-    ss2sql_sum(x) = ss2sql_add_sum(SUM(whole), SUM(fraction), SUM(rest), LIST(remainder), COUNT(x))
+    ss2sql_sum(x) = ss2sql_sum_of_run_1(SUM(whole), SUM(fraction), SUM(rest), LIST(remainder), COUNT(x))
 
 The average of 5 million floats in 1,000 groups took 260 ms as lists and takes 60.
 """

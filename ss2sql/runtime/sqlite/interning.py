@@ -232,7 +232,7 @@ class Interning:
 
     def _note_key(self, handle: bytes, value: Any) -> None:
         """Notes the SQL value that stands for all values that equal one, where that is not its handle."""
-        frozen: Hashable = value if type(value) is bytes else make_hashable(value)
+        frozen = make_hashable(value)
         key: bytes
         if type(value) is bytes:
             key = value  # as a BLOB of a table is
