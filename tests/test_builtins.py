@@ -91,8 +91,8 @@ def test_bounds_are_computed() -> None:
         ("item", (POINT, bounded(-1, -1)), bounded(1, 5)), ("item", (POINT, bounded(0, 1)), bounded(-2, 5)),
         ("item", (make_list_type([Type(Kind.STR), one]), bounded(0, 1, Kind.BOOL)), bounded(1, 1, Kind.STR | Kind.INT)),
         ("zip", (POINT, make_list_type([Type(Kind.STR)])),
-         Type(Kind.LIST, item=make_list_type([bounded(-2, 5), Type(Kind.STR)]), columns=())),
-        ("range", (bounded(0, 9),), Type(Kind.LIST, item=bounded(0, 8), columns=())),
+         Type(Kind.LIST, element=make_list_type([bounded(-2, 5), Type(Kind.STR)]), columns=())),
+        ("range", (bounded(0, 9),), Type(Kind.LIST, element=bounded(0, 8), columns=())),
     ]  # fmt: skip
     for name, types, expected in cases:
         assert OPERATIONS[name].result(types) == expected, name
@@ -100,7 +100,7 @@ def test_bounds_are_computed() -> None:
 
 def test_what_cannot_fail_and_what_can() -> None:
     text, floats, one = Type(Kind.STR), Type(Kind.FLOAT), bounded(1, 1)
-    numbers = Type(Kind.LIST, item=Type(Kind.INT))
+    numbers = Type(Kind.LIST, element=Type(Kind.INT))
     safe = [
         ("lt", (INT, floats)), ("lt", (text, text)), ("ge", (numbers, numbers)), ("eq", (ANY, ANY)),
         ("add", (text, text)), ("add", (numbers, numbers)), ("mod", (INT, bounded(1, 9))),
@@ -119,7 +119,7 @@ def test_what_cannot_fail_and_what_can() -> None:
         ("sub", (bounded(INT_MIN, 0), bounded(1, 1))), ("mul", (bounded(0, 2**32), bounded(0, 2**31))),
         ("mul", (floats, floats)), ("div", (INT, bounded(-1, 1))), ("div", (floats, bounded(0.5, 1, Kind.FLOAT))),
         ("mod", (INT, INT)), ("neg", (INT,)), ("abs", (bounded(INT_MIN, 0),)), ("item", (numbers, bounded(0, 0))),
-        ("sorted", (Type(Kind.LIST, item=Type(Kind.INT | Kind.NONE)),)), ("sum", (numbers,)),
+        ("sorted", (Type(Kind.LIST, element=Type(Kind.INT | Kind.NONE)),)), ("sum", (numbers,)),
         ("range", (bounded(0, 5), bounded(0, 5), bounded(0, 1))), ("sqrt", (bounded(-1, 5),)),
         ("round", (INT, bounded(-1, 1))), ("int", (floats,)), ("distance", (floats, floats)),
         ("pow", (bounded(0, 10), bounded(0, 19))), ("pow", (bounded(0, 10), bounded(-1, 2))),

@@ -127,6 +127,8 @@ INLINED: list[tuple[Callable[..., Any], str, list[Any], list[Any]]] = [
      ONE, Numbers, [1]),
     (lambda x: x in NAME, ONE, ["a", "", "bc", "x"], [1]),
     (lambda x, y: [bool(x), not (x < y)], TWO, Numbers, Numbers),
+    (lambda x, y: (x > 0 and x < y) or x == y or False, TWO, Numbers, Numbers),
+    (lambda x: (x + 1) and (x - 1), ONE, [-1, 0, 1, 2], [1]),
 ]  # fmt: skip
 
 
@@ -236,6 +238,8 @@ def outcome(script: str, engine: Any, disable: tuple[str, ...] = (), **functions
         (lambda x: int(x), "this", "['7', 'b']", ValueError),
         (lambda x: 1 in x, "this", "[[1], [2]]", {}),
         (lambda x: 1 in x, "this", "['1']", TypeError),
+        (lambda x: sum(x), "this", "[1]", TypeError),
+        (lambda x: [sum(x)], "this", "[1]", TypeError),
         # Arguments are evaluated as often and in the order of the call.
         (inc, "this % 2 / 2", "[1, 2, -3]", {}),
         (lambda x: x + x, "this % 2 / 2", "[1, 2, -3]", {}),  # cheap, and cannot fail
@@ -251,6 +255,7 @@ def outcome(script: str, engine: Any, disable: tuple[str, ...] = (), **functions
         (lambda x: x[0] - x[0], "[this % 2]", "[1, 2, -3]", {}),
         (lambda x: x[0], "[this, 7 % this]", "[1, 2, -3]", {"f": 3}),
         (lambda x: [x, x], "[this, 1]", "[1, 2, -3]", {}),
+        (lambda x: [x, x], "IF([this, 1] == [1, this]; this; -this)", "[1, 2, -3]", {"f": 3}),
         (lambda x: x * 2, "print(this)", "[1, 2, -3]", {"f": 3}),
         (lambda x, y: x - y, "this, print(this)", "[1, 2, -3]", {"f": 3}),
         (lambda x, y: y - x, "this, print(this)", "[1, 2, -3]", {"f": 3}),
@@ -265,6 +270,14 @@ def test_an_inlined_call_gives_fails_and_prints_as_the_call_does(
     printed = capsys.readouterr().out
     assert (value, printed) == (outcome(script, engine, ("inline",), f=function)[0], capsys.readouterr().out)
     assert counted == calls if isinstance(calls, dict) else issubclass(value[0], calls)
+
+
+@both
+def test_a_row_of_a_table_is_made_once(table: ss2sql.Session, engine: Any) -> None:
+    table.function("once", lambda row: row is None)
+    table.function("twice", lambda row: [row is None, row is not None])
+    result = table.run("SELECT once(this), twice(this) FROM t WHERE id > 1 AS list;", engine=engine)
+    assert (result.value, result.stats.calls) == ([False, [False, True]] * 2, {"twice": 2})
 
 
 @both

@@ -32,7 +32,7 @@ from ss2sql.language.kinds import (
 from ss2sql.language.kinds import drop_bounds as unbounded
 from ss2sql.language.values import convert_value
 
-EMPTY = Type(Kind.LIST, item=NOTHING, columns=())
+EMPTY = Type(Kind.LIST, element=NOTHING, columns=())
 
 
 @dataclass
@@ -51,15 +51,15 @@ def number(low: float, high: float, kinds: Kind = Kind.INT) -> Type:
 
 
 def plain_list(item: Type) -> Type:
-    return Type(Kind.LIST, item=item, columns=())
+    return Type(Kind.LIST, element=item, columns=())
 
 
 def long_list(item: Type, length: int | None) -> Type:
-    return Type(Kind.LIST, item=item, columns=(), length=length)
+    return Type(Kind.LIST, element=item, columns=(), length=length)
 
 
 def short_list(*positions: Type) -> Type:
-    return Type(Kind.LIST, item=unite(positions), columns=(), positions=positions)
+    return Type(Kind.LIST, element=unite(positions), columns=(), positions=positions)
 
 
 TYPES = [
@@ -89,7 +89,7 @@ def test_the_type_of_a_value(value: Any, expected: Type) -> None:
 def test_lists_of_dicts_and_dataclass_objects_have_columns() -> None:
     rows = [{"a": 1}, {"b": "x", "a": 2.5}]
     columns = (("a", number(1, 2.5, Kind.INT | Kind.FLOAT)), ("b", Type(Kind.STR | Kind.NONE)))
-    assert type_of(rows) == Type(Kind.LIST, item=Type(Kind.DICT, columns=columns), columns=columns)
+    assert type_of(rows) == Type(Kind.LIST, element=Type(Kind.DICT, columns=columns), columns=columns)
     assert type_of([{"a": 1}, 2]).columns == ()
     people = convert_value([Person("Ann", 5), Person("Bob", 7)], "the variable 'x'")
     assert type_of(people).columns == (("name", ANY), ("age", ANY))
@@ -133,10 +133,10 @@ def test_a_union_covers_its_members(a: Any, b: Any, c: Any) -> None:
 @given(st.lists(ALIKE, max_size=4))
 def test_the_type_of_a_list_covers_its_elements(values: list[Any]) -> None:
     kind = type_of(values)
-    assert kind.item is not None
-    longer = Type(kind.kinds, item=kind.item, columns=kind.columns)  # of a list of any length
+    assert kind.element is not None
+    longer = Type(kind.kinds, element=kind.element, columns=kind.columns)  # of a list of any length
     for value in values:
-        assert is_supertype(kind.item, type_of(value))
+        assert is_supertype(kind.element, type_of(value))
         assert is_supertype(longer, type_of([value])) or kind.columns != type_of([value]).columns
     assert is_supertype(longer, EMPTY)
     assert is_supertype(longer, kind)
@@ -147,7 +147,7 @@ def test_the_type_of_a_list_covers_its_elements(values: list[Any]) -> None:
         assert not is_supertype(kind, longer)
         assert not is_supertype(kind, EMPTY)
         assert all(is_supertype(*pair) for pair in zip(kind.positions, map(type_of, values), strict=True))
-        assert unite(kind.positions) == kind.item
+        assert unite(kind.positions) == kind.element
         assert kind == make_list_type(kind.positions)
 
 

@@ -141,7 +141,7 @@ def test_types_of_several_values_cover_the_value(name: str, data: st.DataObject)
     drawn = [data.draw(st.lists(SOME, min_size=1, max_size=3)) for _ in range(count)]
     types = [unite(map(type_of, values)) for values in drawn]
     if data.draw(st.booleans()):
-        types = [Type(kind.kinds, item=kind.item, columns=kind.columns) for kind in types]
+        types = [Type(kind.kinds, element=kind.element, columns=kind.columns) for kind in types]
     for arguments in product(*drawn):
         judge(name, arguments, types)
 

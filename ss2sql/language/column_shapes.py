@@ -124,7 +124,7 @@ def _infer_shape_of_type(promised: Type) -> Shape:
     if not kinds:
         return NONE
     if kinds == Kind.LIST:
-        return ListOf(NONE if promised.item is None else _infer_shape_of_type(promised.item))
+        return ListOf(NONE if promised.element is None else _infer_shape_of_type(promised.element))
     if kinds == Kind.DICT and promised.columns:
         return Struct(tuple((name, _infer_shape_of_type(column)) for name, column in promised.columns))
     return next((shape for wide, shape in PLAN if kinds | wide == wide), NONE)

@@ -80,7 +80,7 @@ class Type:
     kinds: Kind = Kind.ANY
     low: float | int | None = None  # bounds the numbers among the values, as does `high`
     high: float | int | None = None
-    item: Type | None = None  # the type of the elements of a list
+    element: Type | None = None  # the type of the elements of a list
     columns: tuple[tuple[str, Type], ...] | None = None  # the keys that a dict, or each element of a list, has
     positions: tuple[Type, ...] | None = None  # of lists of one length: the types of their elements
     length: int | None = None  # of lists without `positions`, if it is not 0
@@ -157,7 +157,7 @@ def _unite_pair(a: Type, b: Type) -> Type:
 
 
 def _unite_element_types(a: Type, b: Type) -> Type | None:
-    lists = [t.item for t in (a, b) if t.may_be(Kind.LIST)]
+    lists = [t.element for t in (a, b) if t.may_be(Kind.LIST)]
     known = [item for item in lists if item is not None]
     return unite(known) if lists and len(known) == len(lists) else None
 
@@ -193,7 +193,7 @@ def _unite_columns(a: Type, b: Type) -> tuple[tuple[str, Type], ...] | None:
 
 def _is_empty(t: Type) -> bool:
     """Whether the type says that all its lists are empty, and that there are no dicts or objects."""
-    return t.item == NOTHING and not t.may_be(Kind.DICT | Kind.OBJECT)
+    return t.element == NOTHING and not t.may_be(Kind.DICT | Kind.OBJECT)
 
 
 def can_be_equal(a: Type, b: Type) -> bool:
@@ -217,7 +217,7 @@ def make_list_type(types: Sequence[Type]) -> Type:
     """The type of a list whose elements have these types, one by one; it has columns if all of them may have some."""
     item = unite(types)
     columns = item.columns if types and all(one.may_be(Kind.DICT | Kind.OBJECT) for one in types) else ()
-    return Type(Kind.LIST, item=item, columns=columns, positions=_unite_position_types(types, item))
+    return Type(Kind.LIST, element=item, columns=columns, positions=_unite_position_types(types, item))
 
 
 def _unite_position_types(types: Sequence[Type], item: Type) -> tuple[Type, ...] | None:
@@ -231,7 +231,7 @@ def _choose_type_length(length: int, item: Type, positions: tuple[Type, ...] | N
 
 def drop_bounds(t: Type) -> Type:
     """The type without bounds of numbers, inside lists and dicts too."""
-    item = None if t.item is None else drop_bounds(t.item)
+    item = None if t.element is None else drop_bounds(t.element)
     columns = None if t.columns is None else tuple((name, drop_bounds(column)) for name, column in t.columns)
     positions = None if t.positions is None else tuple(map(drop_bounds, t.positions))
     return Type(t.kinds, None, None, item, columns, positions)
@@ -239,15 +239,15 @@ def drop_bounds(t: Type) -> Type:
 
 def limit_type_depth(t: Type, detail: int = _DETAIL) -> Type:
     """The type down to a depth of `detail`. Columns occur twice in it, so each level doubles the work of a walk."""
-    if t.item is None and t.columns is None and t.positions is None:
+    if t.element is None and t.columns is None and t.positions is None:
         return t
     if not detail:
         return Type(t.kinds, t.low, t.high)
-    item = None if t.item is None else limit_type_depth(t.item, detail - 1)
+    item = None if t.element is None else limit_type_depth(t.element, detail - 1)
     columns = (
         None if t.columns is None else tuple((name, limit_type_depth(column, detail - 1)) for name, column in t.columns)
     )
-    return replace(t, item=item, columns=columns)
+    return replace(t, element=item, columns=columns)
 
 
 def is_supertype(wide: Type, narrow: Type) -> bool:
@@ -325,7 +325,7 @@ def _infer_element_type(items: Sequence[Any], detail: int) -> Type:
             item = unite(types) if types else _infer_element_type(inner, detail - 1)
             positions = _unite_position_types(types, item)
             length = _choose_type_length(len(items[0]), item, positions) if len(set(map(len, items))) == 1 else None
-            return Type(Kind.LIST, item=item, columns=(), positions=positions, length=length)
+            return Type(Kind.LIST, element=item, columns=(), positions=positions, length=length)
     if classes == {dict} and detail:
         return Type(Kind.DICT, columns=_infer_column_types(items, detail - 1))
     if items and not classes & _WITHOUT_COLUMNS and dict not in classes:

@@ -260,8 +260,8 @@ def format_type(kind: Type) -> str:
         return "any"
     names = [(member.name or "").lower() for member in Kind if kind.may_be(member) and member.name in _SINGLE]
     text = " or ".join(names) or "nothing"
-    if kind.item is not None and kind.kinds == Kind.LIST:
-        text += f" of {format_type(kind.item)}"
+    if kind.element is not None and kind.kinds == Kind.LIST:
+        text += f" of {format_type(kind.element)}"
     if kind.low is not None and kind.high is not None and kind.kinds != Kind.BOOL:
         text += f" {kind.low}..{kind.high}"
     return text

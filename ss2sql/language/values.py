@@ -278,12 +278,16 @@ def choose_frozen_shape(known: Type) -> Shape:
         return "scalar"
     if is_flat_list_type(known):
         return "flat"
-    return "nested" if known.is_only(Kind.LIST) and known.item is not None and is_flat_list_type(known.item) else "any"
+    return (
+        "nested"
+        if known.is_only(Kind.LIST) and known.element is not None and is_flat_list_type(known.element)
+        else "any"
+    )
 
 
 def is_flat_list_type(known: Type) -> bool:
     """Whether values of this type are lists of scalars."""
-    return known.is_only(Kind.LIST) and known.item is not None and known.item.is_only(SCALAR)
+    return known.is_only(Kind.LIST) and known.element is not None and known.element.is_only(SCALAR)
 
 
 def convert_and_freeze(value: Any, giver: str, freezer: Callable[[Any], Any]) -> tuple[Any, Any]:

@@ -54,7 +54,7 @@ def lower_item(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -
     if not all(index.type.is_only(INTEGRAL) and is_sql_number(index.type) for index in indexes):
         return None
     nodes = [lowering.lower_expr(index, scope) for index in indexes]
-    sizes = [container.type.size, container.type.item.size if container.type.item else None]
+    sizes = [container.type.size, container.type.element.size if container.type.element else None]
     cells = lowering.needs.bind_packed(container, packing)
     found = _build_byte_lookup(lowering, cells, _lower_blob_offset(nodes, sizes[1 : len(nodes)]), leaf)
     if all(_is_index_in_bounds(index.type, size) for index, size in zip(indexes, sizes, strict=False)):
@@ -80,9 +80,9 @@ def _split_indexes(call: plan.Call) -> tuple[plan.Expr, list[plan.Expr]]:
 def _choose_encoding(kind: Type, depth: int) -> tuple[ListEncoding, Type] | None:
     """How lists of the type are packed, and the type of their items; None where they cannot be."""
     for _ in range(depth):
-        if kind.kinds != Kind.LIST or kind.size is None or kind.item is None:
+        if kind.kinds != Kind.LIST or kind.size is None or kind.element is None:
             return None
-        kind = kind.item
+        kind = kind.element
     if kind.kinds == Kind.BOOL:
         return ListEncoding(depth > 1, 0), kind
     if kind.kinds != Kind.INT or kind.low is None or kind.high is None or kind.high - kind.low > 255:
@@ -157,7 +157,7 @@ def lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlSc
 
 
 def _choose_point_encoding(kind: Type) -> PointSetEncoding | None:
-    points = kind.item
+    points = kind.element
     if kind.kinds != Kind.LIST or points is None or points.kinds != Kind.LIST or points.positions is None:
         return None
     box: list[tuple[int, int]] = []
@@ -177,9 +177,9 @@ LowerFunction: TypeAlias = "Callable[[ExpressionLowering, plan.Call, SqlScope], 
 
 def _has_one_form(kind: Type) -> bool:
     """Whether these are lists of which equal ones are the same: of integers, strings, None and such lists."""
-    if kind.kinds != Kind.LIST or kind.item is None:
+    if kind.kinds != Kind.LIST or kind.element is None:
         return False
-    return kind.item.is_only(Kind.INT | Kind.STR | Kind.NONE) or _has_one_form(kind.item)
+    return kind.element.is_only(Kind.INT | Kind.STR | Kind.NONE) or _has_one_form(kind.element)
 
 
 def _is_bound_beforehand(expr: plan.Expr) -> bool:
@@ -252,7 +252,7 @@ def _lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlS
     The list of a query is one of SQL: `x IN (SELECT e.b FROM ...)`.
     """
     item, items = call.arguments
-    known = items.type.item if items.type.kinds == Kind.LIST else None
+    known = items.type.element if items.type.kinds == Kind.LIST else None
     if known is None or not have_same_storage_class(item.type, known) or known.may_be(Kind.BOOL):
         return lower_membership(lowering, call, scope)
     listed = items.query.columns[0].expr if isinstance(items, plan.Subquery) and is_column_query(items.query) else None

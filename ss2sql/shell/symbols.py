@@ -148,7 +148,7 @@ class SymbolTable:
             for name, of_column in type_of(value).columns or ():
                 yield (
                     name,
-                    _format_symbol_type(of_column.item if of_lists and of_column.item is not None else of_column),
+                    _format_symbol_type(of_column.element if of_lists and of_column.element is not None else of_column),
                 )
         else:
             others = self.host.names.others
@@ -170,7 +170,7 @@ class SymbolTable:
 
 def _format_symbol_type(kind: Type) -> str:
     """A type without bounds of numbers, since only a few elements were read."""
-    return format_type(Type(kind.kinds, item=None if kind.item is None else Type(kind.item.kinds)))
+    return format_type(Type(kind.kinds, element=None if kind.element is None else Type(kind.element.kinds)))
 
 
 def _list_symbol_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, ...]:

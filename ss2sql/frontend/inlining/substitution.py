@@ -70,7 +70,7 @@ class _BodyResolver(Resolver):
         for name, argument in args.items():
             if argument.type.may_be(Kind.OBJECT) or not argument.type.kinds:
                 raise NotInlinable(f"nothing is known of the argument '{name}'")
-        expr = self.resolve_expr(body.tree, Scope(None, 0, columns=args))
+        expr = self.record_errors(self.resolve_expr, body.tree, Scope(None, 0, columns=args))
         if self.errors:
             raise NotInlinable(self.errors[0].message)
         _check_inlined_size(expr)
@@ -152,7 +152,7 @@ def _is_plain_to_inline(kind: Type) -> bool:
     """Whether the values are scalars, or lists of scalars down to a depth that the type describes."""
     if kind.may_be(Kind.OBJECT | Kind.DICT):
         return False
-    return not kind.may_be(Kind.LIST) or (kind.item is not None and _is_plain_to_inline(kind.item))
+    return not kind.may_be(Kind.LIST) or (kind.element is not None and _is_plain_to_inline(kind.element))
 
 
 def _has_inlined_comparison(name: str, arguments: tuple[plan.Expr, ...], types: list[Type]) -> bool:

@@ -258,11 +258,11 @@ def _derive_source_name(tree: ast.Expr) -> str:
 def _resolve_element_type(value: Type) -> tuple[Type, tuple[tuple[str, Type], ...] | None]:
     """The type and the columns of the elements of a value that stands in FROM."""
     if value.is_only(Kind.LIST):
-        return value.item or ANY, value.columns
+        return value.element or ANY, value.columns
     if value.is_only(Kind.DICT) and value.columns is not None:
         columns = value.columns
         if columns and all(kind.is_only(Kind.LIST) for _, kind in columns):
-            columns = tuple((name, kind.item or ANY) for name, kind in columns)
+            columns = tuple((name, kind.element or ANY) for name, kind in columns)
         return Type(Kind.DICT, columns=columns), columns
     if value.may_be(Kind.LIST | Kind.DICT):
         return ANY, None

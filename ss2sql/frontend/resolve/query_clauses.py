@@ -480,11 +480,11 @@ def _resolve_value_type(query: plan.Query) -> Type:
     match query.representation.name:
         case "dict":
             columns = tuple((output.name, kind) for output, kind in zip(query.columns, kinds, strict=True))
-            rows = Type(Kind.LIST, item=Type(Kind.DICT, columns=columns), columns=columns)
+            rows = Type(Kind.LIST, element=Type(Kind.DICT, columns=columns), columns=columns)
         case "list" | "set":
             rows = replace(make_list_type(kinds), positions=None)  # for any number of rows
         case "rows":
-            rows = Type(Kind.LIST, item=make_list_type(kinds), columns=())
+            rows = Type(Kind.LIST, element=make_list_type(kinds), columns=())
         case "value":
             cut = query.search or query.group or query.having or query.limit or query.offset
             one = query.aggregated and not cut  # one group, even without rows
@@ -496,5 +496,5 @@ def _resolve_value_type(query: plan.Query) -> Type:
     if query.group and not query.aggregated:
         return Type(Kind.DICT)
     if query.gives_paths:
-        return Type(Kind.LIST, item=rows, columns=() if not rows.may_be(Kind.DICT) else None)
+        return Type(Kind.LIST, element=rows, columns=() if not rows.may_be(Kind.DICT) else None)
     return rows

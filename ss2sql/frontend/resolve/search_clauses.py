@@ -153,7 +153,7 @@ def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | Non
             values = resolver.make_call("path values", (cell,), tree.span, tree.span)
             item = argument.type
             columns = item.columns if item.is_only(Kind.DICT) else None
-            return replace(values, type=Type(Kind.LIST, item=item, columns=columns))
+            return replace(values, type=Type(Kind.LIST, element=item, columns=columns))
 
 
 def resolve_next_call(scope: Scope, expr: plan.Expr) -> Any:
@@ -217,7 +217,7 @@ def _resolve_leaf(resolver: Resolver, span: Span, own: Scope) -> plan.Expr:
     query = plan.Query(resolver.make_number(), sources, shown, where, limit=one, representation=form, span=span)
     found = plan.Subquery(query, make_list_type([one.type]), span=span)
     nothing = plan.Constant([], Type(Kind.LIST), span=span)
-    none = resolver.make_call("eq", (replace(found, type=Type(Kind.LIST, item=one.type)), nothing), span, span)
+    none = resolver.make_call("eq", (replace(found, type=Type(Kind.LIST, element=one.type)), nothing), span, span)
     return none if search.stop is None else plan.Or((search.stop, none), BOOL, span=span)
 
 

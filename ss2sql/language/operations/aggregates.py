@@ -91,7 +91,7 @@ def _are_element_types(kinds: Kind) -> When:
     """Lists with elements of these kinds, at least one of them not empty."""
 
     def check_types(types: Types) -> bool:
-        item = types[0].item
+        item = types[0].element
         return types[0].is_only(Kind.LIST) and item is not None and item != NOTHING and item.is_only(kinds)
 
     return check_types
@@ -213,7 +213,7 @@ def _declare_collect() -> AggregateOperation:
     """The row of `collect`: the values of a group as a list, for functions that need their order or more arguments."""
 
     def infer_type(kind: Type) -> Type:
-        return Type(Kind.LIST, item=kind, columns=kind.columns)
+        return Type(Kind.LIST, element=kind, columns=kind.columns)
 
     return AggregateOperation(list, [], infer_type, lambda kind: False, lambda kind: False, python=(Form(list),))
 

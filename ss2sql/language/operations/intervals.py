@@ -60,7 +60,7 @@ def is_nonnegative(t: Type) -> bool:
 
 def keep_lists(t: Type) -> Type:
     """The lists among the values."""
-    return Type(Kind.LIST, item=t.item, columns=t.columns) if t.may_be(Kind.LIST) else NOTHING
+    return Type(Kind.LIST, element=t.element, columns=t.columns) if t.may_be(Kind.LIST) else NOTHING
 
 
 def make_text_type(types: Types) -> Type:
@@ -75,9 +75,9 @@ def are_comparable(a: Type, b: Type) -> bool:
     """Whether any two values of both types can be ordered."""
     if any(a.is_only(kinds) and b.is_only(kinds) for kinds in (Kind.NUMBER, Kind.STR)):
         return True
-    if not (a.is_only(Kind.LIST) and b.is_only(Kind.LIST)) or a.item is None or b.item is None:
+    if not (a.is_only(Kind.LIST) and b.is_only(Kind.LIST)) or a.element is None or b.element is None:
         return False
-    return are_comparable(a.item, b.item)
+    return are_comparable(a.element, b.element)
 
 
 def apply_bounds(operation: Operation, types: Types) -> list[tuple[Kind, list[float]]]:

@@ -110,7 +110,7 @@ def _infer_elements_at(container: Type, index: Type) -> Type:
     """The elements of the lists among the values that an index may mean."""
     places = bound_integers(index)
     if container.positions is None or places is None:
-        return ANY if container.item is None else container.item
+        return ANY if container.element is None else container.element
     length = len(container.positions)
     inside = range(max(places[0], -length), min(places[1], length - 1) + 1)
     return unite(container.positions[place] for place in inside)
@@ -263,7 +263,10 @@ def _are_orderable_types(least: int, most: int) -> When:
 
 def _list_of_alike(types: Types) -> bool:
     return (
-        len(types) == 1 and types[0].is_only(Kind.LIST) and types[0].item is not None and are_orderable([types[0].item])
+        len(types) == 1
+        and types[0].is_only(Kind.LIST)
+        and types[0].element is not None
+        and are_orderable([types[0].element])
     )
 
 
@@ -327,11 +330,11 @@ def _infer_range(types: Types) -> Type:
         return NOTHING
     low = limits[0][0] if len(types) > 1 else 0
     upwards = make_numbers(Kind.INT, (low, max(limits[len(types) > 1][1] - 1, low)))
-    return Type(Kind.LIST, item=upwards if len(types) < 3 else Type(Kind.INT), columns=())
+    return Type(Kind.LIST, element=upwards if len(types) < 3 else Type(Kind.INT), columns=())
 
 
 def _can_range_fail(types: Types) -> bool:
-    item = _infer_range(types).item if each(INTEGER)(types) else None
+    item = _infer_range(types).element if each(INTEGER)(types) else None
     return item is None or item.low is None or item.high is None or item.high - item.low >= RANGE_LIMIT
 
 
@@ -363,8 +366,8 @@ def _infer_flattened(types: Types) -> Type:
         return NOTHING
     item = element_type(types[0])
     inner = element_type(item) if item.may_be(Kind.LIST) else NOTHING
-    others = replace(item, kinds=item.kinds & ~Kind.LIST, item=None, positions=None, length=None)
-    return Type(Kind.LIST, item=ANY if ANY in (item, inner) else unite((inner, others if others.kinds else NOTHING)))
+    others = replace(item, kinds=item.kinds & ~Kind.LIST, element=None, positions=None, length=None)
+    return Type(Kind.LIST, element=ANY if ANY in (item, inner) else unite((inner, others if others.kinds else NOTHING)))
 
 
 def _compute_index(values: Any, wanted: Any) -> int | None:
@@ -443,7 +446,8 @@ OPERATIONS = (
     ),
     declare(
         "zip", (1, None), zip_lists,
-        lambda types: Type(Kind.LIST, item=make_list_type([element_type(t) for t in types]), columns=()), are_not_lists,
+        lambda types: Type(Kind.LIST, element=make_list_type([element_type(t) for t in types]), columns=()),
+        are_not_lists,
         grows=True, call="zip(list, list, ...)", example="zip([1, 2], ['a', 'b'])",
         about="the first elements of lists, the second, ...",
     ),

@@ -301,7 +301,7 @@ def element_type(kind: Type) -> Type:
     """The elements of the lists among the values."""
     if not kind.may_be(Kind.LIST):
         return NOTHING
-    return ANY if kind.item is None else kind.item
+    return ANY if kind.element is None else kind.element
 
 
 def remove_none_kind(kind: Type) -> Type:

@@ -57,7 +57,7 @@ def _split_string(value: str, separator: str | None = None) -> list[str]:
 
 def _infer_parts(types: Types) -> Type:
     text = make_text_type(types[:1])
-    return Type(Kind.LIST, item=text, columns=()) if text != NOTHING else NOTHING
+    return Type(Kind.LIST, element=text, columns=()) if text != NOTHING else NOTHING
 
 
 def join_list(values: Any, separator: Any = "") -> str:

@@ -33,9 +33,9 @@ def get_sql_column_type(kind: Type) -> str | None:
     plain = kind.kinds & ~Kind.NONE
     if plain in SCALARS:
         return SCALARS[plain]
-    if plain == Kind.LIST and kind.item is not None and not kind.item.may_be(Kind.NONE):
-        inner = get_sql_column_type(kind.item)
-        return None if inner is None or kind.item.may_be(Kind.FLOAT) else f"{inner}[]"
+    if plain == Kind.LIST and kind.element is not None and not kind.element.may_be(Kind.NONE):
+        inner = get_sql_column_type(kind.element)
+        return None if inner is None or kind.element.may_be(Kind.FLOAT) else f"{inner}[]"
     return None
 
 
@@ -71,7 +71,7 @@ WriteFunction: TypeAlias = "Callable[[PortableExpressions, plan.Call, SqlScope],
 
 def _are_comparable(left: Type, right: Type) -> bool:
     """Whether both have one type in SQL, or are numbers that compare exactly."""
-    one, other = (Type(kind.kinds & ~Kind.NONE, kind.low, kind.high, kind.item) for kind in (left, right))
+    one, other = (Type(kind.kinds & ~Kind.NONE, kind.low, kind.high, kind.element) for kind in (left, right))
     return get_sql_column_type(one) == get_sql_column_type(other) is not None or (
         is_exact_as_float(one) and is_exact_as_float(other)
     )
@@ -99,7 +99,7 @@ def _write_membership(of: PortableExpressions, call: plan.Call, scope: SqlScope)
         text, part = of.lower_value(container, scope), of.lower_value(item, scope)
         test = exp.Contains(this=text, expression=part)
     else:
-        inner = container.type.item or NOTHING
+        inner = container.type.element or NOTHING
         if not _are_comparable(item.type, inner) or is_nullable(item.type):
             return None
         if get_sql_column_type(item.type) != get_sql_column_type(inner) and not isinstance(container, plan.Constant):
@@ -289,8 +289,8 @@ def lower_constant(value: Any, kind: Type, expr: plan.Expr) -> Node:
             )
         case str() if value.isprintable():
             return exp.Literal.string(value)
-        case list() | tuple() if kind.item is not None:
-            made = exp.Array(expressions=[lower_constant(item, kind.item, expr) for item in value])
+        case list() | tuple() if kind.element is not None:
+            made = exp.Array(expressions=[lower_constant(item, kind.element, expr) for item in value])
             return made if value else cast_literal(made, get_sql_column_type(kind))
         case _:
             raise build_refusal("other databases cannot be given this value", expr.span)

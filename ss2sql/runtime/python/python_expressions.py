@@ -179,7 +179,9 @@ class InlineCall:
     def _write_sum(self) -> ast.expr:
         """A sum of texts, or of lists, that is measured where it is long."""
         build, known = self.build, self.types[0]
-        if known.is_only(Kind.LIST) and not all(t.item is not None and t.item.is_only(_NUMBER) for t in self.types):
+        if known.is_only(Kind.LIST) and not all(
+            t.element is not None and t.element.is_only(_NUMBER) for t in self.types
+        ):
             return build.call(
                 self.codegen.read_sizes("add_values", build), *(operand.take_expr() for operand in self.operands)
             )
@@ -509,7 +511,11 @@ def _generate_membership(
     if short or isinstance(container, plan.MakeList) or not known:
         return None
     codegen, build = builder.codegen, builder.codegen.build_at(container.span)
-    if can_generate_tuple(item.type) and container.type.item is not None and can_generate_tuple(container.type.item):
+    if (
+        can_generate_tuple(item.type)
+        and container.type.element is not None
+        and can_generate_tuple(container.type.element)
+    ):
         function, sought = make_list_member_set, generate_tuple(arguments[0], build)
     else:
         function, sought = make_member_set, arguments[0]

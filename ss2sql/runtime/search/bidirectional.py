@@ -163,7 +163,7 @@ def _get_backward_elements(expr: plan.Expr) -> list[plan.Expr] | None:
     if isinstance(expr, plan.MakeList):
         return list(expr.items)
     if isinstance(expr, plan.Constant) and isinstance(expr.value, list):
-        return [plan.Constant(value, expr.type.item or INT, span=expr.span) for value in expr.value]
+        return [plan.Constant(value, expr.type.element or INT, span=expr.span) for value in expr.value]
     return None
 
 

@@ -111,7 +111,7 @@ def convert_array(array: Array, missing: Array | None, place: str, suffix: str =
 
 def make_frame_objects(values: list[Any], place: str) -> Column:
     known = convert_value(convert_frame_cells(values), place)
-    return Column(type_of(known).item or Type(), lambda: known)
+    return Column(type_of(known).element or Type(), lambda: known)
 
 
 def make_text_column(missing: Array | None, make: Callable[[], list[Any]]) -> Column:

@@ -34,7 +34,7 @@ class Frame(Typed):
     def __init__(self, columns: dict[str, Column], length: int) -> None:
         self.columns = columns
         self.length = length
-        empty = Type(Kind.LIST, item=Type(Kind.DICT, columns=()), columns=())  # rows without columns
+        empty = Type(Kind.LIST, element=Type(Kind.DICT, columns=()), columns=())  # rows without columns
         super().__init__(_type_of_frame(columns) if columns else empty)
 
     def make_value(self) -> Any:
@@ -59,7 +59,7 @@ class Frame(Typed):
 
 def _type_of_frame(columns: dict[str, Column]) -> Type:
     types = ((name, column.type) for name, column in columns.items())
-    return Type(Kind.DICT, columns=tuple((n, Type(Kind.LIST, item=t, columns=t.columns or ())) for n, t in types))
+    return Type(Kind.DICT, columns=tuple((n, Type(Kind.LIST, element=t, columns=t.columns or ())) for n, t in types))
 
 
 def name_frame_columns(labels: Iterable[Hashable], owner: str) -> list[str]:
