@@ -19,6 +19,7 @@ from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn, bui
 from ss2sql.runtime.external.level_query import TRIED, LevelStatements
 from ss2sql.runtime.external.table_statements import Value, number_rows, table_of_rows
 from ss2sql.runtime.python.native_query import NativeQuery
+from ss2sql.runtime.run.error_locations import locate_in_script
 from ss2sql.runtime.run.run_state import GraphLevel, Run
 from ss2sql.runtime.search.search_run import Found, SearchRun
 from ss2sql.runtime.search.step_contract import Expand, Last, list_step_elements
@@ -49,11 +50,14 @@ class StepEvaluation:
         Raises UnsupportedError where another database cannot keep what a step comes to.
         """
         tried = self.expand(self.shapes.freeze_state(loads(state)), ())
-        for nth, (row, _, goal, goes_on, after, _, _, last) in enumerate(tried):
-            if nth == MAX_ELEMENTS:
-                raise build_sql_limit_error("a state")
-            key, *noted = self.encode_step(row, last, after if goes_on else None)
-            yield step * MAX_ELEMENTS + nth, key, goal, goes_on, *noted
+        try:
+            for nth, (row, _, goal, goes_on, after, _, _, last) in enumerate(tried):
+                if nth == MAX_ELEMENTS:
+                    raise build_sql_limit_error("a state")
+                key, *noted = self.encode_step(row, last, after if goes_on else None)
+                yield step * MAX_ELEMENTS + nth, key, goal, goes_on, *noted
+        except IndexError as error:
+            raise locate_in_script(error) from None
 
     def encode_step(
         self, row: FrozenRow, last: Any, state: State | None

@@ -135,6 +135,11 @@ def list_elements_with_keys(items: list[Any]) -> list[tuple[Any, bytes]]:
     return [(item, make_call_key(item)) for item in items]
 
 
+def loop_over_dict_columns(value: Any, *names: str) -> list[tuple[Any, ...]]:
+    """Columns of the dicts that are the elements of a value."""
+    return [tuple([element.get(name) for name in names]) for element in list_source_elements(value)]
+
+
 def loop_over_frame_rows(source: Any, *names: str) -> list[tuple[Any, ...]]:
     """The rows of a data frame, or of what a function of the user has put in its place."""
     if isinstance(source, Frame):

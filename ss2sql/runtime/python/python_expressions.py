@@ -466,7 +466,9 @@ def _generate_call(builder: QueryCompiler, node: plan.Call, body: PythonScope) -
         members = _generate_membership(builder, node, arguments, body)
         if members is not None:
             return members
-        if _is_item_access(node) and not function.raises:
+        if _is_item_access(node) and (not function.raises or (facts.steady and not facts.calls)):
+            if function.raises:
+                codegen.page.note_index(node.place, build.pack(*arguments))
             return build.item(arguments[0], arguments[1])
         inline = generate_builtin_inline(node, arguments, codegen, build)
         if inline is not None:

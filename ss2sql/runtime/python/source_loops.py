@@ -29,6 +29,7 @@ from ss2sql.runtime.python.equality_index import (
 from ss2sql.runtime.python.loop_helpers import (
     iterate_with_checks,
     list_elements_with_keys,
+    loop_over_dict_columns,
     loop_over_frame_rows,
     loop_over_table_rows,
 )
@@ -354,6 +355,11 @@ class SourceLoops:
                 read = generate_expression(builder, value, body)
                 rows = build.call(codegen.use(loop_over_frame_rows), read, *map(build.constant, words))
                 return self._read_once(source, body, rows)
+            case plan.ValueSource(value=value) if words := self._list_dict_columns_read(source, body):
+                codegen.tuples[source.id] = words
+                read = generate_expression(builder, value, body)
+                rows = build.call(codegen.use(loop_over_dict_columns), read, *map(build.constant, words))
+                return self._read_once(source, body, rows)
             case plan.ValueSource(value=value):
                 codegen.elements[source.id] = source.element
                 if isinstance(value, plan.MakeList):
@@ -422,14 +428,23 @@ class SourceLoops:
     def _reads_only(source: plan.Source, facts: ExpressionFacts) -> bool:
         return facts.sources == {source.id} and not (facts.states or facts.groups)
 
-    def _list_columns_read(self, source: int, columns: tuple[str, ...]) -> tuple[str, ...]:
+    def _list_columns_read(
+        self, source: int, columns: tuple[str, ...], whole: tuple[str, ...] | None = None
+    ) -> tuple[str, ...]:
+        """Those of the columns that are read; `whole`, by default all, where elements are."""
         read: set[str] = set()
         for node in chain.from_iterable(map(walk, self.builder.codegen.analysis.roots)):
             if isinstance(node, plan.Eval) or (isinstance(node, plan.Element) and node.source == source):
-                return columns
+                return columns if whole is None else whole
             if isinstance(node, plan.Column) and node.source == source:
                 read.add(node.name)
         return tuple(name for name in columns if name in read)
+
+    def _list_dict_columns_read(self, source: plan.ValueSource, body: PythonScope) -> tuple[str, ...]:
+        """The columns that a search reads of dicts, where it reads nothing else of them: 0.8 of its time on a grid."""
+        if self.query.search is None or body is not self.owner or not source.element.is_only(Kind.DICT):
+            return ()
+        return self._list_columns_read(source.id, tuple(name for name, _ in source.columns or ()), whole=())
 
     def _look_up_source(self, source: plan.Source, items: ast.expr, body: PythonScope) -> ast.expr:
         """The elements that the source's lookup finds; its index lives as long as the elements do.

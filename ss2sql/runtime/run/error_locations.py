@@ -7,13 +7,15 @@ that is read late, stand below it. So the lines of the script keep their numbers
 
 from __future__ import annotations
 
+import ast
 import linecache
 from collections.abc import Iterator
 from itertools import islice
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import TypeAlias
 
 from ss2sql.errors import Error, ExecutionError, Source, Span, Stopped, note_place_on_exception
+from ss2sql.language.operations import OPERATIONS
 
 # First line, last line, first column, last column, as a code object's co_positions gives them.
 Position: TypeAlias = tuple[int | None, int | None, int | None, int | None]
@@ -34,6 +36,7 @@ class CodePage:
         self._by_line: dict[int, Span] = {}
         self._functions: dict[Position, str] = {}
         self._evals: set[Position] = set()
+        self._indexes: dict[Position, list[ast.expr]] = {}
         self._append_source(source)
 
     def _append_source(self, source: Source) -> int:
@@ -72,6 +75,28 @@ class CodePage:
         """Notes that the code of another page is called at the span."""
         self._evals.add(self.add_span(span))
 
+    def note_index(self, span: Span, operands: ast.expr) -> None:
+        """Notes a list and an index, of which code at the span takes the element without a test before.
+
+        The caller guarantees that it does no harm to evaluate them again. A test would cost 0.05 us each time.
+        """
+        self._indexes.setdefault(self.add_span(span), []).append(operands)
+
+    def explain_index_error(self, position: Position, frame: FrameType) -> ExecutionError | None:
+        """What is wrong with the index that is out of range at a position; None if none was noted there."""
+        take_item, names = OPERATIONS["item"].value, {**frame.f_globals, **frame.f_locals}
+        assert take_item is not None
+        exact = position in self._indexes
+        for place, noted in self._indexes.items():
+            for operands in noted if place == position or (not exact and place[0] == position[0]) else ():
+                try:
+                    take_item(*eval(compile(ast.Expression(operands), self.name, "eval"), names))  # our own code
+                except ExecutionError as error:
+                    return error
+                except Exception:  # of another index at this place, which the code did not come to
+                    continue
+        return None
+
     def find_span(self, position: Position) -> Span | None:
         """The span at a position; by its line alone where Python was told to forget columns."""
         found = self._spans.get(position)
@@ -90,11 +115,15 @@ class CodePage:
         linecache.cache[self.name] = (sum(map(len, self._lines)), None, self._lines, self.name)
 
 
+Place: TypeAlias = tuple[CodePage, Position, FrameType | None]
+
+
 def locate_in_script(error: Exception) -> Exception:
     """The exception that leaves the native executor in place of `error`, with its place in the script.
 
     An Error without a span gets that of the innermost generated code, a user's exception gets a note. A
-    variable that was read before it got a value, which Python reports as NameError, becomes an Error.
+    variable that was read before it got a value, which Python reports as NameError, becomes an Error, and so does
+    Python's IndexError where an index is not tested.
     """
     error = _unwrap_stop_iteration(error)
     trail = list(_iterate_generated_frames(error.__traceback__))
@@ -102,8 +131,11 @@ def locate_in_script(error: Exception) -> Exception:
         return error
     for page, _, _ in trail:
         page.show_in_traceback()
-    page, position, innermost = trail[-1]
-    span = page.find_span(position)
+    page, position, frame = trail[-1]
+    innermost, span = frame is not None, page.find_span(position)
+    if isinstance(error, IndexError) and frame is not None:
+        found = page.explain_index_error(position, frame)
+        error = error if found is None else found.with_traceback(error.__traceback__)
     if isinstance(error, NameError) and innermost and span is not None and span.text.isidentifier():
         error = _build_unset_error(span.text, error)  # any other name is one of generated code, and a mistake of ours
     if isinstance(error, Error):
@@ -133,14 +165,14 @@ def _build_unset_error(name: str, error: NameError) -> ExecutionError:
     return ExecutionError("R001", message, hints=("assign it before it is read",)).with_traceback(error.__traceback__)
 
 
-def _add_running_evals(error: Error, trail: list[tuple[CodePage, Position, bool]]) -> None:
+def _add_running_evals(error: Error, trail: list[Place]) -> None:
     """Adds the places of the evals around the error, innermost first."""
     for place in _iterate_running_evals(trail):
         if place[0] != error.span and place not in error.related:
             error.related += (place,)
 
 
-def _iterate_running_evals(trail: list[tuple[CodePage, Position, bool]]) -> Iterator[tuple[Span, str]]:
+def _iterate_running_evals(trail: list[Place]) -> Iterator[tuple[Span, str]]:
     """The evals around the place where a trail ends, innermost first, as an Error relates to them."""
     for page, position, _ in reversed(trail):
         span = page.find_span(position)
@@ -148,11 +180,12 @@ def _iterate_running_evals(trail: list[tuple[CodePage, Position, bool]]) -> Iter
             yield span, EVAL_LABEL
 
 
-def _iterate_generated_frames(traceback: TracebackType | None) -> Iterator[tuple[CodePage, Position, bool]]:
-    """The generated frames of a traceback, outermost first: page, position, whether it is the last frame of all."""
+def _iterate_generated_frames(traceback: TracebackType | None) -> Iterator[Place]:
+    """The generated frames of a traceback, outermost first: page, position, the frame if it is the last of all."""
     while traceback is not None:
         page = traceback.tb_frame.f_globals.get(PAGE)
         if isinstance(page, CodePage):
             positions = traceback.tb_frame.f_code.co_positions()
-            yield page, next(islice(positions, traceback.tb_lasti // 2, None)), traceback.tb_next is None
+            innermost = traceback.tb_frame if traceback.tb_next is None else None
+            yield page, next(islice(positions, traceback.tb_lasti // 2, None)), innermost
         traceback = traceback.tb_next
