@@ -29,7 +29,7 @@ from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATIONS, PREDICATES, Check, Form
 from ss2sql.language.operations.arithmetic import SMALL
 from ss2sql.language.plan_traversal import list_plan_choices
-from ss2sql.language.values import make_hashable
+from ss2sql.language.values import SCALARS, make_hashable
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_code import generate_memoized_call, is_memoized_call
 from ss2sql.runtime.python.codegen_context import OWN_GROUP, CodegenContext, PythonScope
@@ -531,7 +531,7 @@ def _generate_membership(
 
 def make_member_set(items: list[Any]) -> frozenset[Hashable]:
     """The elements of a list, to ask for quickly."""
-    return frozenset(map(make_hashable, items))
+    return frozenset(items if SCALARS.issuperset(map(type, items)) else map(make_hashable, items))
 
 
 def make_list_member_set(items: list[Any]) -> frozenset[Hashable]:

@@ -161,7 +161,7 @@ class StepClauses:
         if self._can_stopping_step_be_goal:
             inner.emit(
                 build.when(
-                    build.name("stop"),
+                    build.name("goal" if self._stops_at_goals else "stop"),
                     *self._collect_statements(partial(self._write_rest, True)),
                     build.continue_loop(),
                 )
@@ -244,10 +244,11 @@ class StepClauses:
         build, search = self.build, self.search
         nothing = build.constant(None)
         weight = build.name("new_total") if self.totals else build.name("weight")
+        goal = build.constant(stops or self.query.where is None)
         return build.pack(
             build.name("row"),
             self.key,
-            build.constant(True) if stops or self.query.where is None else build.name("goal"),
+            build.name("goal") if self.query.where and not (stops or self._stops_at_goals) else goal,
             build.constant(not stops),
             after or nothing,
             nothing if search.weight is None else weight,
@@ -402,6 +403,12 @@ class StepClauses:
         """Whether a step that stops may be a goal; without a WHERE it is none."""
         return self.search.stop is not None and self.query.where is not None
 
+    @property
+    def _stops_at_goals(self) -> bool:
+        """Whether STOP WITH and WHERE are the same condition, which is evaluated once."""
+        stop, where = map(self.codegen.analysis.facts, (self.search.stop, self.query.where))
+        return self._can_stopping_step_be_goal and stop.steady and stop.key == where.key is not None
+
     def _write_stop_and_goal(self) -> None:
         build, inner, stop, where = self.build, self.inner, self.search.stop, self.query.where
         leave = [build.continue_loop()]
@@ -413,6 +420,9 @@ class StepClauses:
             build = self.codegen.build_at(stop.span)
             inner.emit(build.assign("stop", self._write_value(stop)))
             inner.emit(build.when(build.name("stop"), *leave))
+            return
+        if where is not None and self._stops_at_goals:
+            inner.emit(self._assign_truth("goal", where))
             return
         for name, clause in (("stop", stop), ("goal", where)):
             if clause is not None:

@@ -109,6 +109,7 @@ finally:
     END
 return len(block)
 """
+SHORT = TOGETHER.replace(f" if len(block) <= {TURNS_PER_CHECK} else Parts(block, run)", "")  # of a list literal
 # The same with notes, which may be taken several times.
 NOTED = (
     TOGETHER.replace("expanded += 1", "expanded += choose.counted")
@@ -276,7 +277,8 @@ class StepFunction(StepClauses):
             "LOOK": watch,
             **words,
         }
-        text = NOTED if self.form.noted else TOGETHER if together else ONE_BY_ONE
+        short = isinstance(items, ast.List) and len(items.elts) <= TURNS_PER_CHECK
+        text = NOTED if self.form.noted else ONE_BY_ONE if not together else SHORT if short else TOGETHER
         return [*thawed, *before, *for_state, *generate_template(text, build, around)]
 
     # --- elements --------------------------------------------------------------------------------------
@@ -311,24 +313,27 @@ class StepFunction(StepClauses):
 
     def _write_element_tuples(self) -> ast.expr:
         """The elements; those of `FROM [[A, b], [a, B]]` are tuples if they are only unpacked and shown."""
-        items, target = self.loop.iter, self.loop.target
+        items, target, build = self.loop.iter, self.loop.target, self.build
         if not (isinstance(items, ast.List) and isinstance(target, ast.Name)):
             return items
         if not all(isinstance(item, ast.List) for item in items.elts):
             return items
         uses = apart = 0
+        frozen: list[ast.Assign] = []
         for node in (node for part in self.loop.body for node in ast.walk(part)):
             match node:
                 case ast.Name(id=name) if name == target.id:
                     uses += 1
-                case ast.Subscript(ast.Name(id=name), ast.Constant(), ast.Load()) | ast.Call(
-                    ast.Name(id="tuple"), [ast.Name(id=name)]
-                ) if name == target.id:
+                case ast.Subscript(ast.Name(id=name), ast.Constant(), ast.Load()) if name == target.id:
                     apart += 1
+                case ast.Assign(value=ast.Call(ast.Name(id="tuple"), [ast.Name(id=name)])) if name == target.id:
+                    apart += 1
+                    frozen.append(node)
         if uses > apart:
             return items
-        made = (ast.Tuple(item.elts, ast.Load(), **self.build.at) for item in items.elts if isinstance(item, ast.List))
-        return self.build.array(*made)
+        for node in frozen:
+            node.value = build.name(target.id)  # a tuple already
+        return build.array(*(build.pack(*item.elts) for item in items.elts if isinstance(item, ast.List)))
 
     def _write_element_generator(self, placed: Mapping[int, Sequence[plan.Expr]], guarded: int | None) -> None:
         """Loops over all sources in a generator of its own, for ORDER SIBLINGS BY."""

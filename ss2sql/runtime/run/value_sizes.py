@@ -69,7 +69,7 @@ class ValueSizes:
         if kind is str:
             if len(value) > self.plain and len(value.encode("utf-8", "surrogatepass")) > self.limit:
                 raise self.build_size_error("a text")
-        elif (kind is dict or (kind is list and not _holds_few_scalars(value))) and not _is_small_value(value):
+        elif (kind is dict or kind is list) and not _is_small_value(value):
             self._check_measure(value, self._measure_value([value]))
         return value
 
@@ -228,19 +228,17 @@ class ValueSizes:
         return ExecutionError("X014", message, hints=(hint,))
 
 
-def _holds_few_scalars(value: list[Any]) -> bool:
-    return len(value) <= SMALL_LENGTH and _NESTING.isdisjoint(map(type, value))
-
-
 def _is_small_value(value: Any) -> bool:
     """Whether there are few values in a list or dict, at any depth."""
-    count, level = 0, [value]
-    for inside in level:  # which grows meanwhile
-        items = (*inside, *inside.values()) if type(inside) is dict else inside
-        count += len(items)
-        if count > SMALL_LENGTH:
-            return False
+    return _take_room(value, SMALL_LENGTH) >= 0
+
+
+def _take_room(value: Any, room: int) -> int:
+    """What is left of room for so many values, less than nothing where they are more."""
+    items = (*value, *value.values()) if type(value) is dict else value
+    room -= len(items)
+    if room >= 0 and not _NESTING.isdisjoint(map(type, items)):
         for item in items:
-            if type(item) in _NESTING:
-                level.append(item)
-    return True
+            if room >= 0 and type(item) in _NESTING:
+                room = _take_room(item, room)
+    return room
