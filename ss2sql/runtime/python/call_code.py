@@ -55,14 +55,17 @@ def generate_memoized_call(builder: QueryCompiler, node: plan.Call, body: Python
     if method == "call_any":
         return build.call(bind_method(method), *values)
     # What is remembered is looked up here: 0.1 us in place of 0.5.
-    found, key_name = codegen.new_name("found"), codegen.new_name("key")
-    if method == "call_plain":
-        key = build.pack(*values)
-        missed = build.call(bind_method("call_new_plain"), build.name(found), build.name(key_name))
-    else:
-        key = reduce(lambda one, other: build.binary(one, ast.Add(), other), keys)
-        missed = build.call(bind_method("missed"), build.name(found), build.name(key_name), build.pack(*again), *values)
-    kind = build.call("type", build.bind(found, build.call(bind_method("get"), build.bind(key_name, key))))
+    found, plain = codegen.new_name("found"), method == "call_plain"
+    made = body.pack(values, build) if plain else reduce(lambda one, other: build.binary(one, ast.Add(), other), keys)
+    key_name = made.id if isinstance(made, ast.Name) else codegen.new_name("key")
+    made = made if isinstance(made, ast.Name) else build.bind(key_name, made)
+    key = build.name(key_name)
+    missed = (
+        build.call(bind_method("call_new_plain"), build.name(found), key)
+        if plain
+        else build.call(bind_method("missed"), build.name(found), key, build.pack(*again), *values)
+    )
+    kind = build.call("type", build.bind(found, build.call(bind_method("get"), made)))
     remembered = [build.compare(kind, ast.Is(), build.name("tuple")), build.call(bind_method("hit"))]
     value = build.item(build.name(found), 0)
     return build.if_else(build.join_conditions(ast.And(), remembered), value, missed)

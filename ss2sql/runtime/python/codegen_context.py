@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import ast
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import field
 from types import CodeType, FunctionType
@@ -203,6 +203,12 @@ class MissingValueError(Exception):
     """A variable has no value when its query starts; whoever reads it then gets Python's NameError."""
 
 
+def _list_names(values: Sequence[ast.expr]) -> tuple[str, ...]:
+    """The names that the values are; none where one is something else."""
+    names = tuple([value.id for value in values if isinstance(value, ast.Name)])
+    return names if len(names) == len(values) else ()
+
+
 @dataclass(slots=True)
 class PythonScope:
     """A generated function under construction."""
@@ -222,6 +228,7 @@ class PythonScope:
     slots: dict[int, str] = field(default_factory=dict)  # expression -> the name that keeps its value
     known: list[dict[int, str]] = field(default_factory=lambda: [{}])  # by loop: what was certainly computed
     forgotten_values: dict[int, ast.expr] = field(default_factory=dict)  # like `known`, by identity
+    packed: dict[tuple[str, ...], str] = field(default_factory=dict)  # names -> that of a tuple of their values
     before: PythonScope | None = None  # the function that this one continues
     sure: bool = True  # whether what is being written is certainly evaluated
     find_arguments: Callable[[plan.Call], str | None] = lambda call: None  # names what gives those of calls to come
@@ -306,6 +313,17 @@ class PythonScope:
             return value
         name = self.known[-1][facts.key] = self.codegen.new_name(hint)
         return build.bind(name, value)
+
+    def pack(self, values: Sequence[ast.expr], build: AstBuilder) -> ast.expr:
+        """A tuple of the values, which there may be already."""
+        name = self.packed.get(_list_names(values))
+        return build.pack(*values) if name is None else build.name(name)
+
+    def assign_tuple(self, name: str, values: Sequence[ast.expr], build: AstBuilder) -> None:
+        """Gives a tuple of the values a name, which stands for it from here on."""
+        self.emit(build.assign(name, build.pack(*values)))
+        if self.sure and _list_names(values):
+            self.packed[_list_names(values)] = name
 
     def name_or_constant(self, value: ast.expr, build: AstBuilder, hint: str) -> ast.expr:
         """A name or a constant that stands for the value."""

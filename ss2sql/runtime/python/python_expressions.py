@@ -518,7 +518,7 @@ def _generate_membership(
         and container.type.element is not None
         and can_generate_tuple(container.type.element)
     ):
-        function, sought = make_list_member_set, generate_tuple(arguments[0], build)
+        function, sought = make_list_member_set, generate_tuple(arguments[0], body, build)
     else:
         function, sought = make_member_set, arguments[0]
         if not item.type.is_only(SCALAR_KINDS):
@@ -548,8 +548,8 @@ def can_generate_tuple(known: Type) -> bool:
     )
 
 
-def generate_tuple(value: ast.expr, build: AstBuilder) -> ast.expr:
-    return build.pack(*value.elts) if isinstance(value, ast.List) else build.call("tuple", value)
+def generate_tuple(value: ast.expr, body: PythonScope, build: AstBuilder) -> ast.expr:
+    return body.pack(value.elts, build) if isinstance(value, ast.List) else build.call("tuple", value)
 
 
 # --- script variables ----------------------------------------------------------------------------------

@@ -305,7 +305,7 @@ class StepClauses:
         return build.call("tuple" if is_flat_list_type(expr.type) else freezer, value)
 
     def _pack_row(self) -> None:
-        self.inner.emit(self.build.assign("row", self.build.pack(*self.row)))
+        self.inner.assign_tuple("row", self.row, self.build)
 
     def _write_early_select(self, early: bool) -> None:
         """SELECT, before all else, and whether its row is closed."""

@@ -159,7 +159,10 @@ class MemoizedCalls:
                 if len(memo) < limit and not isinstance(error, Stopped):
                     memo[key] = FailedCall(error)
                 raise
-            return keep_value(key, value)
+            if len(memo) >= limit:
+                return keep_value(key, value)
+            memo[key] = (value,)
+            return value
 
         def keep_value(key: Hashable, value: Any) -> Any:
             if len(memo) >= limit:
@@ -225,7 +228,8 @@ def make_checked_call(
         if run.interrupted or run.bounds.deadline is not None:
             run.check()  # a slow function must not keep a timeout waiting
         counted()
-        return checked(body(*arguments))
+        result = body(*arguments)
+        return result if type(result) is bool else checked(result)
 
     return call_and_check
 
