@@ -5,7 +5,7 @@
 
 Each run has a process of its own. The states are texts of a and b; the last of them is the goal. `duckdb` and `spark`
 make the steps in SQL; `duckdb, Python` and `spark, Python` are given a step that is more than one expression. An engine
-that has failed or taken too long is not asked for more states. Spark has one core and has been started by then; all of
+that has failed or taken too long is given no more states. Spark has one core and has been started by then; all of
 its processes count. Prints a table for Markdown.
 """
 

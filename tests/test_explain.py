@@ -73,7 +73,7 @@ def test_why_a_query_runs_natively(ss: ss2sql.Session) -> None:
     ]  # fmt: skip
     assert "SQL:" not in found
     asked = lines(ss.run("SELECT 1 FROM [1];", engine="native").explain())
-    assert asked[1] == "engine: native: engine='native' was asked for"
+    assert asked[1] == "engine: native: engine='native' was given"
 
 
 def test_why_a_function_is_called(ss: ss2sql.Session) -> None:

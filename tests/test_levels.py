@@ -226,7 +226,7 @@ def test_explain_tells_of_levels(ss: ss2sql.Session) -> None:
     result = ss.run("SELECT x.this FROM x = near(n) START WITH n = 1 CONNECT BY UNIQUE n = x.this AS list;")
     text = str(result.explain())
     assert sorted(path[-1] for path in result.value) == [1, 2, 3, 4, 5]  # equal numbers are one row
-    assert "engine: duckdb: engine='duckdb' was asked for" in text
+    assert "engine: duckdb: engine='duckdb' was given" in text
     assert "keeps the first step to each row that no level before has reached" in text
     assert "tries.row_key" in result.sql
     assert text.splitlines()[-1].split() == ["all", "5", "10"]  # 15 steps from the 5 rows and the start

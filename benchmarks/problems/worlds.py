@@ -140,7 +140,7 @@ def near(size: int) -> Work:
 
 
 def near_asking(size: int) -> Work:
-    """The nested loop, with positions asked for in it."""
+    """The nested loop, with positions read in it."""
     client, _ = simulation(size)
     import pybullet
 
@@ -190,7 +190,7 @@ PROBLEMS = (
         Target(0.02, None), Target(0.02, None, "native"),
     ),
     problem(
-        "near", "pairs within 1 m, beside a nested loop over positions that were asked for once", 1_000, NEAR, near,
+        "near", "pairs within 1 m, beside a nested loop over positions that are read once", 1_000, NEAR, near,
     ),
     problem(
         "near-asking", "the same, beside a nested loop that asks for each position", 1_000, NEAR, near_asking,

@@ -337,7 +337,7 @@ class _Judge:
             some = self.dice.sample(keys, self.dice.randint(1, len(keys)))
             for key, row in zip(some, self._read_rows(table, schema, some), strict=True):
                 if row != known[key]:
-                    detail = f"asked for {some}, {key!r} is {row} instead of {known[key]}"
+                    detail = f"read with {some}, {key!r} is {row} instead of {known[key]}"
                     raise BrokenRuleError("values belong to their keys", table.name, detail)
 
     def _check_filter(self, table: Table, schema: Schema, keys: list[Any], rows: list[dict[str, Any]]) -> None:

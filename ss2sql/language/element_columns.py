@@ -1,4 +1,4 @@
-"""The columns of an element: what stands behind `row.name`, in both engines and in `row["name"]`."""
+"""The columns of an element: what `row.name` means, in both engines and in `row["name"]`."""
 
 from __future__ import annotations
 

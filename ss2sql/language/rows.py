@@ -189,7 +189,7 @@ class Table:
 
     `hidden` are tuples, one for each row, of what a representation has requested; without any where there is nothing.
     `facts` says how the columns are calls, see `ss2sql.language.plan.FactColumn`; `labels` are the places of columns
-    that each row names by what is hidden behind it. Who walks the table itself, not its `rows`, is ended where the run
+    that each row names by its hidden values. Who walks the table itself, not its `rows`, is ended where the run
     has to end, which is what `check` says.
     """
 

@@ -79,7 +79,7 @@ class QueryResult:
 class Result:
     """What a script gave.
 
-    `value` is what AS asked for, exactly. `columns` and the rows of iteration are a table of it: the rows of a query as
+    `value` is exactly what AS makes. `columns` and the rows of iteration are a table of it: the rows of a query as
     tuples; of a search one row per step, with the number of the path and of the step before it; of any other value one
     row. `status` is `complete`, `maximum`, `timeout`, `cancelled` or `memory`, `engine` `database` or `native`. `sql`
     is the text that ran, or that SQLite would run, `stats` what was counted (see Stats). `notes` are what a person

@@ -120,7 +120,7 @@ def _note_undetermined_states(query: plan.Query) -> Iterator[str]:
     found = find_unnamed(query)
     counted = find_growing_states(query, evenly=True)
     read = {expr: clauses for expr, clauses in found.items() if not _is_step_count(expr, clauses, counted, search)}
-    # Columns of an element tend to follow from each other, as a name and the key behind it.
+    # Columns of an element tend to follow from each other, as a name and its key.
     if not any(isinstance(expr, plan.State) for expr in read):
         return
     word, names = REPEAT_KEYWORDS[search.repeats], _join_note_words(list(dict.fromkeys(map(write_in_script, read))))

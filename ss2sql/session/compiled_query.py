@@ -74,7 +74,7 @@ class CompiledQuery:
         self.query = query
         self.handed: dict[str, PredicatePushdown] = {}
         self.lowered: SqlQuery | None = None
-        self.reason, self.cures = "engine='native' was asked for", tuple[str, ...]()
+        self.reason, self.cures = "engine='native' was given", tuple[str, ...]()
         self.refusal = None
         self.native: NativeQuery | LevelQuery | DuckQuery | None = None
         self.levels: LevelQuery | None = None  # a search by levels in another database
@@ -93,12 +93,12 @@ class CompiledQuery:
                 from ss2sql.runtime.external.duckdb_query import DuckQuery
 
                 self.native = self.duck = DuckQuery(query, sources, variable)
-                self.reason = f"engine='{self.wanted}' was asked for"
+                self.reason = f"engine='{self.wanted}' was given"
             elif levels is not None:
                 from ss2sql.runtime.external.level_query import LevelQuery
 
                 self.native = self.levels = LevelQuery(query, levels)
-                self.reason = f"engine='{self.wanted}' was asked for"
+                self.reason = f"engine='{self.wanted}' was given"
             elif self.wanted == "auto" and self._does_read_only_values(query):
                 self.reason = READS_VALUES
             elif self.wanted == "auto" and count_array_calls(query):

@@ -55,7 +55,7 @@ def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:
     assert "3" not in result.sql
     text = str(result.explain())
     for line in (
-        "engine: duckdb: engine='duckdb' was asked for",
+        "engine: duckdb: engine='duckdb' was given",
         "how DuckDB does it:",
         "finds the rows with one SELECT",
         "is given the elements of numbers in a table",

@@ -250,5 +250,5 @@ def test_explain_and_sql_and_views_of_the_user(spark: Any, ss: ss2sql.Session) -
     result = ss.run(SHORT)
     assert [tuple(row) for row in spark.table("steps").collect()] == [(1,)]
     spark.catalog.dropTempView("steps")
-    assert "engine: spark: engine='spark' was asked for" in str(result.explain())
+    assert "engine: spark: engine='spark' was given" in str(result.explain())
     assert "FROM frontier" in result.sql

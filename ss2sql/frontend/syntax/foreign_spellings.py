@@ -196,12 +196,12 @@ def _explain_set_operation(t: ParseFailure) -> ParseError | None:
     """`SELECT ... UNION SELECT ...`, and other set operations."""
     word = t.found.text.upper()
     every = word == "UNION" and t.next.text.upper() == "ALL"
-    behind = t.index + (2 if every else 1)
-    if word not in _SETS or t.tokens[min(behind, len(t.tokens) - 1)].kind != "SELECT":
+    following = t.index + (2 if every else 1)
+    if word not in _SETS or t.tokens[min(following, len(t.tokens) - 1)].kind != "SELECT":
         return None
     start = next((i for i in range(t.index, -1, -1) if t.tokens[i].kind == "SELECT"), t.index)
-    ends = (token.start for token in t.tokens[behind:] if token.kind in (";", END, ")"))
-    texts = [t.source.text[t.tokens[start].start : t.peek().end], t.source.text[t.tokens[behind].start : next(ends)]]
+    ends = (token.start for token in t.tokens[following:] if token.kind in (";", END, ")"))
+    texts = [t.source.text[t.tokens[start].start : t.peek().end], t.source.text[t.tokens[following].start : next(ends)]]
     parts = [" ".join(text.split()) if len(text) <= 60 else "SELECT ..." for text in texts]
     shapes = [re.search(r"\bFROM\b.*( AS \w+)\Z", part, re.IGNORECASE) for part in parts]
     form = next((shape[1] for shape in shapes if shape), " AS dict")
@@ -222,13 +222,13 @@ def _explain_option(t: ParseFailure) -> ParseError | None:
         return None
     begin = max((i for i in range(t.index) if t.tokens[i].kind == "CONNECT"), default=t.index) + 2
     for index in range(begin, t.index + 1):
-        token, behind = t.tokens[index], t.tokens[min(index + 1, len(t.tokens) - 1)]
-        word, value = token.text.upper(), t.cut_text(behind.end, t.peek().end).strip()
-        if word in OPTIONS and behind.kind == "=" and index + 1 < t.index and t.found.kind == "NAME":
+        token, following = t.tokens[index], t.tokens[min(index + 1, len(t.tokens) - 1)]
+        word, value = token.text.upper(), t.cut_text(following.end, t.peek().end).strip()
+        if word in OPTIONS and following.kind == "=" and index + 1 < t.index and t.found.kind == "NAME":
             return t.explain("P006", f"{word} is an option, and takes no =", f"write {word} {value}", at=token)
-        starts = index == begin and (word != "A" or behind.kind == "*")
-        if starts and word in _OPTIONS and behind.kind in ("*", *VALUES):
-            number = f" {behind.text}" if behind.kind == "INTEGER" else ""
+        starts = index == begin and (word != "A" or following.kind == "*")
+        if starts and word in _OPTIONS and following.kind in ("*", *VALUES):
+            number = f" {following.text}" if following.kind == "INTEGER" else ""
             return t.explain("P006", f"there is no option {token.text}{'*' if word == 'A' else ''}",
                            f"write {_OPTIONS[word]}{number}", at=token)  # fmt: skip
     return None

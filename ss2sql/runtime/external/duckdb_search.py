@@ -1,8 +1,8 @@
 """Searches in the tables of DuckDB, level by level; it spills to disk what does not fit into memory.
 
 It finds the results of the breadth-first search that takes one step after the other, in its order. Only what nobody can
-notice is different: the clauses of all steps of a level are evaluated, also of those behind the last result that is
-wanted, and behind the first step to their row; so one of these may fail.
+notice is different: the clauses of all steps of a level are evaluated, also of those after the last result that is
+wanted, and after the first step to their row; so one of these may fail.
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ class DuckSearch:
         return first
 
     def _search_levels(self, depth: int, steps: int, going: int) -> Iterator[Found]:
-        """The results behind that level and step, where so many states of the level are to be expanded."""
+        """The results after that level and step, where so many states of the level are to be expanded."""
         search_run, tables, written = self.search_run, self.tables, self.written
         while going:
             depth += 1
@@ -207,7 +207,7 @@ class DuckSearch:
         block: list[Any] = []
         while page := list(tables.read_rows(written.page, depth=depth, after=after)):
             for after, state in page:
-                block += self.steps.trial.evaluate_steps(after, state)
+                block += self.steps.evaluation.evaluate_steps(after, state)
                 if len(block) >= BLOCK:
                     tables.load_rows("tries", written.tries, block)
                     block.clear()

@@ -69,7 +69,7 @@ class DuckColumn:
 
     @property
     def decimals(self) -> tuple[int, int] | None:
-        """Digits of a decimal, and how many of them stand behind the point."""
+        """Digits of a decimal, and how many of them stand after the point."""
         match = _DECIMAL.match(self.kind)
         return None if match is None else (int(match[1]), int(match[2]))
 
@@ -312,7 +312,7 @@ class DuckSources:
         return PREFIX + name if self._find_in_catalogue(name) else None
 
     def find_reader(self, variable: str) -> DuckTableReader | None:
-        """What reads the table behind such a variable, if there is one."""
+        """What reads the table of such a variable, if there is one."""
         if not variable.startswith(PREFIX):
             return None
         name = variable.removeprefix(PREFIX)
@@ -440,7 +440,7 @@ class DuckTableReader:
             missing = self._read_statistics(reading, table, missing)
         if table.rows is None or missing:
             questions = [question for column in missing for question in column.write_questions()]
-            table.rows, *found = self._ask(reading, [exp.Count(this=exp.Star()), *questions])
+            table.rows, *found = self._select_values(reading, [exp.Count(this=exp.Star()), *questions])
             answers = iter(found)
             table.facts |= {c.name: c.interpret_answers(table.rows, answers, reading) for c in missing}
         return table
@@ -449,10 +449,12 @@ class DuckTableReader:
         self, reading: DuckTransaction, table: TableFacts, missing: list[DuckColumn]
     ) -> list[DuckColumn]:
         """Finds facts in the statistics of columns; gives those columns whose facts show in the rows alone."""
-        (table.rows,) = self._ask(reading, [exp.Count(this=exp.Star())])
+        (table.rows,) = self._select_values(reading, [exp.Count(this=exp.Star())])
         if not table.rows:
             return missing
-        kept = self._ask(reading, [exp.Anonymous(this="STATS", expressions=[column.plain]) for column in missing], 1)
+        kept = self._select_values(
+            reading, [exp.Anonymous(this="STATS", expressions=[column.plain]) for column in missing], 1
+        )
         left = []
         for column, known in zip(missing, kept, strict=True):
             answers = column.read_statistics(known, table.rows)
@@ -462,7 +464,9 @@ class DuckTableReader:
                 table.facts[column.name] = column.interpret_answers(table.rows, iter(answers), reading)
         return left
 
-    def _ask(self, reading: DuckTransaction, questions: list[exp.Expr], limit: int | None = None) -> tuple[Any, ...]:
+    def _select_values(
+        self, reading: DuckTransaction, questions: list[exp.Expr], limit: int | None = None
+    ) -> tuple[Any, ...]:
         """The first row of the answers."""
         select = exp.Select(expressions=questions).from_(self.item.copy())
         return reading.fetch_rows(DUCKDB.print_tree(select if limit is None else select.limit(limit)))[0]

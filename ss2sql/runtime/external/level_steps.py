@@ -184,19 +184,21 @@ class PythonSteps:
 
     def __init__(self, search_run: SearchRun, written: LevelStatements) -> None:
         self.search_run, self.written, self.steps = search_run, written, written.steps
-        self.trial = StepEvaluation(search_run.problem.expand, search_run.shapes, search_run.flush, search_run.keyed)
+        self.evaluation = StepEvaluation(
+            search_run.problem.expand, search_run.shapes, search_run.flush, search_run.keyed
+        )
         self.values: dict[str, Value] = {}  # what statements name
 
     def list_known_values(self, begun: FirstStep) -> tuple[Any, ...]:
         """The columns of a step that this process knows: those of its row, then the others."""
-        return self.trial.encode_step(begun.row, begun.last, begun.state)
+        return self.evaluation.encode_step(begun.row, begun.last, begun.state)
 
     def make_key(self, begun: FirstStep) -> tuple[Any, ...]:
         """What tells the row of a step from others."""
         return self.list_known_values(begun)[: len(self.steps.rows)]
 
     def make_table_row(self, begun: FirstStep) -> tuple[Any, ...]:
-        """The columns of a step as they stand in its table, with the flags behind those of its row."""
+        """The columns of a step as they stand in its table, with the flags after those of its row."""
         return self._insert_flags(self.list_known_values(begun), begun.goal, begun.state is not None)
 
     def _insert_flags(self, known: tuple[Any, ...], goal: bool, goes_on: bool) -> tuple[Any, ...]:

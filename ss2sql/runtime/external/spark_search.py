@@ -54,7 +54,7 @@ class SparkSteps:
     def __init__(self, search_run: SearchRun, store: SparkStore, written: SparkLevelStatements) -> None:
         self.search_run, self.store, self.written = search_run, store, written
         self.made = make_level_steps(search_run, written)
-        self.parcel: Broadcast[bytes] | None = None
+        self.broadcast: Broadcast[bytes] | None = None
 
     def check_transferable(self) -> None:
         """Raises UnsupportedError where the executors cannot have what they need."""
@@ -67,21 +67,21 @@ class SparkSteps:
             elements = self.store.session.createDataFrame(self.made.elements)
             elements.coalesce(1).createOrReplaceTempView("elements")
         else:
-            self.parcel = self.store.context.broadcast(self.packed)
+            self.broadcast = self.store.context.broadcast(self.packed)
 
     def release_broadcast(self) -> None:
-        if self.parcel is not None:
-            self.parcel.destroy()
+        if self.broadcast is not None:
+            self.broadcast.destroy()
 
     def make_level_views(self, frontier: DataFrame) -> None:
         cores = self.store.context.defaultParallelism
-        if self.parcel is None:
+        if self.broadcast is None:
             frontier.repartition(cores, "step").createOrReplaceTempView("frontier")
             return
         frontier.createOrReplaceTempView("frontier")
         spread = frontier.select("step", "state").repartition(cores * TASKS_PER_CORE, "step")
         columns = [(column.name, column.type) for column in self.written.tries]
-        steps = make_task(expand_spark_batches, self.store.name, self.parcel, columns)
+        steps = make_task(expand_spark_batches, self.store.name, self.broadcast, columns)
         spread.mapInArrow(steps, write_spark_schema(self.written.tries)).createOrReplaceTempView("tries")
 
     def read_counts(self, counts: Row, frontier: DataFrame, expanded: int) -> LevelCounts:
@@ -106,7 +106,7 @@ class SparkSteps:
     def _retry_locally(self, step: int, frontier: DataFrame) -> None:
         """Tries the steps from a state in this process, which raises what an executor met there."""
         ((state,),) = frontier.where(f"step = {step}").select("state").collect()
-        for _ in self.made.trial.evaluate_steps(step, bytes(state)):
+        for _ in self.made.evaluation.evaluate_steps(step, bytes(state)):
             pass
         hint = "see whether a function is declared immutable that is not"
         raise ExecutionError("X009", "a step that failed did not fail again", hints=(hint,))

@@ -182,12 +182,12 @@ class UnpickledSearch:
             content: SearchTask = pickle.loads(task)
         self.run = Run(_ExecutorHost(content), sizes=ValueSizes(content.max_size))
         native = NativeQuery(content.query, find=lambda search_run: iter(()))
-        self.trial = StepEvaluation(*native.make_step_function(self.run), content.keyed)
+        self.evaluation = StepEvaluation(*native.make_step_function(self.run), content.keyed)
         self.room = partial(deepen_stack, native.levels)  # on the stack, for the time of trying steps
 
     def take_counts(self) -> dict[str, Any]:
         """What was counted since the last call, see Stats."""
-        self.trial.flush()
+        self.evaluation.flush()
         report_memo_counts(self.run)
         stats, none = self.run.stats, Stats()
         told = {name: getattr(stats, name) for name in COUNTS}
@@ -216,7 +216,7 @@ class _ExecutorHost:
         self.memories = QueryCaches()
         self.graphs: CachePolicy | None = None
         self.memo_limit = task.memo_limit
-        self.parcel = task
+        self.task = task
         self.shapes = Representations(task.max_size)
         self.shapes.functions.update(task.shapes)
         self.values = dict(task.variables)
@@ -235,10 +235,10 @@ class _ExecutorHost:
             python = OPERATIONS[function.name].value
             assert python is not None  # those of the session are volatile
             return run.sizes.wrap_function(function.name, python)
-        return bind_function(function, run, self.parcel.functions.__getitem__, self.memo_limit)
+        return bind_function(function, run, self.task.functions.__getitem__, self.memo_limit)
 
     def read_table_rows(self, source: plan.TableSource, *_: Any) -> list[tuple[Any, ...]]:
-        columns, rows = self.parcel.tables[source.id]
+        columns, rows = self.task.tables[source.id]
         places = [columns.index(column) for column in source.columns]
         return [tuple([row[place] for place in places]) for row in rows]
 
@@ -324,7 +324,7 @@ def _iterate_tries(
     search runs, and raises what it raises there.
     """
     rows: list[Try] = []
-    size, steps = 0, unpacked.trial.evaluate_steps
+    size, steps = 0, unpacked.evaluation.evaluate_steps
     for block in batches:
         for step, state in zip(block.column(0).to_pylist(), block.column(1).to_pylist(), strict=True):
             try:

@@ -147,7 +147,7 @@ class CallPrefetcher:
         self.functions: dict[str, TimedCalls] = {}  # that these call, or the run
         self.noting = False
         self.waiting: dict[str, list[bytes]] = {}  # calls by functions, as marshal bytes of arguments
-        self.asked: set[tuple[str, bytes]] = set()  # of a block
+        self.wanted: set[tuple[str, bytes]] = set()  # of a block
         self.answers: SimpleQueue[Answer] = SimpleQueue()
 
     def make_timed_call(self, entry: UserFunction, real: Callable[[Any], Any]) -> Callable[[Any], Any]:
@@ -156,7 +156,7 @@ class CallPrefetcher:
 
         def call_timed(arguments: Any) -> Any:
             if self.noting and timed.is_shared:
-                self._ask(entry.name, tuple(arguments))
+                self._request(entry.name, tuple(arguments))
                 raise PendingError
             started = perf_counter()
             result = real(arguments)
@@ -165,14 +165,14 @@ class CallPrefetcher:
 
         return call_timed
 
-    def _ask(self, name: str, arguments: tuple[Any, ...]) -> None:
-        """Has a call wait that was not asked for in this block; one with objects is made here."""
+    def _request(self, name: str, arguments: tuple[Any, ...]) -> None:
+        """Has a call wait that is not wanted in this block yet; one with objects is made here."""
         try:
             key = dumps(arguments, 2)
         except ValueError:
             return
-        if (name, key) not in self.asked:
-            self.asked.add((name, key))
+        if (name, key) not in self.wanted:
+            self.wanted.add((name, key))
             self.waiting.setdefault(name, []).append(key)
 
     def _get_timed(self, entry: UserFunction) -> TimedCalls:
@@ -238,7 +238,7 @@ class CallPrefetcher:
         finally:
             self.noting = False
             self.waiting.clear()
-            self.asked.clear()
+            self.wanted.clear()
 
     def _can_send(self) -> bool:
         """Whether the calls that wait are worth messages, and there are processes; they are started when it is."""

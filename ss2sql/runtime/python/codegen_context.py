@@ -453,7 +453,7 @@ class CodegenContext:
         return self._bound[key]
 
     def name_function(self, function: plan.Function, build: AstBuilder) -> str:
-        """A name for the callable behind a function of the plan."""
+        """A name for the callable of a function of the plan."""
         key = (function.name, function.builtin)
         if key not in self._bound:
             python = OPERATIONS[function.name].value if function.builtin else None

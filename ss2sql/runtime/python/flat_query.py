@@ -173,11 +173,13 @@ def compile_flat_query(
         groups.write_results()
     else:
         build = builder.codegen.build_at(query.span)
-        row, behind = generate_row_and_keys(builder, query, outputs, keys, inner)
+        row, key_values = generate_row_and_keys(builder, query, outputs, keys, inner)
         inner.emit(
             build.run(
                 build.yield_(
-                    build.pack(build.pack(*row), build.pack(*behind)) if query.group else build.pack(*row, *behind)
+                    build.pack(build.pack(*row), build.pack(*key_values))
+                    if query.group
+                    else build.pack(*row, *key_values)
                 )
             )
         )

@@ -346,11 +346,11 @@ class QueryCompiler:
         if query.having is not None:
             kept = generate_expression(self, query.having, body)
             body.emit(codegen.build_at(query.having.span).if_not(kept, ast.Return(build.constant(None), **build.at)))
-        row, behind = flat_query.generate_row_and_keys(
+        row, key_values = flat_query.generate_row_and_keys(
             self, query if query.aggregated else replace(query, order=()), outputs, keys, body
         )
         shown = build.pack(*row) if query.aggregated else build.constant(None)
-        body.emit(build.return_(build.pack(shown, build.pack(*behind))))
+        body.emit(build.return_(build.pack(shown, build.pack(*key_values))))
         body.define_function()
         return body.name
 

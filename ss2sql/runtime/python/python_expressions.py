@@ -153,7 +153,7 @@ class InlineCall:
         return self.build.if_else(condition, value.again if value else self._fill_text(), called)
 
     def _write_named_value(self, front: str) -> PythonOperand:
-        """The value of the form, to be evaluated where a test first mentions it, behind the operands in `front`."""
+        """The value of the form, to be evaluated where a test first mentions it, after the operands in `front`."""
         later = {index: operand.first for index, operand in enumerate(self.operands) if f"{{{index}}}" in front}
         for index in later:
             self.operands[index].first = self.operands[index].again

@@ -277,7 +277,7 @@ class SourceLoops:
     def _stage_calls(self, body: PythonScope, parts: Sequence[Any]) -> PythonScope:
         """The function that goes on where calls of functions that take arrays are made for what is evaluated next.
 
-        Each call that is certain has its value then; others are found by trials, see array_calls.py.
+        Each call that is certain has its value then; others are found by attempts, see array_calls.py.
         """
         if not (self.staged and body.level):
             return body
@@ -327,7 +327,7 @@ class SourceLoops:
         return stage
 
     def notices_blocks(self) -> bool:
-        """Whether functions that take no arrays are called before the last block is made, or for its trials."""
+        """Whether functions that take no arrays are called before the last block is made, or for its attempts."""
         _, how = self.stages[-1]
         return any(self.calls_rows[:-1]) or (isinstance(how, ast.Constant) and self.calls_rows[-1])
 

@@ -1,9 +1,10 @@
 """Functions that take arrays: one array per argument for a block of rows, one element of the result for each row.
 
 Rows are evaluated one by one. Before a block of them is, each of its rows is tried: a call that is not known yet waits
-and ends the trial of its row, then one call is made for all that wait. What it gives is kept in the memory of calls,
+and ends the attempt at its row, then one call is made for all that wait. What it gives is kept in the memory of calls,
 where the rows find it. A block that fails is made smaller, down to one row, whose failure the script sees if it comes
-to that row. So nothing may be tried that has an effect; what a trial raises is raised again where its row is evaluated.
+to that row. So nothing may be tried that has an effect; what an attempt raises is raised again where its row is
+evaluated.
 """
 
 from __future__ import annotations
@@ -184,13 +185,13 @@ class StagedRows:
             if isinstance(how, ArrayFunction):
                 found = _iterate_array_calls(how, Blocks(found, size))
             elif how:
-                trial = _make_array_call_trial(stage, outer)
-                found = iterate_call_blocks(self.run, Blocks[Any](found, size), trial, how)
+                attempt = _make_array_call_attempt(stage, outer)
+                found = iterate_call_blocks(self.run, Blocks[Any](found, size), attempt, how)
             found = stage(*outer, found)
         return found
 
 
-def _make_array_call_trial(stage: Callable[..., Any], outer: tuple[Any, ...]) -> Callable[[Any], object]:
+def _make_array_call_attempt(stage: Callable[..., Any], outer: tuple[Any, ...]) -> Callable[[Any], object]:
     return lambda row: next(stage(*outer, (row,)), None)
 
 
@@ -335,7 +336,7 @@ class ArrayFunction:
     def call_rows(self, rows: Sequence[Arguments], made: bool = False) -> list[Any] | None:
         """What the function gives for several rows; None where that of some is not known, or an error.
 
-        Calls of a trial wait, unless they are to be `made`.
+        Calls of an attempt wait, unless they are to be `made`.
         """
         memo = self.memo
         try:

@@ -158,7 +158,7 @@ class Interning:
             return value
 
     def decode_plain(self, handle: bytes) -> Any:
-        """The value behind a handle of plain data, for who does not change it. KeyError for all other BLOBs."""
+        """The value of a handle of plain data, for who does not change it. KeyError for all other BLOBs."""
         try:
             return self._values[handle]
         except KeyError:
