@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -104,6 +105,21 @@ def interrupted(session: Session) -> None:
     query = session.compile(ENDLESS)
     threading.Timer(LATE, session.interrupt).start()
     query.run()
+
+
+def test_an_index_error_of_the_user_stays_theirs(session: Session) -> None:
+    session.function("pick", lambda n: [1, 2][n])
+    with pytest.raises(IndexError) as caught:
+        session.run("SELECT [[3], [4], [5]][pick(this)] FROM [0, 2] AS list;", engine="native")
+    assert type(caught.value) is IndexError
+    assert "pick" in "".join(caught.value.__notes__)
+
+
+def test_an_index_is_explained_where_python_knows_lines_alone() -> None:
+    code = "import ss2sql; ss2sql.connect().eval('SELECT [4, 5][this] FROM [0, 3] AS list;')"
+    told = subprocess.run([sys.executable, "-X", "no_debug_ranges", "-c", code], capture_output=True, text=True)
+    assert "X003" in told.stderr
+    assert "index 3 is out of range: [4, 5] has 2 elements" in told.stderr
 
 
 @pytest.mark.parametrize("code", FROM_PYTHON)

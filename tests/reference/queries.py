@@ -125,8 +125,17 @@ def finish(ref: Reference, query: ast.Query, rows: list[Row], frame: Frame, per_
     inputs = [None if call.star else ref.evaluate(groups.only_argument(call), frame) for call in calls]
     keys = [ref.alone(key, frame) for key in query.group]
     named = replace(frame, columns=names_of(query))
-    order = [] if per_group else [ref.alone(key.expr, named) for key in query.order]
+    order = [] if per_group else [order_value(ref, query, key.expr, rows, named) for key in query.order]
     return Found(rows, frame, inputs, keys, [Key(value, key) for value, key in zip(order, query.order, strict=False)])
+
+
+def order_value(ref: Reference, query: ast.Query, expr: ast.Expr, rows: list[Row], named: Frame) -> Any:
+    """The value of a key of ORDER BY; a column that is volatile was computed for the row and is not called again."""
+    meant = named.columns.get(expr.name) if isinstance(expr, ast.Name) else expr if query.distinct else None
+    columns = [column.expr if isinstance(column, ast.Named) else column for column in query.columns]
+    if query.searches or meant is None or meant not in columns or not mentions_volatile(ref, meant):
+        return ref.alone(expr, named)
+    return rows[-1][columns.index(meant)][1]
 
 
 # Columns
