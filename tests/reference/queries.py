@@ -130,12 +130,21 @@ def finish(ref: Reference, query: ast.Query, rows: list[Row], frame: Frame, per_
 
 
 def order_value(ref: Reference, query: ast.Query, expr: ast.Expr, rows: list[Row], named: Frame) -> Any:
-    """The value of a key of ORDER BY; a column that is volatile was computed for the row and is not called again."""
+    """The value of a key of ORDER BY; a column is not computed again, for its functions may be volatile."""
     meant = named.columns.get(expr.name) if isinstance(expr, ast.Name) else expr if query.distinct else None
-    columns = [column.expr if isinstance(column, ast.Named) else column for column in query.columns]
-    if query.searches or meant is None or meant not in columns or not mentions_volatile(ref, meant):
+    columns = [value_of(column) for column in query.columns]
+    starred = any(isinstance(column, ast.Star) for column in columns)
+    if query.searches or starred or meant is None or meant not in columns:
         return ref.alone(expr, named)
     return rows[-1][columns.index(meant)][1]
+
+
+def value_of(column: ast.Expr | ast.Named | ast.Star) -> ast.Expr | ast.Star:
+    """What a column of SELECT shows, without the name that it gets."""
+    match column:
+        case ast.Named(expr=expr) | ast.Call(function="to", arguments=(expr, _)):
+            return expr
+    return column
 
 
 # Columns
