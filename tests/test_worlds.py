@@ -116,6 +116,14 @@ def test_an_element_is_an_object_that_knows_its_columns(ss: ss2sql.Session, box:
         _ = found[0].mass
 
 
+@pytest.mark.parametrize("condition", ["this == e", "this IN [e]", "same(this) == e", "this == same(e)", "e == this"])
+def test_an_element_equals_itself_wherever_it_comes_from(ss: ss2sql.Session, engine: Any, condition: str) -> None:
+    ss.function("same", lambda ball: ball, volatility="immutable")
+    element = ss.eval("SELECT this FROM space WHERE id == 2 AS value;")
+    assert ss.run(f"SELECT id FROM space WHERE {condition} AS list;", engine=engine, e=element).value == [2]
+    assert ss.run("SELECT id FROM space WHERE same(this) == this AS list;", engine=engine).value == [1, 2, 3, 4, 5]
+
+
 def test_functions_of_the_user_come_before_those_of_a_world(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("density", lambda ball: ball.mass / 10, volatility="stable")
     assert ss.run("SELECT density FROM space LIMIT 2 AS list;", engine=engine).value == [2.0, 4.0]

@@ -15,7 +15,7 @@ from types import GeneratorType, MappingProxyType, NoneType
 from typing import Any, NoReturn
 
 from ss2sql.errors import ExecutionError
-from ss2sql.language.kinds import INT_MAX, INT_MIN, VALUE_MODULES, Opaque
+from ss2sql.language.kinds import INT_MAX, INT_MIN, VALUE_MODULES, Handle, Opaque
 
 # A list nested deeper than this, or one that contains itself, is refused: Python's own == and repr recurse
 # into lists on a stack of 1,000 frames, which they share with the code that calls them.
@@ -416,10 +416,11 @@ def _wrap_object(value: Any) -> Any:
 
     Objects with an equality of their own, which may call them equal to a number or string, are wrapped as well and keep
     it among themselves; so are those that marshal would write as bytes (a memoryview, code), which it must not touch.
+    Elements of worlds are equal to elements only.
     """
     if type(value) is UnreadableText:
         raise value.make_error()
-    if type(value) is bytes or isinstance(value, Opaque):
+    if type(value) is bytes or isinstance(value, (Opaque, Handle)):
         return value
     try:
         hash(value)
