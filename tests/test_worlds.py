@@ -124,6 +124,16 @@ def test_an_element_equals_itself_wherever_it_comes_from(ss: ss2sql.Session, eng
     assert ss.run("SELECT id FROM space WHERE same(this) == this AS list;", engine=engine).value == [1, 2, 3, 4, 5]
 
 
+def test_an_exception_of_the_user_tells_nothing_of_a_run_before(ss: ss2sql.Session) -> None:
+    def fail(ball: Any) -> Any:
+        raise ValueError(ball.mass)
+
+    ss.function("fail", fail, volatility="stable")
+    with pytest.raises(ValueError, match="20") as caught:  # SQL gives up, then Python decides
+        ss.run("SELECT fail(this) FROM space;")
+    assert caught.value.__context__ is caught.value.__cause__ is None
+
+
 def test_functions_of_the_user_come_before_those_of_a_world(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("density", lambda ball: ball.mass / 10, volatility="stable")
     assert ss.run("SELECT density FROM space LIMIT 2 AS list;", engine=engine).value == [2.0, 4.0]

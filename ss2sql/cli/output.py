@@ -69,18 +69,25 @@ class UserError(Exception):
 
     def __init__(self, error: Exception) -> None:
         shown = traceback.TracebackException.from_exception(error)
-        own = (str(Path(__file__).parent.parent), "src/", "<frozen ")  # src/ is apsw
-        frames = [frame for frame in shown.stack if not frame.filename.startswith(own)]
-        shown.stack = traceback.StackSummary.from_list(frames)
+        _drop_own_frames(shown)
         super().__init__(escape_controls("".join(shown.format()).rstrip()))
         self.error = error
-        self.frame = frames[-1] if frames else None
+        self.frame = shown.stack[-1] if shown.stack else None
 
     def as_dict(self) -> dict[str, Any]:
         """The same keys as for errors of scripts, with the place in the user's file."""
         place = dict.fromkeys(PLACE) if self.frame is None else _locate_printed_error(self.frame)
         message = f"{type(self.error).__name__}: {self.error}"
         return _make_error_json("exception", message, place, notes=getattr(self.error, "__notes__", []))
+
+
+def _drop_own_frames(shown: traceback.TracebackException) -> None:
+    """Leaves out the frames of ss2sql, also those of the exceptions before this one."""
+    own = (str(Path(__file__).parent.parent), "src/", "<frozen ")  # src/ is apsw
+    shown.stack = traceback.StackSummary.from_list(f for f in shown.stack if not f.filename.startswith(own))
+    for before in (shown.__cause__, shown.__context__):
+        if before is not None:
+            _drop_own_frames(before)
 
 
 @contextmanager

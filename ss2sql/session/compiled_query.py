@@ -269,10 +269,13 @@ class CompiledQuery:
                 raise build_sql_size_refusal(self.query, error) from error
             if self.required_engine or (isinstance(error, ExecutionError) and error.code in LIMIT_CODES):
                 raise
-            run.stats.steps = before
-            return self._retry_natively(error, run, sink)
-        sink.ended = maximum is not None and len(extras) >= maximum
-        return finish_sql_rows(lowered, sink, extras, slice(offset, end))
+            refusal = error
+        else:
+            sink.ended = maximum is not None and len(extras) >= maximum
+            return finish_sql_rows(lowered, sink, extras, slice(offset, end))
+        # Outside of the handler: what is raised now has nothing to do with why SQL gave up.
+        run.stats.steps = before
+        return self._retry_natively(refusal, run, sink)
 
     def _retry_natively(self, error: Exception, run: Run, sink: Rows) -> Rows:
         """SQL has given up: the native rows, or the native error. Calls that were made are not made again."""
