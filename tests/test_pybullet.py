@@ -85,6 +85,25 @@ def test_links_and_joints_of_a_robot(client: Any, ss: ss2sql.Session) -> None:
     assert values(ss, "SELECT l.number FROM b = space, l = space.links WHERE l.body == b.id AS list") == [-1, 0]
 
 
+def test_names_and_sensors_end_with_their_bodies(client: Any) -> None:
+    first, second = ball(client, 0.2), ball(client, 0.2, (1, 0, 0))
+    eye = Sensor((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 5.0, 90.0)
+    session = ss2sql.connect()
+    session.attach("space", PyBulletWorld(client, names={first: "floor", second: "eye"}, sensors={second: eye}))
+    script = "SELECT id, name, isSensor FROM space AS rows"
+    assert values(session, script) == [(first, "floor", False), (second, "eye", True)]
+    client.removeBody(second)
+    assert values(session, script) == [(first, "floor", False)]
+    assert ball(client, 0.2) == second
+    assert values(session, script) == [(first, "floor", False), (second, f"body_{second}", False)]
+    assert "no body is called 'eye'" in message(session, "position('eye')")
+    session.attach("later", PyBulletWorld(client, names={second: "ball"}))
+    assert values(session, "SELECT name FROM later AS list") == [f"body_{first}", "ball"]
+    assert values(session, "SELECT name FROM space AS list") == ["floor", f"body_{second}"]
+    with pytest.raises(ss2sql.Error, match="there is no body 9 for names="):
+        PyBulletWorld(client, names={9: "ball"})
+
+
 # --- functions of two bodies ---------------------------------------------------------------------------
 
 

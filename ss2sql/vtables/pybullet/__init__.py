@@ -14,7 +14,7 @@ from ss2sql.vtables.body_functions import Near, Overlaps
 from ss2sql.vtables.content_digest import digest_world
 from ss2sql.vtables.contract import Element, Gone
 from ss2sql.vtables.pybullet.bodies import BulletBodies
-from ss2sql.vtables.pybullet.client import Calls, NumberedClient, get_client_number
+from ss2sql.vtables.pybullet.client import BodyNotes, Calls, NumberedClient, get_client_number
 from ss2sql.vtables.pybullet.collision import CollisionFunctions, CollisionShapes
 from ss2sql.vtables.pybullet.contact_tables import BulletClosest, BulletContacts, Rays
 from ss2sql.vtables.pybullet.joints import BulletJoints, BulletShapes, Cameras
@@ -30,11 +30,12 @@ class PyBulletWorld(BulletRepresentations, CollisionFunctions):
 
     Args:
         source: a `BulletClient`, a scene of `ss2sql.scenes`, or the number that `pybullet.connect` gave.
-        names: names of bodies by their ids; others have the names that their files give them.
+        names: names of bodies by their ids; others have the names that their files give them. A name ends with its
+            body.
         sensors: what the bodies that are sensors see, by their ids: objects with `position`, `direction`, `range` and
-            `angle`, as `ss2sql.scenes.Sensor`.
+            `angle`, as `ss2sql.scenes.Sensor`. They end with their bodies, too.
 
-    A scene has names, sensors, forces, cameras and a clock.
+    Raises ExecutionError X011 where `names` or `sensors` mention a body that does not exist. A scene has names, sensors, forces, cameras and a clock.
     """
 
     tables = (
@@ -53,9 +54,18 @@ class PyBulletWorld(BulletRepresentations, CollisionFunctions):
         self.shapes = CollisionShapes(self)
         self._number = get_client_number(client)
         self._info = self.calls.get_numbered_call("getBodyInfo")
-        self.names: Mapping[int, str] = names if names is not None else getattr(source, "names", {})
-        self.sensors: Mapping[int, Any] = sensors if sensors is not None else getattr(source, "sensors", {})
+        self.names: Mapping[int, str] = self._note_bodies("names", names)
+        self.sensors: Mapping[int, Any] = self._note_bodies("sensors", sensors)
         self._ids: dict[str, int] = {}  # by name, from the last search
+
+    def _note_bodies(self, name: str, given: Mapping[int, Any] | None) -> Mapping[int, Any]:
+        """What is given for bodies, or else what the scene says of them."""
+        if given is None:
+            return getattr(self.scene, name, {})
+        for body in given:
+            if not self.has_body(body):
+                raise world_error(f"there is no body {body!r} for {name}=", f"give {name}= once its bodies are made")
+        return BodyNotes(self.calls, given)
 
     @property
     def time(self) -> float | None:

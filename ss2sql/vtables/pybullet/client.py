@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache, partial
 from inspect import isbuiltin
 from typing import Any
+from uuid import uuid4
 
 from ss2sql.errors import require_package
 
@@ -79,3 +80,34 @@ class Calls:
         if isinstance(found, partial) and not found.args and found.keywords == {"physicsClientId": self.number}:
             return found.func
         return lambda *arguments: found(*arguments[:-1])
+
+
+class BodyNotes(Mapping[int, Any]):
+    """What the user says of bodies, by their ids. It ends with its body, although a later body may get the same id.
+
+    PyBullet keeps a mark with each body, as its user data, and drops it with the body.
+    """
+
+    def __init__(self, calls: Calls, notes: Mapping[int, Any]) -> None:
+        self._notes = dict(notes)
+        self._mark = f"ss2sql {uuid4()}"
+        self._client = calls.number
+        self._find_mark = calls.get_numbered_call("getUserDataId")
+        for body in self._notes:
+            calls.addUserData(body, self._mark, "")
+
+    def __getitem__(self, body: int) -> Any:
+        note = self._notes[body]
+        if self._find_mark(body, self._mark, -1, -1, self._client) < 0:
+            raise KeyError(body)
+        return note
+
+    def __iter__(self) -> Iterator[int]:
+        return (body for body in self._notes if body in self)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __bool__(self) -> bool:
+        """Whether any was given: to count those that are left takes a call for each."""
+        return bool(self._notes)
