@@ -35,7 +35,9 @@ class PyBulletWorld(BulletRepresentations, CollisionFunctions):
         sensors: what the bodies that are sensors see, by their ids: objects with `position`, `direction`, `range` and
             `angle`, as `ss2sql.scenes.Sensor`. They end with their bodies, too.
 
-    Raises ExecutionError X011 where `names` or `sensors` mention a body that does not exist. A scene has names, sensors, forces, cameras and a clock.
+    Raises ExecutionError X011 where `names` or `sensors` mention a body that does not exist.
+
+    A scene has names, sensors, forces, cameras and a clock.
     """
 
     tables = (
