@@ -354,6 +354,7 @@ class Flat(Expressions):
         form = self.choices.weighted(
             (6, "count(*)"), (6, "sum({int})"), (4, "sum({num})"), (4, "count({maybe})"), (4, "min({int})"),
             (4, "max({maybe})"), (4, "average({num})"), (3, "sum({maybe})"), (2, "max({str})"), (1, "min({any})"),
+            (3, "count(DISTINCT {maybe})"),
             (1, "sum(4611686018427387904 - ({int}))"),  # two of them overflow
             (1, "sum(1.7e308 - ({int}))"),
         )  # fmt: skip

@@ -166,16 +166,20 @@ def _lift_aggregates(resolver: Resolver, expr: plan.Expr, query: plan.Query, wit
         if not isinstance(key, plan.Constant) and is_structurally_equal(expr, key):
             return plan.GroupKey(query.id, index, key.type, span=expr.span)
     match expr:
+        case plan.Aggregate(argument=argument) if not within:  # `count(*)`, `count(DISTINCT x)`
+            if argument is not None:
+                _refuse_star_within(resolver, "count", argument, "SELECT DISTINCT")
+            return expr  # its argument reads rows, so no key of the group belongs into it
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)) if (
             name in GROUPS and not within
         ):
-            _refuse_star_within(resolver, expr)
+            _refuse_star_within(resolver, name, argument)
             kind = GROUPS[name].type_of_group(argument.type)
             if not query.group:  # there may be no row
                 kind = unite((kind, type_of(GROUPS[name].nothing)))
             return plan.Aggregate(name, argument, kind, not query.group, span=expr.span)
-        case plan.Call(function=plan.Function(collects=True), arguments=(argument, *others)) if not within:
-            _refuse_star_within(resolver, expr)
+        case plan.Call(function=plan.Function(name=name, collects=True), arguments=(argument, *others)) if not within:
+            _refuse_star_within(resolver, name, argument)
             kind = GROUPS["collect"].type_of_group(argument.type)
             collected = plan.Aggregate("collect", argument, kind, not query.group, span=expr.span)
             beside = (_lift_aggregates(resolver, other, query) for other in others)
@@ -232,12 +236,12 @@ def _refuse_star(resolver: Resolver, query: plan.Query) -> None:
             resolver.errors.append(ResolveError("R008", message, key.expr.span, (hint,)))
 
 
-def _refuse_star_within(resolver: Resolver, aggregate: plan.Call) -> None:
-    """Refuses `count(*)` inside an aggregate."""
-    for node in walk_own(aggregate.arguments[0]):
+def _refuse_star_within(resolver: Resolver, name: str, argument: plan.Expr, select: str = "SELECT") -> None:
+    """Refuses `count(*)` inside the argument of the aggregate `name`."""
+    for node in walk_own(argument):
         if isinstance(node, plan.Aggregate):
-            message = f"{aggregate.function.name} is computed of single rows, so it cannot count those of a group"
-            hint = f"aggregate groups in a query around: {aggregate.function.name}(SELECT ... GROUP BY ... AS list)"
+            message = f"{name} is computed of single rows, so it cannot count those of a group"
+            hint = f"aggregate groups in a query around: {name}({select} ... GROUP BY ... AS list)"
             resolver.errors.append(ResolveError("R008", message, node.span, (hint,)))
 
 
