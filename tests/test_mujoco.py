@@ -56,6 +56,20 @@ def test_queries_over_a_robot_give_what_loops_give(robot: tuple[Any, Any], ss: s
         mujoco.mj_forward(*robot)
 
 
+def test_a_body_without_a_position_fails_where_it_is_read(
+    robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any
+) -> None:
+    robot[1].xpos[1] = np.nan
+    for condition in ("x >= -1e9", "NOT x < -1e9", "x + 0 >= 0", "distance(this, [0, 0, 0]) < 9", "pos[0] < 9"):
+        with pytest.raises(ss2sql.ExecutionError, match=r"of bodies\[1\] holds nan.*\n(.*\n)*.*WHERE id != 1 AND"):
+            answer(ss, f"SELECT id FROM space WHERE {condition};", engine)
+        found = answer(ss, f"SELECT id FROM space WHERE id != 1 AND ({condition}) AND pos[0] > -1 AS list;", engine)
+        assert {0, 2, 3} <= set(found)
+    for script in ("SELECT distance(this, [0, 0, 0]) FROM space;", "SELECT id FROM space.near([0, 0, 0], 9);"):
+        with pytest.raises(ss2sql.ExecutionError, match=r"of bodies\[1\] holds nan"):
+            answer(ss, script, engine)
+
+
 def test_check_world_passes_for_the_robot(robot: tuple[Any, Any]) -> None:
     model, data = robot
     report = ss2sql.check_world(

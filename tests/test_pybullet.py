@@ -104,6 +104,25 @@ def test_names_and_sensors_end_with_their_bodies(client: Any) -> None:
         PyBulletWorld(client, names={9: "ball"})
 
 
+def test_a_body_without_a_position_is_an_error_that_names_it(client: Any, ss: ss2sql.Session) -> None:
+    for x in range(3):
+        ball(client, 0.2, (x, 0, 0))
+    client.resetBasePositionAndOrientation(1, [float("nan")] * 3, (0, 0, 0, 1))
+    cases = [
+        "SELECT pos FROM space", "SELECT id FROM space WHERE x >= -1e9", "SELECT id FROM space WHERE NOT x < -1e9",
+        "SELECT id FROM space WHERE x + 0 >= 0", "SELECT id FROM space WHERE distance(this, [0, 0, 0]) < 9",
+        "SELECT distance(this, [0, 0, 0]) FROM space", "position('body_1')", "distance('body_1', [0, 0, 0])",
+        "SELECT id FROM space.near([0, 0, 0], 9)", "SELECT id FROM space.near(1, 9)",
+        "SELECT id FROM space.overlaps([[-9, -9, -9], [9, 9, 9]])", "SELECT id FROM space WHERE above(1, this)",
+    ]  # fmt: skip
+    for script in cases:
+        shown = message(ss, script)
+        assert "of bodies[1] holds" in shown
+        assert "leave it out first: WHERE id != 1 AND ..." in shown
+    assert values(ss, "SELECT id FROM space WHERE id != 1 AND x >= 0 AND pos[1] == 0 AS list") == [0, 2]
+    assert values(ss, "SELECT id FROM space WHERE id != 1 AND distance(this, [0, 0, 0]) <= 1 AS list") == [0]
+
+
 # --- functions of two bodies ---------------------------------------------------------------------------
 
 

@@ -40,6 +40,11 @@ class UserFunction:
     aggregate: bool = False  # takes a list, with GROUP BY that of the values of a group
 
     @property
+    def giver(self) -> str:
+        """What messages about a value call the function that gave it."""
+        return f"the function '{self.of_world or self.name}'"
+
+    @property
     def plan(self) -> plan.Function:
         return plan.Function(
             self.name,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from math import atan2, copysign, dist, hypot, pi, sqrt
+from math import atan2, copysign, dist, hypot, isnan, pi, sqrt
 from typing import Any, ClassVar
 
 import numpy as np
@@ -220,7 +220,9 @@ class BodyWorld(World):
         """The box around a body, read once in a query."""
         known = self.memory.setdefault("boxes", {})
         if body not in known:
-            known[body] = self.measure_box(body)
+            low, high = known[body] = self.measure_box(body)
+            if any(map(isnan, (*low, *high))):
+                self.read_column(body, "aabb")  # raises the error that says of which body
         return known[body]  # type: ignore[no-any-return]
 
     def measure_box(self, body: int) -> Box:
@@ -242,12 +244,12 @@ class BodyWorld(World):
         return known["positions"]  # type: ignore[no-any-return]
 
     def filter_by_position(self, where: Where) -> list[int]:
-        """The bodies that meet conditions on x, y and z."""
+        """The bodies that may meet conditions on x, y and z; those without a position, too: reading it tells why."""
         ids, points = self.list_positions()
         inside = np.ones(len(ids), bool)
         for number, axis in enumerate(AXES):
             if axis in where:
-                inside &= (points[:, number] >= where.low(axis)) & (points[:, number] <= where.high(axis))
+                inside &= ~((points[:, number] < where.low(axis)) | (points[:, number] > where.high(axis)))
         return [ids[place] for place in np.flatnonzero(inside)]
 
     def find_body(self, wanted: Any) -> int:
@@ -263,7 +265,13 @@ class BodyWorld(World):
         return int(names[wanted])
 
     def find_point(self, value: Any) -> Sequence[float]:
-        """A point, given by coordinates or by a body."""
+        """A point, given by coordinates or by a body. Raises the error of the column `pos` where the body has none."""
+        found = self.read_point(value)
+        if isnan(sum(found)):
+            self.read_column(self.find_body(value), "pos")
+        return found
+
+    def read_point(self, value: Any) -> Sequence[float]:
         if isinstance(value, Element):  # of another world
             return tuple(value.pos)
         if not isinstance(value, (list, tuple)):
@@ -409,15 +417,19 @@ class Near(TableFunction):
     text = "the bodies whose position is at most radius metres away from a point or from that of a body"
     world: BodyWorld
 
-    def rows(self, point: Any, radius: float) -> Iterable[int]:
+    def rows(self, point: Any, radius: float) -> Iterator[int]:
         if read_body_numbers([radius], 1) is None:
             raise make_parameter_error("near", "a radius in metres", radius)
         wanted = self.world.find_point(point)
         ids, points = self.world.list_positions()
         size = len(wanted)
-        roughly = np.linalg.norm(points[:, :size] - np.asarray(wanted), axis=1) <= radius + SLACK * (1 + abs(radius))
-        found = np.flatnonzero(roughly).tolist()
-        return [ids[place] for place in found if dist(points[place, :size].tolist(), wanted) <= radius]
+        far = np.linalg.norm(points[:, :size] - np.asarray(wanted), axis=1) > radius + SLACK * (1 + abs(radius))
+        for place in np.flatnonzero(~far).tolist():
+            away = dist(points[place, :size].tolist(), wanted)
+            if isnan(away):
+                self.world.read_column(ids[place], "pos")  # raises the error that says of which body
+            if away <= radius:
+                yield ids[place]
 
 
 class Overlaps(TableFunction):

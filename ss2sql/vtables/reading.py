@@ -82,7 +82,7 @@ def _fetch_singly(reading: Reading, group: str, method: Callable[[Any], Any], ro
         try:
             row: Values = method(key)
             if type(row) is not tuple or not fits(row):
-                row = schema.convert_row(group, row)
+                row = schema.convert_row(group, row, key)
             rows[key] = row
         except Error as error:
             raise error.with_span(reading.span) from error.__cause__
@@ -94,16 +94,27 @@ def _fetch_singly(reading: Reading, group: str, method: Callable[[Any], Any], ro
 
 
 def _fetch_all(reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]) -> Fetch:
-    """Fetches the group for all keys that were given last."""
+    """Fetches the group for all keys that were given last.
+
+    Where a value among them does not fit, each is fetched alone: the query may never read that one.
+    """
     schema = reading.schema
+    together = True
 
     def fetch_key(key: Hashable) -> Values:
-        wanted = [one for one in reading.announced if one not in rows]
+        nonlocal together
+        wanted = [one for one in reading.announced if one not in rows] if together else [key]
         if key not in wanted:
             wanted = [key]
-        with AdapterGuard(schema, span=reading.span):
-            raw = method(wanted)
-            rows.update(zip(wanted, schema.split_arrays(group, raw, wanted), strict=True))
+        try:
+            with AdapterGuard(schema, span=reading.span):
+                raw = method(wanted)
+                rows.update(zip(wanted, schema.split_arrays(group, raw, wanted), strict=True))
+        except Error as error:
+            if len(wanted) == 1 or error.code != "X004":  # a value that does not fit
+                raise
+            together = False
+            return fetch_key(key)
         return rows[key]
 
     return fetch_key

@@ -173,15 +173,28 @@ class Schema:
 
     # --- values ----------------------------------------------------------------------------------------
 
-    def convert_row(self, group: str, raw: Any) -> tuple[Any, ...]:
+    def convert_row(self, group: str, raw: Any, key: Hashable) -> tuple[Any, ...]:
         """The group's values for one key, converted; tuples within them stay tuples."""
         layout = self.groups[group]
-        if len(layout.parts) == 1:
-            return layout.clean_values(self.cleaners, (raw,))
+        values = (raw,) if len(layout.parts) == 1 else raw
         try:
-            return layout.clean_values(self.cleaners, raw)
+            return layout.clean_values(self.cleaners, values)
         except (TypeError, ValueError):
             raise self._make_count_error(layout.heads, raw, f"the group '{group}'") from None
+        except ExecutionError:
+            return self._convert_for_element(layout, values, key)
+
+    def _convert_for_element(self, layout: Layout, values: Any, key: Hashable) -> tuple[Any, ...]:
+        """The same, with errors that name the element."""
+        title, shown = f"{self.title}[{format_value(key)}]", getattr(self.keyed, "key", "")
+        cleaners = {name: make_cleaner(self.kinds[name], f"the column '{name}' of {title}") for name in layout.names}
+        try:
+            return layout.clean_values(cleaners, values)
+        except ExecutionError as error:
+            if shown:
+                cure = f"leave it out first: WHERE {shown} != {format_value(key)} AND ..."
+                error.hints = (f"set it anew in the simulation, or {cure}", *error.hints)
+            raise
 
     def convert_values(self, names: Sequence[str], raw: Any, giver: str) -> tuple[Any, ...]:
         cleaners = self.cleaners
@@ -209,8 +222,13 @@ class Schema:
             if len(values) != len(keys):
                 size = f"{len(values)} values for {len(keys)} keys"
                 raise world_error(f"the group '{group}' of {self.title} gives {size} in the column '{name}'")
-            columns.append(list(map(self.cleaners[name], values)))
-        return zip(*columns, strict=True)
+            columns.append(values)
+        if len(keys) == 1:
+            row = [values[0] for values in columns]
+            return iter([self.convert_row(group, row if len(row) > 1 else row[0], keys[0])])
+        return zip(
+            *(map(self.cleaners[name], values) for name, values in zip(names, columns, strict=True)), strict=True
+        )
 
     def read_value(self, key: Hashable, name: str) -> Any:
         """One column of the element with this key, read now."""
@@ -223,7 +241,9 @@ class Schema:
             raw = getattr(table, group)([key] if group in self.arrays or group in self.blocks else key)
             if group in self.blocks:
                 (raw,) = raw
-        rows = self.split_arrays(group, raw, [key]) if group in self.arrays else iter([self.convert_row(group, raw)])
+        rows = (
+            self.split_arrays(group, raw, [key]) if group in self.arrays else iter([self.convert_row(group, raw, key)])
+        )
         return self.groups[group].places[name].get_value(next(rows))
 
 

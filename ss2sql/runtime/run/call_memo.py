@@ -211,7 +211,7 @@ def make_checked_call(
 ) -> Callable[[Iterable[Any]], Any]:
     """A real call: counted, and what comes back made a value of the language, or `checked` otherwise."""
     name, body, calls = function.name, function.function, run.stats.calls
-    giver = f"the function '{name}'"
+    giver = function.giver
 
     def count_by_name() -> None:
         calls[name] += 1
@@ -236,7 +236,7 @@ def make_checked_call(
 
 def make_call_list_check(function: UserFunction) -> Callable[[Any], Any]:
     """Makes what the function returns a list, each element of which the caller makes a value of the language."""
-    giver = f"the function '{function.name}'"
+    giver = function.giver
     return lambda result: result if type(result) is list else convert_value(result, giver)
 
 

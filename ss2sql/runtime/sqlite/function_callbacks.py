@@ -86,7 +86,7 @@ class FunctionCallback:
         self.memo = memo
         self.stack = stack
         self.remembers = function.volatility != "volatile"
-        self.giver = f"the function '{function.name}'"
+        self.giver = function.giver
         self.call = self._make_sql_call()
 
     def _raise_through_sqlite(

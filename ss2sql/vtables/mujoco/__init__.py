@@ -108,11 +108,11 @@ class MuJoCoWorld(BodyWorld):
     def read_positions(self) -> tuple[list[int], Array]:
         return list(range(self.model.nbody)), self.data.xpos
 
-    def find_point(self, value: Any) -> Sequence[float]:
+    def read_point(self, value: Any) -> Sequence[float]:
         """A body's position by its id takes 1 us, by its column 20 us; joins read two for each pair."""
         if type(value) is int and 0 <= value < self.model.nbody:
             return tuple(self.data.xpos[value].tolist())
-        return super().find_point(value)
+        return super().read_point(value)
 
     def measure_gap(self, one: int, other: int) -> float:
         """To the tolerance of MuJoCo's own `mj_geomDistance`, between the nearest shapes of both.

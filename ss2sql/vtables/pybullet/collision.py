@@ -355,10 +355,10 @@ class BodyFunctions(BodyWorld):
         ids, where = self.list_ids(), self.calls.getBasePositionAndOrientation
         return ids, np.array([where(body)[0] for body in ids], dtype=float).reshape(len(ids), 3)
 
-    def find_point(self, value: Any) -> Sequence[float]:
+    def read_point(self, value: Any) -> Sequence[float]:
         """A point, given by coordinates, by a body or by a link."""
         if isinstance(value, (list, Element)):
-            return super().find_point(value)
+            return super().read_point(value)
         return read_link_pose(self, (self.find_body(value), value[1] if isinstance(value, tuple) else -1))[0]
 
     def find_box(self, name: str, value: Any) -> Any:
