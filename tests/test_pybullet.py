@@ -106,7 +106,7 @@ def test_names_and_sensors_end_with_their_bodies(client: Any) -> None:
 
 def test_a_body_without_a_position_is_an_error_that_names_it(client: Any, ss: ss2sql.Session) -> None:
     for x in range(3):
-        ball(client, 0.2, (x, 0, 0))
+        box(client, (0.2, 0.2, 0.2), (x, 0, 0))
     client.resetBasePositionAndOrientation(1, [float("nan")] * 3, (0, 0, 0, 1))
     cases = [
         "SELECT pos FROM space", "SELECT id FROM space WHERE x >= -1e9", "SELECT id FROM space WHERE NOT x < -1e9",

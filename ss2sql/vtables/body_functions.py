@@ -220,9 +220,10 @@ class BodyWorld(World):
         """The box around a body, read once in a query."""
         known = self.memory.setdefault("boxes", {})
         if body not in known:
-            low, high = known[body] = self.measure_box(body)
+            low, high = self.measure_box(body)
             if any(map(isnan, (*low, *high))):
                 self.read_column(body, "aabb")  # raises the error that says of which body
+            known[body] = low, high
         return known[body]  # type: ignore[no-any-return]
 
     def measure_box(self, body: int) -> Box:
