@@ -31,7 +31,7 @@ def models(*endings: str) -> list[str]:
 
 def ask(names: Sequence[str]) -> Iterator[dict[str, Any]]:
     """What each model gives: `model`, `ended` with how the child ended, or `failed` with why PyBullet refused it, or
-    `rows`, by tables and columns, and `others` that may be refused."""
+    `rows`, by tables and columns, `others` that may be refused, and how far `AS environment` has `moved` a shape."""
     left = list(names)
     while left:
         command = [sys.executable, "-W", "ignore", __file__]
@@ -76,6 +76,18 @@ def _columns(queries: dict[tuple[str, str], Any]) -> dict[str, dict[str, dict[st
     return found
 
 
+def _measure_largest_shift(client: Any, copy: Any) -> float:
+    """How far the side of a box around a link of a copy is from that of the original at most, in m."""
+    shifts = [
+        abs(a - b)
+        for body, other in copy.ids.items()
+        for link in range(-1, client.getNumJoints(body))
+        for one, two in zip(client.getAABB(body, link), copy.client.getAABB(other, link), strict=True)
+        for a, b in zip(one, two, strict=True)
+    ]
+    return max(shifts)
+
+
 def main(names: Iterable[str]) -> None:
     import pybullet
     import pybullet_data
@@ -108,13 +120,14 @@ def main(names: Iterable[str]) -> None:
             continue
         say(model=name, at="asking")
         rows = _columns(queries)
-        told = {}
+        told, moved = {}, 0.0
         for word, query in others.items():
             say(model=name, at=word)
             try:
                 value = query.run().value
                 told[word] = type(value).__name__
                 if word == "environment":
+                    moved = _measure_largest_shift(client, value)
                     value.close()
             except ss2sql.Error as error:
                 told[word] = error.message
@@ -126,7 +139,7 @@ def main(names: Iterable[str]) -> None:
                 client.resetBasePositionAndOrientation(body, (0, 0, 1), client.getQuaternionFromEuler(turn))
             assert types == _columns(queries)["space"]["type"] == rows["space"]["type"], name
         capsules = ss.eval("SELECT link, radius, length, pos FROM space.shapes WHERE type == 'capsule' AS rows;")
-        say(model=name, rows=rows, others=told, capsules=capsules)
+        say(model=name, rows=rows, others=told, capsules=capsules, moved=moved)
 
 
 if __name__ == "__main__":

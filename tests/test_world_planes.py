@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("pybullet")
 
+import pybullet_data
 from golden import each_row
 from little_scenes import GREY, ask, refused
 from little_scenes import fixture_scene as fixture_scene
@@ -200,6 +201,49 @@ def test_an_environment_of_bodies_from_files_and_with_joints(client: Any) -> Non
         ]
         assert np.array_equal(*grids)
         assert grids[0].any()
+
+
+MODELS = (
+    "r2d2.urdf", "husky/husky.urdf", "a1/a1.urdf", "aliengo/aliengo.urdf", "laikago/laikago.urdf",
+    "kuka_iiwa/model.urdf", "table/table.urdf", "duck_vhacd.urdf", "cartpole.urdf",
+)  # fmt: skip
+FRAME = {"baseInertialFramePosition": (0.1, 0.5, 0.2), "baseInertialFrameOrientation": (0.0, 0.6, 0.0, 0.8)}
+PLACED = {"collisionFramePosition": (0.1, 0.0, 0.0), "collisionFrameOrientation": (0.6, 0.0, 0.0, 0.8)}
+
+
+def load_model(client: Any, name: str) -> int:
+    """A body in any pose, with its joints in any position."""
+    turn = client.getQuaternionFromEuler((0.2, 0.3, 0.4))
+    if name.endswith("urdf"):
+        client.setAdditionalSearchPath(pybullet_data.getDataPath())
+        body: int = client.loadURDF(name, (1, 2, 3), turn)
+    else:
+        mesh = {"vertices": [(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)]}
+        shape = client.createCollisionShape(client.GEOM_MESH, **mesh, **(PLACED if "placed" in name else {}))
+        body = client.createMultiBody(1, shape, basePosition=(1, 2, 3), baseOrientation=turn, **FRAME)
+    for joint in range(client.getNumJoints(body)):
+        client.resetJointState(body, joint, 0.1 * (joint % 7) - 0.3)
+    client.performCollisionDetection()
+    return body
+
+
+@pytest.mark.parametrize("name", [*MODELS, "mesh", "placed mesh"])
+def test_an_environment_has_every_shape_where_it_was(client: Any, name: str) -> None:
+    """Boxes of links from files are a little smaller: their loader gives their shapes margins."""
+    body = load_model(client, name)
+    low, high = map(np.array, client.getAABB(body))
+    random = np.random.default_rng(1)
+    ends = random.uniform(low - 0.3, high + 0.3, (2, 300, 3)).tolist()
+    with ask(client, "SELECT obj FROM space AS environment;") as copy:
+        copy.client.performCollisionDetection()
+        for link in range(-1, client.getNumJoints(body)):
+            one, other = client.getAABB(body, link), copy.client.getAABB(copy.ids[body], link)
+            loose = name.endswith("urdf") and (link >= 0 or name in ("duck_vhacd.urdf", "laikago/laikago.urdf"))
+            assert np.abs(np.subtract(one, other)).max() < (4e-3 if loose else 1e-6), link
+        hits, others = client.rayTestBatch(*ends), copy.client.rayTestBatch(*ends)
+        assert sum(hit[0] >= 0 for hit in hits) > 5
+        different = [(a, b) for a, b in zip(hits, others, strict=True) if a[:2] != b[:2] or abs(a[2] - b[2]) > 1e-3]
+        assert len(different) <= 2, different  # rays along an edge
 
 
 def test_an_environment_moves_by_itself(scene: Scene) -> None:

@@ -22,7 +22,7 @@ from ss2sql.vtables.body_functions import (
 from ss2sql.vtables.contract import Column, Element, Table, Where
 from ss2sql.vtables.pybullet.links import SOFT, UNKNOWN
 from ss2sql.vtables.pybullet.poses import Box as Bounds
-from ss2sql.vtables.pybullet.poses import unite_boxes
+from ss2sql.vtables.pybullet.poses import Point, invert_rotation, rotate_point, unite_boxes
 from ss2sql.vtables.pybullet.scene import (
     Box,
     Capsule,
@@ -234,6 +234,18 @@ def get_volume(shape: Any) -> float | None:
 SIDE = 10.0  # metres: the edge of the squares that represent endless planes in pictures
 UNNAMED = (b"", b"unknown_file")  # the files of meshes that were built from points
 Part: TypeAlias = dict[str, Any]  # the keywords of a shape for PyBullet
+
+
+def read_corners(calls: Any, body: int, link: int, number: int, data: Any) -> tuple[Point, ...]:
+    """The corners of a mesh that was built from points, as seen from the mesh; none for other shapes.
+
+    PyBullet gives them as seen from the centre of mass of the link.
+    """
+    if KINDS.get(data[2]) != "mesh" or data[4] not in UNNAMED:
+        return ()
+    _, corners = calls.getMeshData(body, link, collisionShapeIndex=number)
+    (px, py, pz), back = data[5], invert_rotation(data[6])
+    return tuple(rotate_point(back, (x - px, y - py, z - pz)) for x, y, z in corners)
 
 
 def read_bullet_shape(kind: int, size: Sequence[float], file: bytes, corners: Sequence[Any]) -> Part | None:

@@ -22,7 +22,7 @@ import numpy as np
 from ss2sql.errors import ExecutionError
 from ss2sql.vtables.body_functions import BodyWorld, Quaternion, Vector, make_parameter_error, read_body_numbers
 from ss2sql.vtables.contract import Element, function
-from ss2sql.vtables.pybullet.bodies import KINDS, UNNAMED, make_solid, measure_box, read_bullet_shape
+from ss2sql.vtables.pybullet.bodies import KINDS, make_solid, measure_box, read_bullet_shape, read_corners
 from ss2sql.vtables.pybullet.links import SOFT, read_link_pose
 from ss2sql.vtables.pybullet.poses import (
     UPRIGHT,
@@ -287,10 +287,9 @@ class ShapeCache:
         return bool(found) and abs(found[0][8] - (1 - 2 * self._radius)) < 1e-12
 
     def get_shape(self, body: int, link: int, number: int, data: Any) -> int:
-        kind, size, file, corners = KINDS.get(data[2]), data[3], data[4], ()
-        if kind == "mesh" and file in UNNAMED:
-            _, corners = self._calls.getMeshData(body, link, collisionShapeIndex=number)  # as seen from the link
-        key = corners or (kind, *size, file)
+        kind, size, file = KINDS.get(data[2]), data[3], data[4]
+        corners = read_corners(self._calls, body, link, number, data)
+        key: Any = corners or (kind, *size, file)
         known = self._made.get(key)
         if known is not None:
             return known
@@ -324,11 +323,9 @@ def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
     if world.shapes.is_soft(body):
         raise _make_unmovable_error(body, "it is soft")
     for link, number, data in world.shapes.read_shapes(body):
-        pose = poses[link]
         if data[5] is None:
             raise _make_unmovable_error(body, f"PyBullet does not tell how the capsules of its link {link} lie")
-        if data[4] != b"unknown_file":  # others consist of corners, which are relative to the link
-            pose = convert_pose_to_world(pose, (data[5], data[6]))
+        pose = convert_pose_to_world(poses[link], (data[5], data[6]))
         shape = stock.get_shape(body, link, number, data)
         half = stock.halves[shape]
         if half is None:

@@ -1,7 +1,8 @@
 """`AS environment`: a new simulation with only the selected bodies.
 
 Each body is made anew from PyBullet's data: shapes, colours, masses, friction, joints, pose and velocity. Damping and
-motors, which PyBullet does not expose, have Bullet's defaults in the copy.
+motors, which PyBullet does not expose, have Bullet's defaults in the copy. The boxes around links that were loaded from
+files are up to 3 mm larger in the original, their shapes are not: only loading gives links such a margin.
 """
 
 from __future__ import annotations
@@ -11,9 +12,25 @@ from typing import Any, NoReturn
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.area_arguments import refuse_argument
-from ss2sql.vtables.pybullet.bodies import FIXED, KINDS, UNNAMED, Part, make_solid, measure_box, read_bullet_shape
+from ss2sql.vtables.pybullet.bodies import (
+    FIXED,
+    UNNAMED,
+    Part,
+    make_solid,
+    measure_box,
+    read_bullet_shape,
+    read_corners,
+)
 from ss2sql.vtables.pybullet.occupancy_grid import measure_bounds
-from ss2sql.vtables.pybullet.poses import UPRIGHT, Pose, convert_pose_to_local, convert_pose_to_world
+from ss2sql.vtables.pybullet.poses import (
+    UPRIGHT,
+    Pose,
+    compose_pose_turns,
+    convert_pose_to_local,
+    convert_pose_to_world,
+    invert_rotation,
+    rotate_point,
+)
 from ss2sql.vtables.pybullet.scene import Scene, Sphere, make_corner_view, make_visual_shape
 
 MOST_PARTS = 16  # of one shape: PyBullet leaves out those beyond
@@ -187,13 +204,14 @@ class _BodyCopy:
         mass, local = self.matter[link][0], self.local[link]
         if link < 0:
             return Link(mass, shapes, NOWHERE, local, -1, FIXED)
+        # PyBullet gives joints between centres of mass: the place seen from the parent's, the axis and the parent's
+        # orientation seen from the link's.
         info = self.calls.getJointInfo(self.body, link)
-        x, y, z, w = info[15]
-        turn = (-x, -y, -z, w)  # PyBullet gives the parent's orientation seen from the link
-        parent = info[16]
-        return Link(
-            mass, shapes, convert_pose_to_world(self.local[parent], (info[14], turn)), local, parent, info[2], info[13]
-        )
+        place, parent = info[14], info[16]
+        turn = invert_rotation(compose_pose_turns(local[1], info[15]))
+        axis = rotate_point(local[1], info[13])
+        pose = convert_pose_to_world(self.local[parent], (place, turn))
+        return Link(mass, shapes, pose, local, parent, info[2], axis)
 
     def _copy_pose(self, made: int) -> None:
         pose = self.calls.getBasePositionAndOrientation(self.body)
@@ -205,6 +223,9 @@ class _BodyCopy:
                 made, link, lateralFriction=friction, restitution=bounce, rollingFriction=rolling,
                 spinningFriction=spinning, **({"localInertiaDiagonal": inertia} if mass else {}),
             )  # fmt: skip
+        margin = self.matter[-1][11]
+        if self.client.getDynamicsInfo(made, -1)[11] != margin:  # as after loading files; rays would miss one set to 0
+            self.client.changeDynamics(made, -1, collisionMargin=margin)  # of a link it would set that of the base
         for joint in self.links[1:]:
             place, speed, *_ = self.calls.getJointState(self.body, joint)
             low, high = self.calls.getJointInfo(self.body, joint)[8:10]
@@ -221,11 +242,9 @@ class _BodyCopy:
         return self.shapes.copy_collision_shapes(parts)
 
     def _copy_solid(self, link: int, number: int, data: Any) -> Part:
-        corners = ()
         if data[5] is None:
             self._refuse_body()  # its place is unknown
-        if KINDS.get(data[2]) == "mesh" and data[4] in UNNAMED:
-            _, corners = self.calls.getMeshData(self.body, link, collisionShapeIndex=number)
+        corners = read_corners(self.calls, self.body, link, number, data)
         return read_bullet_shape(data[2], data[3], data[4], corners) or self._refuse_body()
 
     def _refuse_body(self) -> NoReturn:

@@ -82,7 +82,7 @@ def get_link_poses(world: Any, body: int) -> dict[int, Pose]:
 def _compute_pose(calls: Any, body: int, joint: int, poses: dict[int, Pose], state: Any) -> Pose:
     info = calls.getJointInfo(body, joint)
     kind, axis, pivot, parent = info[2], info[13], info[14], info[16]
-    middle = rotate_point(_invert_rotation(state[3]), state[2])  # of the link, as seen from its joint
+    middle = rotate_point(invert_rotation(state[3]), state[2])  # of the link, as seen from its joint
     turn: Rotation = UPRIGHT
     match kind:
         case 0:  # JOINT_REVOLUTE
@@ -98,10 +98,10 @@ def _compute_pose(calls: Any, body: int, joint: int, poses: dict[int, Pose], sta
         case _:  # as PyBullet shows it
             return state[0], state[1]
     return convert_pose_to_world(
-        convert_pose_to_world(poses[parent], (pivot, _invert_rotation(info[15]))), (rotate_point(turn, middle), turn)
+        convert_pose_to_world(poses[parent], (pivot, invert_rotation(info[15]))), (rotate_point(turn, middle), turn)
     )
 
 
-def _invert_rotation(turn: Any) -> Rotation:
+def invert_rotation(turn: Any) -> Rotation:
     x, y, z, w = turn
     return -x, -y, -z, w
