@@ -33,6 +33,7 @@ from ss2sql.language.operations import PREDICATES
 from ss2sql.language.plan_traversal import can_fail, has_constant_source, list_inside, list_sources, walk, walk_own
 from ss2sql.lowering import sql_builder, sqlite_forms
 from ss2sql.lowering.equality import SPECIAL_OPERATIONS
+from ss2sql.lowering.rewrites.rewrite_context import negate_expression
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_names import get_builtin_name
 from ss2sql.lowering.statement_needs import StatementNeeds
@@ -203,6 +204,8 @@ class ExpressionLowering:
             case plan.Xor(left=left, right=right):
                 one, other = self.lower_condition(left, scope), self.lower_condition(right, scope)
                 return sql_builder.binary(exp.NEQ, one, other)
+            case plan.Not(operand=plan.And(parts=parts)) if any(map(can_fail, parts[1:])):
+                return self.lower_and(parts, scope, denied=True)
             case plan.Not(operand=operand):
                 return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(operand, scope)))
             case plan.If():
@@ -287,12 +290,22 @@ class ExpressionLowering:
     def write_place(self, span: Span) -> Node:
         return sql_builder.string(f"{span.line}:{span.column}")
 
-    def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
-        conditions = [self.lower_condition(part, scope) for part in parts]
+    def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope, denied: bool = False) -> Node:
+        """A conjunction, or what it denies; CASE keeps later parts from being evaluated where that could be noticed."""
         if not any(can_fail(part) for part in parts[1:]):
-            return sql_builder.join_by_and([sql_builder.keep_condition(condition) for condition in conditions])
-        stops = [(exp.Not(this=sql_builder.wrap_operand(c)), sql_builder.number(0)) for c in conditions[:-1]]
-        return sql_builder.case(stops, conditions[-1])
+            return sql_builder.join_by_and(
+                [sql_builder.keep_condition(self.lower_condition(part, scope)) for part in parts]
+            )
+        stops = [(self._lower_denied(part, scope), sql_builder.number(int(denied))) for part in parts[:-1]]
+        last = parts[-1]
+        return sql_builder.case(stops, self._lower_denied(last, scope) if denied else self.lower_condition(last, scope))
+
+    def _lower_denied(self, expr: plan.Expr, scope: SqlScope) -> Node:
+        """`a IS NULL` for `a != None`, or NOT before what has no such form, or is known already."""
+        turned = negate_expression(expr)
+        if isinstance(turned, plan.Not) or any(known == expr for known, _ in scope.known):
+            return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(expr, scope)))
+        return self.lower_condition(turned, scope)
 
     def lower_or(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
         return sql_builder.disjunction(

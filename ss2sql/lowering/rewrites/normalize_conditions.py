@@ -65,8 +65,8 @@ def _push_negation(node: plan.Not, operand: plan.Expr) -> plan.Expr:
     turned: plan.Expr
     match operand:
         case plan.And() | plan.Or():
-            turned = _flatten_connective(negate_expression(operand))
-            return turned
+            turned = negate_expression(operand)
+            return node if isinstance(turned, plan.Not) else _flatten_connective(turned)
         case plan.Call():
             turned = negate_expression(operand)
             return node if isinstance(turned, plan.Not) else turned

@@ -17,7 +17,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, is_flag, is_supertype, type_of
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import rebuild_node
+from ss2sql.language.plan_traversal import can_fail, rebuild_node
 from ss2sql.language.values import get_truth
 
 Node = TypeVar("Node")
@@ -91,7 +91,7 @@ def negate_expression(expr: plan.Expr) -> plan.Expr:
             return make_constant(not is_folded_true(expr), expr.span)
         case plan.Not(operand=operand):
             return operand
-        case plan.And(parts=parts):
+        case plan.And(parts=parts) if not any(map(can_fail, parts[1:])):  # AND guards them, OR in SQL does not
             return plan.Or(tuple(map(negate_expression, parts)), span=expr.span)
         case plan.Or(parts=parts):
             return plan.And(tuple(map(negate_expression, parts)), span=expr.span)

@@ -90,7 +90,8 @@ class CodePage:
         for place, noted in self._indexes.items():
             for operands in noted if place == position or (not exact and place[0] == position[0]) else ():
                 try:
-                    take_item(*eval(compile(ast.Expression(operands), self.name, "eval"), names))  # our own code
+                    container, index = eval(compile(ast.Expression(operands), self.name, "eval"), names)  # our own code
+                    take_item(list(container), index)  # some lists are tuples there
                 except ExecutionError as error:
                     return error
                 except Exception:  # of another index at this place, which the code did not come to
