@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import takewhile
 from typing import TYPE_CHECKING, assert_never
 
 from sqlglot import exp
@@ -371,7 +372,11 @@ def _lower_left_join(selects: FlatLowering, source: plan.QuerySource, scope: Sql
         part = lower_source(selects, inner, scope, siblings, None)
         part = part if part.order else _lower_numbered_rows(selects, part, inner)
     here = scope.with_source(inner.id, part.reader)
-    on = [selects.expressions.lower_and(split_and(query.where), here)] if query.where is not None else []
+    parts, lower = split_and(query.where), selects.expressions
+    # What cannot fail stands by itself, so that SQLite makes an index for an equality, and guards the others, too.
+    free = list(takewhile(lambda part: not can_fail(part), parts))
+    on = [sql_builder.keep_condition(lower.lower_condition(part, here)) for part in free]
+    on += [lower.lower_and(parts, here)] if len(free) < len(parts) else []
     plain, number = _lower_query_elements(part, query), part.order[-1]
     element, kinds = query.columns[0].expr.type, dict(inner.columns or ())
 
