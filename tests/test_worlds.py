@@ -134,6 +134,17 @@ def test_an_exception_of_the_user_tells_nothing_of_a_run_before(ss: ss2sql.Sessi
     assert caught.value.__context__ is caught.value.__cause__ is None
 
 
+def test_an_error_of_ours_from_a_function_is_at_its_call(ss: ss2sql.Session, engine: Any) -> None:
+    def refuse(ball: Any) -> Any:
+        raise ss2sql.ExecutionError("X007", "refused")
+
+    ss.function("refuse", refuse, volatility="stable")
+    with pytest.raises(ss2sql.ExecutionError, match="refused") as caught:
+        ss.run("SELECT id, refuse(this) FROM space;", engine=engine)
+    assert caught.value.span is not None
+    assert caught.value.span.text == "refuse(this)"
+
+
 def test_functions_of_the_user_come_before_those_of_a_world(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("density", lambda ball: ball.mass / 10, volatility="stable")
     assert ss.run("SELECT density FROM space LIMIT 2 AS list;", engine=engine).value == [2.0, 4.0]

@@ -101,7 +101,7 @@ class FunctionCallback:
         execution.failed = True
         name, passing = self.function.name, error
         spans = execution.calls.get(name, ())
-        if isinstance(error, Error) and (result is not _MISSING or error.code == "X012"):  # the value is refused
+        if isinstance(error, Error) and not isinstance(error, Stopped):  # of a world, or because a value is refused
             passing = error.with_span(spans[0] if spans else None)
         else:  # a function raised it, or an object that fails when it is looked at, such as a generator
             note_place_on_exception(error, name, spans)
