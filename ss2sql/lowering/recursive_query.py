@@ -195,6 +195,8 @@ class RecursiveQuery:
         ]
         items = [item for part in opened for item in part.items]
         visit = self.write_visit(SqlScope().with_states(states))
+        if visit is not None and opened:
+            visit = self.evaluate_for_each_row(visit, opened[-1].witness_column)
         self.copies.tables[name] = sql_builder.select(shown, items, visit)
         self.starts = sql_builder.table(name, name)
         return states | {state: sql_builder.column(column, name) for state, column in columns.items()}
@@ -215,6 +217,17 @@ class RecursiveQuery:
             lower = self.expressions.lower_expr if self.flags[name] else self.expressions.lower_value
             states[(self.query.id, name)] = lower(expr, scope.with_states(states))
         return states
+
+    @staticmethod
+    def evaluate_for_each_row(node: Node, witness: Node) -> Node:
+        """A condition that SQLite evaluates for each row; `witness` is a column of the last source.
+
+        SQLite evaluates a condition once the columns in it are known.
+        """
+        (last,) = {column.table for column in witness.find_all(exp.Column)}
+        if any(column.table == last for column in node.find_all(exp.Column)):
+            return node
+        return sql_builder.call("in_turn", witness.copy(), node)
 
     # --- sources ---------------------------------------------------------------------------------------
 

@@ -299,16 +299,9 @@ class EagerSearch(RecursiveQuery):
         return known or super().carry_element(node)
 
     def _evaluate_for_each_step(self, node: Node, witnesses: list[Node]) -> Node:
-        """A condition on entering, evaluated for every step where it may change from step to step.
-
-        SQLite evaluates a condition once the columns in it are known; `witnesses` are a column of each source.
-        """
-        last = witnesses[-1]
+        """A condition on entering, evaluated for every step where it may change from step to step."""
         changing = any(call.name in ("reached", "improves") for call in node.find_all(exp.Anonymous))
-        (of_last,) = {column.table for column in last.find_all(exp.Column)}
-        if not (changing or self.counted) or any(column.table == of_last for column in node.find_all(exp.Column)):
-            return node
-        return sql_builder.call("in_turn", last.copy(), node)
+        return self.evaluate_for_each_row(node, witnesses[-1]) if changing or self.counted else node
 
     def check_parent_continues(self, expands: bool = True) -> list[Node]:
         """What is evaluated for the step that was taken, before its children; one SELECT counts that it expands."""

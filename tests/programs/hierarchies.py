@@ -54,8 +54,10 @@ def hierarchy(c: Choices) -> tuple[str, list[dict[str, Any]]]:
         condition = f"({condition}) AND level() < {5 if guard else 4}"
     one, other = nodes[0], nodes[-1]
     starts = c.pick((*(f"town = {node!r}" for node in (one, other)), f"EACH town IN {[one, other, one]}"))
+    starts += c.pick((", day = 0", ", day = 0", ", EACH day IN [0, 1]"))
     first = c.pick(("", "", "", ", src == 0", ", km < 2"))
-    connect = c.pick(("town = dst, day = day + 1", "day = day + 1, town = dst", "town = dst, day = town"))
+    connect = c.pick(("town = dst, day = day + 1", "day = day + 1, town = dst", "town = dst, day = town",
+                      "town = IF(day == 1; dst; src), day = day + 1"))  # fmt: skip
     of_path = not memorizes
     where = c.pick(("", "", "dst == 1", "dst != src", *(("level() == 2", "prior(dst) == None OR dst == 0") * of_path)))
     stop = c.pick(("", "", "dst == 2", "km == 3", "day == 2", *(("level() == 3", "cycle(town)") * of_path)))
@@ -63,7 +65,7 @@ def hierarchy(c: Choices) -> tuple[str, list[dict[str, Any]]]:
     shown, ending = _shown(c, guard, by)
     return (
         f"SELECT {c.pick(('', 'LAST '))}{shown} FROM edges{where and f' WHERE {where}'} "
-        f"START WITH {starts}, day = 0{first} CONNECT BY {''.join(f'{option}, ' for option in options)}{condition}, "
+        f"START WITH {starts}{first} CONNECT BY {''.join(f'{option}, ' for option in options)}{condition}, "
         f"{connect}{stop and f' STOP WITH {stop}'}{siblings}{ending}{c.pick((' AS rows', ' AS list', ' AS dict', ''))}"
     ), edges
 
