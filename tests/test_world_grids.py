@@ -10,13 +10,15 @@ import pytest
 
 pytest.importorskip("pybullet")
 
+from bullet_rooms import Counting
 from little_scenes import GREY, ask
 from little_scenes import fixture_scene as fixture_scene
 
 import ss2sql
 from ss2sql import scenes
+from ss2sql.vtables.pybullet import PyBulletWorld
 from ss2sql.vtables.pybullet.occupancy_grid import GAP, THIN
-from ss2sql.vtables.pybullet.scene import Box, Capsule, Cylinder, Scene, Sensor, Sphere
+from ss2sql.vtables.pybullet.scene import Box, Capsule, Cylinder, Plane, Scene, Sensor, Sphere
 
 # --- occupancygrid -------------------------------------------------------------------------------------
 
@@ -108,6 +110,36 @@ def test_large_plates_leave_nothing_out(client: Any) -> None:
             )
         assert np.array_equal(grid, wanted)
         assert 0 < wanted.sum() < 800
+
+
+def test_an_endless_floor_below_the_grid_takes_a_few_plates(client: Any) -> None:
+    """Instead of one for each of 4 million cells."""
+    counted = Counting(client)
+    client.createMultiBody(0, client.createCollisionShape(client.GEOM_PLANE))
+    script = "SELECT obj FROM space AS occupancygrid(0.5, 0.02, [[-20, -20], [20, 20]]);"
+    assert not ask(PyBulletWorld(counted), script).any()
+    assert counted.calls["getClosestPoints"] < 50
+    assert ask(PyBulletWorld(client), "SELECT obj FROM space AS occupancygrid(-1, 0.5, [[-2, -2], [3, 2]]);").all()
+
+
+@pytest.mark.parametrize(
+    ("script", "timeout"),
+    [
+        ("SELECT obj FROM space WHERE isPlane AS occupancygrid(-0.1, 0.002, [[-1, -1], [1, 1]]);", 0.3),
+        ("SELECT obj FROM space WHERE isSensor AS sensorgrid(0.5, 0.002, [[-1, -1], [1, 1]]);", 0.3),
+        ("SELECT obj FROM space WHERE isBox AS environment;", 0.05),
+        ("SELECT count(*) FROM space.closest(None, None, -9);", 0.05),
+    ],
+    ids=["occupancygrid", "sensorgrid", "environment", "closest"],
+)
+def test_what_takes_long_can_be_stopped(scene: Scene, script: str, timeout: float) -> None:
+    """Each takes a second or more; `closest` finds no pair."""
+    scene.add("floor", Plane((0.0, 0.0, 1.0), 10.0), (0.0, 0.0, 0.0), GREY)
+    for number in range(400):
+        scene.add(f"crate_{number}", Box(0.5, 0.5, 0.5), (number, 50.0, 0.5), GREY)
+    with_sensor(scene, (0.0, 0.0, 0.5), (0.0, 0.0, -1.0), 99.0, 360.0)
+    with pytest.raises(ss2sql.Timeout):
+        ask(scene, script, timeout=timeout)
 
 
 def test_only_the_selected_bodies_stand_in_the_grid(scene: Scene, engine: Any) -> None:

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ss2sql.errors import ExecutionError, suggest_names
+from ss2sql.language.cancellation import iterate_checked
 from ss2sql.language.conversion import format_value
 from ss2sql.vtables.contract import Column, Element, Gone, Table, TableFunction, Where, World, function
 from ss2sql.vtables.schema import get_schema, get_world_tables
@@ -230,12 +231,13 @@ class BodyWorld(World):
         low, high = self.read_column(body, "aabb")
         return low, high
 
-    def iterate_pairs(self, a: Any, b: Any) -> Iterator[tuple[int, int]]:
+    def iterate_pairs(self, a: Any, b: Any) -> Iterable[tuple[int, int]]:
         """The pairs of bodies a and b, where None stands for all; without both each pair once."""
         ids = self.read_positions()[0] if a is None or b is None else []
         first, second = (ids if body is None else [self.find_body(body)] for body in (a, b))
         both = a is None and b is None
-        return ((x, y) for x in first for y in second if x < y or (x != y and not both))
+        pairs = ((x, y) for x in first for y in second if x < y or (x != y and not both))
+        return iterate_checked(pairs)
 
     def list_positions(self) -> tuple[list[int], Any]:
         """The same as `read_positions`, read once in a query."""

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.area_arguments import refuse_argument
+from ss2sql.language.cancellation import Check
 from ss2sql.vtables.pybullet.bodies import (
     FIXED,
     UNNAMED,
@@ -95,7 +96,7 @@ class Environment(Scene):
     ids. Steps continue from the time of the original. `close` ends it.
     """
 
-    def __init__(self, world: Any, bodies: list[int]) -> None:
+    def __init__(self, world: Any, bodies: list[int], check: Check | None = None) -> None:
         scene = world.scene
         super().__init__(getattr(scene, "seed", 0))
         self.ids: dict[int, int] = {}  # of the copies, by those of the originals
@@ -107,6 +108,8 @@ class Environment(Scene):
                 setattr(self, name, getattr(scene, name))
         try:
             for body in bodies:
+                if check is not None:
+                    check()
                 copy = self.ids[body] = self.adopt(_BodyCopy(world, body, self.client).make_body(), world.name_of(body))
                 if body in world.sensors:
                     self.sensors[copy] = world.sensors[body]

@@ -2,7 +2,8 @@
 
 A cell is occupied where a body reaches into its square at the height z, beyond touching its edge, so a wall that is
 thinner than the cells stays closed for path planning. The shape itself is tested, not its bounding box: Bullet tests
-whether a thin plate of the size of the cell meets the body.
+whether a thin plate of the size of the cell meets the body. Plates of 2 x 2, 4 x 4 ... cells come first: where they
+meet nothing, their cells are free.
 
 A sensor sees a cell if the middle of the cell, at the height z, is within its range and its angle, and if nothing
 stands between the two: no body of the world, selected or not, except the sensor's own. A middle on a surface, such as
@@ -19,13 +20,13 @@ import numpy as np
 
 from ss2sql.language.area_arguments import check_area_cells, check_number, check_numbers, refuse_argument
 from ss2sql.language.area_grid import Grid
+from ss2sql.language.cancellation import ITEMS_PER_CHECK, Check
 from ss2sql.language.rows import Table, request_hidden_columns
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
 from ss2sql.vtables.pybullet.bodies import measure_box
 from ss2sql.vtables.pybullet.collision import ShapeCache, are_in_cone
-from ss2sql.vtables.pybullet.contact_tables import MOST_RAYS
-from ss2sql.vtables.pybullet.poses import Box, Point, unite_boxes
+from ss2sql.vtables.pybullet.poses import Box, unite_boxes
 
 if TYPE_CHECKING:
     from ss2sql.vtables.pybullet.environment import Environment
@@ -90,7 +91,8 @@ def measure_bounds(world: Any) -> Box:
 
 
 GAP = 1e-3  # parts of a cell by which plates are smaller than cells, so that touching a cell is not occupying it
-THIN = 1e-3  # the thickness of plates, in parts of a cell
+THIN = 1e-3  # the thickness of plates, in parts of their edge
+PLATES_PER_CHECK = 64  # plates tested between two checks of whether the run has to end; each takes 3 to 100 us
 
 Ranges = tuple[range, range]  # of columns and of rows
 
@@ -99,31 +101,54 @@ def make_occupancy_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) 
     bodies = list_selected_bodies(world, "occupancygrid", table)
     height = check_number("occupancygrid", "the height z", z)
     origin, edge, columns, rows = resolve_area(world, "occupancygrid", cell, area)
-    cells = np.zeros((rows, columns), dtype=bool)
-    plate = _make_grid_plate(world, edge) if bodies else -1
+    grid = Grid(np.zeros((rows, columns), dtype=bool), origin, edge)
     for body in bodies:
         low, high = measure_box(world, body)
         if low[2] - edge <= height <= high[2] + edge:
-            covered, across = _find_covered_cells((low, high), origin, edge, columns, rows)
-            for row in across:
-                for column in covered:
-                    middle = (origin[0] + (column + 0.5) * edge, origin[1] + (row + 0.5) * edge, height)
-                    cells[row, column] = cells[row, column] or _is_plate_touching(world, plate, middle, body)
-    return Grid(cells, origin, edge)
+            ranges = _find_covered_cells((low, high), origin, edge, columns, rows)
+            _mark_occupied_cells(world, grid, body, height, ranges, table.check)
+    return grid
 
 
-def _make_grid_plate(world: Any, edge: float) -> int:
-    """The shape of a plate, made once for each size of cells."""
+def _mark_occupied_cells(
+    world: Any, grid: Grid, body: int, height: float, ranges: Ranges, check: Check | None
+) -> None:  # fmt: skip
+    """Marks the cells that a body occupies, from the largest plate, over the cells in these ranges, to single cells.
+
+    Where a plate meets nothing its cells are free: an endless floor below the plates takes a few of them.
+    """
+    covered, across = ranges
+    cells, (x, y), edge = np.asarray(grid), grid.origin, grid.cell
+    level = max(len(covered), len(across)).bit_length()
+    plates = _make_grid_plates(world, edge, level + 1)
+    closest = world.calls.getClosestPoints
+    waiting = [(level, covered.start, across.start)]
+    tested = 0
+    while waiting:
+        level, column, row = waiting.pop()
+        if column not in covered or row not in across or (level == 0 and cells[row, column]):
+            continue
+        tested += 1
+        if check is not None and tested % PLATES_PER_CHECK == 0:
+            check()
+        size = 2**level
+        middle = (x + (column + size / 2) * edge, y + (row + size / 2) * edge, height)
+        plate = plates[level]
+        if not closest(bodyA=-1, bodyB=body, distance=0.0, collisionShapeA=plate, collisionShapePositionA=middle):
+            continue
+        if level == 0:
+            cells[row, column] = True
+            continue
+        half = size // 2
+        waiting += [(level - 1, column + a, row + b) for a in (0, half) for b in (0, half)]
+
+
+def _make_grid_plates(world: Any, edge: float, count: int) -> list[int]:
+    """The shapes of plates of 1, 2, 4 ... cells along their edges, made once for each size."""
     stock: ShapeCache = world.__dict__.setdefault("plates", ShapeCache(world.calls))
     stock.clear_after_reset()
-    side = (1 - GAP) * edge
-    return stock.get_shape(-1, -1, 0, (-1, -1, world.calls.GEOM_BOX, (side, side, THIN * edge), b""))
-
-
-def _is_plate_touching(world: Any, plate: int, middle: Point, body: int) -> bool:
-    """Whether a plate at a point meets a body. It takes 3 us."""
-    closest = world.calls.getClosestPoints
-    return bool(closest(bodyA=-1, bodyB=body, distance=0.0, collisionShapeA=plate, collisionShapePositionA=middle))
+    sizes = [((side - GAP) * edge, (side - GAP) * edge, THIN * side * edge) for side in (2**n for n in range(count))]
+    return [stock.get_shape(-1, -1, 0, (-1, -1, world.calls.GEOM_BOX, size, b"")) for size in sizes]
 
 
 def _find_covered_cells(box: Box, origin: list[float], edge: float, columns: int, rows: int) -> Ranges:
@@ -154,12 +179,16 @@ def make_sensor_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> 
     origin, edge, columns, rows = resolve_area(world, "sensorgrid", cell, area)
     grid = Grid(np.zeros((rows, columns), dtype=np.int64), origin, edge)
     xs, ys = grid.centres()
-    points = np.stack([*(axis.ravel() for axis in np.meshgrid(xs, ys)), np.full(rows * columns, height)], axis=1)
     seen = np.asarray(grid).reshape(-1)
-    for body in bodies:
-        sensor = world.sensors[body]
-        selected = np.flatnonzero(are_in_cone(sensor, points))
-        seen[selected[_find_cells_sensor_sees(world, body, sensor, points[selected])]] += 1
+    for first in range(0, len(seen), ITEMS_PER_CHECK):
+        places = np.arange(first, min(first + ITEMS_PER_CHECK, len(seen)))
+        points = np.stack([xs[places % columns], ys[places // columns], np.full(len(places), height)], axis=1)
+        for body in bodies:
+            if table.check is not None:
+                table.check()
+            sensor = world.sensors[body]
+            selected = np.flatnonzero(are_in_cone(sensor, points))
+            seen[first + selected[_find_cells_sensor_sees(world, body, sensor, points[selected])]] += 1
     return grid
 
 
@@ -184,13 +213,8 @@ def _find_cells_sensor_sees(world: Any, body: int, sensor: Any, ends: Any) -> An
 
 def _cast_rays(world: Any, starts: Any, ends: Any) -> tuple[Any, Any]:
     """The first body on each ray, -1 for none, and the part of the ray before it. A ray takes 1 us."""
-    hits = np.full(len(ends), -1)
-    fractions = np.ones(len(ends))
-    for first in range(0, len(ends), MOST_RAYS):
-        part = slice(first, first + MOST_RAYS)
-        for ray, hit in enumerate(world.calls.rayTestBatch(starts[part].tolist(), ends[part].tolist()), first):
-            hits[ray], fractions[ray] = hit[0], hit[2]
-    return hits, fractions
+    found = world.calls.rayTestBatch(starts.tolist(), ends.tolist())
+    return np.array([hit[0] for hit in found], dtype=int), np.array([hit[2] for hit in found], dtype=float)
 
 
 # --- the representations of a simulation: `AS occupancygrid`, `AS sensorgrid` and `AS environment`
@@ -223,4 +247,4 @@ class BulletRepresentations:
         from ss2sql.vtables.pybullet.environment import Environment
 
         world = find_selected_world(self, table)
-        return Environment(world, list_selected_bodies(world, "environment", table))
+        return Environment(world, list_selected_bodies(world, "environment", table), table.check)
