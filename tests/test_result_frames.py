@@ -127,6 +127,11 @@ def test_an_empty_result_has_the_types_that_the_script_promises(ss: ss2sql.Sessi
     text = pandas.Series([""]).dtype
     assert result.df().dtypes.tolist() == ["int64", "float64", text, "bool", "object", "bool", text]
     assert result.df().shape == result.pl().shape == result.arrow().shape == (0, 7)
+    paths = ss.run("SELECT s AS path, x FROM t WHERE n == 9 START WITH m = 0 CONNECT BY m = m + 1 STOP WITH m == 2;")
+    assert paths.columns == ("path", "step", "path_2", "x")
+    assert list(map(str, paths.arrow().schema.types)) == ["int64", "int64", "string", "double"]
+    assert list(map(str, paths.pl().dtypes)) == ["Int64", "Int64", "String", "Float64"]
+    assert paths.df().dtypes.tolist() == ["int64", "int64", text, "float64"]
 
 
 def test_a_search_is_one_row_per_step(ss: ss2sql.Session) -> None:

@@ -23,6 +23,7 @@ from ss2sql.language.column_shapes import (
     is_untyped,
     make_arrow_type,
 )
+from ss2sql.language.kinds import INT
 from ss2sql.results import get_all_result_rows, get_result_rows
 
 if TYPE_CHECKING:
@@ -33,9 +34,11 @@ def read_result_columns(result: Result) -> list[tuple[str, list[Any], Shape]]:
     rows = get_all_result_rows(result)
     parts = zip(*rows, strict=True) if rows else [()] * len(result.columns)
     types = {} if result.answer is None else result.answer.types
+    own = result.columns if result.answer is None else result.answer.rows.columns
+    numbers = [INT] * (len(result.columns) - len(own))  # the path and the step, of a search
     return [
-        (name, list(values), infer_column_shape(values, types.get(name)))
-        for name, values in zip(result.columns, parts, strict=True)
+        (name, list(values), infer_column_shape(values, promised))
+        for name, values, promised in zip(result.columns, parts, [*numbers, *map(types.get, own)], strict=True)
     ]
 
 
