@@ -56,6 +56,27 @@ def test_queries_over_a_robot_give_what_loops_give(robot: tuple[Any, Any], ss: s
         mujoco.mj_forward(*robot)
 
 
+def test_columns_of_a_body_are_read_by_its_id_or_name(ss: ss2sql.Session, engine: Any) -> None:
+    assert answer(ss, "[mass('ball'), mass(1), pos('lift')];", engine) == [60.0, 60.0, [-3.0, 0.0, 1.0]]
+    for script in ("mass('plane');", "position('plane');"):
+        with pytest.raises(
+            ss2sql.ExecutionError, match=r"no body is called 'plane'\n(.*\n)*.*(known here:|names are) "
+        ):
+            answer(ss, script, engine)
+
+
+def test_a_name_of_several_bodies_is_none_of_one() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><body pos='1 0 0'/><body pos='2 0 0'/><body name='only'/></worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    with ss2sql.connect() as session:
+        session.attach("space", data)
+        with pytest.raises(ss2sql.ExecutionError, match="2 bodies are called ''"):
+            session.run("position('');")
+
+
 def test_a_body_without_a_position_fails_where_it_is_read(
     robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any
 ) -> None:

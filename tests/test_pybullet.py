@@ -104,6 +104,26 @@ def test_names_and_sensors_end_with_their_bodies(client: Any) -> None:
         PyBulletWorld(client, names={9: "ball"})
 
 
+def test_columns_of_a_body_are_read_by_its_id_or_name(client: Any, ss: ss2sql.Session) -> None:
+    for mass in range(9):
+        ball(client, 0.2, (mass, 0, 0), mass=mass)
+    assert values(ss, "[mass('body_3'), pos(1), name(2), isSphere('body_0')]") == [3.0, [1.0, 0.0, 0.0], "body_2", True]
+    assert values(ss, "SELECT id FROM space WHERE mass > mass('body_5') AS list") == [6, 7, 8]
+    assert values(ss, "SELECT mass(this) FROM [2, 'body_4'] AS list") == [2.0, 4.0]
+    assert values(ss, "type('body_3')") == "str"  # that of any value
+    assert "there is no body 9" in message(ss, "mass(9)")
+    shown = message(ss, "mass('plane')")
+    assert "some names are body_0, body_1, body_2; SELECT name FROM the world shows all" in shown
+    assert "[1] is no body" in message(ss, "mass([1])")
+    assert "SELECT angle FROM space.joints" in message(ss, "angle('body_3')")
+    other = start_bullet()
+    ball(other, 0.2, mass=50)
+    ss.attach("twin", other)
+    assert values(ss, "[space.mass(3), twin.mass('body_0'), twin.mass(0)]") == [3.0, 50.0, 50.0]
+    assert "write space.mass(...)" in message(ss, "mass(3)")
+    other.disconnect()
+
+
 def test_a_body_without_a_position_is_an_error_that_names_it(client: Any, ss: ss2sql.Session) -> None:
     for x in range(3):
         box(client, (0.2, 0.2, 0.2), (x, 0, 0))

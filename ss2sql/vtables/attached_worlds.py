@@ -73,6 +73,9 @@ class AttachedWorld:
             attached.module = module_of(f"{name}.{table.name}", attached)
         self.principal = next(iter(self.tables.values()))
         self.functions = dict(_collect_world_methods(world))
+        # The columns that are read of a body by its id or name, too: `type("kuka")` is that of a text, though.
+        findable = self.principal.schema.kinds.keys() if hasattr(world, "find_body") else ()
+        self.body_columns = frozenset(findable) - OPERATIONS.keys() - self.functions.keys()
 
     def read_time(self) -> Any:
         """The time of the world's clock. Raises ExecutionError X011 where that fails."""
@@ -114,8 +117,9 @@ class WorldFunctions:
         names = {name: None for world in self.worlds.values() for name in self._list_names(world)}
         found = {name: self._make_function(name, self.worlds.values()) for name in names}
         if len(self.worlds) > 1:  # then `space.move(...)` distinguishes them
-            owned = ((world, name) for world in self.worlds.values() for name in world.functions)
-            found.update((f"{world.name}.{name}", self._make_function(name, (world,))) for world, name in owned)
+            for world in self.worlds.values():
+                for name in (*world.functions, *world.body_columns):
+                    found[f"{world.name}.{name}"] = self._make_function(name, (world,))
         return found
 
     @staticmethod
@@ -160,18 +164,25 @@ class WorldFunctions:
                         yield column.text + (f" [{column.unit}]" if column.unit else "")
 
     def call_function(self, name: str, arguments: tuple[Any, ...], worlds: Collection[AttachedWorld]) -> Any:
-        """The column of the one argument, or the method of the world that the first element belongs to."""
+        """The column of the one argument, or the method of the world that the first element belongs to.
+
+        Without an element it is that of the one world that has it; a column is then that of a body by its id or name.
+        """
         element = next((argument for argument in arguments if isinstance(argument, Element)), None)
         if element is not None and len(arguments) == 1 and name in get_schema(element.table).kinds:
             return get_schema(element.table).read_value(element.key, name)
         owner = self._find_owner(name, arguments, element, worlds)
         if owner is None:
             return self._report_missing_world(name, arguments, element)
-        method, world = owner.functions[name][0], owner.world
+        world = owner.world
         try:
             with CacheOfQuery(world, self.memories.get_cache(world)):
                 with AdapterGuard(owner.principal.schema):
                     world.check()
+                if name in owner.body_columns:
+                    body: Any = world
+                    return body.read_column(body.find_body(*arguments), name)
+                method, _ = owner.functions[name]
                 return method(*[unwrap_world_key(argument, world) for argument in arguments])
         except Error:
             raise
@@ -190,14 +201,15 @@ class WorldFunctions:
             return next(own, None)
         if name in OPERATIONS and str not in map(type, arguments):  # the name of an element is enough
             return None
+        if len(arguments) == 1:
+            having += [world for world in worlds if name in world.body_columns]
         if len(having) > 1:
             hints = (f"give an element of one, or write {having[0].name}.{name}(...)",)
             names = ", ".join(world.name for world in having)
             raise ExecutionError("X007", f"'{name}' belongs to several worlds: {names}", hints=hints)
         return having[0] if having else None
 
-    @staticmethod
-    def _report_missing_world(name: str, arguments: tuple[Any, ...], element: Element | None) -> Any:
+    def _report_missing_world(self, name: str, arguments: tuple[Any, ...], element: Element | None) -> Any:
         row = OPERATIONS.get(name)
         if row is not None and row.value is not None:
             return row.value(*arguments)
@@ -205,7 +217,10 @@ class WorldFunctions:
             hints = (f"{element.table.name} have {', '.join(get_schema(element.table).kinds)}",)
             raise ExecutionError("X008", f"{element!r} has no '{name}'", hints=hints)
         shown = ", ".join(map(format_value, arguments))
-        hints = ("elements are what a query over the world has in `this`",)
+        tables = (table for world in self.worlds.values() for table in world.tables.values())
+        walked = (table.title for table in tables if name in table.schema.kinds and isinstance(table.table, Table))
+        example = next((f": SELECT {name} FROM {title}" for title in walked), "")
+        hints = (f"elements are what a query over the world has in `this`{example}",)
         raise ExecutionError("X007", f"'{name}' needs an element of a world, not {shown}", hints=hints)
 
 

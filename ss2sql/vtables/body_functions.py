@@ -8,7 +8,7 @@ Simulators that hold arrays compute the same columns from whole arrays.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import atan2, copysign, dist, hypot, isnan, pi, sqrt
 from typing import Any, ClassVar
@@ -19,7 +19,7 @@ from ss2sql.errors import ExecutionError, suggest_names
 from ss2sql.language.cancellation import iterate_checked
 from ss2sql.language.conversion import format_value
 from ss2sql.vtables.contract import Column, Element, Gone, Table, TableFunction, Where, World, function
-from ss2sql.vtables.schema import get_schema, get_world_tables
+from ss2sql.vtables.schema import get_schema, get_world_tables, world_error
 
 VECTOR = (float, float, float)
 FAR = 1e30  # where the boxes of endless bodies end
@@ -170,6 +170,20 @@ def read_body_numbers(value: Any, *lengths: int) -> tuple[float, ...] | None:
     return tuple(map(float, value))
 
 
+def find_named_body(wanted: str, names: Mapping[int, str]) -> int:
+    """The id of the one body with a name; `names` are those of all bodies."""
+    found = [body for body, name in names.items() if name == wanted]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise world_error(
+            f"{len(found)} bodies are called '{wanted}'", f"give the id of one: {found[0]}, {found[1]} ..."
+        )
+    known = [name for name in names.values() if name]
+    some = f"some names are {', '.join(known[:3])}; SELECT name FROM the world shows all"
+    raise world_error(f"no body is called '{wanted}'", *(suggest_names(wanted, known) or [some] * bool(known)))
+
+
 class BodyWorld(World):
     """A world whose principal table has columns of bodies, keyed by `id`."""
 
@@ -262,10 +276,7 @@ class BodyWorld(World):
         if not isinstance(wanted, str):
             raise make_parameter_error("body", "an element of this world, the id of a body, or its name", wanted)
         keys: list[Any] = list(self.bodies.keys(Where()))
-        names = {self.read_column(key, "name"): key for key in keys}
-        if wanted not in names:
-            raise ExecutionError("X007", f"no body is called '{wanted}'", hints=suggest_names(wanted, names))
-        return int(names[wanted])
+        return find_named_body(wanted, {key: self.read_column(key, "name") for key in keys})
 
     def find_point(self, value: Any) -> Sequence[float]:
         """A point, given by coordinates or by a body. Raises the error of the column `pos` where the body has none."""

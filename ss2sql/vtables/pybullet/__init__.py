@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ss2sql.errors import suggest_names
-from ss2sql.vtables.body_functions import Near, Overlaps
+from ss2sql.vtables.body_functions import Near, Overlaps, find_named_body
 from ss2sql.vtables.content_digest import digest_world
 from ss2sql.vtables.contract import Element, Gone
 from ss2sql.vtables.pybullet.bodies import BulletBodies
@@ -116,8 +115,8 @@ class PyBulletWorld(BulletRepresentations, CollisionFunctions):
                 raise world_error(
                     f"there is no body {wanted}", "ask for the bodies anew: SELECT id, name FROM the world"
                 )
-            case (int() as body, *_):
-                return self.find_body(body)
+            case tuple() as link:
+                return self.find_body(link[0])
             case str():
                 return self._find_named(wanted)
         shown = f"{wanted!r} of another world" if isinstance(wanted, Element) else repr(wanted)
@@ -128,16 +127,8 @@ class PyBulletWorld(BulletRepresentations, CollisionFunctions):
         known = self._ids.get(name)
         if known is not None and self.has_body(known) and self.name_of(known) == name:
             return known
-        names = {body: self.name_of(body) for body in self.list_ids()}
-        found = [body for body, its in names.items() if its == name]
-        if len(found) > 1:
-            raise world_error(
-                f"{len(found)} bodies are called '{name}'", f"give the id of one: {found[0]}, {found[1]} ..."
-            )
-        if not found:
-            raise world_error(f"no body is called '{name}'", *suggest_names(name, names.values()))
-        self._ids[name] = found[0]
-        return found[0]
+        found = self._ids[name] = find_named_body(name, {body: self.name_of(body) for body in self.list_ids()})
+        return found
 
     def get_element(self, body: int) -> Element | None:
         """A body as scripts see it; None for PyBullet's -1."""
