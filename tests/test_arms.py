@@ -27,13 +27,14 @@ def both(script: str, **variables: Any) -> list[ss2sql.Result]:
     return found
 
 
-def same(script: str, **variables: Any) -> ss2sql.Result:
+def same(script: str, counted: bool = True, **variables: Any) -> ss2sql.Result:
+    """`counted`: also what the run counts; steps without the condition of CONNECT BY count in some plans only."""
     native, arms, plain = both(script, **variables)
     assert arms.sql.count("SELECT") > plain.sql.count("SELECT")
     assert repr(native.value) == repr(arms.value) == repr(plain.value)
     assert native.paths == arms.paths
     assert list(arms) == list(native)
-    for name in ("generated", "expanded", "pruned") if arms.status == "complete" else ():
+    for name in ("generated", "expanded", "pruned") if arms.status == "complete" and counted else ():
         assert getattr(arms.stats, name) == getattr(native.stats, name) == getattr(plain.stats, name), name
     return arms
 
@@ -82,6 +83,16 @@ SCRIPTS = {
         CONNECT BY n = this[0] STOP WITH this[0] > 6 GROUP BY this[1] ORDER BY this AS list;""",
     "parts alone": """SELECT this[0] FROM [[n + 1, 0], [n + 2, 1]]
         START WITH n = 0 CONNECT BY n = this[0] STOP WITH n > 3;""",
+    "condition": """SELECT this FROM [[x + 1, y], [x, y + 1], [x - 1, y], [x, y - 1]] START WITH x = 0, y = 0
+        CONNECT BY UNIQUE, this[0] BETWEEN 0 AND 3 AND this[1] BETWEEN 0 AND 2, x = this[0], y = this[1] AS list;""",
+    "condition that guards": """SELECT this FROM [n - 1, n - 2] START WITH n = 4
+        CONNECT BY this != 0 AND 12 / this > 3, n = this STOP WITH 6 / this == 6 AS list;""",
+    "first condition": """SELECT this FROM [n + 1, n + 2]
+        START WITH this == 1, n = 0 CONNECT BY n < 3, n = this AS list;""",
+    "last": """SELECT LAST this, n FROM [[n + 1, 1], [n + 2, 2]] START WITH n = 0
+        CONNECT BY UNIQUE n = this[0] STOP WITH n > 4 AS rows;""",
+    "last in order": """SELECT LAST this[1], n FROM [[n + 1, 1], [n + 2, 2]] START WITH n = 0
+        CONNECT BY n = this[0] STOP WITH n > 2 ORDER BY n DESC, this[1] LIMIT 5 AS rows;""",
     "a later step": """SELECT this FROM [[m, n], [n, m + 1]] WHERE m == 3 START WITH n = 0, m = 0
         CONNECT BY BREADTH FIRST UNIQUE n = this[0], m = this[1] STOP WITH m > 3 AS rows;""",
 }
@@ -89,7 +100,7 @@ SCRIPTS = {
 
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_other_lists(name: str) -> None:
-    assert same(SCRIPTS[name]).value
+    assert same(SCRIPTS[name], counted="condition" not in name).value
 
 
 @pytest.mark.parametrize(

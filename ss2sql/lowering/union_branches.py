@@ -160,9 +160,9 @@ class UnionBranches:
 def find_union_branches(query: plan.Query) -> UnionBranches | None:
     """The items of the only source of a search, where each may have a SELECT of its own."""
     search, source = query.search, query.sources[0]
-    if search is None or search.weight is not None or len(query.sources) > 1:
+    if search is None or search.weight is not None or len(query.sources) > 1 or query.aggregated:
         return None
-    if not search.plain or not query.gives_paths:
+    if search.each or search.key or search.siblings or search.order == "greedy":
         return None
     if not isinstance(source, plan.ValueSource):
         return None
