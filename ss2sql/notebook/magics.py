@@ -193,7 +193,7 @@ class NotebookNames:
         return name not in host.make_catalog().functions and name not in host.world_functions
 
     def _list_unknown(self, tree: ast.Script) -> tuple[str, ...]:
-        catalog = self.session.host.make_catalog(open_names=True)
+        catalog = self.session.host.make_catalog(unknown="parameter")
         try:
             return retry_with_stack(lambda: resolve(tree, catalog)).parameters
         except ResolveError:

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, suggest_similar
+from ss2sql.frontend.resolve.scope import UnknownNames
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
@@ -41,10 +42,12 @@ class CompiledStatement:
         engine: Engine,
         generation: int,
         variable: Callable[[str], Any],
+        unknown: UnknownNames,
     ) -> None:
         self.host = host
         self.tree = tree
         self.engine = engine
+        self.unknown: UnknownNames = unknown
         self._compile_statement(statement, generation, variable)
 
     def _compile_statement(self, statement: plan.Statement, generation: int, variable: Callable[[str], Any]) -> None:
@@ -78,7 +81,8 @@ class CompiledStatement:
 
     def compute_value(self, run: Run) -> Any:
         if self.statement.tentative or self.is_outdated(run, run.get_source):
-            self._compile_statement(self.host.resolve_statement(self.tree, run), self.host.generation, run.get_source)
+            statement = self.host.resolve_statement(self.tree, run, self.unknown)
+            self._compile_statement(statement, self.host.generation, run.get_source)
         if run.framed:
             return build_dataframe_answer(self.statement.expr, self.queries, run)
         return self.function(run)
@@ -96,27 +100,27 @@ class CompiledStatement:
             kept = None if name in run.arguments else own.get(name)
             if kept is not None and kept is self.facts_read.get(name):
                 continue
-            if not is_supertype(kind, _get_session_variable_type(source, name)):
+            if not is_supertype(kind, self._get_variable_type(source, name)):
                 return True
             self.facts_read[name] = kept
         return any(self.host.has_table_changed(table, run) for table in self.statement.tables)
 
-
-def _get_session_variable_type(source: Callable[[str], Any], name: str) -> Type:
-    """The type of a variable's present value; the unknown type if it cannot be read now."""
-    try:
-        return type_of(source(name))
-    except KeyError:
-        return ANY  # there is none any more
-    except ExecutionError:
-        return NOTHING
+    def _get_variable_type(self, source: Callable[[str], Any], name: str) -> Type:
+        """The type of a variable's present value; the unknown type if there is none any more."""
+        try:
+            return type_of(source(name))
+        except KeyError:
+            return ANY
+        except ExecutionError as error:  # it cannot be read now, or is a parameter that this run does not give
+            return ANY if error.code == "R001" and self.unknown == "missing" else NOTHING
 
 
 class Query:
     """A compiled script, to be run many times; its names are resolved again when their meaning changes.
 
-    `parameters` are the names that the script does not know, which `run` takes as keywords. `plan` is the resolved
-    program, `sql` the text that runs. A `fresh` one was resolved for the next run.
+    `parameters` are the names that the script does not know, which `run` takes as keywords; a name that may be a column
+    of one of them is known when it runs. `plan` is the resolved program, `sql` the text that runs. A script that does
+    not take parameters was resolved for its next run.
     """
 
     def __init__(
@@ -126,7 +130,7 @@ class Query:
         script: ast.Script,
         program: plan.Program,
         engine: Engine,
-        fresh: bool = False,
+        takes_parameters: bool = False,
     ) -> None:
         self.parameters = program.parameters
         self._host = host
@@ -137,7 +141,8 @@ class Query:
         self._generation = host.generation
         self._statements: dict[Engine, list[CompiledStatement]] = {}
         self._open: set[Engine] = set()  # those whose statements were made before parameters had values
-        self._fresh = fresh
+        self._unknown: UnknownNames = "missing" if takes_parameters else "wrong"  # what a name without a value is
+        self._fresh = not takes_parameters
 
     def statements(self, engine: Engine | None = None, run: Run | None = None) -> list[CompiledStatement]:
         """The compiled statements for an engine; for a run that has begun, with its values."""
@@ -173,7 +178,8 @@ class Query:
     def _resolve_now(self, engine: Engine, run: Run | None) -> list[CompiledStatement]:
         """The statements resolved against the present values, and those given to the run."""
         values, stats = ({}, Stats()) if run is None else (run.arguments, run.stats)
-        resolved = stats.time_stage("resolve", lambda: self._host.resolve_script(self._script, values, run is None))
+        unknown: UnknownNames = "parameter" if run is None else self._unknown
+        resolved = stats.time_stage("resolve", lambda: self._host.resolve_script(self._script, values, unknown))
         statements = self._compile_statements(resolved(), self._host.generation, engine, run)
         if run is not None:
             self._open.discard(engine)
@@ -187,7 +193,7 @@ class Query:
         assigned: dict[str, plan.Constant | None] = {}
         for tree, part in zip(self._script.statements, program.statements, strict=True):
             variable = predict_variables(self._host.names, dict(assigned), {} if run is None else run.arguments)
-            statements.append(CompiledStatement(self._host, tree, part, engine, generation, variable))
+            statements.append(CompiledStatement(self._host, tree, part, engine, generation, variable, self._unknown))
             assigned |= dict.fromkeys(statements[-1].assigns)
             if isinstance(part.expr, plan.Assign) and isinstance(part.expr.value, plan.Constant):
                 assigned[part.expr.name] = part.expr.value

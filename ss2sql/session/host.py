@@ -17,7 +17,7 @@ import apsw
 from ss2sql.errors import Error, ExecutionError, SessionError, Source
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.resolver import resolve, resolve_eval
-from ss2sql.frontend.resolve.scope import Catalog
+from ss2sql.frontend.resolve.scope import Catalog, UnknownNames
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.ast import collect_syntax_columns
 from ss2sql.frontend.syntax.parser import parse
@@ -370,7 +370,7 @@ class SessionHost:
     def make_catalog(
         self,
         values: Mapping[str, Any] | None = None,
-        open_names: bool = False,
+        unknown: UnknownNames = "wrong",
         read: Callable[[], frozenset[str] | None] = lambda: None,
     ) -> Catalog:
         """The names that scripts may use; `read` gives the known columns of tables that they read."""
@@ -392,7 +392,7 @@ class SessionHost:
             TableNames(self.tables.list_names(), self.names.others),
             self.names.others.find_variable if self.names.others is not None else lambda name: None,
             dict(self.names.late),
-            open_names,
+            unknown,
             {name: world for name, world in self.names.worlds.items() if name not in values_by_name},
             {n: self._plan_function(f) for n, f in self.world_functions.items() if n not in self.functions},
             frames=self.names.frames.keys() - values_by_name.keys(),
@@ -410,18 +410,18 @@ class SessionHost:
         known = function.body is not None and "inline" not in self.disabled
         return function if known and not function.body.uses & self.functions.keys() else replace(function, body=None)
 
-    def resolve_script(self, tree: ast.Script, values: Mapping[str, Any], open_names: bool) -> plan.Program:
+    def resolve_script(self, tree: ast.Script, values: Mapping[str, Any], unknown: UnknownNames) -> plan.Program:
         """The plan of a script, resolved against the present and the given values."""
         read = cache(lambda: collect_syntax_columns(tree, *self.names.late.values()))
         for run in self.active_runs[-1:]:
             run.reads = read
-        catalog = self.make_catalog(values, open_names, read)
+        catalog = self.make_catalog(values, unknown, read)
         return retry_with_stack(lambda: resolve(tree, catalog))
 
-    def resolve_statement(self, tree: ast.Expr, run: Run) -> plan.Statement:
+    def resolve_statement(self, tree: ast.Expr, run: Run, unknown: UnknownNames) -> plan.Statement:
         """The plan of one statement, resolved against the present values."""
         script = ast.Script((tree,), span=tree.span)
-        return self.resolve_script(script, run.arguments, open_names=False).statements[0]
+        return self.resolve_script(script, run.arguments, unknown).statements[0]
 
     def resolve_text(self, text: str, scope: Any) -> tuple[plan.Expr, ...]:
         """The statements of a text given to `eval`."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, overload
 import apsw
 
 from ss2sql.errors import SessionError, Source
+from ss2sql.frontend.resolve.scope import UnknownNames
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.frontend.syntax.tokenizer import read_script
 from ss2sql.frontend.user_functions import UserFunction, check_is_string, check_user_function_name, make_user_function
@@ -352,7 +353,7 @@ class Session:
 
         def compile_in_run(run: Run) -> Query:
             set_session_deadline(run, self.host, self.timeout)
-            return self._compile_script(script, engine, {}, open_names=True)
+            return self._compile_script(script, engine, {}, "parameter")
 
         return run_in_session(self.host, compile_in_run)
 
@@ -361,7 +362,7 @@ class Session:
         script: str | Path | Source,
         engine: Engine,
         values: Mapping[str, Any],
-        open_names: bool,
+        unknown: UnknownNames,
         stats: Stats | None = None,
     ) -> Query:
         self._check_open()
@@ -369,8 +370,8 @@ class Session:
         engine = self.engine if engine == "auto" else engine
         stats = stats or Stats()
         tree = stats.time_stage("parse", lambda: parse(read_script_source(script)))()
-        program = stats.time_stage("resolve", lambda: self.host.resolve_script(tree, values, open_names))()
-        return Query(self.host, self.execute, tree, program, engine, fresh=not open_names)
+        program = stats.time_stage("resolve", lambda: self.host.resolve_script(tree, values, unknown))()
+        return Query(self.host, self.execute, tree, program, engine, takes_parameters=unknown == "parameter")
 
     def _get_compiled(
         self, script: str | Path | Source, engine: Engine, values: Mapping[str, Any], stats: Stats
@@ -379,7 +380,7 @@ class Session:
         key = (script, engine, self.engine)
         query = self._texts.pop(key, None) if isinstance(script, str) and not values else None
         if query is None or self._closed:
-            query = self._compile_script(script, engine, values, open_names=False, stats=stats)
+            query = self._compile_script(script, engine, values, "wrong", stats)
         if isinstance(script, str) and not values:
             self._texts[key] = query
             if len(self._texts) > MAX_COMPILED_SCRIPTS:

@@ -143,7 +143,7 @@ def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope
     value = _resolve_engine_table(resolver, word, span)
     if value is not None:
         return resolve_value_source(resolver, name, value, span)
-    if resolver.catalog.open_names:
+    if resolver.catalog.unknown == "parameter":
         return resolve_value_source(resolver, name, resolver.resolve_name(word, None, span), span)
     known = [*resolver.assigned, *resolver.catalog.variables, *resolver.catalog.tables, *resolver.late]
     hints = suggest_names(word, known) or (

@@ -224,7 +224,7 @@ class Resolver:
         dynamic = resolve_open_source(scope, name, span)
         if dynamic is not None:
             return resolve_source_column(dynamic, name, span)
-        if self.catalog.open_names:
+        if self.catalog.unknown == "parameter":
             self.parameters[name] = None
             self.reads[name] = ANY
             return plan.Variable(name, ANY, span=span)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from ss2sql.errors import ResolveError, Span, suggest_names, suggest_similar
 from ss2sql.fast_dataclasses import dataclass
@@ -20,6 +20,11 @@ from ss2sql.language.plan_traversal import walk
 if TYPE_CHECKING:
     from ss2sql.frontend.resolve.resolver import Resolver
     from ss2sql.frontend.resolve.search_clauses import PathFunctions
+
+
+# What an unknown name is: an error R001; a parameter of a script that is compiled; or one of those without a value,
+# which is R009, once the run has given the others.
+UnknownNames: TypeAlias = Literal["wrong", "parameter", "missing"]
 
 
 # --- the catalog: functions, variables with their types, tables and representations that scripts can name
@@ -35,7 +40,7 @@ class Catalog:
     tables: Iterable[str] = ()
     other_table: Callable[[str], str | None] = lambda name: None  # of the engine's database -> its variable
     late: Mapping[str, ast.ListLiteral] = field(default_factory=dict)  # resolved where they are used
-    open_names: bool = False  # unknown names become parameters
+    unknown: UnknownNames = "wrong"
     worlds: Mapping[str, Any] = field(default_factory=dict)  # name -> the attached world
     world_functions: Mapping[str, plan.Function] = field(default_factory=dict)  # for arguments that may be elements
     frames: Collection[str] = ()  # variables that are data frames
@@ -447,6 +452,9 @@ def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequenc
         hints = (f"write {_ORACLE[name.upper()]}".format(key=place.key),)
     elif name.upper() in ("NULL", "NIL"):
         hints = ("write None",)
+    elif catalog.unknown == "missing":
+        hints = (f"run(..., {name}=...)", *suggest_names(name, known))
+        return ResolveError("R009", f"unknown name '{name}', so the script needs a value for it", span, hints)
     else:
         cure = f"assign it before, or give it from Python: run(script, {name}=...)"
         hints = suggest_names(name, known) or (cure,)
