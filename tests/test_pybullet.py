@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from math import hypot, pi
+from pathlib import Path
 from random import Random
 from typing import Any
 
@@ -47,7 +48,9 @@ def test_shape_types(client: Any, ss: ss2sql.Session, kind: int, sizes: Any, nam
     assert values(ss, "SELECT type FROM space.shapes AS list") == [name]
 
 
-def test_what_cannot_be_touched_is_a_ghost_and_height_fields_are_terrain(client: Any, ss: ss2sql.Session) -> None:
+def test_what_cannot_be_touched_is_a_ghost_and_height_fields_are_terrain(
+    client: Any, ss: ss2sql.Session, tmp_path: Path
+) -> None:
     seen = client.createVisualShape(pybullet.GEOM_SPHERE, radius=0.3, rgbaColor=(1, 0, 0, 1))
     client.createMultiBody(0, -1, seen, (0, 0, 5))
     field = client.createCollisionShape(
@@ -55,8 +58,14 @@ def test_what_cannot_be_touched_is_a_ghost_and_height_fields_are_terrain(client:
         numHeightfieldColumns=4,
     )  # fmt: skip
     client.createMultiBody(0, field)
+    file = tmp_path / "ghost.urdf"
+    file.write_text('<robot name="ghost"><link name="base"/></robot>', encoding="utf-8")
+    client.loadURDF(str(file))  # the box around it has a margin
     found = values(ss, "SELECT type, isEnabled, volume, colour FROM space AS rows")
     assert (found[0], found[1][:3]) == (("ghost", False, 0.0, [1.0, 0.0, 0.0, 1.0]), ("terrain", True, None))
+    assert found[2] == ("ghost", False, 0.0, None)
+    assert "cannot be tried at other places: it is a terrain" in message(ss, "collision(1, [0, 0])")
+    assert values(ss, "collision(2, [0, 0])") is False
     assert values(ss, "SELECT id FROM space WHERE x == 0 AND z >= 5 AS list") == [0]  # no box leads to it
 
 
@@ -313,6 +322,35 @@ def test_collision_equals_moving_there_and_moves_nothing(client: Any, ss: ss2sql
             assert found == expected
             counts.update(found)
     assert min(counts.values()) > 50
+
+
+def test_the_box_of_a_plane_ends_at_its_front(client: Any, ss: ss2sql.Session) -> None:
+    for normal, place, turn in (
+        ((0, 0, 1), (0, 0, -2), (0, 0, 0)), ((-1, 0, 0), (7, 0, 0), (0, 0, 0)), ((0, 0, 1), (0, 0, 9), (pi, 0, 0)),
+        ((0, 0, 1), (0, 0, 0), (0.3, 0, 0)),
+    ):  # fmt: skip
+        shape = client.createCollisionShape(client.GEOM_PLANE, planeNormal=normal)
+        client.createMultiBody(0, shape, basePosition=place, baseOrientation=client.getQuaternionFromEuler(turn))
+    ball(client, 0.5, (0, 0, -1))
+    far = 1e30
+    boxes = values(ss, "SELECT aabb FROM space AS list")[:4]
+    assert boxes == values(ss, "SELECT aabb FROM space.links AS list")[:4]
+    assert boxes[0] == [[-far, -far, -far], [far, far, -2]]
+    assert boxes[1] == [[7, -far, -far], [far, far, far]]
+    assert boxes[2] == [[-far, -far, 9], [far, far, far]]
+    assert boxes[3] == [[-far, -far, -far], [far, far, far]]
+    assert values(ss, "[above(4, 0), below(0, 4), below(4, 2), below(4, 0), above(0, 4)]") == [True] * 3 + [False] * 2
+
+
+def test_the_box_of_a_link_is_its_own(client: Any, ss: ss2sql.Session) -> None:
+    robot = jointed(client, Random(3), 1.0, [0, 0, 2], (0, 0, 0, 1))
+    columns = "within(this, box), above(this, under), below(this, over)"
+    for link in range(-1, client.getNumJoints(robot)):
+        (x1, y1, z1), (x2, y2, z2) = client.getAABB(robot, link)
+        under, over = ([[x1, y1, z], [x2, y2, z]] for z in ((z1 + z2) / 2 - 0.001, (z1 + z2) / 2 + 0.001))
+        own = [[x1, y1, z1], [x2, y2, z2]]
+        script = f"SELECT {columns} FROM space.links WHERE number == {link} AS rows"
+        assert values(ss, script, box=own, under=under, over=over) == [(True, True, True)]
 
 
 def test_a_margin_counts_and_is_a_number(client: Any, ss: ss2sql.Session) -> None:

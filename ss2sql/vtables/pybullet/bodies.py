@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import repeat
+from math import dist
 from typing import Any, ClassVar, TypeAlias
 
 from ss2sql.vtables.body_functions import (
@@ -20,7 +21,7 @@ from ss2sql.vtables.body_functions import (
     make_body_columns,
 )
 from ss2sql.vtables.contract import Column, Element, Table, Where
-from ss2sql.vtables.pybullet.links import SOFT, UNKNOWN
+from ss2sql.vtables.pybullet.links import SOFT, UNKNOWN, measure_link_box
 from ss2sql.vtables.pybullet.poses import Box as Bounds
 from ss2sql.vtables.pybullet.poses import Point, invert_rotation, rotate_point, unite_boxes
 from ss2sql.vtables.pybullet.scene import (
@@ -159,7 +160,7 @@ class BulletBodies(Table):
             if volume is None:
                 return None
             total += volume
-        return total if total or not (self.world.shapes.is_soft(key) or self._is_terrain(key)) else None
+        return total if total or not has_untold_shape(self.world, key) else None
 
     def read_forces(self, key: int) -> tuple[Any, Any]:
         self.world.check_body(key)
@@ -189,23 +190,28 @@ class BulletBodies(Table):
             return "compound"
         if self.world.shapes.is_soft(key):
             return None
-        return "terrain" if self._is_terrain(key) else "ghost"
+        return "terrain" if has_untold_shape(self.world, key) else "ghost"
 
     def read_element(self, key: int) -> Element:
         self.world.check_body(key)
         return self.element(key)
 
-    def _is_terrain(self, key: int) -> bool:
-        """Whether a body is a height field: PyBullet lists no shapes, but a box with a size."""
-        low, high = measure_box(self.world, key)
-        return low != high
-
 
 def measure_box(world: Any, body: int) -> Bounds:
     calls = world.calls
     world.check_body(body)
-    boxes = [calls.getAABB(body, link) for link in range(-1, calls.getNumJoints(body))]
+    boxes = [measure_link_box(world, (body, link)) for link in range(-1, calls.getNumJoints(body))]
     return unite_boxes(boxes)
+
+
+EMPTY = 0.01  # metres: boxes around links without shapes have smaller diagonals, but not 0 in bodies from files
+
+
+def has_untold_shape(world: Any, body: int) -> bool:
+    """Whether a body for which PyBullet lists no shapes has one: it is a height field, or soft."""
+    calls = world.calls
+    links = range(-1, calls.getNumJoints(body))
+    return world.shapes.is_soft(body) or any(dist(*calls.getAABB(body, link)) > EMPTY for link in links)
 
 
 def make_solid(kind: int, size: Sequence[float]) -> Solid | None:

@@ -22,8 +22,15 @@ import numpy as np
 from ss2sql.errors import ExecutionError
 from ss2sql.vtables.body_functions import BodyWorld, Quaternion, Vector, make_parameter_error, read_body_numbers
 from ss2sql.vtables.contract import Element, function
-from ss2sql.vtables.pybullet.bodies import KINDS, make_solid, measure_box, read_bullet_shape, read_corners
-from ss2sql.vtables.pybullet.links import SOFT, read_link_pose
+from ss2sql.vtables.pybullet.bodies import (
+    KINDS,
+    has_untold_shape,
+    make_solid,
+    measure_box,
+    read_bullet_shape,
+    read_corners,
+)
+from ss2sql.vtables.pybullet.links import SOFT, measure_link_box, read_link_pose
 from ss2sql.vtables.pybullet.poses import (
     UPRIGHT,
     Box,
@@ -334,6 +341,8 @@ def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
             half = a + away, b + away, c + away
         (x, y, z), turn = pose
         parts.append(make_part(shape, ((x - base[0][0], y - base[0][1], z - base[0][2]), turn), half))
+    if not parts and has_untold_shape(world, body):
+        raise _make_unmovable_error(body, "it is a terrain, whose shape PyBullet does not tell")
     return Robot(base[1], parts)
 
 
@@ -359,8 +368,10 @@ class BodyFunctions(BodyWorld):
         return read_link_pose(self, (self.find_body(value), value[1] if isinstance(value, tuple) else -1))[0]
 
     def find_box(self, name: str, value: Any) -> Any:
-        """A box, given by two opposite corners, or by a body or a link of one with a box around it."""
-        return self.read_box(self.find_body(value)) if isinstance(value, tuple) else super().find_box(name, value)
+        """A box, given by two opposite corners, or by a body or a link with a box around it."""
+        if isinstance(value, tuple):
+            return measure_link_box(self, (self.find_body(value), value[1]))
+        return super().find_box(name, value)
 
     def measure_box(self, body: int) -> Box:
         return measure_box(self, body)  # PyBullet's own boxes are one step old

@@ -17,8 +17,8 @@ from ss2sql.vtables.pybullet.bodies import (
     FIXED,
     UNNAMED,
     Part,
+    has_untold_shape,
     make_solid,
-    measure_box,
     read_bullet_shape,
     read_corners,
 )
@@ -162,9 +162,8 @@ class _BodyCopy:
 
     def make_body(self) -> int:
         """Makes the body; gives its new id."""
-        low, high = measure_box(self.world, self.body)
-        if self.world.shapes.is_soft(self.body) or (low != high and not self.world.shapes.read_shapes(self.body)):
-            self._refuse_body()  # soft, or a terrain, without data in PyBullet
+        if not self.world.shapes.read_shapes(self.body) and has_untold_shape(self.world, self.body):
+            self._refuse_body()
         try:
             base, *links = [self._copy_link(link) for link in self.links]
         except self.calls.error:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from ss2sql.vtables.body_functions import VECTOR
+from ss2sql.vtables.body_functions import FAR, VECTOR
 from ss2sql.vtables.contract import Column, Gone, Table, Where
-from ss2sql.vtables.pybullet.poses import Box, Pose
+from ss2sql.vtables.pybullet.poses import Box, Pose, convert_pose_to_world, rotate_point
 
 Key = tuple[int, int]
 
@@ -114,7 +114,8 @@ class BulletLinks(BodyPartTable):
         return (None, None) if info[10] == SOFT else (info[0], info[1])
 
     def read_box(self, key: Key) -> Box:
-        return self.call_simulator(self.world.calls.getAABB, key)  # type: ignore[no-any-return]
+        self.check_key(key)
+        return measure_link_box(self.world, key)
 
     def read_color(self, key: Key) -> Any:
         seen = self.call_simulator(lambda body, _: self.world.calls.getVisualShapeData(body), key)
@@ -128,3 +129,22 @@ def read_link_pose(world: Any, key: Key) -> Pose:
         return world.calls.getBasePositionAndOrientation(body)  # type: ignore[no-any-return]
     state = world.calls.getLinkState(body, link)
     return state[0], state[1]
+
+
+def measure_link_box(world: Any, key: Key) -> Box:
+    """The box around a link. That of an endless plane along two axes ends at its front, unlike PyBullet's."""
+    body, link = key
+    low, high = world.calls.getAABB(body, link)
+    if high[2] < FAR:
+        return low, high
+    shapes = world.shapes.read_link_shapes(body, link)
+    if len(shapes) == 1 and shapes[0][2] == world.calls.GEOM_PLANE:
+        _, _, _, normal, _, *local = shapes[0]
+        place, turn = convert_pose_to_world(read_link_pose(world, key), (local[0], local[1]))
+        front = rotate_point(turn, normal)
+        axis = max(range(3), key=lambda number: abs(front[number]))
+        if abs(front[axis]) > 1 - 1e-12:
+            end = high if front[axis] > 0 else low
+            ended = (*end[:axis], place[axis], *end[axis + 1 :])
+            return (low, ended) if end is high else (ended, high)
+    return low, high
