@@ -144,6 +144,9 @@ def test_a_scene() -> None:
     pytest.importorskip("pybullet")
     script = "SELECT count(*) FROM space WHERE hasBody(this) GROUP BY 1 AS value;"
     assert "7" in call("run", "-e", script, "--world", "space=ss2sql.scenes:chaos(bodies=7)", "--format", "json").stdout
+    shown = bad(1, "run", "-e", script, "--world", "space=factory.py:nothing")
+    assert "factory.py has no 'nothing'" in shown
+    assert "make" in shown
     assert "did you mean 'chaos'?" in bad(1, "run", "-e", script, "--world", "space=ss2sql.scenes:chaso")
 
 

@@ -133,6 +133,16 @@ def test_columns_of_a_body_are_read_by_its_id_or_name(client: Any, ss: ss2sql.Se
     other.disconnect()
 
 
+def test_the_database_says_which_values_of_groups_it_cannot_compare(client: Any, ss: ss2sql.Session) -> None:
+    for x in range(3):
+        box(client, (1, 1, 1), (x, 0, 0))
+    shown = message(ss, "SELECT type, min(distance(this, [5, 0, 0])) FROM space GROUP BY type", engine="database")
+    assert "an aggregate of values of several kinds" in shown
+    assert "min(float(...))" in shown
+    script = "SELECT type, min(float(distance(this, [5, 0, 0]))) AS d FROM space GROUP BY type AS rows"
+    assert values(ss, script) == [("box", 3.0)]
+
+
 def test_a_body_without_a_position_is_an_error_that_names_it(client: Any, ss: ss2sql.Session) -> None:
     for x in range(3):
         box(client, (0.2, 0.2, 0.2), (x, 0, 0))
@@ -165,7 +175,10 @@ def test_a_sensor_sees_what_is_in_its_cone_and_not_hidden(client: Any) -> None:
     script = "SELECT id FROM space WHERE id != eye AND isSensing(eye, this) AS list"
     assert values(session, script, eye=eye) == [seen, wall]
     assert not {aside, far, hidden} & set(values(session, script, eye=eye))
-    assert "X007" in message(session, "isSensing(n, n)", n=wall)
+    shown = message(session, "SELECT id FROM space WHERE id == n AND isSensing(this, this)", n=wall)
+    assert "X007" in shown
+    assert f"'isSensing' needs a sensor, not 'body_{wall}'" in shown
+    assert f"sensors are body_{eye};" in shown
 
 
 def test_contacts_and_closest_are_those_of_the_simulator(client: Any, ss: ss2sql.Session) -> None:

@@ -142,6 +142,24 @@ def test_what_takes_long_can_be_stopped(scene: Scene, script: str, timeout: floa
         ask(scene, script, timeout=timeout)
 
 
+def test_scripts_read_a_grid_as_a_list_of_its_rows(scene: Scene, engine: Any) -> None:
+    scene.add("box", Box(0.5, 0.5, 0.5), (1.0, 0.0, 0.5), GREY)
+    made = f"g = SELECT obj FROM space AS occupancygrid(0.5, 0.5, {AREA});"
+    grid = ask(scene, made, engine)
+    rows = grid.tolist()
+    assert rows[4][6:] != rows[4][:2]
+    column = [row for row, cells in enumerate(rows) if cells[6]]
+    for script, value in (
+        ("[g[4, 6], g[-4][0], g[4]]", [True, False, rows[4]]), ("g[3:5]", rows[3:5]), ("len(g)", len(rows)),
+        ("SELECT this FROM range(len(g)) WHERE g[this, 6] AS list", column),
+        ('g["origin"]', [-2.0, -2.0]), ("SELECT origin FROM g AS list", [[-2.0, -2.0]]),
+    ):  # fmt: skip
+        assert ask(scene, f"{made} {script};", engine) == value
+    for script, words in (("g[99, 0]", "index 99 is out of range"), ("g.origin", "write SELECT origin FROM g AS list")):
+        with pytest.raises(ss2sql.Error, match=words):
+            ask(scene, f"{made} {script};", engine)
+
+
 def test_only_the_selected_bodies_stand_in_the_grid(scene: Scene, engine: Any) -> None:
     scene.add("ball", Sphere(0.3), (-1.0, 0.0, 0.0), GREY)
     scene.add("crate", Box(0.4, 0.4, 0.4), (1.0, 1.0, 0.0), GREY)

@@ -232,14 +232,16 @@ def parse_world(text: str) -> tuple[str, Any]:
 def _find_world_option(module: str, names: list[str], text: str) -> Any:
     """The object of the names. Raises SessionError S002 for a missing one."""
     found = _load_module(module, text)
-    for name in names:
+    for number, name in enumerate(names):
         try:
             found = getattr(found, name)
         except Error:
             raise
         except AttributeError as error:
-            hints = suggest_names(name, (word for word in dir(found) if not word.startswith("_")))
-            raise _make_world_option_error(text, error, hints) from error
+            words = [word for word in dir(found) if not word.startswith("_")]
+            hints = suggest_names(name, words) or (f"it has {', '.join(words[:12]) or 'no names'}",)
+            reason = f"{'.'.join((module, *names[:number]))} has no '{name}'"
+            raise _make_world_option_error(text, reason, hints) from error
     return found
 
 
@@ -251,11 +253,11 @@ def _load_module(name: str, text: str) -> Any:
         try:
             return importlib.import_module(name)
         except ImportError as error:
-            raise _make_world_option_error(text, error) from error
+            raise _make_world_option_error(text, str(error)) from error
 
 
-def _make_world_option_error(text: str, error: Exception, hints: tuple[str, ...] = ()) -> SessionError:
-    return SessionError("S002", f"the world {text} cannot be found: {error}", hints=hints)
+def _make_world_option_error(text: str, reason: str, hints: tuple[str, ...] = ()) -> SessionError:
+    return SessionError("S002", f"the world {text} cannot be found: {reason}", hints=hints)
 
 
 def parse_parameter(text: str) -> Any:

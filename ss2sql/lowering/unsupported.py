@@ -96,10 +96,15 @@ def _find_unlowered_siblings(query: plan.Query) -> Iterator[Span]:
 
 def _find_unlowered_groups(query: plan.Query) -> Iterator[Span]:
     """SQL's groups have no first member: what stands for them must not depend on which member that is."""
-    if query.aggregated:
-        yield from (key.span for key in query.group if not has_one_form(key.type))
-        yield from (key.expr.span for key in query.order if not is_sortable(key.expr.type))
-        yield from _if_node(plan.Aggregate, test=_is_unlowered_aggregate)(query)
+    return (key.span for key in query.group if query.aggregated and not has_one_form(key.type))
+
+
+def _find_unlowered_orders(query: plan.Query) -> Iterator[Span]:
+    return (key.expr.span for key in query.order if query.aggregated and not is_sortable(key.expr.type))
+
+
+def _find_unlowered_aggregates(query: plan.Query) -> Iterator[Span]:
+    return iter(_if_node(plan.Aggregate, test=_is_unlowered_aggregate)(query) if query.aggregated else ())
 
 
 def _is_unlowered_aggregate(node: plan.Aggregate) -> bool:
@@ -188,6 +193,8 @@ RULES: tuple[Rule, ...] = (
         lambda query: [query.having.span] if query.having is not None and not query.aggregated else [],
     ),
     Rule("groups over values of several kinds", "group by integers or strings", _find_unlowered_groups),
+    Rule("groups in the order of values of several kinds", "order by float(...) or str(...)", _find_unlowered_orders),
+    Rule("an aggregate of values of several kinds", "make them numbers: min(float(...))", _find_unlowered_aggregates),
     Rule(
         "DISTINCT of whole paths",
         "take DISTINCT out, and write uniq(...) around the query",

@@ -43,7 +43,7 @@ _COLUMNS = (
     Column("id", int, "", "the number of the body", "="),
     Column("name", str, "", "its name", "="),
     Column("obj", object, "", "the body itself, what `this` is"),
-    Column("type", str, "", f"{' '.join(SHAPES)} terrain, compound of several, or ghost: without a shape"),
+    Column("type", str, "", f"{' '.join(SHAPES)} terrain, MuJoCo's ellipsoid and sdf, compound, or ghost: no shape"),
     *(Column(axis, float, "m", "the position", RANGE) for axis in AXES),
     *(Column(f"pos{axis.upper()}", float, "m", axis) for axis in AXES),
     Column("pos", VECTOR, "m", "the position, [x, y, z]"),

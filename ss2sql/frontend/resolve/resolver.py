@@ -279,12 +279,16 @@ class Resolver:
             return resolve_source(scope, name, tree.span)
         except ResolveError as error:
             if name in self.list_variables() and (meant := self.find_variable(name, tree.span)) is not None:
-                if meant.type.is_only(Kind.DICT | Kind.OBJECT):
-                    keys = [key for key, _ in meant.type.columns or ()] or [tree.name]
-                    key = (suggest_similar(tree.name, keys) or keys)[0]
+                single = meant.type.is_only(Kind.DICT | Kind.OBJECT)
+                row = meant.type if single else meant.type.element or ANY
+                keys = [key for key, _ in row.columns or ()] or [tree.name]
+                key = (suggest_similar(tree.name, keys) or keys)[0]
+                if single:
                     error.hints = (f'write {name}["{key}"]',)
+                elif not row.may_be(Kind.DICT | Kind.OBJECT):
+                    error.hints = (f"'{name}' is a list, and its elements have no columns; read them as {name}[0]",)
                 elif scope is None:
-                    error.hints = (f"write SELECT {tree.name} FROM {name} AS list",)
+                    error.hints = (f"write SELECT {key} FROM {name} AS list",)
             raise
 
     def resolve_this(self, tree: ast.This, scope: Scope | None) -> plan.Expr:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -34,7 +35,9 @@ from ss2sql.language.operations.operation import (
 from ss2sql.language.values import (
     NUMBERS,
     SCALARS,
+    Opaque,
     compare_values,
+    convert_value,
     get_truth,
     has_dict_key,
     make_dict_key,
@@ -80,8 +83,21 @@ def _get_item(container: Any, index: Any) -> Any:
         raise ExecutionError("X003", f"{format_value(container)} has no key {format_value(index)}", hints=hints)
     if type(index) is str and kind not in SCALARS and kind is not bytes:
         return read_column(container, index)
+    array = _find_array(container)
+    if array is not None and type(index) in INTEGERS:
+        try:
+            return convert_value(array[index], "the array")
+        except IndexError:
+            raise _make_index_operand_error(array, index) from None
     hint = "lists, strings and dicts have elements"
     raise ExecutionError("X001", f"cannot take an element of {format_value(container)}", hints=(hint,))
+
+
+def _find_array(value: Any) -> Any:
+    """The array that a representation has made, such as a grid: scripts read it as a list. None for anything else."""
+    numpy = sys.modules.get("numpy")
+    array = value.object if type(value) is Opaque else None
+    return array if numpy is not None and isinstance(array, numpy.ndarray) and array.ndim else None
 
 
 def _make_index_operand_error(container: Any, index: int) -> ExecutionError:
@@ -150,14 +166,15 @@ def _are_places(types: Types) -> bool:
 
 def _slice(container: Any, start: Any, stop: Any) -> Any:
     """A part of a list or string; None stands for a bound that is left out."""
-    if type(container) is not list and type(container) is not str:
+    array = _find_array(container)
+    if type(container) is not list and type(container) is not str and array is None:
         hint = "lists and strings have slices"
         raise ExecutionError("X001", f"cannot take a slice of {format_value(container)}", hints=(hint,))
     for bound in (start, stop):
         if bound is not None and type(bound) not in INTEGERS:
             hint = "the bounds of a slice are integers, or left out"
             raise ExecutionError("X001", f"cannot use {format_value(bound)} as the bound of a slice", hints=(hint,))
-    return container[start:stop]
+    return container[start:stop] if array is None else convert_value(array[start:stop], "the array")
 
 
 def _can_slice_fail(types: Types) -> bool:
@@ -172,6 +189,8 @@ def _measure_length(value: Any) -> int:
     """The number of elements of a list, keys of a dict, characters of a string."""
     if type(value) in (list, dict, str):
         return len(value)
+    if (array := _find_array(value)) is not None:
+        return len(array)
     raise misuse(f"{format_value(value)} has no length", "len works on lists, dicts and strings")
 
 

@@ -69,7 +69,8 @@ def as_plane(table: Table, plane: Any, start: Any, size: Any, blur: Any = 0) -> 
 
 def _count_plane_cells(cells: float, edge: float) -> int:
     if cells < 1 or cells != int(cells):
-        hint = f"{cells:g} m are {max(1, round(cells / edge))} cells of {edge:g} m"
+        count = ceil(cells / edge)
+        hint = f"for {cells:g} m write {count}, the number of cells of {edge:g} m" if cells > 0 else "write 1 or more"
         refuse_argument("plane", f"needs width and height as whole numbers of cells, not {cells:g}", hint)
     return int(cells)
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import repeat
+from itertools import islice, repeat
 from math import cos, dist, hypot, radians, sqrt
 from random import random
 from typing import Any, NamedTuple
@@ -387,9 +387,12 @@ class BodyFunctions(BodyWorld):
     @function
     def isSensing(self, sensor: Any, body: Any) -> bool:  # noqa: N802 - the paper's word
         """Whether a sensor sees a body: the middle of one of its links is in range, in its cone, and not hidden."""
-        eye = self.sensors.get(self.find_body(sensor))
+        given = self.find_body(sensor)
+        eye = self.sensors.get(given)
         if eye is None:
-            raise make_parameter_error("isSensing", "a sensor", sensor)
+            known = ", ".join(self.read_column(one, "name") for one in islice(self.sensors, 5))
+            hint = f"sensors are {known}; isSensor tells them" if known else "no body of this world has a sensor"
+            raise make_parameter_error("isSensing", "a sensor", self.read_column(given, "name")).with_hint(hint)
         wanted = self.find_body(body)
         for link in range(-1, self.calls.getNumJoints(wanted)):
             low, high = self.calls.getAABB(wanted, link)
