@@ -124,7 +124,7 @@ SYNONYMS = {"val": "value"}
 
 def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> plan.Subquery:
     """The plan of a query; errors of its clauses are collected."""
-    scope = Scope(outer, resolver.make_number())
+    scope = Scope(outer, resolver.make_number(), written=tree)
     scope.shown = {name: expr.span.text for name, expr in map(_split_column_name, tree.columns) if name and expr}
     search, joins = _resolve_search(resolver, tree, scope, outer)
     sources = tuple(scope.sources)

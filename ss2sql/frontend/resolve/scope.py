@@ -64,6 +64,7 @@ class Scope:
     later: Callable[[str], plan.Expr | None] | None = None
     shown: dict[str, str] = field(default_factory=dict)  # the texts of these columns
     path_functions: PathFunctions | None = None  # of a search: its path functions
+    written: ast.Query | None = None
 
     def enter_clause(self, clause: str) -> str:
         """Sets the clause of a search that is resolved next, for the path functions; gives the one before."""
@@ -469,8 +470,12 @@ def read_leading_name(span: Span, name: str) -> Span:
 
 
 def suggest_row_query(tree: ast.Call, scope: Scope | None) -> str:
-    """The query that calls a function of one argument for all rows, if short."""
-    value, sources = tree.arguments[0].span.text, scope.sources if scope else []
-    if len(sources) != 1 or sources[0].name != sources[0].span.text or len(value) > 40:
+    """The query that gives an aggregate the rows that are left by the WHERE around it, if short."""
+    query, sources = (scope.written, scope.sources) if scope else (None, [])
+    if query is None or query.searches or len(sources) != 1 or sources[0].name != sources[0].span.text:
         return f"{tree.function}(SELECT ... AS list)"
-    return f"{tree.function}(SELECT {value} FROM {sources[0].name} AS list)"
+    rows, where = sources[0].name, query.where
+    if where is not None and not where.span.start <= tree.span.start < where.span.end:
+        rows += f" WHERE {where.span.text}"
+    text = " ".join(f"SELECT {tree.arguments[0].span.text} FROM {rows}".split())
+    return f"{tree.function}({text if len(text) <= 100 else 'SELECT ...'} AS list)"

@@ -6,10 +6,10 @@ import re
 from collections.abc import Callable
 
 from ss2sql.errors import ParseError
-from ss2sql.frontend.syntax.parse_failure import CLAUSES, VALUES, ParseFailure, spell
+from ss2sql.frontend.syntax.parse_failure import AROUND, CLAUSES, VALUES, ParseFailure, spell
 from ss2sql.frontend.syntax.parse_table import END
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
-from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT
+from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT, COMPARISONS
 
 _FUNCTION = "functions are written in Python, and session.function(f) registers them"
 _ASSIGN = "an assignment has no word in front: {found} = ..."
@@ -110,7 +110,7 @@ _POSTFIX_HINTS = {
     "NULLS": "leave it out: None comes first, with DESC last",
     "INTO": "assign the query: name = SELECT ...",
     "CYCLE": "write NO CYCLE BY {y}, right after CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
-    "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
+    "ASCENDING": "write ASC", "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
 }  # fmt: skip
 # Words that were read as a name before something that does not fit.
 _PREFIX_HINTS = {
@@ -119,6 +119,7 @@ _PREFIX_HINTS = {
     "PRIOR": "write prior(x): PRIOR stands in front of a name",
     "EXISTS": "write [] != (SELECT ... AS list)", "EXPLAIN": "call explain() on the compiled script",
 }  # fmt: skip
+_TESTED = frozenset(("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN"))  # where a condition stands
 _WRITING = frozenset((
     "INSERT", "UPDATE", "DELETE", "CREATE", "DROP", "ALTER", "REPLACE", "ATTACH", "DETACH", "PRAGMA", "BEGIN", "COMMIT",
     "ROLLBACK", "VACUUM", "MERGE", "TRUNCATE", "GRANT", "REVOKE", "REINDEX", "SAVEPOINT",
@@ -136,9 +137,9 @@ _SIGNS = {
 def explain_sql(t: ParseFailure) -> ParseError | None:
     """The error for a known foreign spelling; None for anything else."""
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _explain_comment, _explain_sign, _explain_concatenation, _explain_cast, _explain_set_operation,
-        _explain_option, _explain_each, _explain_unpacking, _explain_assignment, _explain_modifier,
-        _explain_missing_as, _explain_after_as, _explain_statement,
+        _explain_comment, _explain_sign, _explain_concatenation, _explain_is, _explain_cast,
+        _explain_set_operation, _explain_option, _explain_each, _explain_unpacking, _explain_assignment,
+        _explain_modifier, _explain_missing_as, _explain_after_as, _explain_statement,
         _explain_word, _explain_star, _explain_dot, _explain_list,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None)
@@ -172,9 +173,38 @@ def _explain_sign(t: ParseFailure) -> ParseError | None:
 def _explain_concatenation(t: ParseFailure) -> ParseError | None:
     if t.found.text != "||":
         return None
-    return t.explain(
-        "P006", "there is no operator ||", f"write {t.read_operand()} + {_read_value_after(t)} to join strings"
-    )
+    joined, either = f"write {t.read_operand()} + {_read_value_after(t)} to join strings", "the logical or is OR"
+    compared = _stands_beside_comparison(t, -1) + _stands_beside_comparison(t, 1)
+    hints = [either] if compared == 2 else [either, joined] if not compared and t.clause in _TESTED else [joined]
+    return t.explain("P006", "there is no operator ||", *hints)
+
+
+def _stands_beside_comparison(t: ParseFailure, step: int) -> bool:
+    """Whether a comparison stands before the sign that does not fit (`step` is -1) or after it (1), up to AND or OR."""
+    index, depth = t.index + step, 0
+    while 0 <= index < len(t.tokens):
+        token = t.tokens[index]
+        depth += ((token.kind in OPENING) - (token.kind in CLOSING)) * step
+        if not depth and (token.keyword or token.kind) in COMPARISONS:
+            return True
+        if depth < 0 or (not depth and ((token.keyword or token.kind) in AROUND or token.text == "||")):
+            return False
+        index += step
+    return False
+
+
+def _explain_is(t: ParseFailure) -> ParseError | None:
+    """`age IS 36`, `age IS NOT 36`."""
+    negated = t.peek().kind == "NOT" and t.peek(2).kind == "IS"
+    if (t.peek().kind != "IS" and not negated) or t.found.kind not in (*VALUES, *OPENING, "-"):
+        return None
+    ahead = t.step_back().step_back() if negated else t.step_back()
+    left = ahead.read_side() if t.clause in _TESTED else ahead.read_operand()
+    right = _read_value_after(t.step_back())
+    if t.found.text.upper() == "DISTINCT" and t.next.kind == "FROM":
+        negated, right = not negated, "..."
+    hint = f"write {left} {'!=' if negated else '=='} {right}"
+    return t.explain("P006", "IS asks for None alone", hint, at=ahead.found)
 
 
 def _explain_cast(t: ParseFailure) -> ParseError | None:
@@ -264,7 +294,7 @@ def _explain_assignment(t: ParseFailure) -> ParseError | None:
     """`=` where nothing can be assigned: in a condition, in a column, after something that is not a name."""
     if t.found.kind != "=" or "+" not in t.expected:
         return None
-    tested = t.clause in ("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN")
+    tested = t.clause in _TESTED
     left, right = t.read_side() if tested else t.read_operand(), _read_value_after(t)
     compare = f"write {left} == {right} to compare"
     if tested:

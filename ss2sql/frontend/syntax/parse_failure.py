@@ -22,7 +22,7 @@ VALUES = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE
 
 
 # What stands around the sides of a comparison.
-_AROUND = frozenset((
+AROUND = frozenset((
     "AND", "OR", "XOR", "NOT", "WHERE", "HAVING", "ON", "WHEN", "THEN", "ELSE", "END", "WITH", "BY", "GROUP", "ORDER",
     "LIMIT", "START", "CONNECT", "STOP", "AS", "SELECT", "FROM", "JOIN", "LEFT", "UNION", ",", ";", ":", "PRIOR",
 ))  # fmt: skip
@@ -174,7 +174,7 @@ class ParseFailure:
         while True:
             token = self.tokens[first - 1]
             depth += (token.kind in CLOSING) - (token.kind in OPENING)
-            if depth < 0 or (not depth and (token.keyword or token.kind) in _AROUND):
+            if depth < 0 or (not depth and (token.keyword or token.kind) in AROUND):
                 break
             first -= 1
         return self.source.text[self.tokens[first].start : self.peek().end] if first < self.index else "..."

@@ -107,9 +107,12 @@ def _find_similar_keywords(word: str, fitting: frozenset[str]) -> list[str]:
             spelt[keyword] = spelt[f"{keyword} {PAIRS[keyword]}"] = f"{keyword} {PAIRS[keyword]}"
     if word in keywords:
         return []
-    if len(word) <= 3:  # too short for a distance: the same letters in another order, or the beginning of a long word
+    if len(word) <= 3:  # too short for a distance: the same letters in another order, all but one of a short word's
+        # letters, or the beginning of a long word
+        mixed = [spelt[keyword] for keyword in spelt if sorted(keyword) == sorted(word)]
+        lacking = [spelt[k] for k in spelt if len(word) == 3 and word in (k[:i] + k[i + 1 :] for i in range(len(k)))]
         begun = [spelt[k] for k in spelt if len(word) == 3 and len(k) > 6 and k.startswith(word)]
-        return [spelt[keyword] for keyword in spelt if sorted(keyword) == sorted(word)] or begun
+        return mixed or lacking or begun
     longer = [keyword for keyword in spelt if len(keyword) > 3 and word.startswith(keyword)]
     return list(dict.fromkeys(spelt[close] for close in longer + get_close_matches(word, spelt, n=2, cutoff=0.7)))
 
@@ -217,7 +220,9 @@ def _explain_missing_from(t: ParseFailure) -> ParseError | None:
     what = "*" if t.peek().kind == "*" else "the columns"
     hints = ["a query has a source: SELECT ... FROM source"]
     if what != "*" and word in (";", END):
-        hints.append(f"a value alone needs no SELECT: write {t.read_column()}")
+        value = t.read_column()
+        exists = "[] != (SELECT ... AS list)" if value.upper().startswith("EXISTS") else None
+        hints.append(f"a value alone needs no SELECT: write {exists or value}")
     return t.explain(_choose_error_code(t), f"expected FROM after {what}, found {spell(t.found)}", *hints)
 
 
