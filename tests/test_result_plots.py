@@ -188,6 +188,24 @@ def test_flat_pictures(ss: ss2sql.Session, query: str, lines: int, patches: int,
     ax.figure.canvas.draw()
 
 
+@pytest.mark.parametrize("own", [True, False])
+@pytest.mark.parametrize(
+    "values", [[65.24999999999999, 1 / 3] * 20, [-65.24999999999999, 3.0, 123456789.5], [7, 123456]]
+)
+def test_the_texts_of_bars_stay_apart_and_within_the_axes(ss: ss2sql.Session, values: list[Any], own: bool) -> None:
+    rows = [{"name": f"body_{number}", "mass": value} for number, value in enumerate(values)]
+    ax = ss.run("SELECT name, mass FROM rows;", rows=rows).plot(None if own else pyplot.subplots()[1])
+    ax.figure.draw_without_rendering()
+    assert [text.get_text() for text in ax.texts][:2] == [f"{value:.6g}" for value in values][:2]
+    edge = ax.get_window_extent()
+    for texts in (ax.texts, ax.get_yticklabels()):
+        boxes = [text.get_window_extent() for text in texts]
+        assert all(upper.y0 >= lower.y1 for upper, lower in pairwise(boxes))
+        assert texts != ax.texts or all(edge.x0 <= box.x0 and box.x1 <= edge.x1 for box in boxes)
+    ticks = [text.get_window_extent() for text in ax.get_xticklabels()]
+    assert all(left.x1 < right.x0 for left, right in pairwise(ticks))
+
+
 @pytest.mark.parametrize(
     ("query", "kind"),
     [("SELECT this FROM ['a'];", "auto"), ("SELECT this FROM [];", "auto"), ("7;", "heat"),

@@ -74,7 +74,7 @@ def hide_spines(ax: Any) -> None:
 def set_integer_ticks(axis: Any) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    axis.set_major_locator(MaxNLocator(integer=True))
+    axis.set_major_locator(MaxNLocator(nbins=6, integer=True))
 
 
 def write_path_title(result: Result, total: int, lengths: Sequence[int]) -> str:

@@ -66,7 +66,7 @@ def _choose_drawing(result: Result, kind: str, own: bool) -> Draw:
         make_plot_error(f"plot() draws {kind} of a search only", "a query is a search with CONNECT BY")
     if kind in ("auto", "heat") and isinstance(result.value, np.ndarray) and result.value.ndim == 2:
         return lambda ax, most: _draw_heat_map(result, ax)
-    return _choose_flat_drawing(result, kind)
+    return _choose_flat_drawing(result, kind, own)
 
 
 def _choose_search_drawing(result: Result, paths: Sequence[Sequence[Row]], kind: str, own: bool) -> Draw:
@@ -118,8 +118,8 @@ def _name_axes(result: Result) -> tuple[str, str]:
     return "x in m", "y in m"
 
 
-def _choose_flat_drawing(result: Result, kind: str) -> Draw:
-    """The function that draws bars, lines or points, by the columns."""
+def _choose_flat_drawing(result: Result, kind: str, own: bool) -> Draw:
+    """The function that draws bars, lines or points, by the columns; `own`: on our own figure."""
     columns, rows = list(map(escape_plot_label, result.columns)), list(result)
     kinds = [{type(row[index]) for row in rows} - {type(None)} for index in range(len(columns))]
     numbers = [index for index, found in enumerate(kinds) if found and found <= {int, float}]
@@ -132,12 +132,14 @@ def _choose_flat_drawing(result: Result, kind: str) -> Draw:
     label = labels[0] if len(labels) == 1 else None
     if kind == "bars" or (kind == "auto" and label is not None and len(numbers) == 1 and not pointed):
         if len(numbers) == 1 and len(labels) <= 1:
-            return lambda ax, most: _draw_bars(columns, rows, label, numbers[0], ax, most or MOST_BARS)
+            return lambda ax, most: _draw_bars(
+                columns, rows[: most or MOST_BARS], len(rows), label, numbers[0], ax, own
+            )
     elif kind in ("auto", "points") and pointed:
-        own = pointed[0]
-        names = next((index for index in labels if index != own), None)
+        place = pointed[0]
+        names = next((index for index in labels if index != place), None)
         return lambda ax, most: _draw_scatter_plot(
-            ("x", "y"), [row[own] for row in rows], _find_plot_text_column(rows, names), ax
+            ("x", "y"), [row[place] for row in rows], _find_plot_text_column(rows, names), ax
         )
     elif numbers:
         xs = [row[numbers[0]] for row in rows]
@@ -162,21 +164,27 @@ def _find_plot_text_column(rows: Sequence[Row], index: int | None) -> list[str]:
     return [] if index is None else [format_cell(row[index]) for row in rows]
 
 
-def _draw_bars(columns: Sequence[str], rows: Sequence[Row], label: int | None, number: int, ax: Any, most: int) -> str:
-    shown = rows[:most]
+def _draw_bars(
+    columns: Sequence[str], shown: Sequence[Row], total: int, label: int | None, number: int, ax: Any, own: bool
+) -> str:
+    """Draws bars; our own figure grows with them, on another one the text of many is small."""
+    if own:
+        ax.figure.set_figheight(max(ax.figure.get_figheight(), 0.2 * len(shown)))  # inches
     names = _find_plot_text_column(shown, label) or [str(index) for index in range(1, len(shown) + 1)]
     values = [row[number] or 0 for row in shown]
+    texts = [f"{row[number]:.6g}" if type(row[number]) is float else format_cell(row[number]) for row in shown]
+    size = min(10.0, 0.8 * 72 * ax.bbox.height / ax.figure.dpi / max(1, len(shown)))  # points: lines stay apart
     bars = ax.barh(range(len(shown)), values, color=BLUE)
-    ax.bar_label(bars, [format_cell(row[number]) for row in shown], padding=3)
-    ax.set_yticks(range(len(shown)), [shorten_plot_label(name, MOST_TEXT) for name in names])
+    ax.bar_label(bars, texts, padding=3, fontsize=size)
+    ax.set_yticks(range(len(shown)), [shorten_plot_label(name, MOST_TEXT) for name in names], fontsize=size)
     ax.invert_yaxis()
-    ax.margins(x=0.12)
+    ax.margins(x=0.05 + 0.002 * size * max(map(len, texts), default=0))
     ax.set_xlabel(columns[number])
     if all(type(value) is int for value in values):
         set_integer_ticks(ax.xaxis)
     hide_spines(ax)
     by = f"{columns[number]} by {columns[label]}" if label is not None else columns[number]
-    return by if len(shown) == len(rows) else f"{by}, the first {len(shown)} of {len(rows)} rows"
+    return by if len(shown) == total else f"{by}, the first {len(shown)} of {total} rows"
 
 
 def _draw_line_plot(columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[int], ax: Any) -> str:
