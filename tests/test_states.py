@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from programs.drawn import amount, drawn
 
 import ss2sql
-from ss2sql.frontend.resolve.search_clauses import STEPS
+from ss2sql.frontend.resolve.state_types import STEPS
 from ss2sql.language.kinds import Kind, Type, is_supertype, type_of
 from ss2sql.language.plan_traversal import format_type
 
@@ -90,11 +90,14 @@ def test_every_state_keeps_to_its_type(data: st.DataObject) -> None:
     parts = [part.format(data.draw(POINT if part[0] == "p" else NUMBER)) for part in data.draw(CONNECT)]
     if data.draw(st.integers(0, 4)) == 0:
         parts.append(f"x = {data.draw(NUMBER)}")
+    if parts[0][0] in "xy" and data.draw(st.booleans()):
+        bounds = data.draw(st.sampled_from(["BETWEEN -2 AND 5", "< 4", ">= -1.5", "== 2"]))
+        parts.insert(0, f"{parts[0].partition(' = ')[2]} {bounds}")
     first = data.draw(st.sampled_from(["x = 0, y = 0", "x = 0.5, y = 3", "x = -1, y = 2.5", "x = 2, y = True"]))
     point = data.draw(st.sampled_from(["[1, 0]", "[1, 2.5]", "[1, 0, 5]", "None", "[]"]))
     script = (
         f"SELECT x, y, p FROM moves START WITH {first}, p = {point} "
-        f"CONNECT BY BREADTH FIRST MAXIMUM 50 {', '.join(parts)} STOP WITH {data.draw(CONDITION)};"
+        f"CONNECT BY BREADTH FIRST MAXIMUM 50, {', '.join(parts)} STOP WITH {data.draw(CONDITION)};"
     )
     ss = session()
     types = states_of(ss, script)
