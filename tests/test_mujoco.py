@@ -56,6 +56,25 @@ def test_queries_over_a_robot_give_what_loops_give(robot: tuple[Any, Any], ss: s
         mujoco.mj_forward(*robot)
 
 
+def test_functions_take_a_shape_for_itself_and_not_for_the_body_of_its_number(
+    robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any
+) -> None:
+    """And for its body where only bodies have what they ask for."""
+    model, data = robot
+    columns = "distance(this, [0, 0, 0]), within(this, aabb), position(this), linearVelocity(this, 2), collision(this)"
+    data.qvel[2] = 7.0  # of the ball
+    mujoco.mj_forward(model, data)
+    wanted = [
+        [hypot(*place), True, list(place[:2]), 7.0 if body == 1 else 0.0, body in (0, 1)]
+        for place, body in zip(data.geom_xpos.tolist(), model.geom_bodyid.tolist(), strict=True)
+    ]
+    assert answer(ss, f"SELECT {columns} FROM space.geoms AS rows;", engine) == wanted
+    floor = "SELECT b.id FROM g=space.geoms, b=space WHERE g.name == 'floor' AND above(b.this, g.this) AS list;"
+    assert answer(ss, floor, engine) == list(range(1, model.nbody))
+    with pytest.raises(ss2sql.ExecutionError, match="joints have no column 'aabb'"):
+        answer(ss, "SELECT above(this, 1) FROM space.joints AS list;", engine)
+
+
 def test_columns_of_a_body_are_read_by_its_id_or_name(ss: ss2sql.Session, engine: Any) -> None:
     assert answer(ss, "[mass('ball'), mass(1), pos('lift')];", engine) == [60.0, 60.0, [-3.0, 0.0, 1.0]]
     for script in ("mass('plane');", "position('plane');"):

@@ -184,6 +184,13 @@ def find_named_body(wanted: str, names: Mapping[int, str]) -> int:
     raise world_error(f"no body is called '{wanted}'", *(suggest_names(wanted, known) or [some] * bool(known)))
 
 
+def read_element_column(element: Element, name: str) -> Any:
+    """A column of an element of another world, or of a part of a body."""
+    if name not in get_schema(element.table).kinds:
+        raise ExecutionError("X007", f"{element.table.name} have no column '{name}'", hints=("give a body",))
+    return getattr(element, name)
+
+
 class BodyWorld(World):
     """A world whose principal table has columns of bodies, keyed by `id`."""
 
@@ -270,7 +277,9 @@ class BodyWorld(World):
         return [ids[place] for place in np.flatnonzero(inside)]
 
     def find_body(self, wanted: Any) -> int:
-        """The id of a body, given by its element, its id or its name."""
+        """The id of a body, given by its element or that of a part of it, by its id or its name."""
+        if isinstance(wanted, Element) and wanted.world.source is self.source:
+            return int(read_element_column(wanted, "body"))
         if isinstance(wanted, int) and not isinstance(wanted, bool):
             return wanted
         if not isinstance(wanted, str):
@@ -286,8 +295,8 @@ class BodyWorld(World):
         return found
 
     def read_point(self, value: Any) -> Sequence[float]:
-        if isinstance(value, Element):  # of another world
-            return tuple(value.pos)
+        if isinstance(value, Element):  # of another world, or a part of a body
+            return tuple(read_element_column(value, "pos"))
         if not isinstance(value, (list, tuple)):
             return tuple(self.read_column(self.find_body(value), "pos"))
         found = read_body_numbers(value, 2, 3)
@@ -298,7 +307,7 @@ class BodyWorld(World):
     def find_box(self, name: str, value: Any) -> Box:
         """A box, given by two opposite corners, or by a body with a box around it."""
         if isinstance(value, Element):
-            low, high = value.aabb
+            low, high = read_element_column(value, "aabb")
             return low, high
         if not isinstance(value, (list, tuple)):
             return self.read_box(self.find_body(value))

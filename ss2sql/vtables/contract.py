@@ -144,6 +144,9 @@ class Table:
     its function `distance` measures the straight distance from the point [x, y, z] of an element to a point, to a
     point of two numbers on the floor plan, or to another element with a place; any other name is a list column that
     holds this point. Queries for what is near then call `keys` with ranges of x, y and z.
+
+    With `as_elements` the functions of the world get elements of this table as they are, in place of their keys,
+    which would mean elements of another table.
     """
 
     name: ClassVar[str] = ""
@@ -153,6 +156,7 @@ class Table:
     groups: ClassVar[Mapping[str, str]] = {}
     blocks: ClassVar[Mapping[str, str]] = {}
     arrays: ClassVar[Mapping[str, str]] = {}
+    as_elements: ClassVar[bool] = False
     text: ClassVar[str] = ""
 
     def __init__(self, world: Any) -> None:
@@ -252,11 +256,11 @@ def function(volatility: Volatility, /, indexed: bool = False) -> Callable[[F], 
 def function(volatility: Any = "stable", /, indexed: bool = False) -> Any:
     """Decorator for methods of a World: a function of scripts, `linearVelocity(this, 2)`.
 
-    Elements of the same world arrive as their keys, other values unchanged. `@function` alone declares it stable: equal
-    arguments give equal values within one query. `@function("volatile")` is for functions that move or step the world,
-    or read a clock; `@function("immutable")` for constant ones. `indexed=True` promises that the function equals the
-    list column of its name: of an element it gives the list, and with an index 0, 1, ... after the element one item.
-    Such calls are read as columns.
+    Elements of the same world arrive as their keys, see `Table.as_elements`, other values unchanged. `@function` alone
+    declares it stable: equal arguments give equal values within one query. `@function("volatile")` is for functions
+    that move or step the world, or read a clock; `@function("immutable")` for constant ones. `indexed=True` promises
+    that the function equals the list column of its name: of an element it gives the list, and with an index 0, 1, ...
+    after the element one item. Such calls are read as columns.
     """
     if callable(volatility):
         return function("stable")(volatility)
@@ -320,7 +324,7 @@ class Element(Handle):
             return schema.read_value(self.key, name)
         method = getattr(type(self.world), name, None)
         if isinstance(getattr(method, "__ss2sql__", None), WorldFunction):
-            return getattr(self.world, name)(self.key)
+            return getattr(self.world, name)(self if self.table.as_elements else self.key)
         raise KeyError(name)
 
     def __columns__(self) -> Iterable[str]:

@@ -396,7 +396,7 @@ def _make_reader(place: Place, known: Callable[[Any], Values | None], fetch: Fet
 def unwrap_world_key(value: Any, world: Any) -> Any:
     """An argument as the adapter gets it: the key in place of an element of its own."""
     if isinstance(value, Element) and (value.world is world or value.world.source is world.source):
-        return value.key
+        return value if value.table.as_elements else value.key
     return value
 
 

@@ -178,6 +178,7 @@ class _Numbered(Table):
     """A table whose keys are the numbers that MuJoCo gives to its elements."""
 
     key = "id"
+    as_elements = True  # but for bodies: what functions get by its number is a body
     count: ClassVar[str]  # the attribute of the model with their number
     kind: ClassVar[str]  # of elements, as MuJoCo calls it
     world: MuJoCoWorld
@@ -245,6 +246,7 @@ class MuJoCoBodies(_Oriented):
     name, count, kind = "bodies", "nbody", "body"
     text = "the bodies of the model; the first is `world`, which all that stands still belongs to"
     columns = make_body_columns()
+    as_elements = False
     places = PLACES
     arrays: ClassVar[Mapping[str, str]] = {
         "read_names": "name", "read_elements": "obj", "read_places": POSITION, "read_turns": ROTATION,
