@@ -361,7 +361,7 @@ class BodyWorld(World):
     def above(self, one: Any, other: Any) -> bool:
         """Whether the middle of its box is higher than the other's box, and the boxes meet as seen from above.
 
-        The boxes are those around bodies or links, the column `aabb`; the other may be a box [[x, y, z], [x, y, z]].
+        The boxes are those around bodies or parts of them, the column `aabb`, or a box [[x, y, z], [x, y, z]].
         That of an endless plane along two axes, such as a floor, ends at its front.
         """
         (low, high), (least, most) = self.find_box("above", one), self.find_box("above", other)

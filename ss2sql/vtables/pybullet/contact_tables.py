@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from math import dist
 from typing import Any
 
+from ss2sql.language.cancellation import iterate_checked
 from ss2sql.vtables.body_functions import PAIR, VECTOR, make_parameter_error, read_body_numbers
 from ss2sql.vtables.contract import Column, TableFunction
 
@@ -83,7 +84,7 @@ class Rays(TableFunction):
 
 def _read_ray_points(world: Any, value: Any) -> list[tuple[float, ...]]:
     if isinstance(value, list) and (not value or isinstance(value[0], list)):
-        return [_read_ray_point(point) for point in value]
+        return [_read_ray_point(point) for point in iterate_checked(value)]
     return [_read_ray_point(value if isinstance(value, list) else world.find_point(value))]
 
 
