@@ -8,7 +8,7 @@ query stacks a new one on top.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from itertools import islice
 from marshal import dumps
@@ -269,7 +269,8 @@ class Database:
         for an error of SQLite, X010 for more results than run.max_rows; run.calls_made are then the calls so far.
         """
         execution = SqliteExecution(run, lowered.query, lowered.calls, lowered.snapshot)
-        with self._push_execution(execution):
+        foreign = lowered.calls or lowered.snapshot is not NO_SNAPSHOT  # functions of the user, or columns of worlds
+        with self._push_execution(execution), nullcontext() if foreign else run.pause_collector():
             try:
                 return self._try_execution(lowered, execution, evaluate, sink, most)
             except OtherFormError:
