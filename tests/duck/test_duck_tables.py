@@ -112,7 +112,7 @@ def test_what_is_committed_counts(ss: ss2sql.Session, own: Any) -> None:
     own.execute("DELETE FROM t WHERE a IS NULL; INSERT INTO t VALUES (41)")
     assert query.run().value == [2, 42]
     own.execute("ALTER TABLE t RENAME COLUMN a TO b")
-    assert code_of(query.run) == "R001"
+    assert code_of(query.run) == "R009"
 
 
 def test_a_run_sees_one_state(ss: ss2sql.Session, own: Any) -> None:

@@ -172,7 +172,7 @@ def test_a_compiled_query_reads_what_is_there(own: Any, ss: ss2sql.Session) -> N
     own.execute("CREATE OR REPLACE TABLE towns AS SELECT '5' AS id, 'n1' AS name")
     assert query.run(wanted="n1").value == []
     own.execute("DROP TABLE towns")
-    assert code_of(query.run, wanted="n1") == "R001"
+    assert code_of(query.run, wanted="n1") == "R003"
 
 
 def test_a_connection_that_compares_texts_in_another_way(own: Any, ss: ss2sql.Session) -> None:
