@@ -141,6 +141,9 @@ def test_the_database_says_which_values_of_groups_it_cannot_compare(client: Any,
     assert "min(float(...))" in shown
     script = "SELECT type, min(float(distance(this, [5, 0, 0]))) AS d FROM space GROUP BY type AS rows"
     assert values(ss, script) == [("box", 3.0)]
+    ordered = "SELECT type FROM space GROUP BY type ORDER BY distance('body_0', [count(*), 0, 0])"
+    assert "order by float(...)" in message(ss, ordered, engine="database")
+    assert values(ss, ordered.replace("distance(", "float(distance(") + ")") == [{"type": "box"}]
 
 
 def test_a_body_without_a_position_is_an_error_that_names_it(client: Any, ss: ss2sql.Session) -> None:
