@@ -141,7 +141,7 @@ def duck() -> Any:
 
 
 def database_of(engine: Any) -> Any:
-    """What `connect` is given as the engine's session."""
+    """The connection of DuckDB that a session is handed, which is one of another engine."""
     return duck() if engine == "duckdb" else None
 
 
@@ -150,8 +150,9 @@ def furnished(case: Case, engine: Any = "auto") -> Iterator[ss2sql.Session]:
     """A new session with what the case needs."""
     with (
         TemporaryDirectory() as folder,
-        ss2sql.connect(needs.database(Path(folder), case.needs), session=database_of(engine)) as session,
+        ss2sql.connect(needs.database(Path(folder), case.needs)) as session,
     ):
+        session.host.session = database_of(engine)
         needs.furnish(session, case.needs)
         yield session
 

@@ -103,7 +103,8 @@ def may_fail(ss: ss2sql.Session, options: str, bad: int, least: int = 4) -> str:
 
 def outcome(case: ProgramCase, statement: ast.Query, engine: Any, timeout: float, own: Any) -> Any:
     """The value, or the error; None where the engine refuses the search, or takes too long."""
-    with session_for(case, session=own) as ss, contextlib.redirect_stdout(io.StringIO()):
+    with session_for(case) as ss, contextlib.redirect_stdout(io.StringIO()):
+        ss.host.session = own
         try:
             return exact(compile_raced_statement(ss, statement, engine).run(timeout=timeout).value)
         except (ss2sql.UnsupportedError, ss2sql.Timeout):

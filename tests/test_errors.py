@@ -187,6 +187,9 @@ NO_TEXTS: list[Any] = [b"x = 1;", None, 7, ["x = 1;"]]
         (lambda session: session.run("1", engine="turbo"), "turbo"),
         *((lambda session, script=script: session.run(script), type(script).__name__) for script in NO_TEXTS),
         (lambda session: ss2sql.connect(disable=["mem"]), "mem"),
+        (lambda session: ss2sql.connect(session=object()), "duckdb"),
+        (lambda session: session.run("1", timout=1), "timout"),
+        (lambda session: session.compile("x").run(x=1, max_row=1), "max_row"),
         (lambda session: ss2sql.connect("/no/such/folder/x.db"), "x.db"),
     ],
 )
@@ -195,6 +198,11 @@ def test_wrong_use_says_what_is_wrong(session: Session, action: Any, word: str) 
     assert error.code == "S002"
     assert word in error.message
     still_works(session)
+
+
+def test_a_variable_may_be_named_nearly_like_an_option_where_the_script_has_it(session: Session) -> None:
+    assert session.eval("timout + 1", timout=1, unused=2) == 2
+    assert session.eval("eval('max_row + 1')", max_row=1) == 2
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 2**63, 1j, [1, [float("nan")]]])

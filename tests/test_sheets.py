@@ -155,6 +155,7 @@ def test_sheet(sheet: Sheet) -> None:
 def opened(sheet: Sheet, folder: Path, disable: tuple[str, ...], engine: str) -> Iterator[ss2sql.Session]:
     """A session with what the sheet needs."""
     path = needs.database(folder, sheet.needs)
-    with ss2sql.connect(path, disable=disable, session=database_of(engine)) as session:
+    with ss2sql.connect(path, disable=disable) as session:
+        session.host.session = database_of(engine)
         needs.furnish(session, sheet.needs)
         yield session

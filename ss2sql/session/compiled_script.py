@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Container, Iterable, Mapping
 from contextlib import suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import ExecutionError, ResolveError, UnsupportedError, suggest_similar
+from ss2sql.errors import ExecutionError, ResolveError, SessionError, UnsupportedError, suggest_similar
 from ss2sql.frontend.resolve.scope import UnknownNames
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
@@ -21,7 +22,7 @@ from ss2sql.results.result import Result
 from ss2sql.runtime.python import compile_statement
 from ss2sql.runtime.run.run_state import Places, Run, Stats
 from ss2sql.session.compiled_query import CompiledQuery, build_dataframe_answer
-from ss2sql.session.engines import Engine, RunOptions
+from ss2sql.session.engines import OPTIONS, Engine, RunOptions
 from ss2sql.session.variables import predict_variables
 
 if TYPE_CHECKING:
@@ -226,7 +227,6 @@ class Query:
             workers: int = 1, max_rows: int | None = None, trace: int | None = None,
             **variables: Any) -> Result:  # fmt: skip
         """Runs the script; see `Session.run`. Raises ResolveError R009 for a parameter without a value."""
-        self._check_parameters(variables)
         options = RunOptions(engine, timeout, maximum, workers, max_rows, trace)
         return self._execute(lambda run, values: self, options, variables)
 
@@ -237,12 +237,22 @@ class Query:
         the first levels pass through this process. Raises UnsupportedError for other queries and for ORDER BY and GROUP
         BY, RepresentationError V001 for a column with values of several kinds, and what `run` raises.
         """
-        self._check_parameters(variables)
         options = RunOptions("spark", timeout, maximum, framed=True)
         return self._execute(lambda run, values: self, options, variables).value
 
-    def _check_parameters(self, variables: Mapping[str, Any]) -> None:
-        """Raises ResolveError R009 for a parameter without a value."""
+    def check_variables(self, variables: Iterable[str]) -> None:
+        """Checks the names that a run gives.
+
+        Raises SessionError S002 for one that the script does not have and that is nearly an option of `run`,
+        ResolveError R009 for a parameter without a value.
+        """
+        text = self._script.span.source.text
+        for name in (name for name in variables if not re.search(rf"\b{re.escape(name)}\b", text)):
+            from difflib import get_close_matches
+
+            for option in get_close_matches(name, OPTIONS, n=1, cutoff=0.8):
+                message = f"neither the script nor run knows the name '{name}'"
+                raise SessionError("S002", message, hints=(f"did you mean {option}=...?",))
         missing = [name for name in self.parameters if name not in variables and name not in self._host.names]
         if missing:
             hints = [f"run(..., {', '.join(f'{name}=...' for name in missing)})"]

@@ -21,6 +21,16 @@ def check_engine(engine: Any) -> None:
     check_option_word("engine", (engine,), ENGINES)
 
 
+def check_engine_session(engine: Engine, session: Any) -> None:
+    """Raises SessionError S002 for the connection of an engine that is not the session's."""
+    if session is not None and engine not in _OPENERS:
+        message = f"session is the connection of the engine 'duckdb' or 'spark', not of {engine!r}"
+        raise SessionError("S002", message, hints=("write connect(engine='duckdb', session=...)",))
+
+
+OPTIONS = ("engine", "timeout", "maximum", "workers", "max_rows")  # of `run`, which a misspelt name may mean
+
+
 @dataclass(frozen=True, slots=True)
 class RunOptions:
     """The options of one run, see `Session.run`; `framed` is that of `Query.spark`."""

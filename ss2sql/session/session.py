@@ -30,7 +30,7 @@ from ss2sql.runtime.run.value_sizes import MAX_SIZE
 from ss2sql.runtime.sqlite.database_tables import CACHE_SIZE, find_parquet_path, find_sqlite_path
 from ss2sql.runtime.sqlite.file_locks import close_file, open_sqlite_file
 from ss2sql.session.compiled_script import Query
-from ss2sql.session.engines import Engine, RunOptions, check_engine
+from ss2sql.session.engines import Engine, RunOptions, check_engine, check_engine_session
 from ss2sql.session.execution import execute_script, run_in_session, set_session_deadline
 from ss2sql.session.host import SessionHost, with_session_lock
 from ss2sql.session.progress import check_progress_option
@@ -128,6 +128,7 @@ class Session:
         check_progress_option(progress)
         limits.check_limits()
         check_engine(engine)
+        check_engine_session(engine, session)
         connection = open_session_connection(path, read_only)
         self.timeout = timeout
         self.progress = progress
@@ -413,7 +414,8 @@ class Session:
                 rows in the graph of MEMORIZE.
             trace: keeps the first so many events of the search that the script ends with, which then runs natively:
                 see `Result.trace`.
-            variables: values for names of the script, for this run only.
+            variables: values for names of the script, for this run only. The script need not use them all; a name that
+                it lacks and that is nearly an option, such as `timout`, is an error.
 
         Returns:
             The result of the last statement.
@@ -442,6 +444,7 @@ class Session:
             set_session_deadline(run, self.host, self.timeout if options.timeout is None else options.timeout)
             values = {n: convert_value(value, f"the variable '{n}'", named=True) for n, value in variables.items()}
             query = find(run, values)
+            query.check_variables(values)
             self._check_open()
             chosen = replace(options, engine=self.engine) if options.engine == "auto" else options
             return execute_script(self.host, query, chosen, self.progress, values, run)
@@ -535,7 +538,7 @@ def connect(
         max_output: characters that one run may print.
         engine: where scripts run for which nothing else is said, see `Session.run`.
         session: with the engine "duckdb" a connection of DuckDB, whose tables and views scripts can read by their names
-            and whose settings count: memory, threads, folder; with "spark" a SparkSession.
+            and whose settings count: memory, threads, folder; with "spark" a SparkSession. No other engine has one.
 
     Raises:
         SessionError: the file cannot be opened, a name in `disable` is unknown, or the engine is not installed.
