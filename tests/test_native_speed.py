@@ -25,7 +25,7 @@ def test_equal_arguments_of_other_kinds_are_other_arguments(ss: ss2sql.Session, 
 
 
 def test_the_garbage_collector_pauses_for_a_second_where_no_foreign_code_runs(
-    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch
+    ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch, engine: Any
 ) -> None:
     seen: list[bool] = []
     check = Run.check
@@ -36,11 +36,11 @@ def test_the_garbage_collector_pauses_for_a_second_where_no_foreign_code_runs(
 
     monkeypatch.setattr(Run, "check", note_collector)
     search = "SELECT n FROM [1] WHERE n == 9999 START WITH n = 0 CONNECT BY n = {} STOP WITH n == 9999"
-    ss.function("after", lambda n: (seen.append(gc.isenabled()), n + 1)[1])
-    assert len(ss.run(search.format("n + 1"), engine="native").value) == 1
+    ss.function("after", lambda n: (seen.append(gc.isenabled()), n + 1)[1], volatility="immutable")
+    assert len(ss.run(search.format("n + 1"), engine=engine).value) == 1
     assert False in seen
     seen.clear()
-    ss.run(search.format("after(n)"), engine="native")
+    ss.run(search.format("after(n)"), engine=engine)
     assert set(seen) == {True}
     run = Run(ss.host)
     with run.pause_collector():
