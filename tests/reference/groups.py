@@ -25,11 +25,12 @@ def is_aggregate(ref: Reference, node: Any) -> bool:
 
 
 def aggregates_of(ref: Reference, query: ast.Query, per_group: bool) -> list[ast.Call]:
-    """The aggregates of SELECT, HAVING and ORDER BY in the order of evaluation."""
+    """The aggregates of SELECT, HAVING and ORDER BY in the order of evaluation; what is a key is the key's value."""
     if not query.group and not per_group:
         return []
     places = (query.columns, query.having, query.order) if per_group else (query.having,)
-    return [call for place in places for call in calls_in(ref, place)]
+    calls = (call for place in places for call in calls_in(ref, place))
+    return [call for call in calls if not any(repr(call) == repr(key) for key in query.group)]
 
 
 def is_whole(ref: Reference, query: ast.Query) -> bool:
