@@ -105,12 +105,8 @@ class SourceLoops:
 
     @property
     def first_unnoticed(self) -> int:
-        """The number of the first source from which on nobody can notice whether a source is read."""
-        loud = (
-            index + 1
-            for index, facts in enumerate(self.facts)
-            if self.lateral[index] and not (facts.steady and facts.total)
-        )
+        """The number of the first source from which on reading one has no effect; what fails need not be read."""
+        loud = (index + 1 for index, facts in enumerate(self.facts) if self.lateral[index] and not facts.steady)
         return max(loud, default=0)
 
     def read_constant_sources(self) -> None:
