@@ -204,8 +204,8 @@ def computed_once(ref: Reference, query: ast.Query) -> None:
 
 
 def mentions_volatile(ref: Reference, expr: Any) -> bool:
-    calls = (node.function for node in nodes_of(expr) if isinstance(node, ast.Call))
-    return any(ref.volatility.get(name) == "volatile" for name in calls)
+    calls = {node.function for node in nodes_of(expr) if isinstance(node, ast.Call)}
+    return "eval" in calls - ref.functions.keys() or any(ref.volatility.get(name) == "volatile" for name in calls)
 
 
 def nodes_of(node: Any) -> Iterator[Any]:
