@@ -56,6 +56,8 @@ def test_replaced_operators_prove_nothing() -> None:
     ss.function("lt", lambda a, b: False)
     types = states_of(ss, "SELECT 1 FROM moves START WITH x = 0 CONNECT BY x = x + this[0] STOP WITH x + this[0] < 0;")
     assert shown(types["x"]) == "any"
+    types = states_of(ss, "SELECT 1 FROM [x * 2] START WITH x = 1 CONNECT BY this < 5 AND this >= 0, x = this;")
+    assert (types["x"].low, types["x"].high) == (0, None)
 
 
 NUMBERS = [
