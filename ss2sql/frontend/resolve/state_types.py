@@ -131,11 +131,12 @@ def _resolve_connect(
     resolve_sources(resolver, tree, attempt)
     before = attempt.enter_clause("CONNECT BY")
     connect: list[tuple[str, plan.Expr, Type]] = []
-    for assign in tree.connect:
+    for number, assign in enumerate(tree.connect):
         value = resolver.record_errors(resolver.resolve_expr, assign.value, attempt)
         value = resolver.inliner.inline_calls(value)  # a proof sees through the user's functions
         kind, widest = value.type, drop_bounds(value.type)
-        for name, bound in _list_bounds(tree, assign.value):
+        same = _means_the_same_before(assign.value, {earlier.name for earlier in tree.connect[:number]})
+        for name, bound in _list_bounds(tree, assign.value) if same else ():
             if resolver.catalog.functions[name].builtin:
                 limit = resolver.record_errors(resolver.resolve_expr, bound, attempt).type
                 kind, widest = _narrow_type(kind, name, limit), _narrow_type(widest, name, limit)
@@ -160,6 +161,15 @@ def _list_bounds(tree: ast.Query, value: ast.Expr) -> Iterator[tuple[str, ast.Ex
             for function, operand, bound in ((name, left, right), (_MIRRORED[name], right, left)):
                 if operand == value and isinstance(bound, (ast.Literal, ast.Name)):
                     yield function, bound
+
+
+def _means_the_same_before(value: ast.Expr, assigned: set[str]) -> bool:
+    """Whether the value is the same in conditions: without calls, and without variables that were just assigned."""
+    steady = (ast.Literal, ast.Name, ast.This, ast.Attribute, ast.Index, ast.Operator)
+    read = (
+        node.name if isinstance(node, ast.Name) else getattr(node, "source", None) for node in ast.walk_syntax(value)
+    )
+    return all(isinstance(node, steady) for node in ast.walk_syntax(value)) and assigned.isdisjoint(read)
 
 
 def _list_comparisons(tree: ast.Expr, holds: bool) -> Iterator[tuple[str, ast.Expr, ast.Expr]]:
