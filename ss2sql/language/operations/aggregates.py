@@ -238,7 +238,7 @@ OPERATIONS: tuple[Operation, ...] = (
     declare_aggregate(
         "sum", compute_sum, _sum_of_kind, nothing=0, about="the sum of a list of numbers, 0 if it is empty",
         example="[sum([1, 2.5]), sum([])]", can_fail=lambda kind: True,
-        sqlite=(Form("sum({0})", _are_bounded_float_types),),
+        sqlite=(Form("coalesce(sum({0}), 0)", _are_bounded_float_types),),
         python=(Form(sum_floats, exactly(Kind.FLOAT)), Form(sum_integers, each(INTEGER))),
         portable=(Form("coalesce(cast(sum({0}) AS BIGINT), 0)", _are_small_integer_types),),
         of_float_sum=lambda total, count: total,
