@@ -276,9 +276,7 @@ class JoinBuilder:
         if isinstance(self.query.sources[level - 1], plan.TableSource):
             # SQLite evaluates first what an index of the table answers, whatever stands before it.
             before = [self.selects.expressions.lower_condition(part, self.scope) for part in free]
-            node = sql_builder.case(
-                [(exp.Not(this=sql_builder.wrap_operand(part)), sql_builder.number(0)) for part in before], node
-            )
+            node = sql_builder.case_in_order([*before, node])
         # What can fail calls a function, so that SQLite never evaluates it before the first source is read. Only the
         # other side of `column = ...` it evaluates before a derived table, to look that up in an index that it makes.
         indexed = isinstance(self.opened[level - 1].items[-1], exp.Subquery)

@@ -121,7 +121,7 @@ class SearchStep:
         guarded = bool(made) or (fails and bool(alive)) or (bool(alive) and self._can_key_fail())
         if guarded and len(conditions) > 1:
             # STOP WITH guards the weight; parts of AND SQLite evaluates as early as it can.
-            return [sql_builder.case([(negate(o), sql_builder.number(0)) for o in conditions[:-1]], conditions[-1])]
+            return [sql_builder.case_in_order(conditions)]
         return conditions
 
     def _can_key_fail(self) -> bool:

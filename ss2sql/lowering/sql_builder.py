@@ -80,6 +80,12 @@ def case(branches: Iterable[tuple[Node, Node]], default: Node) -> Node:
     return exp.Case(ifs=ifs, default=default) if ifs else default
 
 
+def case_in_order(conditions: Sequence[Node], denied: bool = False) -> Node:
+    """The conjunction of conditions, or what it denies: each is evaluated only where those before it hold."""
+    decided = [(negate(condition), number(int(denied))) for condition in conditions[:-1]]
+    return case(decided, negate(conditions[-1]) if denied else conditions[-1])
+
+
 def conjunction(parts: Sequence[Node]) -> Node | None:
     """`a AND b AND ...`, None where there are no parts."""
     return join_by_and(parts) if parts else None
@@ -147,6 +153,7 @@ _OPPOSITE: dict[type[Node], type[exp.Binary]] = {
     exp.EQ: exp.NEQ,
     exp.NEQ: exp.EQ,
     exp.NullSafeEQ: exp.NullSafeNEQ,
+    exp.NullSafeNEQ: exp.NullSafeEQ,
     exp.LT: exp.GTE,
     exp.GTE: exp.LT,
     exp.GT: exp.LTE,
@@ -158,6 +165,8 @@ def negate(node: Node) -> Node:
     """The opposite of a condition that is never NULL; an equality is what databases look up."""
     if type(node) in _OPPOSITE:
         return binary(_OPPOSITE[type(node)], node.this.copy(), node.expression.copy())
+    if isinstance(node, exp.Is) and isinstance(node.expression, exp.Not):  # IS NOT NULL
+        return exp.Is(this=node.this.copy(), expression=node.expression.this.copy())
     if isinstance(node, exp.Not):
         inside: Node = node.this.unnest()
         return inside.copy()

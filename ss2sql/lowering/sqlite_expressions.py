@@ -33,7 +33,6 @@ from ss2sql.language.operations import PREDICATES
 from ss2sql.language.plan_traversal import can_fail, has_constant_source, list_inside, list_sources, walk, walk_own
 from ss2sql.lowering import sql_builder, sqlite_forms
 from ss2sql.lowering.equality import SPECIAL_OPERATIONS
-from ss2sql.lowering.rewrites.rewrite_context import negate_expression
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_names import get_builtin_name
 from ss2sql.lowering.statement_needs import StatementNeeds
@@ -292,20 +291,10 @@ class ExpressionLowering:
 
     def lower_and(self, parts: tuple[plan.Expr, ...], scope: SqlScope, denied: bool = False) -> Node:
         """A conjunction, or what it denies; CASE keeps later parts from being evaluated where that could be noticed."""
+        conditions = [self.lower_condition(part, scope) for part in parts]
         if not any(can_fail(part) for part in parts[1:]):
-            return sql_builder.join_by_and(
-                [sql_builder.keep_condition(self.lower_condition(part, scope)) for part in parts]
-            )
-        stops = [(self._lower_denied(part, scope), sql_builder.number(int(denied))) for part in parts[:-1]]
-        last = parts[-1]
-        return sql_builder.case(stops, self._lower_denied(last, scope) if denied else self.lower_condition(last, scope))
-
-    def _lower_denied(self, expr: plan.Expr, scope: SqlScope) -> Node:
-        """`a IS NULL` for `a != None`, or NOT before what has no such form, or is known already."""
-        turned = negate_expression(expr)
-        if isinstance(turned, plan.Not) or any(known == expr for known, _ in scope.known):
-            return exp.Not(this=sql_builder.wrap_operand(self.lower_condition(expr, scope)))
-        return self.lower_condition(turned, scope)
+            return sql_builder.join_by_and([sql_builder.keep_condition(condition) for condition in conditions])
+        return sql_builder.case_in_order(conditions, denied)
 
     def lower_or(self, parts: tuple[plan.Expr, ...], scope: SqlScope) -> Node:
         return sql_builder.disjunction(

@@ -148,9 +148,6 @@ def _resolve_connect(
 
 
 # --- what conditions say of the values that CONNECT BY assigns
-_MIRRORED = {"lt": "gt", "le": "ge", "gt": "lt", "ge": "le", "eq": "eq"}
-
-
 def _list_bounds(tree: ast.Query, value: ast.Expr) -> Iterator[tuple[str, ast.Expr]]:
     """The comparisons with a bound that every step meets which goes on, as written for `value`."""
     conditions = [] if tree.made is None or tree.first is not None else [(tree.made, True)]
@@ -158,7 +155,7 @@ def _list_bounds(tree: ast.Query, value: ast.Expr) -> Iterator[tuple[str, ast.Ex
         conditions.append((tree.stop, False))
     for condition, holds in conditions:
         for name, left, right in _list_comparisons(condition, holds):
-            for function, operand, bound in ((name, left, right), (_MIRRORED[name], right, left)):
+            for function, operand, bound in ((name, left, right), (OPERATIONS[name].mirrored, right, left)):
                 if operand == value and isinstance(bound, (ast.Literal, ast.Name)):
                     yield function, bound
 
@@ -166,10 +163,11 @@ def _list_bounds(tree: ast.Query, value: ast.Expr) -> Iterator[tuple[str, ast.Ex
 def _means_the_same_before(value: ast.Expr, assigned: set[str]) -> bool:
     """Whether the value is the same in conditions: without calls, and without variables that were just assigned."""
     steady = (ast.Literal, ast.Name, ast.This, ast.Attribute, ast.Index, ast.Operator)
-    read = (
-        node.name if isinstance(node, ast.Name) else getattr(node, "source", None) for node in ast.walk_syntax(value)
-    )
-    return all(isinstance(node, steady) for node in ast.walk_syntax(value)) and assigned.isdisjoint(read)
+    for node in ast.walk_syntax(value):
+        read = node.name if isinstance(node, ast.Name) else getattr(node, "source", None)
+        if not isinstance(node, steady) or read in assigned:
+            return False
+    return True
 
 
 def _list_comparisons(tree: ast.Expr, holds: bool) -> Iterator[tuple[str, ast.Expr, ast.Expr]]:
@@ -184,9 +182,9 @@ def _list_comparisons(tree: ast.Expr, holds: bool) -> Iterator[tuple[str, ast.Ex
         case ast.Between(value=value, low=low, high=high) if holds:
             yield from (("ge", value, low), ("le", value, high))
         case ast.Operator(function=name, operands=(left, right)):
-            name = name if holds else OPERATIONS[name].negated or ""
-            if name in _MIRRORED:
-                yield name, left, right
+            row = OPERATIONS[name] if holds else OPERATIONS.get(OPERATIONS[name].negated)
+            if row is not None and row.mirrored:
+                yield row.name, left, right
 
 
 def _narrow_type(kind: Type, comparison: str, bound: Type) -> Type:

@@ -244,11 +244,12 @@ class StepClauses:
         build, search = self.build, self.search
         nothing = build.constant(None)
         weight = build.name("new_total") if self.totals else build.name("weight")
-        goal = build.constant(stops or self.query.where is None)
+        given = stops or self.query.where is None
+        decided = given or self._stops_at_goals  # which a step that goes on is not
         return build.pack(
             build.name("row"),
             self.key,
-            build.name("goal") if self.query.where and not (stops or self._stops_at_goals) else goal,
+            build.constant(given) if decided else build.name("goal"),
             build.constant(not stops),
             after or nothing,
             nothing if search.weight is None else weight,

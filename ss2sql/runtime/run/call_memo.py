@@ -159,10 +159,7 @@ class MemoizedCalls:
                 if len(memo) < limit and not isinstance(error, Stopped):
                     memo[key] = FailedCall(error)
                 raise
-            if len(memo) >= limit:
-                return keep_value(key, value)
-            memo[key] = (value,)
-            return value
+            return keep_value(key, value)
 
         def keep_value(key: Hashable, value: Any) -> Any:
             if len(memo) >= limit:

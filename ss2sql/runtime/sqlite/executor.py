@@ -269,7 +269,7 @@ class Database:
         for an error of SQLite, X010 for more results than run.max_rows; run.calls_made are then the calls so far.
         """
         execution = SqliteExecution(run, lowered.query, lowered.calls, lowered.snapshot)
-        foreign = lowered.calls or lowered.snapshot is not NO_SNAPSHOT  # functions of the user, or columns of worlds
+        foreign = lowered.calls or lowered.snapshot is not NO_SNAPSHOT  # as may_run_foreign_code says
         with self._push_execution(execution), nullcontext() if foreign else run.pause_collector():
             try:
                 return self._try_execution(lowered, execution, evaluate, sink, most)
