@@ -55,12 +55,7 @@ PLAN = ((Kind.BOOL, BOOL), (Kind.INT, INT), (Kind.NUMBER & ~Kind.BOOL, FLOAT), (
 def infer_column_shape(values: Sequence[Any], promised: Type | None = None) -> Shape:
     """The common shape of the values of a column; `promised` is the plan's type."""
     found = _find_values_shape(values)
-    return found if promised is None else infer_missing_shape(found, promised)
-
-
-def infer_missing_shape(found: Shape, promised: Type) -> Shape:
-    """The shape found, completed by the plan's type where no values were."""
-    return _fill_shape(found, _infer_shape_of_type(promised))
+    return found if promised is None else _fill_shape(found, _infer_shape_of_type(promised))
 
 
 def _find_values_shape(values: Sequence[Any]) -> Shape:

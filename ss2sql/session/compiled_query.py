@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any, TypeGuard
 
@@ -18,7 +18,7 @@ from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.lowering.sql_query import Parameter, Sql, SqlQuery
-from ss2sql.results.result import QueryResult, Status, name_result_columns
+from ss2sql.results.result import QueryResult, Status
 from ss2sql.results.result_notes import explain_empty_result, explain_overestimates, find_notes
 from ss2sql.runtime.python import NativeQuery, compile_statement
 from ss2sql.runtime.representations.shape import PATH_FORMS, represent_starred_columns
@@ -213,13 +213,6 @@ class CompiledQuery:
         if self.refusal is not None:
             raise self.refusal
 
-    def count_wanted_results(self, run: Run) -> int | None:
-        """How many results of a search are wanted that has no ORDER BY."""
-        limit = self._evaluate_limit(run)
-        return find_lowest_run_limit(
-            None if limit is None else limit + self._evaluate_offset(run), self._evaluate_maximum(run)[1]
-        )
-
     def _read_native_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.native is not None
         if run.trace is not None:
@@ -398,35 +391,3 @@ def _is_sqlite_limit(error: Exception) -> TypeGuard[ExecutionError]:
     """Too many terms, too deep, too long for SQLite: found out by its own prepare, before any row."""
     too_much = isinstance(error.__cause__, (apsw.SQLError, apsw.TooBigError))
     return isinstance(error, ExecutionError) and error.code == "X009" and too_much
-
-
-# --- the paths of a search as a DataFrame of the database that finds them: which searches can, and its columns
-def build_dataframe_answer(expr: plan.Expr, queries: Sequence[CompiledQuery], run: Run) -> QueryResult:
-    """The answer of a statement whose value is such a DataFrame. Raises UnsupportedError where it has none."""
-    query = queries[-1] if isinstance(expr, plan.Subquery) else None
-    if query is not None:
-        query.refresh_if_outdated(run)
-    found = _find_level_query(expr, None if query is None else query.levels)
-    assert query is not None
-    names, frame = found.make_dataframe(run, query.count_wanted_results(run))
-    rows = Rows(names, paths=[])
-    answer = run.answer = QueryResult(rows, None, query.engine, made=frame.toDF(*name_result_columns(names)))
-    return answer
-
-
-def _find_level_query(expr: plan.Expr, found: LevelQuery | None) -> LevelQuery:
-    place, reason, cure = expr.span, "only a search has paths that are a DataFrame of Spark", "take run(...).df()"
-    if isinstance(expr, plan.Subquery) and found is not None:
-        query = expr.query
-        stars = [output.expr.span for output in query.columns if output.star]
-        if found.database.frame is None:
-            reason = "only Spark has such frames"
-        elif query.group:
-            place, reason, cure = query.group[0].span, "GROUP BY makes no DataFrame", "take its groupBy"
-        elif query.order:
-            place, reason, cure = query.order[0].expr.span, "ORDER BY makes no DataFrame", "take its orderBy"
-        elif stars:
-            place, reason, cure = stars[0], "nobody knows these columns before the search runs", "name them in SELECT"
-        else:
-            return found
-    raise UnsupportedError("U001", reason, place, (cure,))

@@ -21,7 +21,7 @@ from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement, joi
 from ss2sql.results.result import Result
 from ss2sql.runtime.python import compile_statement
 from ss2sql.runtime.run.run_state import Places, Run, Stats
-from ss2sql.session.compiled_query import CompiledQuery, build_dataframe_answer
+from ss2sql.session.compiled_query import CompiledQuery
 from ss2sql.session.engines import OPTIONS, Engine, RunOptions
 from ss2sql.session.variables import predict_variables
 
@@ -84,8 +84,6 @@ class CompiledStatement:
         if self.statement.tentative or self.is_outdated(run, run.get_source):
             statement = self.host.resolve_statement(self.tree, run, self.unknown)
             self._compile_statement(statement, self.host.generation, run.get_source)
-        if run.framed:
-            return build_dataframe_answer(self.statement.expr, self.queries, run)
         return self.function(run)
 
     def is_outdated(self, run: Run, source: Callable[[str], Any], but: Container[str] = ()) -> bool:
@@ -231,14 +229,15 @@ class Query:
         return self._execute(lambda run, values: self, options, variables)
 
     def spark(self, timeout: float | None = None, maximum: int | None = None, **variables: Any) -> Any:
-        """The paths of the last search as a DataFrame of Spark, which finds and keeps them.
+        """The rows of `run(engine="spark")` as a DataFrame in the session of Spark that `connect` was given.
 
-        It has the columns `path`, `step` and those of SELECT, in the session of Spark that `connect` was given; only
-        the first levels pass through this process. Raises UnsupportedError for other queries and for ORDER BY and GROUP
-        BY, RepresentationError V001 for a column with values of several kinds, and what `run` raises.
+        It has the columns and types of `Result.arrow`. Raises what that raises, and what `run` raises.
         """
-        options = RunOptions("spark", timeout, maximum, framed=True)
-        return self._execute(lambda run, values: self, options, variables).value
+        rows = self.run("spark", timeout, maximum, **variables).arrow()
+        engine = self._host.held.get_engine("spark")
+        assert engine is not None
+        assert engine.load_table is not None
+        return engine.load_table(rows)
 
     def check_variables(self, variables: Iterable[str]) -> None:
         """Checks the names that a run gives.

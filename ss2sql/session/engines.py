@@ -33,7 +33,7 @@ OPTIONS = ("engine", "timeout", "maximum", "workers", "max_rows")  # of `run`, w
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """The options of one run, see `Session.run`; `framed` is that of `Query.spark`."""
+    """The options of one run, see `Session.run`."""
 
     engine: Engine | None
     timeout: float | None
@@ -41,7 +41,6 @@ class RunOptions:
     workers: int = 1
     max_rows: int | None = None
     trace: int | None = None
-    framed: bool = False
 
     def check_options(self) -> None:
         if self.engine is not None:
@@ -90,7 +89,7 @@ def _open_spark_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
     from pyspark.errors import PySparkException
 
     from ss2sql.runtime.external.level_query import TableEngine
-    from ss2sql.runtime.external.spark_dataframe import DataFrameSearch
+    from ss2sql.runtime.external.spark_search import SparkSearch
     from ss2sql.runtime.external.spark_session import SparkEngine
 
     spark = SparkEngine(session)
@@ -99,8 +98,8 @@ def _open_spark_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
         spark.open_store,
         spark.close_engine,
         (PySparkException, Py4JError),
-        lambda *parts: DataFrameSearch(*parts).find_results(),
-        lambda search_run, store, written, most: DataFrameSearch(search_run, store, written).make_dataframe(most),
+        lambda *parts: SparkSearch(*parts).find_results(),
+        spark.load_table,
     )
 
 

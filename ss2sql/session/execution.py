@@ -128,7 +128,6 @@ def _execute_for_last_value(
     for statement in statements:
         run.check()
         run.maximum = options.maximum if statement is statements[-1] else None
-        run.framed = options.framed and statement is statements[-1]
         run.trace = None
         if options.trace and statement is statements[-1]:
             from ss2sql.runtime.search.trace import Trace

@@ -4,7 +4,6 @@ In order of control flow: `level_query.py` compiles a search for it, with the st
 `table_statements.py`. `level_steps.py` does the first levels in memory, and tells how steps are made.
 `duckdb_search.py` goes from level to level in the tables of DuckDB.
 
-`spark_session.py` is Spark, which goes its own way: `spark_search.py` from level to level, each a query with steps made
-in SQL or by its executors, which get the search as a `task_pickle.py`. `spark_session.py` keeps the levels,
-`spark_dataframe.py` leaves the paths there and makes columns of them.
+`spark_session.py` is Spark, which goes its own way, and keeps the levels: `spark_search.py` goes from one to the next,
+each a query with steps made in SQL or by its executors, which get the search as a `task_pickle.py`.
 """

@@ -8,9 +8,6 @@ other: by the step before, then by their elements. For NO CYCLE each step has th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError, Span, UnsupportedError
@@ -224,7 +221,7 @@ class TableEngine:
     """Such a database: its name, what opens it for a run, what ends it, the errors that it raises, and what finds the
     results of a search in what was opened.
 
-    `make_dataframe` gives the first paths, all without a number, as a DataFrame of the database, where it has such.
+    `load_table` makes a table of Arrow a DataFrame of the database, where it has such.
     `sources` are its own tables, where scripts can read them; then queries that are no searches run there, too.
     """
 
@@ -233,7 +230,7 @@ class TableEngine:
     close: Callable[[], None]
     errors: tuple[type[Exception], ...]
     search: Callable[[SearchRun, Any, Any], Iterator[Found]]
-    frame: Callable[[SearchRun, Any, Any, int | None], Any] | None = None
+    load_table: Callable[[Any], Any] | None = None
     sources: DuckSources | None = None
 
 
@@ -268,34 +265,11 @@ class LevelQuery:
         """The answer of the query, see `NativeQuery.compute_rows`."""
         return self._native.compute_rows(run, sink)
 
-    def make_dataframe(self, run: Run, most: int | None) -> tuple[tuple[str, ...], Any]:
-        """The columns of the query, and its first `most` paths as a DataFrame of the database; without it all.
-
-        `most` is what LIMIT and MAXIMUM came to, which are not evaluated again.
-        """
-        made: list[Any] = []
-        assert self.query.search is not None, "compiled_query.py has looked"
-        query = replace(self.query, limit=None, search=replace(self.query.search, maximum=None))
-        rows = NativeQuery(query, find=partial(self._build_frame, most, made)).compute_rows(run)
-        return rows.columns, made[0]
-
-    def _build_frame(self, most: int | None, made: list[Any], search_run: SearchRun) -> Iterator[Found]:
-        frame = self.database.frame
-        assert frame is not None, "compiled_query.py has looked"
-        with self._open_database(search_run) as tables:
-            made.append(frame(search_run, tables, self.level_plan, most))
-        yield from ()
-
     def _iterate_results(self, search_run: SearchRun) -> Iterator[Found]:
-        with self._open_database(search_run) as tables:
-            yield from self.database.search(search_run, tables, self.level_plan)
-
-    @contextmanager
-    def _open_database(self, search_run: SearchRun) -> Iterator[Any]:
         tables = self.database.open(search_run)
         try:
             with interrupt_when_due(search_run.run, tables):
-                yield tables
+                yield from self.database.search(search_run, tables, self.level_plan)
         except self.database.errors as error:
             hint = "look at its limit of memory and the room on its disk"
             raise ExecutionError("X009", f"{self.engine}: {error}", search_run.query.span, (hint,)) from error

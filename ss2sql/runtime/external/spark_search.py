@@ -7,7 +7,6 @@ of a level with some thousand steps. The levels that are smaller than that this 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from itertools import accumulate
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
@@ -119,19 +118,6 @@ SECONDS = 0.1  # that a level may take here, where Spark takes about 0.3
 STEPS_PER_QUERY = 1_000  # steps that are looked up by naming them in a query
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ComputedLevel:
-    """A level that was computed, with the steps that it has kept."""
-
-    depth: int
-    kept: DataFrame
-    counts: LevelCounts
-
-    @property
-    def goals(self) -> DataFrame:
-        return self.kept.where("goal")
-
-
 class SparkSearch:
     """One search in a store of Spark."""
 
@@ -146,27 +132,18 @@ class SparkSearch:
 
     def find_results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
-        with self._begin_first_levels() as beginning:
-            for goal in beginning.find_goals():
-                yield beginning.make_result(goal)
-            for reached in self._compute_levels(beginning):
-                yield from self._read_goals(reached)
-
-    @contextmanager
-    def _begin_first_levels(self) -> Iterator[FirstLevels]:
         try:
             self.steps.check_transferable()
-            yield FirstLevels(self.search_run, seconds=SECONDS)
+            beginning = FirstLevels(self.search_run, seconds=SECONDS)
+            yield from map(beginning.make_result, beginning.find_goals())
+            yield from self._search_levels(beginning)
         finally:
             self.steps.release_broadcast()
 
-    def _flush_and_check(self) -> None:
-        self.search_run.flush()
-        self.search_run.check()
-
     # --- from level to level -----------------------------------------------------------------------------
 
-    def _compute_levels(self, beginning: FirstLevels) -> Iterator[ComputedLevel]:
+    def _search_levels(self, beginning: FirstLevels) -> Iterator[Found]:
+        """The results after the first levels."""
         expanded = len(beginning.frontier)
         if not expanded:
             return
@@ -176,11 +153,13 @@ class SparkSearch:
         frontier, few = self._make_frontier(beginning), True
         while expanded:
             depth += 1
-            self._flush_and_check()
+            self.search_run.flush()
+            self.search_run.check()
             kept = self.levels[depth] = self._plan_level(frontier, few)
             counted = self.store.query_rows(self.written.counts, self.steps.made.values).collect()
             counts = self.steps.read_counts(tuple(counted[0]), frontier, expanded)
-            yield ComputedLevel(depth, kept, counts)
+            if counts.goals:
+                yield from self._read_goals(depth, kept.where("goal"), counts.goals)
             self.search_run.stats.levels.append(GraphLevel(counts.kept, counts.kept, counts.tried - counts.kept))
             few = counts.continuing * counts.kept <= MAX_IN_ONE_PARTITION * expanded  # kept, if as many for each state
             expanded, frontier = counts.continuing, kept.where("goes_on")
@@ -200,19 +179,18 @@ class SparkSearch:
         return kept
 
     def _select_kept_in_partitions(self) -> DataFrame:
-        """The same without bringing all rows into one partition."""
+        """The same without bringing all rows into one partition: sorted parts, and where each begins follows from the
+        counts of those before.
+        """
         chosen = self.store.query_rows(self.written.chosen, self.steps.made.values)
-        return self._number_spark_rows(self.store.persist_frame(chosen), "place", "step")  # read twice to be sorted
-
-    def _number_spark_rows(self, rows: DataFrame, order: str, name: str) -> DataFrame:
-        """Rows with their numbers from 1: sorted parts; where each begins follows from the counts of those before."""
+        rows = self.store.persist_frame(chosen)  # read twice to be sorted
         numbers = ("spark_partition_id() AS part", f"monotonically_increasing_id() & {(1 << 33) - 1} AS nth_of_part")
-        ranged = rows.repartitionByRange(order).sortWithinPartitions(order).selectExpr(*numbers, "*")
+        ranged = rows.repartitionByRange("place").sortWithinPartitions("place").selectExpr(*numbers, "*")
         in_order = self.store.persist_frame(ranged)
         found = dict(map(tuple, in_order.groupBy("part").count().collect()))
         starts = accumulate((found.get(number, 0) for number in range(max(found, default=0))), initial=0)
         offsets = join_column_names(*(f"{start}L" for start in starts))
-        return in_order.selectExpr(f"array({offsets})[part] + nth_of_part + 1 AS {name}", *rows.columns)
+        return in_order.selectExpr(f"array({offsets})[part] + nth_of_part + 1 AS step", *rows.columns)
 
     def _add_to_closed_list(self, rows: DataFrame) -> None:
         rows = rows.select(*list_duckdb_columns(self.written.steps.rows))
@@ -245,19 +223,17 @@ class SparkSearch:
 
     # --- paths -------------------------------------------------------------------------------------------
 
-    def _read_goals(self, reached: ComputedLevel) -> Iterator[Found]:
-        depth, counts = reached.depth, reached.counts
-        if counts.goals:
-            rows = reached.goals.select("step", "place", *self.written.shown)
-            few = counts.goals <= MAX_COLLECTED_GOALS
-            block: list[int] = []
-            for step, place, *values in sorted(rows.collect(), key=itemgetter(0)) if few else rows.toLocalIterator():
-                self.known[depth, step] = place, values
-                block.append(step)
-                if len(block) == MAX_COLLECTED_GOALS:
-                    yield from self._iterate_paths(depth, block)
-                    block.clear()
-            yield from self._iterate_paths(depth, block)
+    def _read_goals(self, depth: int, goals: DataFrame, count: int) -> Iterator[Found]:
+        rows = goals.select("step", "place", *self.written.shown)
+        few = count <= MAX_COLLECTED_GOALS
+        block: list[int] = []
+        for step, place, *values in sorted(rows.collect(), key=itemgetter(0)) if few else rows.toLocalIterator():
+            self.known[depth, step] = place, values
+            block.append(step)
+            if len(block) == MAX_COLLECTED_GOALS:
+                yield from self._iterate_paths(depth, block)
+                block.clear()
+        yield from self._iterate_paths(depth, block)
 
     def _iterate_paths(self, depth: int, goals: list[int]) -> Iterator[Found]:
         """The paths to some goals of a level, which are put together here: they are results.

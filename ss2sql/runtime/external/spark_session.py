@@ -7,7 +7,7 @@ import shutil
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from os import environ
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from ss2sql.errors import ExecutionError, SessionError
@@ -36,7 +36,7 @@ class SparkStore:
     """
 
     def __init__(self, session: SparkSession) -> None:
-        self.user, self.session, self.context = session, _clone_spark_session(session), session.sparkContext
+        self.session, self.context = _clone_spark_session(session), session.sparkContext
         for name, value in SETTINGS.items():
             self.session.conf.set(name, value)
         self.name = f"ss2sql-{uuid4().hex[:12]}"
@@ -72,27 +72,14 @@ class SparkStore:
 
         Queries over them know nothing of how they are computed, so they are planned as quickly as any.
         """
-        leaf = self._cut_lineage(frame, eager=False)
-        self._kept.append((frame, leaf))
-        return leaf
-
-    def hand_over_frame(self, frame: DataFrame) -> DataFrame:
-        """The same rows, computed now, in the session of the user. They are kept as long as somebody has them."""
-        from pyspark.sql import DataFrame
-
-        leaf = self._cut_lineage(frame, eager=True)
-        if not is_spark_local(self.context):
-            frame.unpersist()
-        context, user = cast(Any, self.context), cast(Any, self.user)
-        plan = leaf._jdf.queryExecution().logical()
-        return DataFrame(context._jvm.org.apache.spark.sql.classic.Dataset.ofRows(user._jsparkSession, plan), user)
-
-    def _cut_lineage(self, frame: DataFrame, eager: bool) -> DataFrame:
         from pyspark import StorageLevel
 
         if is_spark_local(self.context):
-            return frame.localCheckpoint(eager)
-        return frame.persist(StorageLevel.MEMORY_AND_DISK).checkpoint(eager)
+            leaf = frame.localCheckpoint(eager=False)
+        else:
+            leaf = frame.persist(StorageLevel.MEMORY_AND_DISK).checkpoint(eager=False)
+        self._kept.append((frame, leaf))
+        return leaf
 
     def _release_frame(self, frame: DataFrame, leaf: DataFrame) -> None:
         """Lets go of what was kept, wherever that is."""
@@ -162,6 +149,11 @@ class SparkEngine:
             if "PYSPARK_PYTHON" not in environ:
                 self.session.sparkContext.pythonExec = sys.executable  # else any that is called python3
         return SparkStore(self.session)
+
+    def load_table(self, rows: Any) -> DataFrame:
+        """A table of Arrow in the session of the user, which the first search has opened."""
+        assert self.session is not None
+        return self.session.createDataFrame(rows)
 
     def close_engine(self) -> None:
         if self.own and self.session is not None:

@@ -200,7 +200,6 @@ class Run:
     doubtful: bool = False  # a table has given a text that is not UTF-8
     max_rows: int | None = None
     maximum: int | None = None
-    framed: bool = False  # the paths are wanted as a DataFrame of the database that finds them
     sizes: ValueSizes = field(default_factory=ValueSizes)
     arguments: dict[str, Any] = field(default_factory=dict)  # values of names of the script for this run only
     sink: ResultSink | None = None  # the rows found so far by the query that runs
