@@ -66,77 +66,36 @@ LARGEST_BLOCK = 64  # elements: their data are still in the processor's cache wh
 
 def make_fetcher(reading: Reading, table: Table, group: str, rows: dict[Hashable, Values]) -> Fetch:
     """A function that fetches a group of the element with a key, and stores its values in `rows`."""
-    method = getattr(table, group)
-    if group in reading.schema.arrays:
-        return _fetch_all(reading, group, method, rows)
-    if group in reading.schema.blocks:
-        return BlockFetcher(reading, group, method, rows).fetch_key
-    return _fetch_singly(reading, group, method, rows)
-
-
-def _fetch_singly(reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]) -> Fetch:
-    schema = reading.schema
-    fits = schema.quick_tests[group]
+    schema, span = reading.schema, reading.span
+    if group in schema.arrays or group in schema.blocks:
+        return BlockFetcher(reading, group, getattr(table, group), rows).fetch_key
 
     def fetch_key(key: Hashable) -> Values:
-        try:
-            row: Values = method(key)
-            if type(row) is not tuple or not fits(row):
-                row = schema.convert_row(group, row, key)
-            rows[key] = row
-        except Error as error:
-            raise error.with_span(reading.span) from error.__cause__
-        except Exception as error:
-            raise make_adapter_error(schema, error, key).with_span(reading.span) from error
+        row = rows[key] = schema.read_row(group, key, span)
         return row
 
     return fetch_key
 
 
-def _fetch_all(reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]) -> Fetch:
-    """Fetches the group for all keys that were given last.
-
-    Where a value among them does not fit, each is fetched alone: the query may never read that one.
-    """
-    schema = reading.schema
-    together = True
-
-    def fetch_key(key: Hashable) -> Values:
-        nonlocal together
-        wanted = [one for one in reading.announced if one not in rows] if together else [key]
-        if key not in wanted:
-            wanted = [key]
-        try:
-            with AdapterGuard(schema, span=reading.span):
-                raw = method(wanted)
-                rows.update(zip(wanted, schema.split_arrays(group, raw, wanted), strict=True))
-        except Error as error:
-            if len(wanted) == 1 or error.code != "X004":  # a value that does not fit
-                raise
-            together = False
-            return fetch_key(key)
-        return rows[key]
-
-    return fetch_key
-
-
 class BlockFetcher:
-    """Fetches the next elements along with the one that is wanted.
+    """Fetches other elements along with the one that is wanted.
 
-    The first block is one element. As long as the query reads one element after the other, each block is twice as long
-    as the one before; where it skips some, blocks start with one again. So at most about twice the elements that are
-    read are fetched, and exactly three for `LIMIT 3`.
+    Arrays are fetched for all keys that were given last. Of blocks the first is one element. As long as the query reads
+    one element after the other, each block is twice as long as the one before; where it skips some, blocks start with
+    one again. So at most about twice the elements that are read are fetched, and exactly three for `LIMIT 3`.
     """
 
     def __init__(
         self, reading: Reading, group: str, method: Callable[[Any], Any], rows: dict[Hashable, Values]
     ) -> None:
         self.reading = reading
+        self.group = group
         self.method = method
         self.rows = rows
+        self.arrays = group in reading.schema.arrays
+        self.together = True  # until a value does not fit
         self.single = len(reading.schema.groups[group].parts) == 1  # a block of values, not of tuples
         self.fits = reading.schema.quick_tests[group]
-        self.alone = _fetch_singly(reading, group, self._fetch_single, rows)
         self.keys: Sequence[Hashable] = ()  # that were given when the last block was fetched
         self.end = 0  # of the last block
         self.size = 1
@@ -145,21 +104,34 @@ class BlockFetcher:
         block = self._choose_block(key)
         if len(block) > 1:
             try:
-                found = self.method(block)
-                if self.single:
-                    found = list(zip(islice(found, len(block) + 1), strict=True))
-                if len(found) == len(block) and all(map(self.fits, found)):
-                    self.rows.update(zip(block, found, strict=True))
-                    return self.rows[key]
-            except Exception:
-                pass  # perhaps of an element that the query never reads; else it is raised again below
-            self.size = 1
-        return self.alone(key)
+                self.rows.update(zip(block, self._read_block(block), strict=True))
+                return self.rows[key]
+            except Exception as error:
+                if self.arrays and getattr(error, "code", "") != "X004":  # a value that does not fit
+                    raise
+                # Perhaps of an element that the query never reads; else it is raised again below.
+                self.size, self.together = 1, False
+        row = self.rows[key] = self.reading.schema.read_row(self.group, key, self.reading.span)
+        return row
+
+    def _read_block(self, block: Sequence[Hashable]) -> Iterable[Values]:
+        if self.arrays:
+            with AdapterGuard(self.reading.schema, span=self.reading.span):
+                return list(self.reading.schema.split_arrays(self.group, self.method(block), block))
+        found = self.method(block)
+        if self.single:
+            found = list(zip(islice(found, len(block) + 1), strict=True))
+        if len(found) != len(block) or not all(map(self.fits, found)):
+            raise ValueError("values that have to be converted one by one")
+        return found  # type: ignore[no-any-return]
 
     def _choose_block(self, key: Hashable) -> Sequence[Hashable]:
         keys, place = self.reading.announced, self.end
         if len(keys) == 1:
             return keys
+        if self.arrays:
+            wanted = [one for one in keys if one not in self.rows] if self.together else ()
+            return wanted if key in wanted else (key,)
         if keys is self.keys and place < len(keys) and keys[place] == key:
             self.size = min(2 * self.size, LARGEST_BLOCK)
         else:
@@ -172,10 +144,6 @@ class BlockFetcher:
         self.end = place + self.size
         block = keys[place : self.end]
         return block if self.rows.keys().isdisjoint(block) else [one for one in block if one not in self.rows]
-
-    def _fetch_single(self, key: Hashable) -> Any:
-        (row,) = self.method([key])
-        return row
 
 
 Read = Callable[[Any], Any]

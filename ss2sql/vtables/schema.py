@@ -43,6 +43,8 @@ class Schema:
         self.signature = ""
         if isinstance(table, TableFunction):
             self._read_parameters(table)
+        # The table whose keys are walked; None where rows come as tuples.
+        self.keyed = table if isinstance(table, Table) else self.walked
         columns = table.columns if self.walked is None else self.walked.columns
         self.columns: tuple[Column, ...] = tuple(columns)
         self.kinds: dict[str, Type] = {}
@@ -62,14 +64,10 @@ class Schema:
             walked = get_schema(self.walked)
             self.groups, self.group_of, self.places = walked.groups, walked.group_of, walked.places
             self.arrays, self.blocks, self.items = walked.arrays, walked.blocks, walked.items
+            self.quick_tests = walked.quick_tests
         elif isinstance(table, Table):
             self._read_groups(table)
             self._read_places(table)
-
-    @property
-    def keyed(self) -> Table | None:
-        """The table whose keys are walked; None where rows come as tuples."""
-        return self.table if isinstance(self.table, Table) else self.walked
 
     # --- declarations ----------------------------------------------------------------------------------
 
@@ -175,6 +173,8 @@ class Schema:
 
     def convert_row(self, group: str, raw: Any, key: Hashable) -> tuple[Any, ...]:
         """The group's values for one key, converted; tuples within them stay tuples."""
+        if type(raw) is tuple and self.quick_tests[group](raw):
+            return raw
         layout = self.groups[group]
         values = (raw,) if len(layout.parts) == 1 else raw
         try:
@@ -232,19 +232,25 @@ class Schema:
 
     def read_value(self, key: Hashable, name: str) -> Any:
         """One column of the element with this key, read now."""
-        table = self.keyed
-        assert table is not None
-        if name == table.key:
+        if name == getattr(self.keyed, "key", ""):
             return self.cleaners[name](key)
         group = self.group_of[name]
-        with AdapterGuard(self, key):
-            raw = getattr(table, group)([key] if group in self.arrays or group in self.blocks else key)
-            if group in self.blocks:
-                (raw,) = raw
-        rows = (
-            self.split_arrays(group, raw, [key]) if group in self.arrays else iter([self.convert_row(group, raw, key)])
-        )
-        return self.groups[group].places[name].get_value(next(rows))
+        return self.groups[group].places[name].get_value(self.read_row(group, key))
+
+    def read_row(self, group: str, key: Hashable, span: Span | None = None) -> tuple[Any, ...]:
+        """The group's values for one key, read now."""
+        method = getattr(self.keyed, group)
+        try:
+            if group in self.arrays:
+                return next(self.split_arrays(group, method([key]), [key]))
+            if group not in self.blocks:
+                return self.convert_row(group, method(key), key)
+            (raw,) = method([key])
+            return self.convert_row(group, raw, key)
+        except Error as error:
+            raise error.with_span(span) from error.__cause__
+        except Exception as error:
+            raise make_adapter_error(self, error, key).with_span(span) from error
 
 
 def _reject_all_cells(values: Any) -> bool:
