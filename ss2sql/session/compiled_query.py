@@ -22,7 +22,7 @@ from ss2sql.results.result import QueryResult, Status
 from ss2sql.results.result_notes import explain_empty_result, explain_overestimates, find_notes
 from ss2sql.runtime.python import NativeQuery, compile_statement
 from ss2sql.runtime.representations.shape import PATH_FORMS, represent_starred_columns
-from ss2sql.runtime.run.array_calls import count_array_calls
+from ss2sql.runtime.run.array_calls import has_array_calls
 from ss2sql.runtime.run.option_checks import check_count_value, find_lowest_run_limit
 from ss2sql.runtime.run.post_processing import finish_sql_rows
 from ss2sql.runtime.run.run_state import ResultSink, Run
@@ -101,7 +101,7 @@ class CompiledQuery:
                 self.reason = f"engine='{self.wanted}' was given"
             elif self.wanted == "auto" and self._does_read_only_values(query):
                 self.reason = READS_VALUES
-            elif self.wanted == "auto" and count_array_calls(query):
+            elif self.wanted == "auto" and has_array_calls(query):
                 self.reason = TAKES_ARRAYS
             elif self.wanted == "auto" and can_stop_early(query):
                 self.reason = CUT_DEEP_DOWN

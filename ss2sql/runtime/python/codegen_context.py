@@ -222,6 +222,7 @@ class PythonScope:
     states: set[tuple[int, str]] = field(default_factory=set)  # START WITH variables that are bound here
     moved: dict[tuple[int, str], str] = field(default_factory=dict)  # changed by CONNECT BY -> their new names
     groups: dict[tuple[int, int], str] = field(default_factory=dict)  # values of groups -> names, see get_group_key
+    group_level: int = 0  # the loop that binds them
     shared: dict[str, None] = field(default_factory=dict)  # names of outer functions that are set here
     locals: list[str] = field(default_factory=list)  # names that are set here and read in inner functions
     counts: Counter[int] = field(default_factory=Counter)  # expression -> how often it is written here
@@ -257,8 +258,8 @@ class PythonScope:
     def find_home(self, facts: ExpressionFacts) -> tuple[PythonScope, int]:
         """The outermost function and loop where everything is known that the facts' expression reads."""
         levels = [self.levels[source] for source in facts.sources if source in self.levels]
-        grouped = any(query in facts.groups for query, _ in self.groups)
-        if levels or grouped or not self.states.isdisjoint(facts.states):
+        levels += [self.group_level for query, _ in self.groups if query in facts.groups]
+        if levels or not self.states.isdisjoint(facts.states):
             return self, max(levels, default=0)
         return (self, 0) if self.parent is None else self.parent.find_home(facts)
 

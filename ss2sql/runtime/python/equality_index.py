@@ -71,11 +71,11 @@ class RowIndex(dict[Hashable, list[Any]]):
         return self
 
 
-def index_rows(rows: list[Any], key_of: Callable[[Any], Hashable]) -> RowIndex:
+def index_rows(rows: list[Any], keys_of: Callable[[list[Any]], Iterable[Hashable]]) -> RowIndex:
     """The rows by their keys. What is raised for one of them is raised again where its condition is tested."""
     index = RowIndex(rows)
     try:
-        return index.add_items(map(key_of, rows), rows)
+        return index.add_items(keys_of(rows), rows)
     except Stopped:
         raise
     except Exception:

@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import INT
-from ss2sql.language.plan_traversal import is_volatile, split_and, walk
+from ss2sql.language.plan_traversal import can_end_early, is_volatile, split_and, walk
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.call_code import find_keyed_sources
 from ss2sql.runtime.python.codegen_context import ExpressionAnalysis, PythonScope
 from ss2sql.runtime.python.equality_index import find_index_lookups
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
-from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions, loops_over_query_rows
-from ss2sql.runtime.run.array_calls import StagedRows, count_array_calls
+from ss2sql.runtime.python.source_loops import CallStages, SourceLoops, list_loop_expressions, loops_over_query_rows
+from ss2sql.runtime.run.array_calls import FIRST, has_array_calls, has_calls_without_arrays
 from ss2sql.runtime.run.post_processing import is_row_count
 
 if TYPE_CHECKING:
@@ -163,8 +163,11 @@ def compile_flat_query(
         if source.id in keyed:
             loops.attach_keys(source)
     evaluated = [*where, *outputs, *keys]
-    loops.staged = count_array_calls(*query.sources, *evaluated) > 0 and builder.codegen.analysis.are_steady(evaluated)
-    collects = query.aggregated and not loops.staged
+    parts = [*query.sources, *evaluated]
+    if has_array_calls(*parts) and builder.codegen.analysis.are_steady(evaluated):
+        size = FIRST if can_end_early(query) else None
+        loops.stages = CallStages(builder, body, 1 if size and has_calls_without_arrays(*parts) else size)
+    collects = query.aggregated and loops.stages is None
     groups = GroupCollector(builder, query, aggregates, body) if collects else None
     inner = loops.open_loops(body, conditions, guarded, [*outputs, *keys])
     if query.aggregated:
@@ -184,15 +187,7 @@ def compile_flat_query(
             )
         )
     inner.define_function()
-    if not loops.stages:
-        return body.name
-    codegen, build = builder.codegen, builder.codegen.build
-    name = codegen.new_name("find")
-    stages = [build.pack(build.name(stage.name), how) for stage, how in loops.stages]
-    noticed = build.constant(loops.notices_blocks())
-    joined = build.call(codegen.use(StagedRows), build.name("run"), noticed, build.name(body.name), *stages)
-    codegen.definitions.append(build.assign(name, joined))
-    return name
+    return body.name if loops.stages is None else loops.stages.join_stages()
 
 
 def generate_row_and_keys(

@@ -17,7 +17,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.cancellation import deepen_stack
 from ss2sql.language.kinds import ANY, SCALAR, Kind, Type
-from ss2sql.language.plan_traversal import has_constant_source, may_run_foreign_code, split_and, walk
+from ss2sql.language.plan_traversal import has_constant_source, may_run_foreign_code, walk
 from ss2sql.language.rows import Rows, make_label
 from ss2sql.language.values import UNSET, format_value
 from ss2sql.runtime.python import flat_query
@@ -25,7 +25,8 @@ from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.codegen_context import CodegenContext, ExpressionAnalysis, ExpressionFacts, PythonScope
 from ss2sql.runtime.python.python_expressions import generate_expression, get_group_key
 from ss2sql.runtime.python.query_execution import QueryExecution, get_value_function
-from ss2sql.runtime.run.array_calls import count_array_calls
+from ss2sql.runtime.python.source_loops import CallStages
+from ss2sql.runtime.run.array_calls import has_array_calls
 from ss2sql.runtime.run.call_memo import make_call_key, report_memo_counts
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, forget_older_half
 from ss2sql.runtime.run.error_locations import locate_in_script
@@ -274,11 +275,7 @@ class QueryCompiler:
             "flush": self._write_flush(build) if query.search else None,
         }
         find = codegen.find if query is codegen.level_searched_query else None
-        shown = [output.expr for output in query.columns] + [key.expr for key in query.order]
-        shown += split_and(query.having)
-        grouped = query.aggregated and query.search is None and codegen.analysis.are_steady(shown)
-        array_calls = count_array_calls(*shown) if grouped else 0
-        form = build.name(codegen.embed(QueryForm.for_query(query, tuple(own), searched, find, array_calls), "form"))
+        form = build.name(codegen.embed(QueryForm.for_query(query, tuple(own), searched, find), "form"))
         parts = [build.constant(None) if name is None else build.name(name) for name in functions.values()]
         task, value, tuples = codegen.new_name("task"), codegen.new_name("value_of"), codegen.new_name("rows_of")
         codegen.definitions += [
@@ -327,11 +324,7 @@ class QueryCompiler:
         return build.call(self.codegen.use(make_label), generate_expression(self, expr, body))
 
     def _write_group(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
-        """A function of a group's aggregates and keys.
-
-        It gives None for a group that HAVING drops, else the group's row and its sort keys; the row is None
-        where the group is a partition.
-        """
+        """A generator: the row and sort keys of each group that HAVING keeps; of partitions whether it keeps them."""
         if not query.aggregated and not (query.group and query.having):
             return None
         codegen, build = self.codegen, self.codegen.build_at(query.span)
@@ -339,20 +332,31 @@ class QueryCompiler:
         names = {get_group_key(node): codegen.new_name(node.function) for node in find_grouped_aggregates(query)}
         names.update({(query.id, index): codegen.new_name("key") for index in range(len(query.group))})
         body.groups.update(names)
-        body.parameters = [*names.values(), *body.parameters]
+        groups, group = codegen.new_name("groups"), codegen.new_name("group")
+        body.parameters.append(groups)
         outputs = [output.expr for output in query.columns] if query.aggregated else []
         keys = [key.expr for key in query.order] if query.aggregated else []
-        body.count_uses([*([query.having] if query.having else []), *outputs, *keys])
-        if query.having is not None:
-            kept = generate_expression(self, query.having, body)
-            body.emit(codegen.build_at(query.having.span).if_not(kept, ast.Return(build.constant(None), **build.at)))
-        row, key_values = flat_query.generate_row_and_keys(
-            self, query if query.aggregated else replace(query, order=()), outputs, keys, body
-        )
-        shown = build.pack(*row) if query.aggregated else build.constant(None)
-        body.emit(build.return_(build.pack(shown, build.pack(*key_values))))
+        having = [] if query.having is None else [query.having]
+        body.count_uses([*having, *outputs, *keys])
+        stages = CallStages(self, body)
+        staged = has_array_calls(*having, *outputs, *keys) and codegen.analysis.are_steady([*having, *outputs, *keys])
+        body.open_loop([group], build.name(groups), build)
+        body.emit(build.unpack(list(names.values()), build.name(group)))
+        body.locals.extend(names.values())
+        body.group_level = 1
+        for condition in having:
+            body = stages.add_calls(body, having) if staged else body
+            kept = generate_expression(self, condition, body)
+            if query.aggregated:
+                body.emit(codegen.build_at(condition.span).if_not(kept, build.continue_loop()))
+            else:
+                body.emit(build.run(build.yield_(kept)))
+        if query.aggregated:
+            body = stages.add_calls(body, [*outputs, *keys]) if staged else body
+            row, key_values = flat_query.generate_row_and_keys(self, query, outputs, keys, body)
+            body.emit(build.run(build.yield_(build.pack(build.pack(*row), build.pack(*key_values)))))
         body.define_function()
-        return body.name
+        return stages.join_stages()
 
     def _write_arguments(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
         representation = query.representation

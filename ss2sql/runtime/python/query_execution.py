@@ -10,7 +10,6 @@ from typing import Any
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row, Rows, build_row_limit_error, make_unique_column_names
 from ss2sql.language.values import make_hashable
-from ss2sql.runtime.run.array_calls import BLOCK, Blocks, StagedRows, iterate_call_blocks
 from ss2sql.runtime.run.option_checks import find_lowest_run_limit
 from ss2sql.runtime.run.post_processing import PostProcessing, QueryForm
 from ss2sql.runtime.run.run_state import Run
@@ -38,7 +37,7 @@ class QueryExecution:
     form: QueryForm
     settings: Callable[..., tuple[Any, ...]] | None
     find: Callable[..., Any]
-    group: Callable[..., tuple[Row | None, Row] | None] | None
+    group: Callable[..., Iterator[Any]] | None
     arguments: Callable[..., tuple[tuple[Any, ...], dict[str, Any]]] | None
     flush: Callable[[], None] | None
 
@@ -82,10 +81,7 @@ class QueryExecution:
         most = self.run.max_rows if outermost or counted else None
         try:
             if self._needs_keys:
-                group = None if self.group is None else partial(_bind_outer_loop_values, self.group, outer)
-                if group is not None and form.array_calls:
-                    blocks = Blocks(found, BLOCK)
-                    found = iterate_call_blocks(self.run, blocks, lambda seen: group(*seen), form.array_calls)
+                group = None if self.group is None else partial(self.group, *outer)
                 PostProcessing(form, group, settings.limit, settings.offset or 0, most).finish(found, results, answer)
             else:
                 self._fill_results(found, results, settings.limit, settings.offset or 0, most)
@@ -101,8 +97,6 @@ class QueryExecution:
 
     def _find_results(self, settings: QuerySettings, outer: tuple[Any, ...]) -> Generator[Any, None, None]:
         """The results as they are found."""
-        if isinstance(self.find, StagedRows) and settings.limit is not None and not self._needs_keys:
-            return self.find.find_rows(outer, limited=True)  # type: ignore[no-any-return]
         if self.form.query.search is None or self.form.search is None:
             return self.find(*outer)  # type: ignore[no-any-return]
         from ss2sql.runtime.python.search_execution import find_search_results
@@ -147,10 +141,6 @@ def _drop_duplicates(every: Iterator[Any], keyed: bool) -> Iterator[Any]:
         if key not in met:
             met.add(key)
             yield result
-
-
-def _bind_outer_loop_values(function: Callable[..., Any], outer: tuple[Any, ...], *seen: Any) -> Any:
-    return function(*seen, *outer)
 
 
 # --- what generated code calls -------------------------------------------------------------------------

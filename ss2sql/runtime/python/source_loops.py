@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from itertools import chain, takewhile
 from typing import TYPE_CHECKING, Any, assert_never
@@ -35,20 +36,104 @@ from ss2sql.runtime.python.loop_helpers import (
 )
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
 from ss2sql.runtime.python.world_loops import WorldCondition, find_world_condition, generate_world_loop
-from ss2sql.runtime.run.array_calls import (
-    BLOCK,
-    Blocks,
-    count_array_calls,
-    has_calls_without_arrays,
-    is_array_call,
-    iterate_call_blocks,
-    list_certain_calls,
-)
+from ss2sql.runtime.run.array_calls import Guards, call_in_blocks, has_array_calls, list_guarded_calls
 from ss2sql.runtime.run.elements import list_elements_or_none, list_source_elements
 
 if TYPE_CHECKING:
     from ss2sql.lowering.table_filter import TableFilter
     from ss2sql.runtime.python.native_query import QueryCompiler
+
+
+class CallStages:
+    """A generated generator in several functions: each takes the rows of the one before, and goes on with them.
+
+    Between two of them a function that takes arrays is called for what comes next, see array_calls.py. `size` is that
+    of the first block, by default of all.
+    """
+
+    def __init__(self, builder: QueryCompiler, first: PythonScope, size: int | None = None) -> None:
+        self.builder, self.codegen = builder, builder.codegen
+        self.first, self.outer, self.size = first, tuple(first.parameters), size
+        self.stages: list[tuple[PythonScope, ast.expr | None]] = []  # what goes on, and what is called before
+        self.spent = set[str]()  # names that nothing further in reads
+        self.called: dict[int, str] = {}  # by meaning: the names of the values of calls
+        self.guarded: list[int] = []  # of these, calls that are made for some rows alone
+
+    def add_calls(self, body: PythonScope, parts: Sequence[Any]) -> PythonScope:
+        """The function that goes on where the calls are made that the parts evaluate next, on some conditions."""
+        for key in self.guarded:
+            del self.called[key]
+            for names in body.known:
+                names.pop(key, None)
+        self.guarded = []
+        found: dict[int, tuple[plan.Call, list[Guards]]] = {}
+        for call, guards in chain.from_iterable(map(list_guarded_calls, parts)):
+            meaning = self.codegen.analysis.facts(call).key
+            if meaning is not None and meaning not in self.called:
+                found.setdefault(meaning, (call, []))[1].append(guards)
+        for meaning, (call, ways) in found.items():
+            function, build = call.function, self.codegen.build_at(call.place)
+            arguments = self._write_arguments(body, call, ways, build)
+            self.codegen.page.note_call(call.place, function.name)
+            body = self.begin_stage(body, build, build.name(self.codegen.name_function(function, build)), arguments)
+            name = self.called[meaning] = body.known[-1][meaning] = self.codegen.new_name(function.name)
+            loop = body.blocks[0][-1]
+            assert isinstance(loop, ast.For)
+            loop.target = ast.Tuple([loop.target, ast.Name(name, ast.Store(), **build.at)], ast.Store(), **build.at)
+            body.locals.append(name)
+            if () not in ways:
+                self.guarded.append(meaning)
+        return body
+
+    def _write_arguments(
+        self, body: PythonScope, call: plan.Call, ways: Sequence[Guards], build: AstBuilder
+    ) -> ast.expr:
+        """The arguments of a call, or None for a row in which none of the conditions holds."""
+        certain = () in ways
+        with nullcontext() if certain else body.write_skippable():
+            values = build.pack(*(generate_expression(self.builder, argument, body) for argument in call.arguments))
+            if certain:
+                return values
+            tests = []
+            for guards in ways:
+                parts = [(generate_expression(self.builder, guard, body), truth) for guard, truth in guards]
+                tests.append([part if truth else build.negate(part) for part, truth in parts])
+        ands = [test[0] if len(test) == 1 else build.join_conditions(ast.And(), test) for test in tests]
+        made = ands[0] if len(ands) == 1 else build.join_conditions(ast.Or(), ands)
+        return build.if_else(made, values, build.constant(None))
+
+    def begin_stage(
+        self, body: PythonScope, build: AstBuilder, function: ast.expr | None = None, arguments: ast.expr | None = None
+    ) -> PythonScope:
+        """A new function for the rows so far, which come with what another one gives for the arguments."""
+        codegen, rows = self.codegen, self.codegen.new_name("rows")
+        names = [name for name in (*body.parameters, *body.locals) if name not in {*self.outer, *self.spent}]
+        row = build.pack(*map(build.name, names)) if len(names) > 1 else build.name(*names)
+        body.emit(build.run(build.yield_(row if arguments is None else build.pack(row, arguments))))
+        stage = PythonScope(codegen, codegen.new_name("rows"), [*self.outer, rows], body.parent)
+        stage.levels = {source: min(level, 1) for source, level in body.levels.items()}
+        stage.states, stage.groups, stage.counts = body.states, body.groups, body.counts
+        stage.group_level = min(body.group_level, 1)
+        stage.open_loop(names, build.name(rows), build)
+        stage.known[-1].update(self.called)
+        stage.before = body
+        self.spent.add(rows)
+        self.stages.append((stage, function))
+        return stage
+
+    def join_stages(self) -> str:
+        """Writes the generator, which takes what the first function takes; gives its name."""
+        build, outer = self.codegen.build, list(map(self.codegen.build.name, self.outer))
+        rows = build.call(self.first.name, *outer)
+        for stage, function in self.stages:
+            if function is not None:
+                rows = build.call(self.codegen.use(call_in_blocks), function, rows, build.constant(self.size))
+            rows = build.call(stage.name, *outer, rows)
+        if not self.stages:
+            return self.first.name
+        name = self.codegen.new_name("find")
+        self.codegen.definitions.append(build.function(name, list(self.outer), [build.return_(rows)]))
+        return name
 
 
 class SourceLoops:
@@ -66,7 +151,6 @@ class SourceLoops:
         self.sources = tuple(map(self._narrow_table, query.sources))
         self.facts = [builder.get_source_facts(source) for source in self.sources]
         own = {source.id for source in query.sources}
-        self._spent = set[str]()  # names that nothing further in reads
         self.lateral = [
             # What a world is queried for depends on the conditions that it gets.
             isinstance(source, plan.WorldSource)
@@ -93,10 +177,7 @@ class SourceLoops:
         self.lookups: dict[int, list[Lookup]] = {}  # by source: what its loop looks up
         self.world_conditions: dict[int, list[WorldCondition]] = {}  # by source: what a world is told of conditions
         self.wanted: dict[int, str] = {}  # by source: the only column that is read of what its loop looks up
-        self.staged = False  # whether calls of functions that take arrays are made for a block of rows
-        self.stages: list[tuple[PythonScope, ast.expr]] = []  # the functions that go on there, and what comes before
-        self.calls_rows = [False]  # by function, the first one too: whether it calls a function that takes no arrays
-        self.called: dict[int, str] = {}  # such calls: the names of their values
+        self.stages: CallStages | None = None  # where functions that take arrays are called
 
     @property
     def first_read_once(self) -> int:
@@ -207,10 +288,13 @@ class SourceLoops:
             if not self.alone and not (self.inside and innermost and not conditions.get(index + 1)):
                 self._count_turns(body, innermost)
         body = self._stage_calls(self._test_conditions(body, conditions.get(len(self.sources), ())), rest)
-        if self.staged and self.query.aggregated:  # groups are collected in the last function
-            build = self.builder.codegen.build
-            body = self._begin_stage(body, build, build.constant(0))
+        if self.stages is not None and self.query.aggregated:  # groups are collected in the last function
+            body = self.stages.begin_stage(body, self.builder.codegen.build)
         return body
+
+    def _stage_calls(self, body: PythonScope, parts: Sequence[Any]) -> PythonScope:
+        """The function that goes on to evaluate the parts."""
+        return body if self.stages is None or not body.level else self.stages.add_calls(body, parts)
 
     def _open_loop(self, body: PythonScope, source: plan.Source) -> PythonScope:
         from ss2sql.runtime.python.flat_query import open_inner_loops
@@ -237,8 +321,8 @@ class SourceLoops:
             items = build.call(codegen.use(iterate_with_checks), build.name("run"), items)
         body.open_loop([word for word in names if word is not None], items, build)
         body.levels[source.id] = body.level
-        if source.id in self.items:
-            self._spent.add(self.items[source.id])
+        if source.id in self.items and self.stages is not None:
+            self.stages.spent.add(self.items[source.id])
         return body
 
     def _count_turns(self, body: PythonScope, innermost: bool) -> None:
@@ -269,63 +353,6 @@ class SourceLoops:
     def _write_skip(body: PythonScope, build: AstBuilder) -> ast.stmt:
         """Goes on with the next element of the innermost open loop, or ends where none is open."""
         return build.continue_loop() if body.level else ast.Return(None, **build.at)
-
-    def _stage_calls(self, body: PythonScope, parts: Sequence[Any]) -> PythonScope:
-        """The function that goes on where calls of functions that take arrays are made for what is evaluated next.
-
-        Each call that is certain has its value then; others are found by attempts, see array_calls.py.
-        """
-        if not (self.staged and body.level):
-            return body
-        codegen, certain = self.builder.codegen, set[int]()
-        for call in chain.from_iterable(map(list_certain_calls, parts)):
-            facts, build = codegen.analysis.facts(call), codegen.build_at(call.place)
-            if facts.key is not None and body.name_of(facts) is None:
-                self.calls_rows[-1] |= has_calls_without_arrays(*call.arguments)
-                arguments = build.pack(
-                    *(generate_expression(self.builder, argument, body) for argument in call.arguments)
-                )
-                codegen.page.note_call(call.place, call.function.name)
-                body = self._begin_stage(
-                    body, build, build.name(codegen.name_function(call.function, build)), arguments
-                )
-                name = self.called[facts.key] = codegen.new_name(call.function.name)
-                loop = body.blocks[0][-1]
-                assert isinstance(loop, ast.For)
-                loop.target = ast.Tuple([loop.target, ast.Name(name, ast.Store(), **build.at)], ast.Store(), **build.at)
-                body.locals.append(name)
-                body.known[-1][facts.key] = name
-            certain.add(id(call))
-        calls = (node for part in parts for node in walk(part) if is_array_call(node))
-        number = sum(id(node) not in certain for node in calls)
-        body = self._begin_stage(body, codegen.build, codegen.build.constant(number)) if number else body
-        self.calls_rows[-1] |= has_calls_without_arrays(*parts)
-        return body
-
-    def _begin_stage(
-        self, body: PythonScope, build: AstBuilder, how: ast.expr, arguments: ast.expr | None = None
-    ) -> PythonScope:
-        """A new function for the rows so far; `how` is what comes between them, see `join_stages`."""
-        codegen, outer = self.builder.codegen, self.owner.parameters
-        rows = codegen.new_name("rows")
-        names = [name for name in (*body.parameters, *body.locals) if name not in outer and name not in self._spent]
-        row = build.pack(*map(build.name, names)) if len(names) > 1 else build.name(*names)
-        body.emit(build.run(build.yield_(row if arguments is None else build.pack(row, arguments))))
-        stage = PythonScope(codegen, codegen.new_name("rows"), [*outer, rows], body.parent)
-        stage.levels = {source: min(level, 1) for source, level in body.levels.items()}
-        stage.states, stage.groups, stage.counts = body.states, body.groups, body.counts
-        stage.open_loop(names, build.name(rows), build)
-        stage.known[-1].update(self.called)
-        stage.before = body
-        self._spent.add(rows)
-        self.stages.append((stage, how))
-        self.calls_rows.append(False)
-        return stage
-
-    def notices_blocks(self) -> bool:
-        """Whether functions that take no arrays are called before the last block is made, or for its attempts."""
-        _, how = self.stages[-1]
-        return any(self.calls_rows[:-1]) or (isinstance(how, ast.Constant) and self.calls_rows[-1])
 
     def _start_inner_function(self, body: PythonScope) -> PythonScope:
         """A new function for the loops further in: Python does not nest any number of them."""
@@ -478,20 +505,20 @@ class SourceLoops:
         """The index by keys that a function of its own computes."""
         codegen, keys = self.builder.codegen, [one.key for one in self.lookups[source.id]]
         name, before = codegen.new_name(source.name), codegen.names.get(source.id)
-        key_of = PythonScope(codegen, codegen.new_name("key_of"), [name], codegen.root)
-        key_of.levels[source.id] = 0
-        key_of.count_uses(keys)
+        rows = codegen.new_name("rows")
+        body = PythonScope(codegen, codegen.new_name("keys_of"), [rows], codegen.root)
+        stages = CallStages(self.builder, body)
+        body.count_uses(keys)
         codegen.names[source.id] = name
-        key_of.emit(build.return_(self._write_key(keys, key_of, build)))
-        key_of.define_function()
+        body.open_loop([name], build.name(rows), build)
+        body.levels[source.id] = 1
+        if has_array_calls(*keys):
+            body = stages.add_calls(body, keys)
+        body.emit(build.run(build.yield_(self._write_key(keys, body, build))))
+        body.define_function()
         if before is not None:
             codegen.names[source.id] = before
-        number = count_array_calls(*keys)
-        if number:
-            blocks = build.call(codegen.use(Blocks), items, build.constant(BLOCK))
-            given = [build.name("run"), blocks, build.name(key_of.name), build.constant(number)]
-            items = build.call("list", build.call(codegen.use(iterate_call_blocks), *given))
-        return build.call(codegen.use(index_rows), items, build.name(key_of.name))
+        return build.call(codegen.use(index_rows), items, build.name(stages.join_stages()))
 
     def _write_column_index(self, source: plan.Source, items: ast.expr, build: AstBuilder) -> ast.expr:
         """The index of a source of which one column is wanted; without its rows, which nobody needs."""

@@ -60,7 +60,7 @@ from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions
 from ss2sql.runtime.python.step_clauses import StepClauses, StepForm
 from ss2sql.runtime.python.step_inlining import has_search_loop_code, inline_step_function
-from ss2sql.runtime.run.array_calls import count_array_calls
+from ss2sql.runtime.run.array_calls import has_array_calls
 from ss2sql.runtime.run.search_paths import (
     START,
     PathKeys,
@@ -170,7 +170,7 @@ class StepFunction(StepClauses):
             placed, guarded = place_conditions(builder, replace(query, where=made), loops)
             placed[1] = [*placed.pop(0, []), *placed.get(1, [])]  # a step function goes through its elements
             guarded = None if guarded is None else max(guarded, 1)
-        self.takes_arrays = count_array_calls(*self.keeps_everything, *(() if made is None else (made,))) > 0
+        self.takes_arrays = has_array_calls(*self.keeps_everything, *(() if made is None else (made,)))
         listed = form.noted or self.takes_arrays
         several = bool(self.search.siblings) or len(query.sources) > MAX_NESTED_LOOPS or listed
         if several:

@@ -1,10 +1,9 @@
 """Functions that take arrays: one array per argument for a block of rows, one element of the result for each row.
 
-Rows are evaluated one by one. Before a block of them is, each of its rows is tried: a call that is not known yet waits
-and ends the attempt at its row, then one call is made for all that wait. What it gives is kept in the memory of calls,
-where the rows find it. A block that fails is made smaller, down to one row, whose failure the script sees if it comes
-to that row. So nothing may be tried that has an effect; what an attempt raises is raised again where its row is
-evaluated.
+The code of a query is cut where such a function is called: the part before gives its rows with the arguments, the part
+after takes them with the values, a block at a time. What a call gives is kept in a memory of calls. A block that fails
+is made smaller, down to one row, whose failure the script sees if it comes to that row. In a search the first call for
+a state makes those for all its elements.
 """
 
 from __future__ import annotations
@@ -13,9 +12,9 @@ import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, starmap
 from marshal import dumps
-from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, TypeVar
 
 from ss2sql.errors import Error, ExecutionError, Stopped
 from ss2sql.frontend.user_functions import UserFunction
@@ -37,15 +36,8 @@ NUMBERS = (float, int, bool)
 
 Arguments: TypeAlias = tuple[Any, ...]
 Kinds: TypeAlias = tuple[type, ...]
+Guards: TypeAlias = tuple[tuple[plan.Expr, bool], ...]  # conditions, and what the truth of each has to be
 T = TypeVar("T")
-
-
-class PendingError(BaseException):
-    """The result of a call is not known yet."""
-
-
-class EnoughError(PendingError):
-    """As many calls wait as make a block; the row makes more by itself."""
 
 
 # --- blocks --------------------------------------------------------------------------------------------
@@ -55,9 +47,9 @@ def is_array_call(node: Any) -> TypeGuard[plan.Call]:
     return isinstance(node, plan.Call) and node.function.vectorized
 
 
-def count_array_calls(*nodes: Any) -> int:
-    """How many calls of functions that take arrays stand in parts of a plan."""
-    return sum(is_array_call(part) for node in nodes for part in walk(node))
+def has_array_calls(*nodes: Any) -> bool:
+    """Whether functions that take arrays are called in parts of a plan."""
+    return any(is_array_call(part) for node in nodes for part in walk(node))
 
 
 def has_calls_without_arrays(*nodes: Any) -> bool:
@@ -66,144 +58,72 @@ def has_calls_without_arrays(*nodes: Any) -> bool:
     return any(not (call.function.builtin or call.function.vectorized) for call in calls)
 
 
-def list_certain_calls(node: Any) -> Iterator[plan.Call]:
-    """Those that are made whenever a part of a plan is evaluated, arguments first."""
+def list_guarded_calls(node: Any, guards: Guards = ()) -> Iterator[tuple[plan.Call, Guards]]:
+    """The calls of functions that take arrays, arguments first, each with the conditions under which it is made.
+
+    Those of queries inside are left out, and those in what aggregates are computed of.
+    """
     match node:
-        case plan.And(parts=(first, *_)) | plan.Or(parts=(first, *_)) | plan.If(condition=first):
-            yield from list_certain_calls(first)
-        case plan.Query():
+        case plan.And(parts=parts) | plan.Or(parts=parts):
+            for part in parts:
+                yield from list_guarded_calls(part, guards)
+                guards = (*guards, (part, isinstance(node, plan.And)))
+        case plan.If(condition=condition, then=then, otherwise=otherwise):
+            yield from list_guarded_calls(condition, guards)
+            for truth, branch in ((True, then), (False, otherwise)):
+                for part in branch:
+                    yield from list_guarded_calls(part, (*guards, (condition, truth)))
+        case plan.Query() | plan.Aggregate():
             return
         case _:
             for part in list_parts(node):
-                yield from list_certain_calls(part)
+                yield from list_guarded_calls(part, guards)
             if is_array_call(node):
-                yield node
+                yield node, guards
 
 
-class Blocks(Generic[T]):
-    """Blocks of rows, which grow from `size`; of 1 they stay, so that no row is evaluated before it is wanted."""
+def iterate_blocks(rows: Iterable[T], size: int) -> Iterator[list[T]]:
+    """Lists of rows, which grow from `size`; of 1 they stay, so that no row is evaluated before it is wanted.
 
-    def __init__(self, rows: Iterable[T], size: int) -> None:
-        self.rows, self.size = iter(rows), size
-        self.error: Exception | None = None
-
-    def collect_block(self, block: list[T]) -> list[T]:
-        """The block with more rows; without any at the end. What a row raises is raised after those before it."""
-        size = self.size
-        self.size = size if size == 1 else min(4 * size, BLOCK)
+    What a row raises is raised after those before it.
+    """
+    rest, failure = iter(rows), None
+    while True:
+        block: list[T] = []
         try:
-            block.extend(islice(self.rows, max(size - len(block), 0)))
+            block.extend(islice(rest, size))
         except Stopped:
             raise
         except Exception as error:
-            self.error = error
-        if self.error is not None and not block:
-            raise self.error
-        return block
+            failure = error
+        if block:
+            yield block
+        if failure is not None:
+            raise failure
+        if not block:
+            return
+        size = size if size == 1 else min(4 * size, BLOCK)
 
 
-def iterate_call_blocks(run: Run, blocks: Blocks[T], try_item: Callable[[T], object], rounds: int) -> Iterator[T]:
-    """The items of blocks, each after the calls were made that `try_item` makes of it."""
-    rest = list[T]()
-    while block := blocks.collect_block(rest):
-        number = call_ahead(run, block, try_item, rounds)
-        yield from block[:number]
-        rest = block[number:]
+def call_in_blocks(
+    function: ArrayFunction, rows: Iterable[tuple[T, Arguments | None]], size: int | None
+) -> Iterator[tuple[T, Any]]:
+    """Each row with what the function gives for the arguments that come with it; None where none do.
 
-
-def call_ahead(run: Run, items: Sequence[T], try_item: Callable[[T], object], rounds: int) -> int:
-    """Makes the calls that `try_item` makes of the first items, and gives how many these are.
-
-    A call whose arguments another call gives is found in the next of the `rounds`.
+    `size` is that of the first block, by default of all.
     """
-    outer, number, left = run.waiting, 0, list[T]()
-    waiting = run.waiting = {} if outer is None else outer
-    try:
-        while number < len(items) and len(waiting) < BLOCK:
-            if _is_array_call_waiting(try_item, items[number]):
-                left.append(items[number])
-            number += 1
-        if outer is not None:
-            if number < len(items):
-                raise EnoughError
-            if left:
-                raise PendingError
-        for more in reversed(range(rounds)):
-            if not (left and _make_array_calls(waiting) and more):
-                break
-            left = [item for item in left if _is_array_call_waiting(try_item, item)]
-    finally:
-        run.waiting = outer
-    return number
+    for block in iterate_blocks(rows, size or BLOCK):
+        given = [arguments for _, arguments in block]
+        called = [arguments for arguments in given if arguments is not None]
+        answers = function.call_rows(called)
+        if len(called) < len(given):
+            answers = _fill_up(given, answers)
+        yield from zip([row for row, _ in block], answers, strict=True)
 
 
-def _is_array_call_waiting(try_item: Callable[[T], object], item: T) -> bool:
-    """Whether a call waits that an item makes."""
-    try:
-        try_item(item)
-    except EnoughError:
-        return False
-    except PendingError:
-        return True
-    except Stopped:
-        raise
-    except Exception:
-        return False
-    return False
-
-
-def _make_array_calls(waiting: dict[Any, Arguments]) -> bool:
-    """Makes the calls that wait; gives whether all of them are known now."""
-    functions: dict[ArrayFunction, dict[Any, Arguments]] = defaultdict(dict)
-    for (function, key), arguments in waiting.items():
-        functions[function][key] = arguments
-    waiting.clear()
-    blocks = [(function, block) for function, rows in functions.items() for block in _split_call_blocks(rows)]
-    known = [function.call_block(*block) for function, block in blocks]
-    return bool(known) and all(known)
-
-
-class StagedRows:
-    """The generator of a query from those of its parts: each takes the rows of the one before, in blocks.
-
-    With each stands a function, whose arguments the part before it gives with each row, or how many calls it makes
-    itself: it has made them for a row when it gives the first of its own. `noticed`: functions are called that take no
-    arrays, which LIMIT bounds.
-    """
-
-    def __init__(self, run: Run, noticed: bool, first: Callable[..., Any], *stages: Any) -> None:
-        self.run, self.noticed, self.first, self.stages = run, noticed, first, stages
-
-    def __call__(self, *outer: Any) -> Any:
-        return self.find_rows(outer, limited=False)
-
-    def find_rows(self, outer: tuple[Any, ...], limited: bool) -> Any:
-        """The rows, of which LIMIT may cut some off where they are `limited`."""
-        size = BLOCK if not limited and self.run.max_rows is None else 1 if limited and self.noticed else FIRST
-        found = self.first(*outer)
-        for stage, how in self.stages:
-            if isinstance(how, ArrayFunction):
-                found = _iterate_array_calls(how, Blocks(found, size))
-            elif how:
-                attempt = _make_array_call_attempt(stage, outer)
-                found = iterate_call_blocks(self.run, Blocks[Any](found, size), attempt, how)
-            found = stage(*outer, found)
-        return found
-
-
-def _make_array_call_attempt(stage: Callable[..., Any], outer: tuple[Any, ...]) -> Callable[[Any], object]:
-    return lambda row: next(stage(*outer, (row,)), None)
-
-
-def _iterate_array_calls(function: ArrayFunction, blocks: Blocks[tuple[Any, Arguments]]) -> Iterator[Any]:
-    """Each row with what the function gives for the arguments that come with it."""
-    while block := blocks.collect_block([]):
-        answers = function.call_rows([arguments for _, arguments in block])
-        if answers is not None:
-            yield from zip([row for row, _ in block], answers, strict=True)
-        else:
-            for row, arguments in block:
-                yield row, function(*arguments)
+def _fill_up(given: Sequence[Arguments | None], answers: Iterable[Any]) -> Iterator[Any]:
+    rest = iter(answers)
+    return (None if arguments is None else next(rest) for arguments in given)
 
 
 # --- arrays --------------------------------------------------------------------------------------------
@@ -295,13 +215,9 @@ class ArrayFunction:
         key = self._make_key(arguments)
         answer = self.memo.get(key, self)
         if answer is self:
-            if self.run.waiting is not None:
-                if self._can_remember(key):
-                    self.run.waiting[self, key] = arguments
-                raise PendingError
-            self.call_block([key], [arguments])
+            self._call_block([key], [arguments])
             answer = self.memo[key] if self._can_remember(key) else self.memo.pop(key)
-        elif self.run.waiting is None:
+        else:
             self.run.stats.remembered[self.name] += 1
         if type(answer) is FailedCall:
             raise answer.error
@@ -309,54 +225,38 @@ class ArrayFunction:
 
     def call_ahead(self, given: Callable[[], Iterable[Arguments]], *arguments: Any) -> Any:
         """A call; where it is not known yet, all those with the arguments that are given are made with it."""
-        try:
-            answer = self.memo.get(dumps(arguments, 2), self)
-        except ValueError:  # there are objects inside
-            answer = self.memo.get(self._make_key(arguments), self)
-        if answer is self:
-            self._call_given(given)
-        elif type(answer) is not FailedCall and self.run.waiting is None:
-            self.run.stats.remembered[self.name] += 1
-            return answer
+        if self._make_key(arguments) not in self.memo:
+            rows = list[Arguments]()
+            try:
+                rows.extend(given())
+            except Stopped:
+                raise
+            except Exception:  # it fails again where the script comes to it, if it does
+                pass
+            self._call_unknown(rows)
         return self(*arguments)
 
-    def _call_given(self, given: Callable[[], Iterable[Arguments]]) -> None:
-        rows = list[Arguments]()
-        waiting, self.run.waiting = self.run.waiting, None
-        try:
-            rows.extend(given())
-        except Stopped:
-            raise
-        except Exception:  # it fails again where the script comes to it, if it does
-            pass
-        finally:
-            self.run.waiting = waiting
-        self.call_rows(rows, made=True)
+    def call_rows(self, rows: Sequence[Arguments]) -> Iterable[Any]:
+        """What the function gives for several rows; what it raises for one is raised when that is read."""
+        keys, unknown = self._call_unknown(rows)
+        answers = [self.memo.get(key, self) for key in keys]
+        if not {ArrayFunction, FailedCall}.isdisjoint(map(type, answers)):
+            return starmap(self, rows)
+        self.run.stats.remembered[self.name] += len(rows) - unknown
+        return answers
 
-    def call_rows(self, rows: Sequence[Arguments], made: bool = False) -> list[Any] | None:
-        """What the function gives for several rows; None where that of some is not known, or an error.
-
-        Calls of an attempt wait, unless they are to be `made`.
-        """
-        memo = self.memo
+    def _call_unknown(self, rows: Sequence[Arguments]) -> tuple[list[Any], int]:
+        """Makes the calls for rows that are not known; gives the keys of all, and the number of those calls."""
         try:
-            keys = [dumps(row, 2) for row in rows]
+            keys: list[Any] = [dumps(row, 2) for row in rows]
         except ValueError:
             keys = list(map(self._make_key, rows))
-        unknown = {key: row for key, row in zip(keys, rows, strict=True) if key not in memo}
+        unknown = {key: row for key, row in zip(keys, rows, strict=True) if key not in self.memo}
         if self.function.inferred:
-            unknown = {key: row for key, row in unknown.items() if type(key) is bytes}
-        if unknown and not made and self.run.waiting is not None:
-            self.run.waiting.update(((self, key), row) for key, row in unknown.items())
-            raise PendingError
-        known = [self.call_block(*block) for block in _split_call_blocks(unknown)]
-        if made:
-            return None
-        answers = [memo.get(key, self) for key in keys]
-        if not all(known) or not {ArrayFunction, FailedCall}.isdisjoint(map(type, answers)):
-            return None
-        self.run.stats.remembered[self.name] += len(rows) - len(unknown)
-        return answers
+            unknown = {key: row for key, row in unknown.items() if self._can_remember(key)}
+        for block in _split_call_blocks(unknown):
+            self._call_block(*block)
+        return keys, len(unknown)
 
     def _make_key(self, arguments: Arguments) -> Any:
         try:
@@ -368,8 +268,8 @@ class ArrayFunction:
         """Whether a result may be remembered: what was proved of plain data says nothing of objects."""
         return type(key) is bytes or not self.function.inferred
 
-    def call_block(self, keys: Sequence[Any], rows: Sequence[Arguments]) -> bool:
-        """Makes the calls of rows with numbers of one kind; gives whether all are known: it ends where one fails."""
+    def _call_block(self, keys: Sequence[Any], rows: Sequence[Arguments]) -> None:
+        """Makes the calls of rows with numbers of one kind; ends where one fails."""
         first, size = 0, BLOCK
         while first < len(rows):
             part = rows[first : first + size]
@@ -386,11 +286,10 @@ class ArrayFunction:
                     continue
                 self.run.stats.calls[self.name] += 1
                 self._keep_answer(part_keys[0], FailedCall(error))
-                return False
+                return
             self.run.stats.calls[self.name] += size
             self._keep_result(part_keys, result)
             first, size = first + size, min(4 * size, BLOCK)
-        return True
 
     def _keep_result(self, keys: Sequence[Any], result: Any) -> None:
         try:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from itertools import islice
+from itertools import chain, compress, islice
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
@@ -25,10 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class QueryForm:
-    """What is known of a query when it is compiled; `find` finds the results of a search that goes by levels.
-
-    `array_calls` is how many calls of functions that take arrays may be made beforehand for several groups.
-    """
+    """What is known of a query when it is compiled; `find` finds the results of a search that goes by levels."""
 
     query: plan.Query
     columns: tuple[str, ...]
@@ -37,7 +34,6 @@ class QueryForm:
     descending: tuple[bool, ...]
     search: SearchForm | None = None
     find: FindPaths | None = None
-    array_calls: int = 0
 
     @staticmethod
     def for_query(
@@ -45,19 +41,22 @@ class QueryForm:
         aggregates: tuple[plan.Aggregate, ...],
         search: SearchForm | None = None,
         find: FindPaths | None = None,
-        array_calls: int = 0,
     ) -> QueryForm:
         columns, descending = tuple(output.name for output in query.columns), tuple(k.descending for k in query.order)
-        return QueryForm(query, columns, aggregates, len(query.group), descending, search, find, array_calls)
+        return QueryForm(query, columns, aggregates, len(query.group), descending, search, find)
 
 
 class PostProcessing:
-    """What happens to the results of one query after they were found."""
+    """What happens to the results of one query after they were found.
+
+    `group` gives of groups, seen as their aggregates and keys, the row and the sort keys of each that HAVING keeps;
+    where there are partitions, whether it keeps them.
+    """
 
     def __init__(
         self,
         form: QueryForm,
-        group: Callable[..., tuple[Row | None, Row] | None] | None,
+        group: Callable[[Iterable[Row]], Iterator[Any]] | None,
         limit: int | None,
         offset: int,
         most: int | None,
@@ -134,12 +133,10 @@ class PostProcessing:
         """
         assert self.group is not None
         order: list[Row] = []
-        for seen in found if self.query.search is None else self._list_values_of_all(found):
-            made = self.group(*seen)
-            if made is not None:
-                results.append(made[0])
-                order.append(made[1])
-                self._check_room(len(results))
+        for row, keys in self.group(found if self.query.search is None else self._list_values_of_all(found)):
+            results.append(row)
+            order.append(keys)
+            self._check_room(len(results))
         if self.form.descending:
             results[:] = self._sort_results(results, order)
         if self.end is not None:
@@ -159,11 +156,8 @@ class PostProcessing:
         groups: dict[Hashable, list[int]] = {}
         for position, key in enumerate(keys):
             groups.setdefault(self._group_key(key), []).append(position)
-        kept: list[int] = []
-        for members in groups.values():
-            if self.group(*self._list_group_values([keys[at] for at in members])) is not None:
-                kept.extend(members)
-        return sorted(kept)
+        seen = (self._list_group_values([keys[at] for at in members]) for members in groups.values())
+        return sorted(chain.from_iterable(compress(groups.values(), self.group(seen))))
 
     def _group_values(self, key: Row) -> Row:
         first = len(self.form.aggregates)

@@ -211,7 +211,6 @@ class Run:
     handed: dict[str, Callable[[], Any]] = field(default_factory=dict)  # tables of another database, by their variables
     callables: dict[str, Callable[..., Any]] = field(default_factory=dict)  # functions by name, with their memos
     calls_made: Iterable[tuple[str, tuple[Any, ...], Any]] = ()  # by a statement that failed in SQL
-    waiting: dict[Any, tuple[Any, ...]] | None = None  # calls of functions that take arrays, see array_calls.py
     statements: list[Any] = field(default_factory=list)  # of the script, compiled
     lowered: dict[object, SqlQuery] = field(default_factory=dict)  # the SQL that each query has run
     bound: dict[object, dict[str, Any]] = field(default_factory=dict)  # the values of its parameters
