@@ -20,7 +20,7 @@ from programs.drawn import amount, drawn
 from sessions import ENGINES, both
 
 import ss2sql
-from ss2sql.vtables.frames import frame
+from ss2sql.vtables import frames
 
 ROWS = [
     {"x": 1, "y": 1.5, "name": "a", "ok": True},
@@ -200,7 +200,7 @@ def test_each_run_sees_the_frame_as_it_is_and_keeps_what_it_read(ss: ss2sql.Sess
 def made(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Counts conversions of columns."""
     count = SimpleNamespace(columns=0)
-    begin = frame.Column.__init__
+    begin = frames.Column.__init__
 
     def counting(self: Any, kind: Any, make: Any) -> None:
         def counted() -> list[Any]:
@@ -209,7 +209,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
 
         begin(self, kind, counted)
 
-    monkeypatch.setattr(frame.Column, "__init__", counting)
+    monkeypatch.setattr(frames.Column, "__init__", counting)
     return count
 
 

@@ -20,7 +20,7 @@ from ss2sql.lowering.sqlite_forms import strip_numeric_affinity
 from ss2sql.lowering.statement_needs import StatementNeeds
 from ss2sql.lowering.union_branches import replace_elements_by_columns
 from ss2sql.lowering.unsupported import check_supported
-from ss2sql.vtables.snapshots import NO_SNAPSHOT, LateColumns, find_late_columns, plan_late_columns, plan_snapshot
+from ss2sql.vtables.reading import NO_SNAPSHOT, LateColumns, find_late_columns, plan_late_columns, plan_snapshot
 
 SCALAR_KINDS = Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE
 

@@ -15,7 +15,7 @@ from ss2sql.errors import Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.values import make_hashable
-from ss2sql.vtables.snapshots import NO_SNAPSHOT, LateColumns, Snapshot
+from ss2sql.vtables.reading import NO_SNAPSHOT, LateColumns, Snapshot
 
 
 class BlobValue(bytes):

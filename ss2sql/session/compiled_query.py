@@ -27,7 +27,7 @@ from ss2sql.runtime.run.option_checks import check_count_value, find_lowest_run_
 from ss2sql.runtime.run.post_processing import finish_sql_rows
 from ss2sql.runtime.run.run_state import ResultSink, Run
 from ss2sql.session.engines import Engine
-from ss2sql.vtables.snapshots import can_move_world
+from ss2sql.vtables.reading import can_move_world
 
 if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_query import DuckQuery

@@ -18,7 +18,7 @@ from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.session.variables import Variables
 from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
-from ss2sql.vtables.declared_types import format_declared_type
+from ss2sql.vtables.schema import format_declared_type
 
 if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_sources import DuckSources

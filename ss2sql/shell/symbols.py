@@ -23,7 +23,7 @@ from ss2sql.session.session_functions import (
     describe_table_columns,
     take_first_line,
 )
-from ss2sql.vtables.frames.frame import Frame
+from ss2sql.vtables.frames import Frame
 
 if TYPE_CHECKING:
     from ss2sql.session.session import Session

@@ -12,7 +12,7 @@ from sessions import code_of
 
 import ss2sql
 from ss2sql.runtime.external.duckdb_sources import DuckTransaction
-from ss2sql.vtables.frames.frame import Column
+from ss2sql.vtables.frames import Column
 
 duckdb = pytest.importorskip("duckdb")
 

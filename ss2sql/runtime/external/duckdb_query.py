@@ -31,7 +31,7 @@ from ss2sql.runtime.python.native_query import compile_statement
 from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.run.option_checks import check_count_value
 from ss2sql.runtime.run.run_state import Run
-from ss2sql.vtables.frames.frame import Frame
+from ss2sql.vtables.frames import Frame
 
 if TYPE_CHECKING:
     import duckdb

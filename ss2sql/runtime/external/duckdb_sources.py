@@ -28,9 +28,9 @@ from ss2sql.lowering.portable.portable_expressions import write_cast
 from ss2sql.lowering.portable.pushdown import ExternalTable, choose_sql_number_column, quote_sql_identifier
 from ss2sql.lowering.sql_builder import DUCKDB
 from ss2sql.runtime.run.run_state import Run
+from ss2sql.vtables.frames import Column as FrameColumn
+from ss2sql.vtables.frames import Frame
 from ss2sql.vtables.frames.array_columns import convert_frame_cell
-from ss2sql.vtables.frames.frame import Column as FrameColumn
-from ss2sql.vtables.frames.frame import Frame
 
 if TYPE_CHECKING:
     import duckdb

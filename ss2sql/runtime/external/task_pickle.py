@@ -38,7 +38,7 @@ from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.search.search_run import SearchRun
 from ss2sql.vtables.contract import QueryCaches
-from ss2sql.vtables.frames.frame import Column, Frame
+from ss2sql.vtables.frames import Column, Frame
 
 if TYPE_CHECKING:
     import pyarrow as pa  # type: ignore[import-untyped]

@@ -17,7 +17,7 @@ from ss2sql.language.element_columns import read_column
 from ss2sql.runtime.run.call_memo import make_call_key
 from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.run.run_state import Run
-from ss2sql.vtables.frames.frame import Frame
+from ss2sql.vtables.frames import Frame
 
 if TYPE_CHECKING:
     from ss2sql.lowering.table_filter import TableFilter

@@ -13,8 +13,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.vtables.attached_worlds import AttachedWorldTable
-from ss2sql.vtables.reading import NOTHING
-from ss2sql.vtables.snapshots import find_first_table_place, plan_snapshot
+from ss2sql.vtables.reading import NOTHING, find_first_table_place, plan_snapshot
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope

@@ -8,7 +8,7 @@ from ss2sql.errors import ExecutionError
 from ss2sql.language.kinds import Opaque
 from ss2sql.language.values import format_value
 from ss2sql.vtables import has_adapter
-from ss2sql.vtables.frames.frame import Frame
+from ss2sql.vtables.frames import Frame
 
 PLAIN_TYPES = frozenset({type(None), bool, int, float, str, list, dict, bytes})
 

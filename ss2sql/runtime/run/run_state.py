@@ -20,7 +20,7 @@ from ss2sql.language.rows import Rows
 from ss2sql.language.values import copy_deep
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.vtables.contract import QueryCaches
-from ss2sql.vtables.frames.frame import Frame
+from ss2sql.vtables.frames import Frame
 
 if TYPE_CHECKING:
     from ss2sql.lowering.sql_query import SqlQuery

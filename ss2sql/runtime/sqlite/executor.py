@@ -45,8 +45,8 @@ from ss2sql.runtime.sqlite.list_elements import CallRequest, ColumnsFor, Element
 from ss2sql.runtime.sqlite.search_functions import FUNCTIONS, SearchState, StepNumbers
 from ss2sql.runtime.sqlite.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, intern_element_columns
 from ss2sql.runtime.sqlite.virtual_table import WorldModules
-from ss2sql.vtables.frames.frame import Frame
-from ss2sql.vtables.snapshots import NO_SNAPSHOT, Snapshot
+from ss2sql.vtables.frames import Frame
+from ss2sql.vtables.reading import NO_SNAPSHOT, Snapshot
 
 NO_LIMIT = 2**40
 CHECK_EVERY = 10_000  # steps of SQLite's virtual machine between looks at the clock, about 0.2 ms

@@ -15,7 +15,7 @@ from ss2sql.runtime.representations.rows_as_values import as_set
 from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.sqlite.interning import Interning
 from ss2sql.runtime.sqlite.list_elements import ElementColumns
-from ss2sql.vtables.frames.frame import Frame
+from ss2sql.vtables.frames import Frame
 
 NO_LIMIT = 2**63  # more rows than any query has
 

@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language.kinds import INT_MIN
+from ss2sql.vtables.frames import Column, Frame, name_frame_columns
 from ss2sql.vtables.frames.array_columns import (
     convert_array,
     make_frame_nulls,
@@ -13,7 +14,6 @@ from ss2sql.vtables.frames.array_columns import (
     make_frame_times,
     make_text_column,
 )
-from ss2sql.vtables.frames.frame import Column, Frame, name_frame_columns
 
 if TYPE_CHECKING:
     from ss2sql.vtables.frames import Reader

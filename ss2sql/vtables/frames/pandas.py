@@ -5,8 +5,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from ss2sql.vtables.frames import Column, Frame, name_frame_columns
 from ss2sql.vtables.frames.array_columns import convert_array, make_frame_objects
-from ss2sql.vtables.frames.frame import Column, Frame, name_frame_columns
 
 if TYPE_CHECKING:
     from ss2sql.vtables.frames import Reader

@@ -6,8 +6,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import require_package
+from ss2sql.vtables.frames import Column, Frame, name_frame_columns
 from ss2sql.vtables.frames.array_columns import make_frame_objects
-from ss2sql.vtables.frames.frame import Column, Frame, name_frame_columns
 
 if TYPE_CHECKING:
     from ss2sql.vtables.frames import Reader

@@ -24,13 +24,15 @@ from ss2sql.vtables.body_functions import BodyWorld, Quaternion, Vector, make_pa
 from ss2sql.vtables.contract import Element, function
 from ss2sql.vtables.pybullet.bodies import (
     KINDS,
+    SOFT,
     has_untold_shape,
     make_solid,
     measure_box,
+    measure_link_box,
     read_bullet_shape,
     read_corners,
+    read_link_pose,
 )
-from ss2sql.vtables.pybullet.links import SOFT, measure_link_box, read_link_pose
 from ss2sql.vtables.pybullet.poses import (
     UPRIGHT,
     Box,
