@@ -18,7 +18,7 @@ from sessions import code_of
 from test_sheets import Row, load, shown, wanted
 
 import ss2sql
-from ss2sql.bench.results import compile_raced_statement
+from ss2sql.bench.runs import compile_raced_statement
 from ss2sql.errors import Source
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse

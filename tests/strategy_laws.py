@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from ss2sql.bench.compare import Answer
+from ss2sql.bench.runs import Answer
 from ss2sql.bench.strategies import WEIGHTS
 from ss2sql.frontend.syntax import ast
 

@@ -24,8 +24,7 @@ from golden import each_row
 import ss2sql
 from ss2sql.cli import COMMANDS, main, output
 from ss2sql.cli import script_commands as running
-from ss2sql.cli.completion_command import SHELLS
-from ss2sql.cli.list_command import TOPICS
+from ss2sql.cli.list_command import SHELLS, TOPICS
 from ss2sql.cli.script_commands import ENGINES as ENGINES_OF_OPTION
 from ss2sql.cli.script_commands import KINDS as KINDS_OF_OPTION
 from ss2sql.errors import CODES
@@ -33,7 +32,7 @@ from ss2sql.language.operations import WRITTEN
 from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES
 from ss2sql.results.plots import KINDS
 from ss2sql.runtime.representations import ALL
-from ss2sql.session.engines import ENGINES
+from ss2sql.session.compiled_query import ENGINES
 from ss2sql.session.session import OFF_SWITCHES
 from ss2sql.vtables import list_adapter_types
 

@@ -15,7 +15,7 @@ from sessions import write
 import ss2sql
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.results.explain.collector import ADVICE
-from ss2sql.results.explain.findings import STAGES
+from ss2sql.results.explain.explanation import STAGES
 
 
 def inc(n):

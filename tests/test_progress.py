@@ -13,8 +13,8 @@ import ss2sql
 from ss2sql.language.rows import Rows
 from ss2sql.runtime.run.run_state import GraphLevel, ResultSink, Run
 from ss2sql.runtime.search.search_run import RowGraph
-from ss2sql.session import execution, progress
-from ss2sql.session.progress import Progress
+from ss2sql.session import execution
+from ss2sql.session.execution import Progress
 
 SEARCH = "SELECT n FROM [1] WHERE n == 4 START WITH n = 1 CONNECT BY MEMORIZE 5 n = n + 1;"
 
@@ -99,9 +99,9 @@ def test_what_it_says_also_of_a_native_search() -> None:
 def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     """Standard error as a terminal, on which lines appear at once."""
     terminal = Terminal()
-    monkeypatch.setattr(progress, "sys", SimpleNamespace(stderr=terminal))
-    monkeypatch.setattr(progress, "FIRST_SECONDS", 0.0)
-    monkeypatch.setattr(progress, "REPEAT_SECONDS", 0.0)
+    monkeypatch.setattr(execution, "sys", SimpleNamespace(stderr=terminal))
+    monkeypatch.setattr(execution, "FIRST_SECONDS", 0.0)
+    monkeypatch.setattr(execution, "REPEAT_SECONDS", 0.0)
     monkeypatch.delenv("TERM", raising=False)
     return terminal
 
@@ -147,12 +147,12 @@ def test_auto_needs_a_terminal(terminal: Terminal, monkeypatch: pytest.MonkeyPat
     shown(progress=False)
     assert terminal.getvalue() == ""
     file = io.StringIO()
-    monkeypatch.setattr(progress, "sys", SimpleNamespace(stderr=file))
+    monkeypatch.setattr(execution, "sys", SimpleNamespace(stderr=file))
     shown()
     assert file.getvalue() == ""
     shown(progress=True)
     assert "MEMORIZE" in file.getvalue()
-    monkeypatch.setattr(progress, "sys", SimpleNamespace(stderr=None))  # as under pythonw
+    monkeypatch.setattr(execution, "sys", SimpleNamespace(stderr=None))  # as under pythonw
     shown(progress=True)
 
 

@@ -19,8 +19,8 @@ from strategy_laws import broken_law
 
 import ss2sql
 from ss2sql.bench import BenchRules, StatementRuns, make_runs, parse_strategy
-from ss2sql.bench import compare as deciding
-from ss2sql.bench.compare import Answer, Verdict, compare_answer_groups, compare_answers, find_reason_answers_differ
+from ss2sql.bench import runs as deciding
+from ss2sql.bench.runs import Answer, Verdict, compare_answer_groups, compare_answers, find_reason_answers_differ
 from ss2sql.bench.strategies import list_strategies
 from ss2sql.errors import Source
 from ss2sql.frontend.syntax import ast

@@ -22,7 +22,7 @@ from sessions import ENGINES
 
 import ss2sql
 from ss2sql.lowering.sql_builder import DUCKDB
-from ss2sql.session.translation import translate_script
+from ss2sql.session.compiled_script import translate_script
 
 QUERIES = amount(3 / 10)
 duckdb = pytest.importorskip("duckdb")

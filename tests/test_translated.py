@@ -16,7 +16,7 @@ from sqlglot.generator import Generator
 import ss2sql
 from ss2sql.cli import main
 from ss2sql.lowering.sql_builder import DIALECTS, DUCKDB
-from ss2sql.session.translation import translate_script
+from ss2sql.session.compiled_script import translate_script
 
 duckdb = pytest.importorskip("duckdb")
 

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import apsw
 
-from ss2sql.bench.compare import SAME
-from ss2sql.bench.results import BenchResult, BenchRules
-from ss2sql.bench.runs import StatementRuns
+from ss2sql.bench.runs import SAME, BenchResult, BenchRules, StatementRuns
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -29,8 +29,11 @@ COMMANDS = {
     "list": "Lists functions, representations, strategies, worlds, errors, rewrites.",
     "completion": "Prints what makes bash, zsh or fish complete commands of ss2sql.",
 }
-MODULES = {"repl": "ss2sql.shell.shell"} | {
-    name: f"ss2sql.cli.{name}_command" for name in ("bench", "list", "completion")
+MODULES = {
+    "repl": "ss2sql.shell.shell",
+    "bench": "ss2sql.cli.bench_command",
+    "list": "ss2sql.cli.list_command",
+    "completion": "ss2sql.cli.list_command",
 }
 
 

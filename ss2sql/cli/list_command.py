@@ -1,4 +1,4 @@
-"""`ss2sql list`: what scripts can use, and the errors."""
+"""`ss2sql list`: what scripts can use, and the errors; `ss2sql completion`: what makes a shell complete commands."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ss2sql.frontend.user_functions import UserFunction
     from ss2sql.language.operations import Operation
     from ss2sql.session.session import Session
+
 
 Entry: TypeAlias = dict[str, str]  # the first value is the name, the last may be long
 
@@ -140,3 +141,19 @@ def _print_entries(entries: Sequence[Entry]) -> None:
     widths = {key: max(len(row[key]) for row in rows) for key in keys}
     for row in rows:
         print_line("  ".join(row[key].ljust(widths[key]) for key in keys).rstrip())
+
+
+# --- `ss2sql completion`
+SHELLS = ("bash", "zsh", "fish")
+
+
+@click.command("completion", epilog='For bash, put this line into ~/.bashrc: eval "$(ss2sql completion bash)"')
+@click.argument("shell", type=click.Choice(SHELLS))
+@exit_with_code_on_error
+def completion_command(shell: str) -> None:
+    """Prints what makes bash, zsh or fish complete commands of ss2sql."""
+    from click.shell_completion import get_completion_class
+
+    kind = get_completion_class(shell)
+    assert kind is not None
+    print_line(kind(click.get_current_context().find_root().command, {}, "ss2sql", "_SS2SQL_COMPLETE").source())

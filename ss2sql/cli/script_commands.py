@@ -272,7 +272,7 @@ def sql_command(inputs: ScriptInputs, stage: str, dialect: str | None) -> None:
             print_line(repr(statement))
         return
     from ss2sql.lowering import sql_builder
-    from ss2sql.session.translation import translate_script
+    from ss2sql.session.compiled_script import translate_script
 
     with inputs.open_session() as session:
         query = session.compile(source)

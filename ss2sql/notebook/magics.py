@@ -32,7 +32,7 @@ from ss2sql.language.values import SCALARS
 from ss2sql.results.result import Result
 from ss2sql.results.show import MOST_ROWS, format_html, format_result_text
 from ss2sql.results.watching.search_trace import MOST_EVENTS
-from ss2sql.session.engines import ENGINES, Engine
+from ss2sql.session.compiled_query import ENGINES, Engine
 from ss2sql.session.session import Session, connect
 
 OWN_FOLDERS = (str(Path(__file__).parent.parent), "src/")  # src/ is apsw

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
 
 from ss2sql.errors import SessionError, Stopped
 from ss2sql.fast_dataclasses import dataclass
@@ -16,9 +16,8 @@ from ss2sql.language.cancellation import Check, iterate_with_check
 from ss2sql.language.kinds import Type
 from ss2sql.language.rows import Row, Rows, iterate_checked_paths, make_row_class, make_unique_name
 from ss2sql.language.values import copy_for_python
-from ss2sql.lowering.sql_query import Sql
+from ss2sql.lowering.sql_query import Sql, SqlQuery, join_sql
 from ss2sql.results import copy_result_row, get_result_rows
-from ss2sql.results.explain.outline import OutlinedStatement, join_outlined_sql
 from ss2sql.runtime.run.option_checks import check_run_limit
 from ss2sql.runtime.run.run_state import RemainingBounds, Stats, translate_memory_error
 from ss2sql.runtime.run.search_paths import measure_path_lengths
@@ -26,10 +25,78 @@ from ss2sql.runtime.run.search_paths import measure_path_lengths
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from ss2sql.frontend.user_functions import UserFunction
     from ss2sql.results.explain.explanation import Explanation
     from ss2sql.results.watching.animation import Page
     from ss2sql.results.watching.search_trace import SearchTrace
+    from ss2sql.runtime.external.duckdb_query import DuckQuery
+    from ss2sql.runtime.external.level_query import LevelQuery
+    from ss2sql.runtime.external.predicate_pushdown import PredicatePushdown
+    from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
+    from ss2sql.runtime.sqlite.executor import Database
 
+
+class OutlineOwner(Protocol):
+    """The session of a query, as an explanation sees it: rewrites that are off, functions, cached graphs, SQLite."""
+
+    @property
+    def disabled(self) -> Collection[str]: ...
+
+    @property
+    def functions(self) -> Mapping[str, UserFunction]: ...
+
+    @property
+    def database(self) -> Database: ...
+
+    @property
+    def graphs(self) -> CachePolicy | None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class OutlinedQuery:
+    """One query: as written and after the rewrites, and how it runs."""
+
+    host: OutlineOwner
+    written: plan.Query
+    query: plan.Query
+    engine: str
+    lowered: SqlQuery | None  # SQLite's statement, else `reason` and `cures`
+    levels: LevelQuery | None  # a search by levels in another database
+    duck: DuckQuery | None  # another query in DuckDB
+    reason: str
+    cures: tuple[str, ...]
+    rewrites: tuple[str, ...]
+    tell: Callable[[], Sql]  # makes `sql`
+    handed: tuple[PredicatePushdown, ...]  # reads in place of tables of DuckDB
+
+    @property
+    def sql(self) -> Sql:
+        return self.tell()
+
+
+@dataclass(frozen=True, slots=True)
+class OutlinedStatement:
+    """The text of a statement and its queries."""
+
+    text: str
+    queries: tuple[OutlinedQuery, ...]
+
+    @property
+    def sql(self) -> Sql:
+        texts = [query.sql for query in self.queries]
+        if len(texts) == 1:
+            return texts[0]
+        if not texts:
+            return Sql(f"-- no query: {' '.join(self.text.split())}")
+        return Sql("\n".join(f"{text};" for text in texts), statements=tuple(texts))
+
+
+def join_outlined_sql(statements: Iterable[OutlinedStatement]) -> Sql:
+    """The texts of all statements as one, each with its own parameters in `statements`."""
+    return join_sql([statement.sql for statement in statements])
+
+
+# --- results
 Status: TypeAlias = Literal["complete", "maximum", "timeout", "cancelled", "memory", "steps"]
 
 
@@ -159,7 +226,7 @@ class Result:
         Engines and why, rewrites, functions with the number of their calls, SQLite's plan in words, the SQL with the
         values that were bound, the time of each stage, the levels of a search.
         """
-        from ss2sql.results.explain.explanation import explain_run  # it knows compiled scripts, which know results
+        from ss2sql.results.explain.collector import explain_run  # it knows compiled scripts, which know results
 
         return explain_run(self.outline, self)
 

@@ -2,5 +2,5 @@
 
 In order of control flow: session is what `connect` gives, the public face, host its inside; compiled_script holds
 statements, compiled_query decides for each query which of the engines runs it; execution runs a script. variables and
-session_functions are what scripts see, triggers among them; progress serves a run; translation serves one method.
+session_functions are what scripts see, triggers among them.
 """

@@ -1,16 +1,17 @@
-"""One query that is ready to run on its engine: in SQLite, natively, or in another database."""
+"""The engines, and one query that is ready to run on its own: in SQLite, natively, or in another database."""
 
 from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, cached_property, partial
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard, get_args
 
 import apsw
 
-from ss2sql.errors import Error, ExecutionError, Stopped, UnsupportedError
+from ss2sql.errors import Error, ExecutionError, SessionError, Stopped, UnsupportedError, require_package
+from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.kinds import Kind
@@ -23,19 +24,120 @@ from ss2sql.results.result_notes import explain_empty_result, explain_overestima
 from ss2sql.runtime.python import NativeQuery, compile_statement
 from ss2sql.runtime.representations.shape import PATH_FORMS, represent_starred_columns
 from ss2sql.runtime.run.array_calls import has_array_calls
-from ss2sql.runtime.run.option_checks import check_count_value, find_lowest_run_limit
+from ss2sql.runtime.run.option_checks import (
+    check_count_value,
+    check_option_word,
+    check_run_limit,
+    find_lowest_run_limit,
+)
 from ss2sql.runtime.run.post_processing import finish_sql_rows
 from ss2sql.runtime.run.run_state import ResultSink, Run
-from ss2sql.session.engines import Engine
 from ss2sql.vtables.reading import can_move_world
 
 if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_query import DuckQuery
-    from ss2sql.runtime.external.level_query import LevelQuery
+    from ss2sql.runtime.external.level_query import LevelQuery, TableEngine
     from ss2sql.runtime.external.predicate_pushdown import PredicatePushdown
     from ss2sql.session.host import SessionHost
 
 
+Engine: TypeAlias = Literal["auto", "database", "native", "duckdb", "spark"]
+ENGINES: tuple[Engine, ...] = get_args(Engine)
+
+
+def check_engine(engine: Any) -> None:
+    check_option_word("engine", (engine,), ENGINES)
+
+
+def check_engine_session(engine: Engine, session: Any) -> None:
+    """Raises SessionError S002 for the connection of an engine that is not the session's."""
+    if session is not None and engine not in _OPENERS:
+        message = f"session is the connection of the engine 'duckdb' or 'spark', not of {engine!r}"
+        raise SessionError("S002", message, hints=("write connect(engine='duckdb', session=...)",))
+
+
+OPTIONS = ("engine", "timeout", "maximum", "workers", "max_rows")  # of `run`, which a misspelt name may mean
+
+
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """The options of one run, see `Session.run`."""
+
+    engine: Engine | None
+    timeout: float | None
+    maximum: int | None
+    workers: int = 1
+    max_rows: int | None = None
+    trace: int | None = None
+
+    def check_options(self) -> None:
+        if self.engine is not None:
+            check_engine(self.engine)
+        check_run_limit("maximum", self.maximum, 1)
+        check_run_limit("workers", self.workers, 1)
+        check_run_limit("max_rows", self.max_rows, 0)
+        check_run_limit("trace", self.trace, 1)
+
+
+def open_session_engine(name: str, session: Any = None, begun: Sequence[Run] = ()) -> TableEngine | None:
+    """The database of an engine; None if SQLite or Python do the work.
+
+    `session` is the user's connection of that database, whose settings count; `begun` are the active runs in order.
+    """
+    opener = _OPENERS.get(name)
+    return None if opener is None else opener(session, begun)
+
+
+def _open_duckdb_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
+    duckdb = require_package("duckdb", "duckdb", "engine='duckdb'")
+    require_package("pyarrow", "duckdb", "engine='duckdb'")
+    from ss2sql.runtime.external.duckdb_search import DuckEngine, DuckSearch
+    from ss2sql.runtime.external.duckdb_sources import DuckSources
+    from ss2sql.runtime.external.level_query import TableEngine
+
+    if session is not None and not isinstance(session, duckdb.DuckDBPyConnection):
+        message = f"the session of engine='duckdb' is a connection of DuckDB, not {type(session).__name__}"
+        raise SessionError("S002", message, hints=("give duckdb.connect(), or nothing",))
+    duck = DuckEngine(session)
+    sources = DuckSources(lambda: duck.session.cursor(), (duckdb.Error,), begun)
+    return TableEngine(
+        "duckdb",
+        duck.open_tables,
+        duck.close_engine,
+        (duckdb.Error,),
+        lambda *parts: DuckSearch(sources, *parts).find_results(),
+        sources=sources,
+    )
+
+
+def _open_spark_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
+    for name in ("pyspark", "pyarrow", "pandas"):
+        require_package(name, "spark", "engine='spark'")
+    from py4j.protocol import Py4JError  # type: ignore[import-untyped]
+    from pyspark.errors import PySparkException
+
+    from ss2sql.runtime.external.level_query import TableEngine
+    from ss2sql.runtime.external.spark_search import SparkSearch
+    from ss2sql.runtime.external.spark_session import SparkEngine
+
+    spark = SparkEngine(session)
+    return TableEngine(
+        "spark",
+        spark.open_store,
+        spark.close_engine,
+        (PySparkException, Py4JError),
+        lambda *parts: SparkSearch(*parts).find_results(),
+        spark.load_table,
+    )
+
+
+_OPENERS: dict[str, Callable[[Any, Sequence[Run]], TableEngine]] = {
+    "duckdb": _open_duckdb_engine,
+    "spark": _open_spark_engine,
+}
+
+
+# --- one query that is ready to run on its engine
 LIMIT_CODES = ("X010", "X014")  # of rows and of the size of values: no reason to begin again
 
 READS_VALUES = "all its sources are Python values, which SQLite would read one by one"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -17,17 +17,17 @@ from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.kinds import ANY, NOTHING, Type, is_supertype, type_of
 from ss2sql.language.plan_traversal import list_plan_calls, walk
 from ss2sql.lowering.sql_query import Sql
-from ss2sql.results.explain.outline import OutlinedQuery, OutlinedStatement, join_outlined_sql
-from ss2sql.results.result import Result
+from ss2sql.results.result import OutlinedQuery, OutlinedStatement, Result, join_outlined_sql
 from ss2sql.runtime.python import compile_statement
 from ss2sql.runtime.run.run_state import Places, Run, Stats
-from ss2sql.session.compiled_query import CompiledQuery
-from ss2sql.session.engines import OPTIONS, Engine, RunOptions
+from ss2sql.session.compiled_query import OPTIONS, CompiledQuery, Engine, RunOptions
 from ss2sql.session.variables import predict_variables
 
 if TYPE_CHECKING:
+    from ss2sql.lowering.sql_builder import Dialect
     from ss2sql.results.explain.explanation import Explanation
     from ss2sql.session.host import SessionHost
+
 
 ASSIGNMENTS = (plan.Assign, plan.TemporalAssign, plan.AssignLate)
 
@@ -216,7 +216,7 @@ class Query:
 
     def explain(self) -> Explanation:
         """Explains the script as `Result.explain` does, without what only a run can tell."""
-        from ss2sql.results.explain.explanation import explain_run
+        from ss2sql.results.explain.collector import explain_run
 
         missing = [name for name in self.parameters if name not in self._host.names]
         return explain_run(outline_compiled_script(self.statements()), missing=missing)
@@ -288,3 +288,30 @@ def _outline_compiled_query(query: CompiledQuery, run: Run | None) -> OutlinedQu
         query.make_sql_reader(run),
         tuple(query.handed.values()),
     )
+
+
+# --- compiled scripts in the SQL of other databases, to be read or to be taken there
+def translate_script(statements: Sequence[CompiledStatement], dialect: Dialect) -> Sql:
+    """The script in a dialect: queries as one SELECT each, searches as the statements of one level.
+
+    Raises UnsupportedError where a query could mean something else there.
+    """
+    if dialect.name == "sqlite":
+        return join_outlined_sql(outline_compiled_script(statements))
+    texts = []
+    for statement, outlined in zip(statements, outline_compiled_script(statements), strict=True):
+        queries = [_translate_query(query, dialect) for query in statement.queries]
+        texts.append("\n".join(queries) or outlined.sql)
+    return Sql("\n\n".join(texts))
+
+
+def _translate_query(query: CompiledQuery, dialect: Dialect) -> str:
+    from ss2sql.lowering.portable.portable_flat import write_flat
+    from ss2sql.runtime.external.level_query import LEVEL_STATEMENTS, plan_level_search
+
+    if query.query.search is None:
+        return f"{dialect.print_tree(write_flat(query.query, query.world.variable))};"
+    if dialect.name not in LEVEL_STATEMENTS:
+        reason = f"a search needs many statements, and nothing runs them in {dialect.name}"
+        raise UnsupportedError("U001", reason, query.query.span, ("--dialect duckdb and --dialect spark print them",))
+    return plan_level_search(query.query, dialect.name).sql

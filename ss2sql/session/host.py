@@ -41,7 +41,7 @@ from ss2sql.runtime.sqlite.database_tables import Tables
 from ss2sql.runtime.sqlite.executor import Database
 from ss2sql.runtime.sqlite.file_locks import close_file, while_using_files
 from ss2sql.runtime.sqlite.function_callbacks import BUILT_IN, choose_function_names
-from ss2sql.session.engines import open_session_engine
+from ss2sql.session.compiled_query import open_session_engine
 from ss2sql.session.session_functions import SessionFunctions
 from ss2sql.session.variables import TemporalFile, TemporalStore, Triggers, Variables, convert_variable_moment
 from ss2sql.vtables import contract

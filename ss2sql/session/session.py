@@ -29,11 +29,10 @@ from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.run.value_sizes import MAX_SIZE
 from ss2sql.runtime.sqlite.database_tables import CACHE_SIZE, find_parquet_path, find_sqlite_path
 from ss2sql.runtime.sqlite.file_locks import close_file, open_sqlite_file
+from ss2sql.session.compiled_query import Engine, RunOptions, check_engine, check_engine_session
 from ss2sql.session.compiled_script import Query
-from ss2sql.session.engines import Engine, RunOptions, check_engine, check_engine_session
-from ss2sql.session.execution import execute_script, run_in_session, set_session_deadline
+from ss2sql.session.execution import check_progress_option, execute_script, run_in_session, set_session_deadline
 from ss2sql.session.host import SessionHost, with_session_lock
-from ss2sql.session.progress import check_progress_option
 from ss2sql.session.session_functions import describe_attached_table, list_tables
 from ss2sql.session.variables import TemporalFile, Trigger
 from ss2sql.vtables import find_adapter, make_attachable, refuse_without_adapter

@@ -1,4 +1,4 @@
 """What became of a script, as text and as data.
 
-outline is what a result keeps; collector finds the findings, with engine_plans; explanation is what users get.
+collector finds the facts, from the outlines that a result keeps; explanation is what users get of them.
 """
