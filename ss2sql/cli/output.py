@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeAlias, TypeVar
 
 import click
 
@@ -21,6 +21,7 @@ from ss2sql.fast_dataclasses import dataclass
 
 SCRIPT, USAGE, TIMEOUT, CTRL_C = 1, 2, 124, 130
 F = TypeVar("F", bound=Callable[..., Any])
+Option: TypeAlias = Callable[[Any], Any]  # a decorator of click
 ERROR_FORMATS = ("text", "json")
 AS_JSON = "ss2sql.errors as JSON"  # a key of the context's `meta`
 
@@ -33,7 +34,18 @@ def _store_color_option(context: click.Context, parameter: click.Parameter, valu
     context.color = value
 
 
-COMMON_OPTIONS = (
+def add_options(*options: Option) -> Callable[[F], F]:
+    """A decorator that adds options to a command, in this order."""
+
+    def add_all(command: F) -> F:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add_all
+
+
+_add_common_options = add_options(
     click.option("--error-format", type=click.Choice(ERROR_FORMATS), default="text", show_default=True, is_eager=True,
                  expose_value=False, callback=_store_format_option,
                  help="Errors as text, or as JSON with one object on each line."),
@@ -59,9 +71,7 @@ def exit_with_code_on_error(command: F) -> F:
         except UserError as error:
             end_with_message(str(error), error.as_dict(), SCRIPT)
 
-    for option in reversed(COMMON_OPTIONS):
-        run_command = option(run_command)
-    return run_command  # type: ignore[return-value]
+    return _add_common_options(run_command)  # type: ignore[return-value]
 
 
 class UserError(Exception):
@@ -261,18 +271,14 @@ class Count(_OfRows):
         return number
 
 
-def add_output_options(command: F) -> F:
-    options = (
-        click.option("--format", "form", type=click.Choice(FORMATS),
-                     help="How the result is printed.  [default: table]"),
-        click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path),
-                     help="A file for the result; the end of its name says the format: .csv, .json, .parquet ..."),
-        click.option("--show", "shown", type=Count(), default=SHOWN, show_default=True, metavar="N|all",
-                     help="So many rows or paths of a table are shown."),
-    )  # fmt: skip
-    for option in reversed(options):
-        command = option(command)
-    return command
+add_output_options = add_options(
+    click.option("--format", "form", type=click.Choice(FORMATS),
+                 help="How the result is printed.  [default: table]"),
+    click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path),
+                 help="A file for the result; the end of its name says the format: .csv, .json, .parquet ..."),
+    click.option("--show", "shown", type=Count(), default=SHOWN, show_default=True, metavar="N|all",
+                 help="So many rows or paths of a table are shown."),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)

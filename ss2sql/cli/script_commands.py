@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ss2sql.cli.output import (
+    add_options,
     add_output_options,
     check_output_folder,
     describe_output_size,
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 ENGINES = ("auto", "database", "native", "duckdb", "spark")
 MOST_BROKEN_OFF = 1_000_000  # rows of a partial result: the search may have been endless
 
-RUN_OPTIONS = (
+add_run_options = add_options(  # `run_script` takes their values
     click.option("--engine", type=click.Choice(ENGINES), default="auto", show_default=True, help="Where queries run."),
     click.option("--timeout", type=click.FloatRange(min=0), help="Seconds after which the run is broken off."),
     click.option("--maximum", type=click.IntRange(min=1), help="At most so many results of the last search."),
@@ -49,13 +50,6 @@ RUN_OPTIONS = (
     click.option("--progress/--no-progress", default=None,
                  help="Whether a long run says how far it is; else it does on a terminal."),
 )  # fmt: skip
-
-
-def add_run_options(command: Any) -> Any:
-    """Adds the options of a run; `run_script` takes their values."""
-    for option in reversed(RUN_OPTIONS):
-        command = option(command)
-    return command
 
 
 @click.command("run")

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from ss2sql.cli.output import mark_user_errors
+from ss2sql.cli.output import Option, add_options, mark_user_errors
 from ss2sql.errors import Error, SessionError, Source, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 
@@ -55,14 +55,6 @@ LIMITS = (
     click.option("--max-output", type=click.IntRange(min=0), metavar="N",
                  help="More characters that the script prints are an error."),
 )  # fmt: skip
-
-SCRIPT_OPTIONS = (
-    click.argument("file", required=False, type=click.Path(dir_okay=False, allow_dash=True)),
-    click.option("-e", "--execute", "text", help="The script itself, in place of a file."),
-    *USES_OPTIONS,
-    PARAMETER,
-    *LIMITS,
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,30 +120,29 @@ class ScriptInputs:
 NO_INPUTS = ScriptInputs()
 
 
-def add_script_options(command: F) -> F:
-    """Adds the options for a script and what it may use; the command takes them as `given`."""
-    return _add_input_options(SCRIPT_OPTIONS, command)
+def take_inputs(*options: Option) -> Callable[[F], F]:
+    """A decorator that adds these options to a command, which takes their values as `inputs`."""
+
+    def take_options(command: F) -> F:
+        @wraps(command)
+        def run_with_inputs(**values: Any) -> Any:
+            own = {field.name: values.pop(field.name) for field in fields(ScriptInputs) if field.name in values}
+            return command(inputs=ScriptInputs(**own), **values)
+
+        return add_options(*options)(run_with_inputs)  # type: ignore[return-value]
+
+    return take_options
 
 
-def add_uses_options(command: F) -> F:
-    """Adds the options for what scripts may use, without a script."""
-    return _add_input_options(USES_OPTIONS, command)
-
-
-def add_session_options(command: F) -> F:
-    """Adds the options for what scripts may use and for parameters, where the scripts come later."""
-    return _add_input_options((*USES_OPTIONS, PARAMETER, *LIMITS), command)
-
-
-def _add_input_options(options: tuple[Callable[[F], F], ...], command: F) -> F:
-    @wraps(command)
-    def run_with_inputs(**values: Any) -> Any:
-        own = {field.name: values.pop(field.name) for field in fields(ScriptInputs) if field.name in values}
-        return command(inputs=ScriptInputs(**own), **values)
-
-    for option in reversed(options):
-        run_with_inputs = option(run_with_inputs)
-    return run_with_inputs  # type: ignore[return-value]
+add_uses_options = take_inputs(*USES_OPTIONS)
+add_session_options = take_inputs(*USES_OPTIONS, PARAMETER, *LIMITS)  # where the scripts come later
+add_script_options = take_inputs(
+    click.argument("file", required=False, type=click.Path(dir_okay=False, allow_dash=True)),
+    click.option("-e", "--execute", "text", help="The script itself, in place of a file."),
+    *USES_OPTIONS,
+    PARAMETER,
+    *LIMITS,
+)
 
 
 @contextmanager

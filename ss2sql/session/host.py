@@ -71,18 +71,10 @@ class SessionLock:
     A second thread gets an error: waiting could be a deadlock, and two runs would read each other's values.
     """
 
-    def __init__(
-        self,
-        release: Callable[[], None],
-        using: Callable[[], AbstractContextManager[None]],
-        forget_pages: Callable[[], object],
-        in_file: bool,
-    ) -> None:
+    def __init__(self, host: SessionHost, in_file: bool) -> None:
         self._lock = threading.RLock()
         self._depth = 0
-        self._release = release
-        self._using = using
-        self._forget_pages = forget_pages
+        self._host = host
         self._used: AbstractContextManager[None] | None = None
         self._closed = False
         self._process = os.getpid()
@@ -101,7 +93,7 @@ class SessionLock:
             hints = ("give each thread a session of its own, or let them take turns with a lock",)
             raise SessionError("S004", "the session is in use in another thread", hints=hints)
         if not self._depth:
-            used = self._using()
+            used = self._host.while_using()
             try:
                 used.__enter__()
             except BaseException:
@@ -112,7 +104,8 @@ class SessionLock:
 
     def __exit__(self, kind: object, error: BaseException | None, *_: object) -> None:
         if is_session_file_damaged(error) and not self._closed:
-            self._forget_pages()  # SQLite checks a page when it reads it, and takes it as checked while it is kept
+            # SQLite checks a page when it reads it, and takes it as checked while it is kept.
+            self._host.connection.release_memory()
         self._depth -= 1
         if not self._depth and self._used is not None:
             self._used.__exit__(None, None, None)
@@ -130,7 +123,7 @@ class SessionLock:
         if self._lock.acquire(blocking=False):  # else whoever is there does it
             try:
                 if not self._depth:
-                    self._release()
+                    self._host.release_resources()
             finally:
                 self._lock.release()
 
@@ -226,9 +219,7 @@ class SessionHost:
     ) -> None:
         self.connection = connection
         self.limits = limits
-        self.session_lock = SessionLock(
-            self._release_resources, self._while_using, connection.release_memory, in_file=file is not None
-        )
+        self.session_lock = SessionLock(self, in_file=file is not None)
         self.disabled = disabled
         self.memo_limit = 0 if "memo" in disabled else MEMO_LIMIT
         self.active_runs: list[Run] = []  # what runs, or is compiled to run, the innermost last
@@ -263,7 +254,7 @@ class SessionHost:
         # What a run asks, see `Host` in runtime/run/run_state.py; the rest of it is below.
         self.get_variable, self.bind_late = self.names.read_value, self.names.bind_late
         self.store_temporal = self.names.store_temporal
-        self.own = SessionFunctions(self.names, self.functions, self.world_functions, limits, self.active_runs)
+        self.own = SessionFunctions(self)
         for name, row in OPERATIONS.items():
             if name not in ("eq", "ne"):  # of these the database has its own
                 self.database.register_builtin(name, row.value or self.own.get_function(name))
@@ -343,14 +334,14 @@ class SessionHost:
         return self.held.processes
 
     @contextmanager
-    def _while_using(self) -> Iterator[None]:
+    def while_using(self) -> Iterator[None]:
         """While a thread uses the session: parks other copies of SQLite and refreshes copied databases."""
         for copied in self.tables.copied.values():
             copied.stale = True
         with while_using_files(self.connection):
             yield
 
-    def _release_resources(self) -> None:
+    def release_resources(self) -> None:
         self.end_triggers()
         self.held.end_all()
         if self.session_lock.here:

@@ -299,7 +299,7 @@ class Session:
     def tables(self) -> dict[str, tuple[str, ...]]:
         """The columns of each table that FROM finds, in the database and in worlds; none of an unreadable view."""
         self._check_open()
-        return list_tables(self.host.tables, self.host.names.worlds, self.host.names.others)
+        return list_tables(self.host)
 
     def describe(self, name: str) -> str:
         """The columns of a table; of a world those of all its tables, with units and texts, and its functions.
@@ -311,7 +311,7 @@ class Session:
             self._check_open()
             check_is_string(name)
             set_session_deadline(run, self.host, self.timeout)
-            return describe_attached_table(name, self.host.tables, self.host.names.worlds, self.host.names.others)
+            return describe_attached_table(self.host, name)
 
         return run_in_session(self.host, describe_in_run)
 

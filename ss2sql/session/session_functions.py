@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from inspect import getmodule, signature
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError, SessionError, suggest_names
 from ss2sql.errors.exceptions import escape_controls
-from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language.operations import OPERATIONS, WRITTEN
 from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import copy_for_python
 from ss2sql.runtime import representations
-from ss2sql.runtime.run.option_checks import Limits
-from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import ValueSizes
-from ss2sql.session.variables import Variables
 from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
 from ss2sql.vtables.schema import format_declared_type
 
 if TYPE_CHECKING:
-    from ss2sql.runtime.external.duckdb_sources import DuckSources
-    from ss2sql.runtime.sqlite.database_tables import Tables
+    from ss2sql.session.host import SessionHost
 
 
 def describe_world(world: AttachedWorld) -> str:
@@ -56,14 +51,13 @@ def describe_table_columns(table: AttachedWorldTable) -> Iterator[tuple[str, str
         yield column.name, format_declared_type(column.type), column.unit, column.filter, column.text
 
 
-def list_tables(
-    tables: Tables, worlds: Mapping[str, AttachedWorld], others: DuckSources | None
-) -> dict[str, tuple[str, ...]]:
+def list_tables(host: SessionHost) -> dict[str, tuple[str, ...]]:
     """The columns of the tables of databases and of worlds, by their names in FROM.
 
     A view that cannot be read, because one of its tables is gone, has none.
     """
     found: dict[str, tuple[str, ...]] = {}
+    tables, worlds, others = host.tables, host.names.worlds, host.names.others
     tables.refresh_copies()
     for name in tables.list_names():
         found[name] = tables.list_columns(name)
@@ -75,10 +69,9 @@ def list_tables(
     return found
 
 
-def describe_attached_table(
-    name: str, tables: Tables, worlds: Mapping[str, AttachedWorld], others: DuckSources | None
-) -> str:
+def describe_attached_table(host: SessionHost, name: str) -> str:
     """The description of a world or a table. Raises SessionError S002 for an unknown name."""
+    tables, worlds, others = host.tables, host.names.worlds, host.names.others
     owner, _, rest = name.partition(".")
     if owner in worlds and not rest:
         return describe_world(worlds[owner])
@@ -114,19 +107,8 @@ def describe_representation(make: Callable[..., Any]) -> str:
 class SessionFunctions:
     """Methods named after the functions of the language."""
 
-    def __init__(
-        self,
-        names: Variables,
-        functions: Mapping[str, UserFunction],
-        world_functions: Mapping[str, UserFunction],
-        limits: Limits,
-        active_runs: Sequence[Run],
-    ) -> None:
-        self.names = names
-        self.limits = limits
-        self.active_runs = active_runs  # the runs of the session, the outermost first
-        self.functions = functions
-        self.world_functions = world_functions
+    def __init__(self, host: SessionHost) -> None:
+        self.host = host
 
     def get_function(self, name: str) -> Callable[..., Any]:
         """The Python form of a built-in function that needs the session."""
@@ -136,18 +118,18 @@ class SessionFunctions:
     def _print(self, *values: Any) -> Any:
         """Prints the values with blanks between them and gives the last one."""
         text = " ".join(escape_controls(str(copy_for_python(value))) for value in values)
-        if self.limits.max_output is not None and self.active_runs:
-            run = self.active_runs[0]
+        if self.host.limits.max_output is not None and self.host.active_runs:
+            run = self.host.active_runs[0]  # the outermost
             run.printed += len(text) + 1
-            if run.printed > self.limits.max_output:
-                message = f"the script printed more than max_output={self.limits.max_output} characters"
+            if run.printed > self.host.limits.max_output:
+                message = f"the script printed more than max_output={self.host.limits.max_output} characters"
                 raise ExecutionError("X015", message, hints=("print less, or raise max_output",))
         print(text)
         return values[-1] if values else None
 
     def _help(self, name: Any = None) -> str:
-        world = next((known for known in self.names.worlds.values() if name in (known.world, known.name)), None)
-        if world is not None and name not in self.functions:
+        world = next((known for known in self.host.names.worlds.values() if name in (known.world, known.name)), None)
+        if world is not None and name not in self.host.functions:
             return describe_world(world)
         if name is None:
             lines = [f"{known:<12} {text}" for known, text in sorted(self._describe_all().items())]
@@ -159,7 +141,7 @@ class SessionFunctions:
         return f"{self._format_call(name)}: {texts[name]}"
 
     def _format_call(self, name: str) -> str:
-        entry = self.functions.get(name) or self.world_functions.get(name)
+        entry = self.host.functions.get(name) or self.host.world_functions.get(name)
         if entry is None:
             return OPERATIONS[name].call
         try:
@@ -169,26 +151,26 @@ class SessionFunctions:
 
     def _describe_all(self) -> dict[str, str]:
         texts = {name: row.about for name, row in WRITTEN.items() if name not in ("item", "slice")}
-        for name, entry in {**self.world_functions, **self.functions}.items():
+        for name, entry in {**self.host.world_functions, **self.host.functions}.items():
             about = take_first_line(entry.function.__doc__) or "registered"
             texts[name] = f"{about} ({entry.volatility}: {entry.reason})"
         return texts
 
     def _var(self, name: str | None = None) -> Any:
         if name is None:
-            ValueSizes(self.limits.max_size).check_value(self.names.values)
-            return self.names.copy_values()
-        variables = self.names.values
+            ValueSizes(self.host.limits.max_size).check_value(self.host.names.values)
+            return self.host.names.copy_values()
+        variables = self.host.names.values
         if type(name) is not str or name not in variables:
             hints = suggest_names(str(name), variables) or ("var() gives all of them",)
             raise ExecutionError("X007", f"there is no variable '{name}'", hints=hints)
         return copy_for_python(variables[name])
 
     def _clear(self) -> None:
-        self.names.clear_variables()
+        self.host.names.clear_variables()
 
     def _getTime(self) -> float:  # noqa: N802 - the language's name
-        return self.names.temporal_store.clock()
+        return self.host.names.temporal_store.clock()
 
     def _eval(self, text: str) -> Any:
         raise AssertionError("eval is a construct of the plan, not a call")
