@@ -109,7 +109,6 @@ finally:
     END
 return len(block)
 """
-SHORT = TOGETHER.replace(f" if len(block) <= {TURNS_PER_CHECK} else Parts(block, run)", "")  # of a list literal
 # The same with notes, which may be taken several times.
 NOTED = (
     TOGETHER.replace("expanded += 1", "expanded += choose.counted")
@@ -277,8 +276,7 @@ class StepFunction(StepClauses):
             "LOOK": watch,
             **words,
         }
-        short = isinstance(items, ast.List) and len(items.elts) <= TURNS_PER_CHECK
-        text = NOTED if self.form.noted else ONE_BY_ONE if not together else SHORT if short else TOGETHER
+        text = NOTED if self.form.noted else TOGETHER if together else ONE_BY_ONE
         return [*thawed, *before, *for_state, *generate_template(text, build, around)]
 
     # --- elements --------------------------------------------------------------------------------------

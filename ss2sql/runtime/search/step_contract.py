@@ -232,47 +232,23 @@ class Elements(Notes):
 
 
 # --- steps that are evaluated once for each state, where a search may come to a state again and calls are expensive
-class StateSteps:
-    """The steps of one state, each evaluated when it is first needed; several may walk over them at a time.
-
-    `rest` is None when all are `known`; `elements` is the number of elements of the state then. `dropped` has the keys
-    of steps that stop without being goals, `keys` has them as a set, for a set knows the hashes of what is in it.
+class KnownSteps(NamedTuple):
+    """All steps of a state: those that leave a trace, the keys of the others as a list and as a set, which knows their
+    hashes, and the number of its elements.
     """
 
-    __slots__ = ("dropped", "elements", "error", "keys", "known", "rest")
-
-    def __init__(self) -> None:
-        self.known: list[Step] = []
-        self.dropped: list[Any] = []
-        self.keys: frozenset[Any] = frozenset()
-        self.rest: Iterator[Step] | None = None
-        self.error: Exception | None = None
-        self.elements = 0
-
-    def walk_steps(self) -> Iterator[Step]:
-        known, place = self.known, 0
-        while True:
-            while place < len(known):
-                yield known[place]
-                place += 1
-            if self.rest is None:
-                return
-            if self.error is not None:
-                raise self.error
-            try:
-                known.append(next(self.rest))
-            except StopIteration as end:
-                self.rest, self.elements, self.keys = None, end.value, frozenset(self.dropped)
-            except Exception as error:
-                self.error = error
-                raise
+    steps: list[Step]
+    dropped: list[Any]
+    keys: frozenset[Any]
+    elements: int
 
 
 class MemoizedSteps:
     """`expand` of a search whose clauses are all steady, for whoever expands a state again and again.
 
     `look(elements)` counts a state that was known, and looks at the clock; `prune(steps)` counts pruned steps. At most
-    so many states are kept as `most`. `compares`: with NO CYCLE steps to rows on the path are left out.
+    so many states are kept as `most`. `compares`: with NO CYCLE steps to rows on the path are left out, which are the
+    same rows whenever a step of a state is drawn.
     """
 
     def __init__(
@@ -280,76 +256,59 @@ class MemoizedSteps:
     ) -> None:
         self._expand, self._most, self._look, self._prune = expand, most, look, prune
         self._compares = compares
-        self._known: dict[bytes, StateSteps] = {}
+        self._known: dict[bytes, KnownSteps] = {}
 
-    @property
-    def expand(self) -> Expand:
-        """The function. When nobody has it any more, steps that are not known yet are given back to the counters."""
-        return self._iterate_open_steps if self._compares else self._iterate_all_steps
-
-    def _get_steps(self, state: State) -> tuple[StateSteps | None, bool]:
-        """The steps of a state, None where objects are in it, and whether somebody has begun to walk over them."""
+    def expand(self, state: State, closed: AbstractSet[Any]) -> Any:
+        """The steps; they are known to the next who asks when all of them were drawn."""
         try:
             key = dumps(state, 2)
-        except ValueError:
-            return None, False
-        found = self._known.get(key)
-        if found is not None:
-            return found, True
-        if len(self._known) >= self._most:
-            self._known.clear()
-        found = self._known[key] = StateSteps()
-        found.rest = self._expand(state, (), found.dropped.append) if self._compares else self._expand(state, ())
-        return found, False
+        except ValueError:  # there are objects inside
+            return self._expand(state, closed, ignore_step_key) if self._compares else self._expand(state, closed)
+        known = self._known.get(key)
+        if known is None:
+            return self._draw_open(key, state, closed) if self._compares else self._draw_steps(key, state, None)
+        self._look(known.elements)
+        return self._choose_open(known, closed) if self._compares else known.steps
 
-    def _iterate_all_steps(self, state: State, closed: AbstractSet[Any]) -> Any:
-        """The steps of a search that compares no rows."""
-        found, begun = self._get_steps(state)
-        if found is None:
-            return self._expand(state, ())
-        if found.rest is None:
-            self._look(found.elements)
-            return found.known
-        return self._walk_again(found, begun)
-
-    def _walk_again(self, found: StateSteps, begun: bool) -> Iterator[Step]:
-        yield from found.walk_steps()
-        if begun:
-            self._look(found.elements)
-
-    def _iterate_open_steps(self, state: State, closed: AbstractSet[Any]) -> Any:
-        """The steps to rows that are not on the path, which is the same whenever one of them is drawn."""
-        found, begun = self._get_steps(state)
-        if found is None:
-            return self._expand(state, closed, ignore_step_key)
-        if found.rest is not None:
-            return self._walk_open(found, begun, state, closed)
-        self._look(found.elements)
-        steps = [step for step in found.known if step[1] not in closed]
-        pruned = len(found.known) - len(steps)
-        if not closed.isdisjoint(found.keys):
-            pruned += sum(key in closed for key in found.dropped)
+    def _choose_open(self, known: KnownSteps, closed: AbstractSet[Any]) -> list[Step]:
+        steps = [step for step in known.steps if step[1] not in closed]
+        pruned = len(known.steps) - len(steps)
+        if not closed.isdisjoint(known.keys):
+            pruned += sum(key in closed for key in known.dropped)
         if pruned:
             self._prune(pruned)
         return steps
 
-    def _walk_open(self, found: StateSteps, begun: bool, state: State, closed: AbstractSet[Any]) -> Iterator[Step]:
-        """The same while they are evaluated.
+    def _draw_steps(self, key: bytes, state: State, dropped: list[Any] | None) -> Iterator[Step]:
+        steps: list[Step] = []
+        drawn = self._expand(state, ()) if dropped is None else self._expand(state, (), dropped.append)
+        while True:
+            try:
+                step = next(drawn)
+            except StopIteration as end:
+                elements = end.value
+                break
+            steps.append(step)
+            yield step
+        if len(self._known) >= self._most:
+            self._known.clear()
+        self._known[key] = KnownSteps(steps, dropped or [], frozenset(dropped or ()), elements)
 
-        A step to a row on the path may fail, which the written order does not evaluate: then nothing is remembered.
-        """
+    def _draw_open(self, key: bytes, state: State, closed: AbstractSet[Any]) -> Iterator[Step]:
+        """The same without steps to rows on the path; one may fail, which the written order does not evaluate."""
         generated = pruned = 0
+        dropped: list[Any] = []
         try:
-            for step in self._walk_again(found, begun):
+            for step in self._draw_steps(key, state, dropped):
                 if step[1] in closed:
                     pruned += 1
                 else:
                     generated += 1
                     yield step
-            pruned += sum(key in closed for key in found.dropped)
+            pruned += sum(one in closed for one in dropped)
         except Stopped:
             raise
-        except Exception:
+        except Exception:  # nothing of the state is remembered
             pruned = 0
             yield from islice(self._expand(state, closed, ignore_step_key), generated, None)
         finally:
