@@ -18,7 +18,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import FLOAT, Kind, Type
 from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.language.operations.operation import remove_none_kind
-from ss2sql.language.plan_traversal import can_fail
+from ss2sql.language.plan_traversal import can_fail, list_inside, list_sources
 from ss2sql.language.rows import make_unique_name
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.portable.portable_expressions import (
@@ -219,6 +219,8 @@ class _ExactSqlExpressions(PortableExpressions):
     def write_rows(self, query: plan.Query) -> Node:
         if len(query.columns) > 1 or query.search is not None:
             raise build_refusal("the elements of this query are no single values", query.span)
+        if list_sources(query) - list_inside(query):
+            raise build_refusal("this query reads the row around it", query.span)
         select = self.writer.make_inner_writer(query).write_select(write_inner_limit(query))
         if query.limit is None:
             select.set("order", None)
