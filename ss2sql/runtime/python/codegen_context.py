@@ -502,12 +502,10 @@ class CodegenContext:
         )
         return build.call(turn_check, build.name(counter))
 
-    def write_step_check(self) -> ast.expr:
-        """The same for the steps of searches; it also hands on what they have counted."""
+    def read_step_meter(self) -> ast.expr:
+        """What does the same for the steps of searches, and hands on what they have counted."""
         build = self.build
-        counters = [build.name(self.name_counter(name, self.root)) for name in COUNTERS]
-        meter = self.bind("meter", "meter", build.call(self.use(make_step_meter), build.name("run")), build)
-        return build.call(meter, *counters)
+        return build.name(self.bind("meter", "meter", build.call(self.use(make_step_meter), build.name("run")), build))
 
     # --- the end ---------------------------------------------------------------------------------------
 

@@ -51,23 +51,10 @@ def make_turn_check(run: Run) -> Callable[[int], int]:
 
 
 def make_step_meter(run: Run) -> Callable[[int, int, int], int]:
-    """Checks searches for cancellation, and adds to the counters of the run what generated code has counted."""
-    stats, check_turn = run.stats, ClockChecks(run).check_clock
-    before = (0, 0, 0)
+    """Adds what searches have counted since the last look, and ends the run where it has to end.
 
-    def count_steps(generated: int, expanded: int, pruned: int) -> int:
-        nonlocal before
-        stats.generated += generated - before[0]
-        stats.expanded += expanded - before[1]
-        stats.pruned += pruned - before[2]
-        before = (generated, expanded, pruned)
-        return check_turn(generated)
-
-    return count_steps
-
-
-def make_countdown_meter(run: Run) -> Callable[[int, int, int], int]:
-    """The same for searches that count from one look to the next; gives the number of steps until then."""
+    Gives the number of steps until the next look.
+    """
     count, check_turn = make_count_report(run), ClockChecks(run).check_clock
 
     def count_steps(generated: int, expanded: int, pruned: int) -> int:

@@ -21,8 +21,14 @@ from ss2sql.language.plan_traversal import has_constant_source, may_run_foreign_
 from ss2sql.language.rows import Rows, make_label
 from ss2sql.language.values import UNSET, format_value
 from ss2sql.runtime.python import flat_query
-from ss2sql.runtime.python.ast_builder import AstBuilder
-from ss2sql.runtime.python.codegen_context import CodegenContext, ExpressionAnalysis, ExpressionFacts, PythonScope
+from ss2sql.runtime.python.ast_builder import AstBuilder, generate_template
+from ss2sql.runtime.python.codegen_context import (
+    COUNTERS,
+    CodegenContext,
+    ExpressionAnalysis,
+    ExpressionFacts,
+    PythonScope,
+)
 from ss2sql.runtime.python.python_expressions import generate_expression, get_group_key
 from ss2sql.runtime.python.query_execution import QueryExecution, get_value_function
 from ss2sql.runtime.python.source_loops import CallStages
@@ -129,6 +135,12 @@ def compile_statements(statements: tuple[plan.Expr, ...], name_scope: EvalScope)
 
 
 # --- compiles the queries of a statement, each with the queries inside of it
+# What a search has counted goes to the run: before the meter may end it, so that nothing counts twice.
+HAND_ON = """
+counts = generated, expanded, pruned
+generated = expanded = pruned = 0
+meter(*counts)
+"""
 SELF_KEYED_KINDS = Kind.INT | Kind.STR | Kind.NONE  # equal values of these kinds are the same
 
 Dispatch = Callable[[plan.Query], Callable[[Run], Any]]
@@ -272,7 +284,7 @@ class QueryCompiler:
             "find": finder,
             "group": self._write_group(query, open_part),
             "arguments": self._write_arguments(query, open_part),
-            "flush": self._write_flush(build) if query.search else None,
+            "flush": self._write_flush() if query.search else None,
         }
         find = codegen.find if query is codegen.level_searched_query else None
         form = build.name(codegen.embed(QueryForm.for_query(query, tuple(own), searched, find), "form"))
@@ -287,10 +299,15 @@ class QueryCompiler:
         ends = query.search or query.grouped or query.order or functions["settings"]
         return CompiledSubquery(task, value, tuples, None if ends else functions["find"], outer)
 
-    def _write_flush(self, build: AstBuilder) -> str:
-        name = self.codegen.new_name("flush")
-        self.codegen.definitions.append(build.function(name, [], [build.run(self.codegen.write_step_check())]))
-        return name
+    def _write_flush(self) -> str:
+        """A function that hands on what searches have counted."""
+        codegen = self.codegen
+        body = PythonScope(codegen, codegen.new_name("flush"), [], codegen.root)
+        for name in COUNTERS:
+            codegen.name_counter(name, body)
+        body.emit(*generate_template(HAND_ON, codegen.build, {"meter": codegen.read_step_meter()}))
+        body.define_function()
+        return body.name
 
     def _write_settings(self, query: plan.Query, part: Callable[[str], PythonScope]) -> str | None:
         """A function that gives LIMIT, OFFSET, MAXIMUM and MEMORIZE's bound, and the names of the columns."""

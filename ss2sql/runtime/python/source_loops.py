@@ -326,13 +326,11 @@ class SourceLoops:
         return body
 
     def _count_turns(self, body: PythonScope, innermost: bool) -> None:
-        """Counts the turns, and looks at the clock now and then. The innermost turns of a search are its steps."""
+        """Counts the turns, and looks at the clock now and then."""
         codegen = self.builder.codegen
         build = codegen.build
-        steps = innermost and self.query.search is not None
-        counter = codegen.name_counter("generated" if steps else "ticks", body)
-        due = codegen.name_counter("due_step" if steps else "due_tick", body)
-        look = build.assign(due, codegen.write_step_check() if steps else codegen.write_turn_check(counter))
+        counter, due = codegen.name_counter("ticks", body), codegen.name_counter("due_tick", body)
+        look = build.assign(due, codegen.write_turn_check(counter))
         body.emit(
             build.add_to(counter), build.when(build.compare(build.name(counter), ast.GtE(), build.name(due)), look)
         )

@@ -46,15 +46,13 @@ from ss2sql.language import plan
 from ss2sql.language.rows import Row
 from ss2sql.language.values import THAWERS, order_rows
 from ss2sql.runtime.python.ast_builder import generate_template, list_names_code_reads
-from ss2sql.runtime.python.codegen_context import PythonScope
+from ss2sql.runtime.python.codegen_context import COUNTERS, PythonScope
 from ss2sql.runtime.python.equality_index import Lookup, find_index_lookups
 from ss2sql.runtime.python.flat_query import place_conditions
 from ss2sql.runtime.python.loop_helpers import (
     TURNS_PER_CHECK,
     Parts,
     make_count_report,
-    make_countdown_meter,
-    make_step_meter,
 )
 from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions
@@ -84,15 +82,12 @@ HELPERS: tuple[Callable[..., Any], ...] = (
 )  # of the loops
 MAX_NESTED_LOOPS = 8  # loops over sources inside of the loop of the search; Python nests twenty blocks
 
-# The clock is looked at now and then. The counters are those of the whole run, or inlined those of a search.
+# The clock is looked at now and then. The counters are those of all searches, or inlined those of one.
 LOOK = """
 if generated >= due:
-    due = meter(generated, expanded, pruned)
-"""
-LOOK_INLINED = """
-if generated >= due:
-    due = meter(generated, expanded, pruned)
+    counts = generated, expanded, pruned
     generated = expanded = pruned = 0
+    due = meter(*counts)
 """
 
 # What stands around the loop over the elements. Those of one list are counted together: a tenth of the time of a grid.
@@ -186,14 +181,10 @@ class StepFunction(StepClauses):
 
     def write_function(self) -> str:
         """Writes the function and gives its name."""
-        for name in ("generated", "expanded", "pruned"):
+        for name in COUNTERS:
             self.codegen.name_counter(name, self.body)
-        meter = self.build.call(self.codegen.use(make_step_meter), self.build.name("run"))
-        words = {
-            "meter": self.build.name(self.codegen.bind("meter", "meter", meter, self.build)),
-            "due": self.build.name(self.codegen.name_counter("due_step", self.body)),
-        }
-        code = self._write_body(LOOK, words, self.has_list_elements)
+        due = self.build.name(self.codegen.name_counter("due_step", self.body))
+        code = self._write_body({"due": due}, self.has_list_elements)
         begin = [] if self.single is None else self.single.begin
         names = list(self.frozen_states.values()) + ["_"] * (self.search.first is not None)
         states = self.build.unpack(names, self.build.name("state"))
@@ -207,11 +198,8 @@ class StepFunction(StepClauses):
         if not has_search_loop_code(loop) or self.search.first is not None or self.takes_arrays or one_by_one:
             return None
         build, codegen, run = self.build, self.codegen, self.build.name("run")
-        meter = codegen.bind("meter of steps", "meter", build.call(codegen.use(make_countdown_meter), run), build)
         hand_on = codegen.bind("hand_on of steps", "hand_on", build.call(codegen.use(make_count_report), run), build)
-        self.body.blocks[0][:] = self._write_body(
-            LOOK_INLINED, {"meter": build.name(meter)}, self.has_list_elements and not self.resumed
-        )
+        self.body.blocks[0][:] = self._write_body({}, self.has_list_elements and not self.resumed)
         function = self.body.build_function(build)
         assert isinstance(function, ast.FunctionDef)
         known = {
@@ -228,7 +216,7 @@ class StepFunction(StepClauses):
         expanded = 0 if self.edges else -1  # a search is no step, so its start does not count
         begin = generate_template(f"generated = pruned = due = 0\nexpanded = {expanded}\nturns = iter(())", build, {})
         begin += [] if self.single is None else self.single.begin
-        counted = (build.name(word) for word in ("generated", "expanded", "pruned"))
+        counted = map(build.name, COUNTERS)
         end = build.run(build.call(hand_on, *counted))
         name = codegen.new_name("search")
         self.owner.emit(
@@ -239,13 +227,14 @@ class StepFunction(StepClauses):
         codegen.namespace |= {"START": START, "TAKEN": TAKEN}
         return name
 
-    def _write_body(self, look: str, words: dict[str, ast.expr], together: bool) -> list[ast.stmt]:
+    def _write_body(self, words: dict[str, ast.expr], together: bool) -> list[ast.stmt]:
         """The code of the function after the parameters, with what is computed once for a state.
 
         `together`: the elements of a state are counted together when it is expanded.
         """
         build, codegen, body = self.build, self.codegen, self.body
-        watch = generate_template(look, build, words)
+        words["meter"] = codegen.read_step_meter()
+        watch = generate_template(LOOK, build, words)
         if not together:
             self.inner.emit(*generate_template(COUNT, build, {"LOOK": watch}))
         self.write_clauses()

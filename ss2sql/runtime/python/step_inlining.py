@@ -178,7 +178,7 @@ class _StepInliner(_Transformer):
         self.end_of_turn: list[ast.stmt] = []  # of the whole search
         at = next(number for number, line in enumerate(self.code) if isinstance(line, ast.Try))
         read = list_names_code_reads(self.code[at:])
-        own = {"turns", "block", "drawn", "generated", "expanded", "pruned", "due", *states}
+        own = {"turns", "block", "drawn", "generated", "expanded", "pruned", "due", "counts", *states}
         self.state_code = [n for n in dict.fromkeys(list_names_code_sets(self.code[:at])) if n in read and n not in own]
 
     def visit_Assign(self, node: ast.Assign) -> ast.AST:
