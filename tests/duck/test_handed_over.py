@@ -11,7 +11,6 @@ from golden import each_row
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.external.duckdb_sources import DuckTransaction
 from ss2sql.vtables.frames import Column
 
 duckdb = pytest.importorskip("duckdb")
@@ -135,22 +134,6 @@ def test_what_is_no_value_of_the_language(own: Any, ss: ss2sql.Session) -> None:
     script = "SELECT turned({}) FROM towns, odd WHERE towns.id == odd.id AS list"
     assert ss.eval(script.format("odd.id")) == ["0"]
     assert code_of(ss.run, script.format("odd.m")) == "X004"
-
-
-def test_what_duckdb_refuses(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    rows = DuckTransaction.fetch_rows
-
-    def full(reading: DuckTransaction, text: str, values: Any = None) -> Any:
-        if "towns" in text and "COUNT(*)" in text and "WHERE" in text:
-            raise duckdb.OutOfMemoryException("no room")
-        return rows(reading, text, values)
-
-    for name in ("fetch_rows", "fetch_arrow"):
-        monkeypatch.setattr(DuckTransaction, name, full)
-    with pytest.raises(ss2sql.ExecutionError, match="duckdb: no room") as caught:
-        ss.run("SELECT b.id FROM a = towns, b = towns WHERE a.id > 9 AND turned(b.id) != '3' AS list")
-    assert caught.value.span is not None
-    assert caught.value.span.text == "towns"
 
 
 # --- what changes ------------------------------------------------------------------------------------------

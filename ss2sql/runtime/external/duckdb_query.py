@@ -99,7 +99,6 @@ class DuckQuery:
     def __init__(self, query: plan.Query, sources: DuckSources, variable: Callable[[str], Any]) -> None:
         self.query, self.sources = query, sources
         self._known: dict[tuple[Any, ...], tuple[PushdownQuery, str]] = {}
-        self._computed: dict[int, Callable[[Run], Any]] = {}
         self.written, self.text = self._write_query(variable)
 
     @property
@@ -161,9 +160,7 @@ class DuckQuery:
         if limit == 0:
             return  # nothing of the query is evaluated
         reading = self.sources.open_transaction(run)
-        with self.sources.convert_errors():
-            strange = reading.strange
-        if strange:
+        if reading.strange:
             reason = "settings of the connection say how texts compare, or where None is sorted"
             cure = "RESET default_collation and default_null_order"
             raise build_refusal(reason, self.query.span, cure)
@@ -177,12 +174,8 @@ class DuckQuery:
             for name, wanted in self.parameters.items()
         }
         run.bound[self] = values
-        try:
-            with interrupt_when_due(run, reading):
-                yield from self._run_statement(reading, loaded, values, run, fetch)
-        except self.sources.errors as error:
-            hint = "look at its limit of memory and the room on its disk"
-            raise ExecutionError("X009", f"duckdb: {error}", self.query.span, (hint,)) from error
+        with reading.convert_errors(), interrupt_when_due(run, reading):
+            yield from self._run_statement(reading, loaded, values, run, fetch)
 
     def _evaluate_limit(self, run: Run) -> int | None:
         limit = self.query.limit
@@ -200,9 +193,7 @@ class DuckQuery:
             raise error.with_span(table.value.span) from None
 
     def _compute_value(self, expr: plan.Expr, run: Run) -> Any:
-        if id(expr) not in self._computed:
-            self._computed[id(expr)] = compile_statement(expr)
-        return self._computed[id(expr)](run)
+        return compile_statement(expr)(run)
 
     def _run_statement(
         self,

@@ -9,17 +9,17 @@ means what the catalogue of DuckDB has under it, never a file, a function or a v
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import sqlglot
 from sqlglot import exp
 
-from ss2sql.errors import ExecutionError, SessionError, Span
+from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type
 from ss2sql.language.operations.intervals import MAX, widen_number_type
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     import duckdb
 
 
+T = TypeVar("T")
 _INTEGERS = ("TINYINT", "SMALLINT", "INTEGER", "UTINYINT", "USMALLINT", "UINTEGER")
 _LARGE = ("UBIGINT", "HUGEINT", "UHUGEINT")
 _TIMES = ("DATE", "TIME", "TIMESTAMP")
@@ -200,12 +201,24 @@ PREFIX = "duckdb."  # of the variables as which tables are read; a script has no
 class DuckTransaction:
     """A cursor of its own on a connection, in a transaction, which ends with the run.
 
-    In a `strange` connection SQL means something else than by itself.
+    In a `strange` connection SQL means something else than by itself. What DuckDB raises, one of `errors`, becomes
+    ExecutionError X009.
     """
 
-    def __init__(self, cursor: duckdb.DuckDBPyConnection) -> None:
-        self.cursor = cursor
-        self.cursor.begin()
+    def __init__(
+        self, make_cursor: Callable[[], duckdb.DuckDBPyConnection], errors: tuple[type[Exception], ...]
+    ) -> None:
+        self.errors = errors
+        with self.convert_errors():
+            self.cursor = make_cursor()
+            self.cursor.begin()
+
+    @contextmanager
+    def convert_errors(self) -> Iterator[None]:
+        try:
+            yield
+        except self.errors as error:
+            raise ExecutionError("X009", f"duckdb: {error}") from error
 
     @cached_property
     def collated(self) -> bool:
@@ -221,42 +234,44 @@ class DuckTransaction:
         return bool(flag)
 
     def fetch_rows(self, text: str, values: Any = None) -> list[tuple[Any, ...]]:
-        return self.cursor.execute(text, values).fetchall()
+        with self.convert_errors():
+            return self.cursor.execute(text, values).fetchall()
 
     def fetch_arrow(self, text: str) -> Any:
-        return self.cursor.sql(text).to_arrow_table()
+        with self.convert_errors():
+            return self.cursor.sql(text).to_arrow_table()
 
     def interrupt_statement(self) -> None:
         self.cursor.interrupt()
 
 
 class DuckFrame(Frame):
-    """A table of DuckDB as a data frame: how it is written in SQL, what has read it, and the `reader` of its values."""
+    """A table of DuckDB as a data frame, which `reading` reads: a column when it is first needed.
 
-    __slots__ = ("outside", "reader", "reading")
+    `outside` is how the table is written in SQL, `strange` has the types of columns without values of the language.
+    """
+
+    __slots__ = ("outside", "read_column", "reader", "reading", "strange")
 
     def __init__(
         self,
-        columns: dict[str, FrameColumn],
-        length: int,
-        outside: ExternalTable,
+        reader: DuckTableReader,
         reading: DuckTransaction,
-        reader: _DuckValues,
+        outside: ExternalTable,
+        strange: dict[str, str],
+        types: dict[str, Type],
+        length: int,
     ) -> None:
-        super().__init__(columns, length)
-        self.outside, self.reading, self.reader = outside, reading, reader
+        self.reader, self.reading, self.outside, self.strange = reader, reading, outside, strange
+        self.read_column = read = partial(reader.read_column, reading, outside, strange, [])
+        super().__init__({name: FrameColumn(kind, partial(read, name)) for name, kind in types.items()}, length)
 
     def restrict_rows(self, outside: ExternalTable) -> DuckFrame:
         """The table with some of its rows, which `outside` chooses."""
         count = exp.Select(expressions=[exp.Count(this=exp.Star())]).from_(outside.item.copy())
         ((rows,),) = self.reading.fetch_rows(DUCKDB.print_tree(count))
-        values = self.reader.restrict_rows(outside)
-        columns = {name: values.make_lazy_column(name, column.type) for name, column in self.columns.items()}
-        return DuckFrame(columns, rows, outside, self.reading, values)
-
-    def convert_errors(self, span: Span) -> AbstractContextManager[None]:
-        """Makes what DuckDB raises ExecutionError X009, at the source that is read."""
-        return self.reader.reader.sources.convert_errors(span)
+        types = {name: column.type for name, column in self.columns.items()}
+        return DuckFrame(self.reader, self.reading, outside, self.strange, types, rows)
 
 
 class DuckSources:
@@ -274,17 +289,26 @@ class DuckSources:
         self.cursor, self.errors, self.active_runs = cursor, errors, active_runs
         self.read_columns: dict[str, set[str] | None] = {}  # of each table, by its SQL; None: all
 
+    def read_once(self, key: Hashable, read: Callable[[], T], run: Run | None = None) -> T:
+        """What was read in a run under this key, which is read once; outside of runs anew."""
+        run = run or (self.active_runs[-1] if self.active_runs else None)
+        if run is None:
+            return read()
+        if (self, key) not in run.readings:
+            run.readings[self, key] = read()
+        return run.readings[self, key]  # type: ignore[no-any-return]
+
     def open_transaction(self, run: Run | None = None) -> DuckTransaction:
         """The transaction of a run; of none a new one. Raises ExecutionError X009 where the connection is closed."""
         run = run or (self.active_runs[-1] if self.active_runs else None)
-        if run is not None and self in run.readings:
-            return run.readings[self]  # type: ignore[no-any-return]
-        with self.convert_errors():
-            made = DuckTransaction(self.cursor())
-        if run is not None:
-            run.readings[self] = made
-            run.cleanups.append(made.cursor.close)
-        return made
+
+        def begin() -> DuckTransaction:
+            made = DuckTransaction(self.cursor, self.errors)
+            if run is not None:
+                run.cleanups.append(made.cursor.close)
+            return made
+
+        return self.read_once("transaction", begin, run)
 
     def find_variable(self, name: str) -> str | None:
         """As what variable the table or view `name`, or `schema.name`, is read; None if there is none."""
@@ -306,8 +330,7 @@ class DuckSources:
 
     def list_names(self) -> list[str]:
         """The names of all tables and views that need no schema before them."""
-        with self.convert_errors():
-            found = self.open_transaction().fetch_rows(_FIND_TABLE, {"schema": None})
+        found = self.open_transaction().fetch_rows(_FIND_TABLE, {"schema": None})
         return [name for _, _, name, _ in found]
 
     def note_read_columns(self, table: str) -> set[str] | None:
@@ -335,32 +358,18 @@ class DuckSources:
         item = exp.Table(this=exp.Anonymous(this="read_parquet", expressions=arguments))
         reader = DuckTableReader(self, name, item, "file_row_number", path)
         try:
-            reader.describe_columns(DuckTransaction(self.cursor()))
-        except self.errors as error:
-            message = f"{path} is not a Parquet file that can be read: {error}"
+            reader.describe_columns(DuckTransaction(self.cursor, self.errors))
+        except ExecutionError as error:
+            message = f"{path} is not a Parquet file that can be read: {error.message}"
             raise SessionError("S002", message, hints=(hint,)) from error
         return reader
 
     def _find_in_catalogue(self, name: str) -> list[tuple[Any, ...]]:
         """Where the catalogue has the table; queried once in a run."""
-        run, key = self.active_runs[-1] if self.active_runs else None, (self, name)
-        if run is not None and key in run.readings:
-            return run.readings[key]  # type: ignore[no-any-return]
         schema, _, table = name.rpartition(".")
         values = {"schema": schema or None, "name": table}
-        with self.convert_errors():
-            found = self.open_transaction().fetch_rows(f"{_FIND_TABLE} AND name = $name", values)
-        if run is not None:
-            run.readings[key] = found
-        return found
-
-    @contextmanager
-    def convert_errors(self, span: Span | None = None) -> Iterator[None]:
-        """Makes what DuckDB raises ExecutionError X009, at the place that reads it."""
-        try:
-            yield
-        except self.errors as error:
-            raise ExecutionError("X009", f"duckdb: {error}", span) from error
+        text = f"{_FIND_TABLE} AND name = $name"
+        return self.read_once(("name", name), lambda: self.open_transaction().fetch_rows(text, values))
 
 
 @dataclass(slots=True)
@@ -387,19 +396,9 @@ class DuckTableReader:
         self.state: tuple[int, ...] | None = None  # of the file
 
     def __call__(self, every_column: bool = False) -> Frame:
-        sources = self.sources
-        run = sources.active_runs[-1] if sources.active_runs else None
-        wanted = None if every_column else sources.note_read_columns(self.sql)
-        key = (sources, self.sql, None if wanted is None else frozenset(wanted))
-        if run is not None and key in run.readings:
-            return run.readings[key]  # type: ignore[no-any-return]
-        try:
-            frame = self._read_frame(sources.open_transaction(), wanted)
-        except sources.errors as error:
-            raise ExecutionError("X009", f"the table '{self.name}' cannot be read: {error}") from error
-        if run is not None:
-            run.readings[key] = frame
-        return frame
+        wanted = None if every_column else self.sources.note_read_columns(self.sql)
+        key = (self.sql, None if wanted is None else frozenset(wanted))
+        return self.sources.read_once(key, lambda: self._read_frame(self.sources.open_transaction(), wanted))
 
     def describe_columns(self, reading: DuckTransaction) -> list[DuckColumn]:
         described = reading.fetch_rows(f"DESCRIBE SELECT * FROM {DUCKDB.print_tree(self.item)}")
@@ -430,12 +429,29 @@ class DuckTableReader:
         seen = {column.name: table.facts.get(column.name, ColumnFacts(Type(), None)) for column in columns}
         outside = self._make_external_table(seen)
         strange = {column.name: column.kind for column in columns if column.strange}
-        values = _DuckValues(self, reading, outside, strange)
+        frame = DuckFrame(self, reading, outside, strange, {name: known.type for name, known in seen.items()}, rows)
         for name, known in seen.items():
             if known.refused:
-                values.read_column(name)  # raises, with the row's number
-        kept = {name: values.make_lazy_column(name, known.type) for name, known in seen.items()}
-        return DuckFrame(kept, rows, outside, reading, values)
+                frame.read_column(name)  # raises, with the row's number
+        return frame
+
+    def read_column(
+        self, reading: DuckTransaction, outside: ExternalTable, strange: dict[str, str], whole: list[Any], name: str
+    ) -> list[Any]:
+        """The values of a column. Raises ExecutionError X004 for what is none of the language.
+
+        Where rows have no fixed order all columns are read at once, and kept in `whole`.
+        """
+        from ss2sql.vtables.frames.arrow import convert_arrow_column
+
+        place = f"the column '{name}' of '{self.name}'"
+        if name in strange:
+            hint = "make texts or numbers of them in a view of DuckDB"
+            raise ExecutionError("X004", f"{place} holds values of the type {strange[name]}", hints=(hint,))
+        if self.number is None and not whole:
+            whole.append(_fetch_columns(reading, outside, [name for name in outside.columns if name not in strange]))
+        array = _fetch_columns(reading, outside, [name]) if self.number is not None else whole[0]
+        return convert_arrow_column(array.column(name), place).values
 
     def _make_external_table(self, seen: dict[str, ColumnFacts]) -> ExternalTable:
         columns = {name: known.sql for name, known in seen.items()}
@@ -448,45 +464,8 @@ class DuckTableReader:
         return ExternalTable(exp.Subquery(this=numbered), number, columns, shape)
 
 
-class _DuckValues:
-    """The values of a table as Python gets them: column by column, or all at once where rows have no fixed order."""
-
-    def __init__(
-        self, reader: DuckTableReader, reading: DuckTransaction, outside: ExternalTable, strange: dict[str, str]
-    ) -> None:
-        self.reader, self.reading, self.outside, self.strange = reader, reading, outside, strange
-        self.whole: Any = None
-
-    def restrict_rows(self, outside: ExternalTable) -> _DuckValues:
-        """Those of some rows."""
-        return _DuckValues(self.reader, self.reading, outside, self.strange)
-
-    def make_lazy_column(self, name: str, kind: Type) -> FrameColumn:
-        return FrameColumn(kind, lambda: self.read_column(name).values)
-
-    def read_column(self, name: str) -> FrameColumn:
-        """The column. Raises ExecutionError X004 for what is no value of the language, X009 where DuckDB fails."""
-        from ss2sql.vtables.frames.arrow import convert_arrow_column
-
-        place = f"the column '{name}' of '{self.reader.name}'"
-        if name in self.strange:
-            hint = "make texts or numbers of them in a view of DuckDB"
-            raise ExecutionError("X004", f"{place} holds values of the type {self.strange[name]}", hints=(hint,))
-        try:
-            array = self._read_array(name)
-        except self.reader.sources.errors as error:
-            raise ExecutionError("X009", f"{place} cannot be read: {error}") from error
-        return convert_arrow_column(array, place)
-
-    def _read_array(self, name: str) -> Any:
-        if self.reader.number is not None:
-            return self._write_select([name]).column(0)
-        if self.whole is None:
-            self.whole = self._write_select([name for name in self.outside.columns if name not in self.strange])
-        return self.whole.column(name)
-
-    def _write_select(self, names: Sequence[str]) -> Any:
-        columns = [exp.Column(this=quote_sql_identifier(name)) for name in names]
-        select = exp.Select(expressions=columns).from_(self.outside.item.copy())
-        ordered = select.order_by(exp.Column(this=quote_sql_identifier(self.outside.number)))
-        return self.reading.fetch_arrow(DUCKDB.print_tree(ordered))
+def _fetch_columns(reading: DuckTransaction, outside: ExternalTable, names: Sequence[str]) -> Any:
+    columns = [exp.Column(this=quote_sql_identifier(name)) for name in names]
+    select = exp.Select(expressions=columns).from_(outside.item.copy())
+    ordered = select.order_by(exp.Column(this=quote_sql_identifier(outside.number)))
+    return reading.fetch_arrow(DUCKDB.print_tree(ordered))

@@ -35,7 +35,7 @@ class PredicatePushdown:
         kept = None if frame is None else self.filter_frame(frame, run.get_source)
         if frame is None or kept is None:
             return run.get_source(self.source.value.name)
-        with frame.convert_errors(self.source.span), interrupt_when_due(run, frame.reading):
+        with interrupt_when_due(run, frame.reading):
             return frame.restrict_rows(kept)
 
     def filter_frame(self, frame: DuckFrame, variable: Callable[[str], Any]) -> ExternalTable | None:
