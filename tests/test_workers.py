@@ -400,9 +400,7 @@ def test_until_the_others_are_ready_this_process_makes_the_calls(
     ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(block_calls, "PATIENCE", 0.0)
-    monkeypatch.setattr(
-        process_pool, "_serve_process", lambda process, *_: (process.stdin.close(), process.stdout.close())
-    )
+    monkeypatch.setattr(process_pool.ProcessPool, "are_ready", lambda *_: False)
     for name, calls in {"onward": 6, "failing": 12}.items():  # which calls `onward` itself
         declare(ss, "is_far", onward=getattr(worker_functions, name))
         assert same(ss, "SELECT onward(n, this) FROM range(6) START WITH n = 1 CONNECT BY MEMORIZE 1 n = n;") == calls

@@ -11,10 +11,10 @@ To hand a call to another process and to take back its result costs 10 to 15 us.
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Hashable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import suppress
 from marshal import dumps, loads
 from pickle import loads as unpickle
-from queue import Empty, SimpleQueue
 from time import perf_counter
 from typing import Any
 
@@ -26,8 +26,8 @@ from ss2sql.language.values import State, convert_value
 from ss2sql.runtime.parallel.process_pool import (
     Answer,
     LocalFunction,
+    ProcessDiedError,
     ProcessPool,
-    Task,
     TransferableFunction,
     describe_transfer,
     warn_once,
@@ -148,7 +148,6 @@ class CallPrefetcher:
         self.noting = False
         self.waiting: dict[str, list[bytes]] = {}  # calls by functions, as marshal bytes of arguments
         self.wanted: set[tuple[str, bytes]] = set()  # of a block
-        self.answers: SimpleQueue[Answer] = SimpleQueue()
 
     def make_timed_call(self, entry: UserFunction, real: Callable[[Any], Any]) -> Callable[[Any], Any]:
         """A call as it is made where it is not remembered: `real`, unless it is one for other processes."""
@@ -244,7 +243,7 @@ class CallPrefetcher:
         """Whether the calls that wait are worth messages, and there are processes; they are started when it is."""
         work = sum(len(calls) * self.functions[name].cost for name, calls in self.waiting.items())
         done = sum(timed.seconds for timed in self.functions.values() if timed.is_shared)
-        started = self.processes.started or work + done >= START
+        started = self.processes.processes or work + done >= START
         if not self.waiting or work < LEAST * self.workers or not started:
             return False
         sent = [timed.sent for timed in self.functions.values() if isinstance(timed.sent, TransferableFunction)]
@@ -259,38 +258,39 @@ class CallPrefetcher:
 
     def _send_and_await(self) -> None:
         """Has the processes make the calls that wait. Raises ExecutionError X013 where a process has died."""
-        sent = 0
+        sent = dict[Future[Answer], tuple[TimedCalls, list[bytes]]]()
         for name, calls in self.waiting.items():
             timed = self.functions[name]
             assert isinstance(timed.sent, TransferableFunction)
             rounds = max(1, round(len(calls) * timed.cost / (BATCH * self.workers)))
             for number in range(parts := min(len(calls), self.workers * rounds)):  # in equal parts
-                self.processes.add_task(Task(name, timed.sent, calls[number::parts], self.answers))
-                sent += 1
+                part = calls[number::parts]
+                sent[self.processes.submit_calls(timed.sent, part)] = timed, part
         self.waiting = {}
         while sent:
             self.run.check()
-            with suppress(Empty):
-                self._take_answer(self.answers.get(timeout=LOOK))
-                sent -= 1
+            for answer in wait(sent, LOOK, FIRST_COMPLETED).done:
+                self._take_answer(*sent.pop(answer), answer)
 
-    def _take_answer(self, answer: Answer) -> None:
+    def _take_answer(self, timed: TimedCalls, calls: list[bytes], answer: Future[Answer]) -> None:
         """Remembers calls; one that gives no value of the language is made once more, here."""
-        name, timed = answer.task.name, self.functions[answer.task.name]
-        if answer.died:
+        name = timed.name
+        try:
+            results, seconds, refused = answer.result()
+        except ProcessDiedError as error:
             hints = (
                 f"'{name}' ends its process or needs more memory than there is; workers=1 calls it in this one",
                 "the session works on, with new workers",
             )
-            raise ExecutionError("X013", f"a worker {answer.died} while it called '{name}'", hints=hints)
-        if answer.refused:
+            raise ExecutionError("X013", f"a worker {error} while it called '{name}'", hints=hints) from None
+        if refused:
             cure = "what a module is made of must not change while it is used"
-            self._keep_local(timed, LocalFunction(answer.refused, cure))
-        if NO_VALUE in answer.results:
+            self._keep_local(timed, LocalFunction(refused, cure))
+        if NO_VALUE in results:
             self._keep_local(timed, LocalFunction("returns objects, which would be others in another process"))
-        timed.note_time(len(answer.results), answer.seconds)
+        timed.note_time(len(results), seconds)
         memory: Any = self.run.callables[name]
-        for arguments, result in zip(answer.task.calls, answer.results, strict=False):
+        for arguments, result in zip(calls, results, strict=False):
             if result:
                 with suppress(ExecutionError):
                     memory.adopt(loads(arguments), convert_value(unpickle(result), f"the function '{name}'"))

@@ -5,8 +5,8 @@ in a module or in a file of functions, and to depend on nothing but its argument
 script.py` is such a file only where it says what it does when it is run, `if __name__ == "__main__":`; all else in it
 would be done once more by each process.
 
-Each has a thread here that hands it one message after the other and waits for the answer, so waiting works the same on
-every system. The pipes to a process are held by nobody else: it ends itself when this process is gone, also when that
+A thread here hands a message to a process that is idle and waits for the answer, so waiting works the same on every
+system. The pipes to a process are held by nobody else: it ends itself when this process is gone, also when that
 was killed, which workers of `concurrent.futures` do not notice.
 """
 
@@ -17,12 +17,11 @@ import os
 import pickle
 import subprocess
 import sys
-import threading
 import warnings
 import weakref
 from collections.abc import Callable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
-from dataclasses import field
 from pathlib import Path
 from queue import SimpleQueue
 from types import FunctionType
@@ -146,64 +145,42 @@ def _count_package_frames() -> int:
     return number
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
-    """Calls of one function, which has a `name` here; its answer goes to `answers`."""
-
-    name: str
-    function: TransferableFunction
-    calls: list[bytes]
-    answers: SimpleQueue[Answer]
+class ProcessDiedError(Exception):
+    """How a process has ended while a call was made there."""
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What became of a task: a result for each call, None for those that have to be made again; the seconds they took.
-
-    `refused` says why the process does not have the function, `died` how the process ended.
-    """
-
-    task: Task
-    results: list[bytes | None] = field(default_factory=list)
-    seconds: float = 0.0
-    refused: str = ""
-    died: str = ""
-
-
-Tasks: TypeAlias = SimpleQueue[Task | None]
+Answer: TypeAlias = tuple[list[bytes | None], float, str]  # results, see call_in_worker; seconds; why it has none
 
 
 class ProcessPool:
-    """The worker processes of one session, which share a queue of tasks; each is served by a thread here."""
+    """The worker processes of one session."""
 
     def __init__(self) -> None:
         self.processes: list[subprocess.Popen[bytes]] = []
-        self._tasks: Tasks = SimpleQueue()
-        self._ready = threading.Event()
+        self._idle: SimpleQueue[subprocess.Popen[bytes]] = SimpleQueue()
+        self._threads = ThreadPoolExecutor(1)
+        self._started: list[Future[Answer]] = []  # the first message to each
         self._kill: Callable[[], object] = int
-
-    @property
-    def started(self) -> bool:
-        return bool(self.processes)
 
     def are_ready(self, patience: float) -> bool:
         """Whether one of them waits for work already, or does after so many seconds."""
-        return self._ready.wait(patience)
+        return bool(wait(self._started, patience, FIRST_COMPLETED).done)
 
     def start_processes(self, number: int, functions: Sequence[TransferableFunction]) -> None:
-        """Sees to it that there are so many processes; new ones have these functions before they are ready."""
+        """Sees to it that there are so many processes; new ones load these functions first."""
         if len(self.processes) == number:
             return
         self.end_processes()
-        self._tasks, self._ready = SimpleQueue(), threading.Event()
+        self._idle, self._threads = SimpleQueue(), ThreadPoolExecutor(number, "ss2sql worker")
         self.processes = [_start_process() for _ in range(number)]
-        self._kill = weakref.finalize(self, _kill_processes, self.processes, self._tasks, os.getpid())
+        self._kill = weakref.finalize(self, _kill_processes, self.processes, self._threads, os.getpid())
         for process in self.processes:
-            arguments = (process, functions, self._tasks, self._ready)
-            threading.Thread(target=_serve_process, args=arguments, name="ss2sql worker", daemon=True).start()
+            self._idle.put(process)
+        self._started = [self.submit_calls(function, []) for _ in self.processes for function in functions]
 
-    def add_task(self, task: Task) -> None:
-        self._tasks.put(task)
+    def submit_calls(self, function: TransferableFunction, calls: list[bytes]) -> Future[Answer]:
+        """Has a process make calls of a function; the answer raises ProcessDiedError where it has ended."""
+        return self._threads.submit(_make_calls, self._idle, (function.place, function.fingerprint, calls))
 
     def end_processes(self) -> None:
         """Ends the processes at once, whatever they do; nobody waits for their answers any more."""
@@ -211,14 +188,34 @@ class ProcessPool:
         self.processes = []
 
 
-def _kill_processes(processes: Sequence[subprocess.Popen[bytes]], tasks: Tasks, parent: int) -> None:
+def _kill_processes(processes: Sequence[subprocess.Popen[bytes]], threads: ThreadPoolExecutor, parent: int) -> None:
     if os.getpid() != parent:  # a copy of the process that started them, made by `fork`
         return
     for process in processes:
         process.kill()
-        tasks.put(None)
+    threads.shutdown(cancel_futures=True)
     for process in processes:
         process.wait()
+        for pipe in (process.stdin, process.stdout):
+            assert pipe is not None
+            with suppress(OSError):  # there was something left to write
+                pipe.close()
+
+
+def _make_calls(idle: SimpleQueue[subprocess.Popen[bytes]], message: Any) -> Answer:
+    """Hands a message to a process and waits for its answer; in a thread of its own."""
+    process = idle.get()
+    assert process.stdout is not None
+    try:
+        _send_message(process, message)
+        answer: Answer = pickle.load(process.stdout)
+    except (EOFError, OSError, ValueError, pickle.UnpicklingError):
+        code = process.wait()
+        ending = f"was killed by signal {-code}" if code < 0 else f"has ended with exit code {code}"
+        raise ProcessDiedError(ending) from None
+    finally:
+        idle.put(process)
+    return answer
 
 
 def _start_process() -> subprocess.Popen[bytes]:
@@ -240,34 +237,3 @@ def _send_message(process: subprocess.Popen[bytes], message: Any) -> None:
     with suppress(OSError):  # it has ended, which whoever waits for an answer notices
         pickle.dump(message, process.stdin, 5)
         process.stdin.flush()
-
-
-def _serve_process(
-    process: subprocess.Popen[bytes],
-    functions: Sequence[TransferableFunction],
-    tasks: Tasks,
-    ready: threading.Event,
-) -> None:
-    """Hands tasks to a process until it ends; a thread of its own."""
-    assert process.stdin is not None
-    assert process.stdout is not None
-    with suppress(EOFError, OSError, pickle.UnpicklingError):  # the first task will notice
-        for function in functions:
-            _send_message(process, (function.place, function.fingerprint, []))
-            pickle.load(process.stdout)
-    ready.set()
-    while (task := tasks.get()) is not None:
-        try:
-            _send_message(process, (task.function.place, task.function.fingerprint, task.calls))
-            task.answers.put(Answer(task, *pickle.load(process.stdout)))
-        except (EOFError, OSError, ValueError, pickle.UnpicklingError):
-            task.answers.put(Answer(task, died=_describe_process_end(process)))
-            break
-    for pipe in (process.stdin, process.stdout):
-        with suppress(OSError):  # there was something left to write
-            pipe.close()
-
-
-def _describe_process_end(process: subprocess.Popen[bytes]) -> str:
-    code = process.wait()
-    return f"was killed by signal {-code}" if code < 0 else f"has ended with exit code {code}"

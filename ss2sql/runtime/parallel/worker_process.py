@@ -51,7 +51,7 @@ def answer_messages() -> None:
             except BaseException as error:  # whatever the user's module does: it is no reason to die
                 found = f"cannot be found by a fresh process: {type(error).__name__}: {error}"
             functions[place, expected] = found
-        pickle.dump(([], 0.0, found) if isinstance(found, str) else call_in_worker(found, calls), answers)
+        pickle.dump(([], 0.0, found) if isinstance(found, str) else (*call_in_worker(found, calls), ""), answers)
         answers.flush()
 
 
