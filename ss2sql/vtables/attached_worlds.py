@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Collection, Iterator, Mapping
+from itertools import chain
 from typing import Any
 
 from ss2sql.errors import Error, ExecutionError, SessionError
@@ -73,6 +74,8 @@ class AttachedWorld:
             attached.module = module_of(f"{name}.{table.name}", attached)
         self.principal = next(iter(self.tables.values()))
         self.functions = dict(_collect_world_methods(world))
+        # Its columns and functions, each of which can be called with an element.
+        self.names = [*chain.from_iterable(table.schema.kinds for table in self.tables.values()), *self.functions]
         # The columns that are read of a body by its id or name, too: `type("kuka")` is that of a text, though.
         findable = self.principal.schema.kinds.keys() if hasattr(world, "find_body") else ()
         self.body_columns = frozenset(findable) - OPERATIONS.keys() - self.functions.keys()
@@ -85,10 +88,6 @@ class AttachedWorld:
     def get_declaration(self, name: str) -> WorldFunction:
         note = getattr(getattr(type(self.world), name, None), "__ss2sql__", None)
         return note if isinstance(note, WorldFunction) else WorldFunction()
-
-    def list_callable_names(self) -> set[str]:
-        """The names of its functions and columns, each of which can be called with an element."""
-        return set(self.functions).union(*(table.schema.kinds for table in self.tables.values()))
 
 
 def _collect_world_methods(world: World) -> Iterator[tuple[str, tuple[Callable[..., Any], Volatility]]]:
@@ -114,19 +113,13 @@ class WorldFunctions:
 
     def list_functions(self) -> dict[str, UserFunction]:
         """The functions by their names in scripts; one named like a built-in has another name in plans and SQL."""
-        names = {name: None for world in self.worlds.values() for name in self._list_names(world)}
+        names = {name: None for world in self.worlds.values() for name in world.names}
         found = {name: self._make_function(name, self.worlds.values()) for name in names}
         if len(self.worlds) > 1:  # then `space.move(...)` distinguishes them
             for world in self.worlds.values():
                 for name in (*world.functions, *world.body_columns):
                     found[f"{world.name}.{name}"] = self._make_function(name, (world,))
         return found
-
-    @staticmethod
-    def _list_names(world: AttachedWorld) -> Iterator[str]:
-        for table in world.tables.values():
-            yield from table.schema.kinds
-        yield from world.functions
 
     def _make_function(self, name: str, worlds: Collection[AttachedWorld]) -> UserFunction:
         methods = [world.functions[name] for world in worlds if name in world.functions]
@@ -137,7 +130,7 @@ class WorldFunctions:
         most = max(highs) if len(highs) == len(counts) + column else None
         stable: Volatility = "stable"
         weakest = max((volatility for _, volatility in methods), key=_WEAKNESS.index, default=stable)
-        owners = [world.name for world in worlds if name in world.list_callable_names()]
+        owners = [world.name for world in worlds if name in world.names]
         planned = f"world_{name}" if name in OPERATIONS else name
         if len(worlds) < len(self.worlds):
             planned = f"{owners[0]}.{name}"

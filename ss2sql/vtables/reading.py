@@ -160,13 +160,13 @@ def make_endless_reading() -> None:
 class Readings:
     """The tables that one query reads. `remembered` has the caches of adapters, by world.
 
-    `places` are the spans of tables in FROM. `check` raises where the run has to end.
+    `places` are the first spans of tables in FROM, which errors get. `check` raises where the run has to end.
     """
 
     def __init__(
         self,
         remembered: QueryCache | None = None,
-        places: Iterable[tuple[AttachedWorldTable, Span | None]] = (),
+        places: Iterable[tuple[Table | TableFunction, Span]] = (),
         check: Callable[[], None] = make_endless_reading,
     ) -> None:
         self.check = check
@@ -174,15 +174,16 @@ class Readings:
         self._tables: dict[Table | TableFunction, Reading] = {}
         self._memories: QueryCache = {} if remembered is None else remembered
 
-    def get_reading(self, table: Table | TableFunction, span: Span | None = None) -> Reading:
-        """The reading of a table; a table function that gives keys shares the data of its table.
-
-        Errors get `span`, the place where the table first stands in FROM.
-        """
+    def get_reading(self, table: Table | TableFunction) -> Reading:
+        """The reading of a table; a table function that gives keys shares the data of its table."""
         known = self._tables.get(table)
         if known is None:
-            schema = get_schema(table)
-            shared = self.get_reading(schema.walked, span) if schema.walked is not None else None
+            schema, span = get_schema(table), self.places.get(table)
+            shared = None
+            if schema.walked is not None:
+                if span is not None:
+                    self.places.setdefault(schema.walked, span)
+                shared = self.get_reading(schema.walked)
             memory = self._memories.setdefault(table.world, {})
             known = self._tables[table] = Reading(schema, shared, memory, span, self.check)
         return known
@@ -410,15 +411,15 @@ Row: TypeAlias = tuple[Any, ...]
 class LateColumns:
     """Makes the rows of a query from keys, which its SQL selects.
 
-    `tables` are the tables of the sources, with the places where errors show them; `cells` are what is shown:
-    the number of a source and the name of its column, None for its element.
+    `tables` are the tables of the sources; `cells` are what is shown: the number of a source and the name of its
+    column, None for its element.
     """
 
-    tables: tuple[tuple[AttachedWorldTable, Span], ...]
+    tables: tuple[AttachedWorldTable, ...]
     cells: tuple[tuple[int, str | None], ...]
 
     def iterate_rows(self, readings: Readings, keys: Iterable[Sequence[Any]]) -> Iterator[Row]:
-        known = [readings.get_reading(table.table, span) for table, span in self.tables]
+        known = [readings.get_reading(table.table) for table in self.tables]
         columns = []
         for (number, name), copy in zip(self.cells, tee(keys, len(self.cells)), strict=True):
             read = known[number].get_element if name is None else known[number].make_reader(name)
@@ -455,8 +456,7 @@ def plan_late_columns(query: plan.Query, keys: Sequence[plan.Column]) -> LateCol
         for expr in (output.expr for output in query.columns)
         if isinstance(expr, (plan.Element, plan.Column))  # all are
     ]
-    tables = tuple((worlds[key.source].table, worlds[key.source].span) for key in keys)
-    return LateColumns(tables, tuple(cells))
+    return LateColumns(tuple(worlds[key.source].table for key in keys), tuple(cells))
 
 
 # --- snapshots: the tables that a query copies at its start, because it may move the world during the walk
@@ -467,8 +467,8 @@ class Snapshot:
     `places` are the first spans of its tables.
     """
 
-    columns: tuple[tuple[AttachedWorldTable, Span | None, tuple[str, ...]], ...] = ()
-    places: tuple[tuple[AttachedWorldTable, Span | None], ...] = ()
+    columns: tuple[tuple[AttachedWorldTable, tuple[str, ...]], ...] = ()
+    places: tuple[tuple[Table | TableFunction, Span], ...] = ()
 
     def copy_tables(self, remembered: QueryCache | None, check: Callable[[], None]) -> Readings:
         """The readings of a run of the query, with the copy made. `remembered` gets the caches of worlds.
@@ -476,8 +476,8 @@ class Snapshot:
         `check` raises where the run has to end.
         """
         readings = Readings(remembered, self.places, check)
-        for table, place, columns in self.columns:
-            readings.get_reading(table.table, place).freeze_columns(columns)
+        for table, columns in self.columns:
+            readings.get_reading(table.table).freeze_columns(columns)
         return readings
 
 
@@ -493,9 +493,7 @@ def plan_snapshot(roots: Collection[Any]) -> Snapshot:
     sources = [node for node in nodes if isinstance(node, plan.WorldSource)]
     if not sources:
         return NO_SNAPSHOT
-    places = tuple(
-        (table, find_first_table_place(table, roots)) for table in {source.table: None for source in sources}
-    )
+    places = tuple({source.table.table: source.span for source in reversed(sources)}.items())
     if not any(map(_can_world_read_move, nodes)):
         return Snapshot((), places)
     texts = any(isinstance(node, plan.Eval) for node in nodes)
@@ -507,14 +505,7 @@ def plan_snapshot(roots: Collection[Any]) -> Snapshot:
         for node in nodes:
             if isinstance(node, plan.Column) and node.source == source.id:
                 wanted[node.name] = None
-    copied = tuple((table, find_first_table_place(table, roots), tuple(wanted)) for table, wanted in columns.items())
-    return Snapshot(copied, places)
-
-
-def find_first_table_place(table: AttachedWorldTable, roots: Iterable[Any]) -> Span | None:
-    """The first span of the table in FROM in these parts of a plan."""
-    nodes = chain.from_iterable(walk(root) for root in roots if root is not None)
-    return next((node.span for node in nodes if isinstance(node, plan.WorldSource) and node.table is table), None)
+    return Snapshot(tuple((table, tuple(wanted)) for table, wanted in columns.items()), places)
 
 
 def can_move_world(query: plan.Query) -> bool:

@@ -237,7 +237,7 @@ class GraphFingerprint:
     def _fingerprint_function(self, function: plan.Function) -> str:
         if function.of_world:
             name = function.of_world
-            owners = [attached.world for attached in self.worlds() if name in attached.list_callable_names()]
+            owners = [attached.world for attached in self.worlds() if name in attached.names]
             return _hash_parts((name, *map(self._digest_world, owners)))
         if function.volatility != "immutable":
             hint = ", although it takes arrays" if function.vectorized else ""

@@ -13,7 +13,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.vtables.attached_worlds import AttachedWorldTable
-from ss2sql.vtables.reading import NOTHING, find_first_table_place, plan_snapshot
+from ss2sql.vtables.reading import NOTHING, plan_snapshot
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
@@ -98,6 +98,5 @@ def _bind_reading(codegen: CodegenContext, table: AttachedWorldTable, build: Ast
     memory = build.part(build.part(build.part(run, "host"), "memories"), "now")
     value = build.call_method(f"{snapshot}.copy_tables", memory, build.part(run, "check"))
     readings = codegen.bind("readings", "readings", value, build)
-    known = (table.table, find_first_table_place(table, codegen.analysis.roots))
-    value = build.call_method(f"{readings}.get_reading", *(build.name(codegen.embed(one, "table")) for one in known))
+    value = build.call_method(f"{readings}.get_reading", build.name(codegen.embed(table.table, "table")))
     return codegen.bind(("reading", id(table)), "reading", value, build)

@@ -80,7 +80,7 @@ class WorldModules:
             raise world_error(f"the table '{name}' is not attached any more")
         execution = self.current()
         readings = execution.readings
-        return readings.get_reading(table.table, readings.places.get(table)), execution.interning
+        return readings.get_reading(table.table), execution.interning
 
     def forget_tables(self, tables: Iterable[AttachedWorldTable]) -> None:
         """Releases tables that are no longer attached."""

@@ -7,8 +7,9 @@ Representations: occupancy_grid, environment. scene is what simulations with nam
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
+from ss2sql.language.rows import Table, request_hidden_columns
 from ss2sql.vtables.body_functions import Near, Overlaps, find_named_body
 from ss2sql.vtables.content_digest import digest_world
 from ss2sql.vtables.contract import Element, Gone
@@ -16,13 +17,16 @@ from ss2sql.vtables.pybullet.bodies import BulletBodies, BulletLinks
 from ss2sql.vtables.pybullet.client import BodyNotes, Calls, NumberedClient, get_client_number
 from ss2sql.vtables.pybullet.collision import CollisionFunctions, CollisionShapes
 from ss2sql.vtables.pybullet.joints import BulletClosest, BulletContacts, BulletJoints, BulletShapes, Cameras, Rays
-from ss2sql.vtables.pybullet.occupancy_grid import BulletRepresentations
 from ss2sql.vtables.schema import get_world_tables, world_error
+
+if TYPE_CHECKING:
+    from ss2sql.language.area_grid import Grid
+    from ss2sql.vtables.pybullet.environment import Environment
 
 __all__ = ["PyBulletWorld"]
 
 
-class PyBulletWorld(BulletRepresentations, CollisionFunctions):
+class PyBulletWorld(CollisionFunctions):
     """A PyBullet simulation. Lengths are in metres, masses in kilograms, angles in radians.
 
     Args:
@@ -41,6 +45,10 @@ class PyBulletWorld(BulletRepresentations, CollisionFunctions):
         BulletBodies, BulletLinks, BulletJoints, BulletShapes, BulletContacts, BulletClosest, Near, Overlaps,
         Rays, Cameras,
     )  # fmt: skip
+    representations: ClassVar[Mapping[str, str]] = {
+        "occupancygrid": "occupancygrid", "sensorgrid": "sensorgrid", "sensormap": "sensorgrid",
+        "environment": "environment",
+    }  # fmt: skip
 
     def __init__(
         self, source: Any, names: Mapping[int, str] | None = None, sensors: Mapping[int, Any] | None = None
@@ -132,3 +140,29 @@ class PyBulletWorld(BulletRepresentations, CollisionFunctions):
         """A body as scripts see it; None for PyBullet's -1."""
         principal: Any = get_world_tables(self)[0]
         return principal.element(body) if body >= 0 else None
+
+    # --- representations of selected bodies; those of another simulation are read there ------------------
+
+    @request_hidden_columns("elements")
+    def occupancygrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
+        """Where the selected bodies stand at the height `z`: a grid of bools, with cells of this edge.
+
+        `area` is [[x, y], [x, y]]; without it the grid covers the scene. Lengths are in metres.
+        """
+        from ss2sql.vtables.pybullet.occupancy_grid import make_occupancy_grid
+
+        return make_occupancy_grid(self, table, z, cell, area)
+
+    @request_hidden_columns("elements")
+    def sensorgrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
+        """How many of the selected sensors see each cell at the height `z`; with the arguments of occupancygrid."""
+        from ss2sql.vtables.pybullet.occupancy_grid import make_sensor_grid
+
+        return make_sensor_grid(self, table, z, cell, area)
+
+    @request_hidden_columns("elements")
+    def environment(self, table: Table) -> Environment:
+        """A new simulation with only the selected bodies, a scene that can be attached in its turn."""
+        from ss2sql.vtables.pybullet.environment import make_environment
+
+        return make_environment(self, table)

@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.area_arguments import refuse_argument
 from ss2sql.language.cancellation import Check
+from ss2sql.language.rows import Table
 from ss2sql.vtables.pybullet.bodies import (
     FIXED,
     UNNAMED,
@@ -22,7 +23,7 @@ from ss2sql.vtables.pybullet.bodies import (
     read_bullet_shape,
     read_corners,
 )
-from ss2sql.vtables.pybullet.occupancy_grid import measure_bounds
+from ss2sql.vtables.pybullet.occupancy_grid import find_selected_world, list_selected_bodies, measure_bounds
 from ss2sql.vtables.pybullet.poses import (
     UPRIGHT,
     Pose,
@@ -37,40 +38,37 @@ from ss2sql.vtables.pybullet.scene import Scene, Sphere, make_corner_view, make_
 MOST_PARTS = 16  # of one shape: PyBullet leaves out those beyond
 
 
-class ShapeCopier:
-    """Makes shapes in a simulation, each from its parts and their poses."""
+def copy_collision_shapes(client: Any, parts: list[tuple[Part, Pose]]) -> list[int]:
+    """Collision shapes in a simulation, as few as PyBullet allows for the parts."""
+    plain = [part for part in parts if "vertices" not in part[0]]
+    some = [plain[first : first + MOST_PARTS] for first in range(0, len(plain), MOST_PARTS)]
+    some += [[part] for part in parts if "vertices" in part[0]]
+    return [_create_shape(client, group, "Collision") for group in some]
 
-    def __init__(self, client: Any) -> None:
-        self.client = client
 
-    def copy_collision_shapes(self, parts: list[tuple[Part, Pose]]) -> list[int]:
-        """Collision shapes, as few as PyBullet allows for the parts."""
-        one, several = self.client.createCollisionShape, self.client.createCollisionShapeArray
-        plain = [part for part in parts if "vertices" not in part[0]]
-        some = [plain[first : first + MOST_PARTS] for first in range(0, len(plain), MOST_PARTS)]
-        some += [[part] for part in parts if "vertices" in part[0]]
-        return [self._create_shape(group, "collision", one, several) for group in some]
+def copy_visual_shape(client: Any, parts: list[tuple[Part, Pose]]) -> int:
+    """A visual shape, -1 without parts; PyBullet shows the first MOST_PARTS parts."""
+    parts = [({_VISUAL.get(name, name): value for name, value in part.items()}, pose) for part, pose in parts]
+    return _create_shape(client, parts, "Visual")
 
-    def copy_visual_shape(self, parts: list[tuple[Part, Pose]]) -> int:
-        """A visual shape, -1 without parts; PyBullet shows the first MOST_PARTS parts."""
-        parts = [({_VISUAL.get(name, name): value for name, value in part.items()}, pose) for part, pose in parts]
-        return self._create_shape(parts, "visual", self.client.createVisualShape, self.client.createVisualShapeArray)
 
-    @staticmethod
-    def _create_shape(parts: list[tuple[Part, Pose]], word: str, one: Any, several: Any) -> int:
-        if not parts:
-            return -1
-        places = [pose[0] for _, pose in parts]
-        turns = [pose[1] for _, pose in parts]
-        if len(parts) == 1:
-            placed = {f"{word}FramePosition": places[0], f"{word}FrameOrientation": turns[0]}
-            return int(one(**parts[0][0], **placed))
-        # PyBullet reads every list for each shape, whether its kind needs the entry or not.
-        lists = {
-            plural: [part.get(name, part.get(_VISUAL.get(name, name), default)) for part, _ in parts]
-            for name, plural, default in _LISTS
-        }
-        return int(several(**lists, **{f"{word}FramePositions": places, f"{word}FrameOrientations": turns}))
+def _create_shape(client: Any, parts: list[tuple[Part, Pose]], kind: str) -> int:
+    """A shape of parts, each at its pose."""
+    if not parts:
+        return -1
+    create, word = f"create{kind}Shape", kind.lower()
+    places = [pose[0] for _, pose in parts]
+    turns = [pose[1] for _, pose in parts]
+    if len(parts) == 1:
+        placed = {f"{word}FramePosition": places[0], f"{word}FrameOrientation": turns[0]}
+        return int(getattr(client, create)(**parts[0][0], **placed))
+    # PyBullet reads every list for each shape, whether its kind needs the entry or not.
+    lists: dict[str, list[Any]] = {
+        plural: [part.get(name, part.get(_VISUAL.get(name, name), default)) for part, _ in parts]
+        for name, plural, default in _LISTS
+    }
+    lists |= {f"{word}FramePositions": places, f"{word}FrameOrientations": turns}
+    return int(getattr(client, f"{create}Array")(**lists))
 
 
 _VISUAL = {"height": "length"}  # words of createCollisionShape that createVisualShape has others for
@@ -125,6 +123,11 @@ class Environment(Scene):
             self.client.applyExternalForce(body, -1, force, place, self.client.WORLD_FRAME)
 
 
+def make_environment(world: Any, table: Table) -> Environment:
+    world = find_selected_world(world, table)
+    return Environment(world, list_selected_bodies(world, "environment", table), table.check)
+
+
 def _copy_bullet_settings(calls: Any, client: Any) -> None:
     parameters = calls.getPhysicsEngineParameters()
     client.setGravity(*(parameters[f"gravityAcceleration{axis}"] for axis in "XYZ"))
@@ -157,7 +160,6 @@ class _BodyCopy:
         self.matter = {link: self.calls.getDynamicsInfo(body, link) for link in self.links}
         self.local: dict[int, Pose] = {link: (info[3], info[4]) for link, info in self.matter.items()}
         self.seen = self.calls.getVisualShapeData(body)
-        self.shapes = ShapeCopier(client)
         self.more: list[Link] = []
 
     def make_body(self) -> int:
@@ -241,7 +243,7 @@ class _BodyCopy:
             for of, number, data in self.world.shapes.read_shapes(self.body)
             if of == link
         ]
-        return self.shapes.copy_collision_shapes(parts)
+        return copy_collision_shapes(self.client, parts)
 
     def _copy_solid(self, link: int, number: int, data: Any) -> Part:
         if data[5] is None:
@@ -265,7 +267,7 @@ class _BodyCopy:
             solid = make_solid(touched[0][2], touched[0][3]) if len(touched) == 1 else None
             return make_visual_shape(self.client, solid or Sphere(MARK), seen[0][7][:3])
         parts = [(read_bullet_shape(shape[2], shape[3], shape[4], ()), (shape[5], shape[6])) for shape in seen]
-        return self.shapes.copy_visual_shape([(part, pose) for part, pose in parts if part is not None])
+        return copy_visual_shape(self.client, [(part, pose) for part, pose in parts if part is not None])
 
     def _copy_colors(self, made: int) -> None:
         counts: Counter[int] = Counter()

@@ -12,16 +12,15 @@ the floor, is seen.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import ceil, dist
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ss2sql.language.area_arguments import check_area_cells, check_number, check_numbers, refuse_argument
 from ss2sql.language.area_grid import Grid
 from ss2sql.language.cancellation import ITEMS_PER_CHECK, Check
-from ss2sql.language.rows import Table, request_hidden_columns
+from ss2sql.language.rows import Table
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
 from ss2sql.vtables.pybullet.bodies import measure_box
@@ -29,7 +28,7 @@ from ss2sql.vtables.pybullet.collision import ShapeCache, are_in_cone
 from ss2sql.vtables.pybullet.poses import Box, unite_boxes
 
 if TYPE_CHECKING:
-    from ss2sql.vtables.pybullet.environment import Environment
+    pass
 
 
 FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not extend an area
@@ -98,6 +97,7 @@ Ranges = tuple[range, range]  # of columns and of rows
 
 
 def make_occupancy_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> Grid:
+    world = find_selected_world(world, table)
     bodies = list_selected_bodies(world, "occupancygrid", table)
     height = check_number("occupancygrid", "the height z", z)
     origin, edge, columns, rows = resolve_area(world, "occupancygrid", cell, area)
@@ -169,6 +169,7 @@ LAYERS = 16  # of its own body that a ray passes at most
 
 
 def make_sensor_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> Grid:
+    world = find_selected_world(world, table)
     bodies = list_selected_bodies(world, "sensorgrid", table)
     for body in bodies:
         if body not in world.sensors:
@@ -215,36 +216,3 @@ def _cast_rays(world: Any, starts: Any, ends: Any) -> tuple[Any, Any]:
     """The first body on each ray, -1 for none, and the part of the ray before it. A ray takes 1 us."""
     found = world.calls.rayTestBatch(starts.tolist(), ends.tolist())
     return np.array([hit[0] for hit in found], dtype=int), np.array([hit[2] for hit in found], dtype=float)
-
-
-# --- the representations of a simulation: `AS occupancygrid`, `AS sensorgrid` and `AS environment`
-class BulletRepresentations:
-    """The representations of selected bodies; bodies of another simulation are read there."""
-
-    representations: ClassVar[Mapping[str, str]] = {
-        "occupancygrid": "occupancygrid", "sensorgrid": "sensorgrid", "sensormap": "sensorgrid",
-        "environment": "environment",
-    }  # fmt: skip
-
-    @request_hidden_columns("elements")
-    def occupancygrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
-        """Where the selected bodies stand at the height `z`: a grid of bools, with cells of this edge.
-
-        `area` is [[x, y], [x, y]]; without it the grid covers the scene. Lengths are in metres.
-        """
-
-        return make_occupancy_grid(find_selected_world(self, table), table, z, cell, area)
-
-    @request_hidden_columns("elements")
-    def sensorgrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
-        """How many of the selected sensors see each cell at the height `z`; with the arguments of occupancygrid."""
-
-        return make_sensor_grid(find_selected_world(self, table), table, z, cell, area)
-
-    @request_hidden_columns("elements")
-    def environment(self, table: Table) -> Environment:
-        """A new simulation with only the selected bodies, a scene that can be attached in its turn."""
-        from ss2sql.vtables.pybullet.environment import Environment
-
-        world = find_selected_world(self, table)
-        return Environment(world, list_selected_bodies(world, "environment", table), table.check)
