@@ -221,6 +221,15 @@ def may_run_foreign_code(root: Node) -> bool:
     return any(isinstance(n, foreign) or (isinstance(n, plan.Call) and not n.function.builtin) for n in walk(root))
 
 
+def can_move_world(root: Any) -> bool:
+    """Whether a part of a plan calls what may move a world: volatile functions of the user or of the world, or eval."""
+    return any(
+        isinstance(node, plan.Eval)
+        or (isinstance(node, plan.Call) and not node.function.builtin and node.function.volatility == "volatile")
+        for node in walk(root)
+    )
+
+
 def list_plan_calls(*roots: Node) -> dict[str, frozenset[tuple[int, int]]]:
     """Where each function of the user is called; empty where that is not known before the script runs."""
     found: dict[str, set[tuple[int, int]]] = {}

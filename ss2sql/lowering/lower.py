@@ -20,7 +20,6 @@ from ss2sql.lowering.sqlite_forms import strip_numeric_affinity
 from ss2sql.lowering.statement_needs import StatementNeeds
 from ss2sql.lowering.union_branches import replace_elements_by_columns
 from ss2sql.lowering.unsupported import check_supported
-from ss2sql.vtables.reading import NO_SNAPSHOT, LateColumns, find_late_columns, plan_late_columns, plan_snapshot
 
 SCALAR_KINDS = Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE
 
@@ -80,9 +79,15 @@ def lower(
         is_sorted, is_limited = order is not None, order is not None and _can_limit_in_sql(query)
         limits = needs.bind_limits(query) if is_limited else (None, None)
         select = sql_builder.select(outputs, flat.items, sql_builder.conjunction(flat.terms), order or (), *limits)
-        if "late" not in disabled and not keys and not orders:
+        if needs.worlds and "late" not in disabled and not keys and not orders:
+            from ss2sql.vtables.reading import find_late_columns
+
             shown_late = {key: selects.expressions.lower_expr(key, flat.scope) for key in find_late_columns(query)}
-    read_late: LateColumns | None = None
+    snapshot = read_late = None
+    if needs.worlds:
+        from ss2sql.vtables.reading import plan_late_columns, plan_snapshot
+
+        snapshot = plan_snapshot((query,))
     if shown_late:
         select = sql_builder.replace_outputs(
             select, [_lower_key_column(query, key, node) for key, node in shown_late.items()]
@@ -113,7 +118,7 @@ def lower(
         plain_rows=all(output.expr.type.is_only(SCALAR_KINDS) for output in query.columns),
         plain_keys=all(expr.type.is_only(SCALAR_KINDS) for expr in compared),
         bookkeeping=bookkeeping,
-        snapshot=plan_snapshot((query,)) if needs.worlds else NO_SNAPSHOT,
+        snapshot=snapshot,
         late=read_late,
         applied=tuple(needs.applied),
         only_iterated=only_walked,

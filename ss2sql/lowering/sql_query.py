@@ -9,13 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from ss2sql.errors import Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.values import make_hashable
-from ss2sql.vtables.reading import NO_SNAPSHOT, LateColumns, Snapshot
+
+if TYPE_CHECKING:
+    from ss2sql.vtables.reading import LateColumns, Snapshot
 
 
 class BlobValue(bytes):
@@ -167,7 +169,7 @@ class SqlQuery:
     plain_rows: bool = False  # the rows consist of numbers, strings and None
     plain_keys: bool = False  # what a search compares does
     bookkeeping: Bookkeeping = Bookkeeping()
-    snapshot: Snapshot = NO_SNAPSHOT
+    snapshot: Snapshot | None = None  # of the worlds that it reads, if any
     late: LateColumns | None = None  # makes the rows where the statement gives only keys of worlds
     applied: tuple[str, ...] = ()  # the rewrites that lowering has applied
     only_iterated: frozenset[str] = frozenset()  # parameters whose value nobody reads as a whole

@@ -31,3 +31,6 @@ if not TYPE_CHECKING:
         if name not in _PLACES:
             raise AttributeError(f"module 'ss2sql.scenes' has no attribute '{name}'")
         return getattr(import_module(_PLACES[name]), name)
+
+    def __dir__():
+        return __all__

@@ -15,7 +15,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import walk
+from ss2sql.language.plan_traversal import can_move_world, walk
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.lowering.sql_query import Parameter, Sql, SqlQuery
@@ -32,7 +32,6 @@ from ss2sql.runtime.run.option_checks import (
 )
 from ss2sql.runtime.run.post_processing import finish_sql_rows
 from ss2sql.runtime.run.run_state import ResultSink, Run
-from ss2sql.vtables.reading import can_move_world
 
 if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_query import DuckQuery

@@ -45,10 +45,8 @@ from ss2sql.session.compiled_query import open_session_engine
 from ss2sql.session.session_functions import SessionFunctions
 from ss2sql.session.variables import TemporalFile, TemporalStore, Triggers, Variables, convert_variable_moment
 from ss2sql.vtables import contract
-from ss2sql.vtables.attached_worlds import AttachedWorld, WorldFunctions
 from ss2sql.vtables.contract import QueryCaches
 from ss2sql.vtables.frames import Reader
-from ss2sql.vtables.schema import world_error
 
 if TYPE_CHECKING:
     from ss2sql.lowering.table_filter import TableFilter
@@ -58,6 +56,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.graph_cache.graph_store import GraphStore
     from ss2sql.runtime.parallel.process_pool import ProcessPool
     from ss2sql.session.session import Session
+    from ss2sql.vtables.attached_worlds import AttachedWorld
 
 
 # --- who uses a session, one thread at a time, and what it lets go of when it is closed or forgotten
@@ -273,7 +272,8 @@ class SessionHost:
         try:
             return self.planned[name]
         except KeyError:
-            raise world_error(f"the function '{name}' belongs to a world that is not attached any more") from None
+            message = f"the function '{name}' belongs to a world that is not attached any more"
+            raise ExecutionError("X011", message) from None
 
     def register_function(self, entry: UserFunction) -> None:
         self.functions[entry.name] = entry
@@ -309,6 +309,8 @@ class SessionHost:
 
     def attach_world(self, name: str, world: contract.World) -> None:
         """Adds tables, functions and representations of a world. Raises SessionError S002 for wrong declarations."""
+        from ss2sql.vtables.attached_worlds import AttachedWorld
+
         self.names.attach_world(name, AttachedWorld(name, world, self.database.worlds.choose_name))
         for word, method in world.representations.items():
             if word.lower() not in representations.ALL:
@@ -352,6 +354,8 @@ class SessionHost:
         self._name_world_functions()
 
     def _name_world_functions(self) -> None:
+        from ss2sql.vtables.attached_worlds import WorldFunctions
+
         self.world_functions.clear()
         self.world_functions.update(WorldFunctions(self.names.worlds, self.memories).list_functions())
         self._name_functions({entry.name for entry in self.world_functions.values()} - self.functions.keys())

@@ -13,11 +13,10 @@ from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import copy_for_python
 from ss2sql.runtime import representations
 from ss2sql.runtime.run.value_sizes import ValueSizes
-from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
-from ss2sql.vtables.schema import format_declared_type
 
 if TYPE_CHECKING:
     from ss2sql.session.host import SessionHost
+    from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
 
 
 def describe_world(world: AttachedWorld) -> str:
@@ -47,6 +46,8 @@ def describe_table_lines(table: AttachedWorldTable) -> Iterator[str]:
 
 def describe_table_columns(table: AttachedWorldTable) -> Iterator[tuple[str, str, str, str, str]]:
     """The columns of a table: name, type, unit, the comparisons that the world can use, text."""
+    from ss2sql.vtables.schema import format_declared_type
+
     for column in table.schema.columns:
         yield column.name, format_declared_type(column.type), column.unit, column.filter, column.text
 

@@ -23,12 +23,12 @@ from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.values import convert_value, copy_for_python, format_value, make_hashable
 from ss2sql.runtime.run.run_state import Run
-from ss2sql.vtables.attached_worlds import AttachedWorld
 from ss2sql.vtables.frames import Frame, Reader
 
 if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_sources import DuckSources
     from ss2sql.session.compiled_script import Query
+    from ss2sql.vtables.attached_worlds import AttachedWorld
 
 
 # --- the variables of a session: what scripts assign, what Python sets or attaches, and temporal variables

@@ -16,7 +16,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.conversion import format_value
 from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind
-from ss2sql.language.plan_traversal import walk
+from ss2sql.language.plan_traversal import can_move_world, walk
 from ss2sql.language.values import make_hashable
 from ss2sql.vtables.contract import CacheOfQuery, Element, Filter, QueryCache, Table, TableFunction, Where
 from ss2sql.vtables.schema import AdapterGuard, Place, Schema, get_schema, make_adapter_error, world_error
@@ -494,7 +494,7 @@ def plan_snapshot(roots: Collection[Any]) -> Snapshot:
     if not sources:
         return NO_SNAPSHOT
     places = tuple({source.table.table: source.span for source in reversed(sources)}.items())
-    if not any(map(_can_world_read_move, nodes)):
+    if not any(map(can_move_world, roots)):
         return Snapshot((), places)
     texts = any(isinstance(node, plan.Eval) for node in nodes)
     columns: dict[AttachedWorldTable, dict[str, None]] = {}
@@ -506,13 +506,3 @@ def plan_snapshot(roots: Collection[Any]) -> Snapshot:
             if isinstance(node, plan.Column) and node.source == source.id:
                 wanted[node.name] = None
     return Snapshot(tuple((table, tuple(wanted)) for table, wanted in columns.items()), places)
-
-
-def can_move_world(query: plan.Query) -> bool:
-    return any(map(_can_world_read_move, walk(query)))
-
-
-def _can_world_read_move(node: Any) -> bool:
-    if isinstance(node, plan.Eval):
-        return True
-    return isinstance(node, plan.Call) and not node.function.builtin and node.function.volatility == "volatile"

@@ -382,7 +382,7 @@ class Resolver:
     def call_of_world(self, tree: ast.Call, owner: str, scope: Scope | None) -> plan.Expr:
         """`owner.function(arguments)`."""
         world = self.catalog.worlds.get(owner)
-        if world is None or tree.function not in world.list_callable_names():
+        if world is None or tree.function not in world.names:
             raise explain_method(tree, self.catalog)
         own = f"{owner}.{tree.function}"
         name = own if own in self.catalog.world_functions else tree.function

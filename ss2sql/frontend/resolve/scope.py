@@ -383,7 +383,7 @@ def explain_method(tree: ast.Call, catalog: Catalog) -> ResolveError:
     place = read_leading_name(tree.span, f"{owner}.{name}")
     world = catalog.worlds.get(owner)
     if world is not None:
-        hints = suggest_names(name, world.list_callable_names()) or (f"help({owner}) lists what it has",)
+        hints = suggest_names(name, world.names) or (f"help({owner}) lists what it has",)
         if name in world.tables:
             hints = (f"{owner}.{name} is a table: write FROM {owner}.{name}(...)",)
         return ResolveError("R002", f"the world '{owner}' has no function '{name}'", place, hints)

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.runtime.python.ast_builder import AstBuilder
-from ss2sql.vtables.attached_worlds import AttachedWorldTable
-from ss2sql.vtables.reading import NOTHING, plan_snapshot
+from ss2sql.vtables.contract import Where
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
     from ss2sql.runtime.python.native_query import QueryCompiler
+    from ss2sql.vtables.attached_worlds import AttachedWorldTable
 
 _OPERATORS = {"eq": "=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
 _MIRRORED = {"=": "=", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
@@ -71,7 +71,7 @@ def generate_world_loop(
         arguments = [generate_expression(builder, argument, body) for argument in source.arguments]
         return build.call_method(f"{reading}.call_function", build.pack(*arguments))
     if not demands:
-        return build.call_method(f"{reading}.list_keys", build.name(codegen.embed(NOTHING, "nothing")))
+        return build.call_method(f"{reading}.list_keys", build.name(codegen.embed(Where(), "nothing")))
     comparisons = tuple((demand.column, demand.operator) for demand in demands)
     values = [generate_expression(builder, demand.value, body) for demand in demands]
     told = build.name(codegen.embed(comparisons, "demands"))
@@ -93,6 +93,8 @@ def bind_element_reader(codegen: CodegenContext, source: int, build: AstBuilder)
 
 
 def _bind_reading(codegen: CodegenContext, table: AttachedWorldTable, build: AstBuilder) -> str:
+    from ss2sql.vtables.reading import plan_snapshot
+
     snapshot = codegen.embed(plan_snapshot(codegen.analysis.roots), "snapshot")
     run = build.name("run")
     memory = build.part(build.part(build.part(run, "host"), "memories"), "now")

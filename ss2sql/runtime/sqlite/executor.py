@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from functools import partial
+from functools import cached_property, partial
 from itertools import islice
 from marshal import dumps
 from math import prod
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import apsw
 
@@ -44,9 +44,11 @@ from ss2sql.runtime.sqlite.interning import TRUE, Interning, OtherFormError, mak
 from ss2sql.runtime.sqlite.list_elements import CallRequest, ColumnsFor, ElementColumns, ListModules, SqliteElementCalls
 from ss2sql.runtime.sqlite.search_functions import FUNCTIONS, SearchState, StepNumbers
 from ss2sql.runtime.sqlite.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, intern_element_columns
-from ss2sql.runtime.sqlite.virtual_table import WorldModules
 from ss2sql.vtables.frames import Frame
-from ss2sql.vtables.reading import NO_SNAPSHOT, Snapshot
+
+if TYPE_CHECKING:
+    from ss2sql.runtime.sqlite.virtual_table import WorldModules
+    from ss2sql.vtables.reading import Readings, Snapshot
 
 NO_LIMIT = 2**40
 CHECK_EVERY = 10_000  # steps of SQLite's virtual machine between looks at the clock, about 0.2 ms
@@ -61,7 +63,7 @@ class SqliteExecution:
         run: Run,
         query: plan.Query | None = None,
         calls: Mapping[str, Sequence[Span]] = NO_CALLS,
-        snapshot: Snapshot = NO_SNAPSHOT,
+        snapshot: Snapshot | None = None,
     ) -> None:
         self.run = run
         self.query = query
@@ -76,7 +78,15 @@ class SqliteExecution:
         self.truths: frozenset[str] = frozenset()  # functions whose values SQLite itself takes for true or false
         self.elements: dict[Any, ElementColumns] = {}
         self.memoized_values: dict[bytes, Any] = {}  # what was made of inner queries
-        self.readings = snapshot.copy_tables(run.host.memories.now, run.check)  # of worlds
+        if snapshot is not None:
+            self.readings = snapshot.copy_tables(run.host.memories.now, run.check)
+
+    @cached_property
+    def readings(self) -> Readings:
+        """The tables of worlds that it reads."""
+        from ss2sql.vtables.reading import Readings
+
+        return Readings(self.run.host.memories.now, check=self.run.check)
 
     def keep_value(self, key: tuple[Any, ...], value: Any) -> Any:
         """Keeps a value for `recall`, by a key that tells 1 from 1.0."""
@@ -109,7 +119,6 @@ class Database:
         self.active_runs = active_runs  # the runs of the session, the innermost last
         self.stack: list[SqliteExecution] = []
         self.lists = ListModules(connection, self._open_table, self._make_element_calls)
-        self.worlds = WorldModules(connection, lambda: self.current)
         self.search = SearchState()
         self.memos: dict[str, CallMemo] = {}  # of each function of the user, for the execution that runs
         self.memo_limit = memo_limit
@@ -135,6 +144,13 @@ class Database:
         for name, same in (("eq", True), ("ne", False)):
             guard.add_scalar(name, self._make_equality(same))
         connection.set_progress_handler(self._check_progress, CHECK_EVERY)
+
+    @cached_property
+    def worlds(self) -> WorldModules:
+        """The tables of worlds, registered with the connection."""
+        from ss2sql.runtime.sqlite.virtual_table import WorldModules
+
+        return WorldModules(self.connection, lambda: self.current)
 
     @property
     def current(self) -> SqliteExecution:
@@ -269,7 +285,7 @@ class Database:
         for an error of SQLite, X010 for more results than run.max_rows; run.calls_made are then the calls so far.
         """
         execution = SqliteExecution(run, lowered.query, lowered.calls, lowered.snapshot)
-        foreign = lowered.calls or lowered.snapshot is not NO_SNAPSHOT  # as may_run_foreign_code says
+        foreign = lowered.calls or lowered.snapshot is not None  # as may_run_foreign_code says
         with self._push_execution(execution), nullcontext() if foreign else run.pause_collector():
             try:
                 return self._try_execution(lowered, execution, evaluate, sink, most)

@@ -16,12 +16,12 @@ import apsw
 from ss2sql.language.kinds import Kind
 from ss2sql.lowering.sql_names import ROW_NUMBER, choose_sql_names, quote_names
 from ss2sql.runtime.sqlite.interning import Interning
-from ss2sql.vtables.attached_worlds import AttachedWorldTable
 from ss2sql.vtables.reading import NOTHING, Reading
 from ss2sql.vtables.schema import world_error
 
 if TYPE_CHECKING:
     from ss2sql.runtime.sqlite.executor import SqliteExecution
+    from ss2sql.vtables.attached_worlds import AttachedWorldTable
 
 
 # --- tables of worlds as virtual tables of SQLite: one module for each set of columns, for all worlds
