@@ -13,8 +13,7 @@ import json
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
-from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import apsw
 
@@ -44,16 +43,24 @@ def convert_variable_moment(value: Any, giver: str) -> float:
     """The seconds that a clock gives; raises ExecutionError X004 for what is no finite number."""
     try:
         moment = float(value)
-    except Exception as error:  # the value is the user's own, and so is how it becomes a number
-        raise _build_variable_error(value, giver) from error
-    if not isfinite(moment):
-        raise _build_variable_error(value, giver)
+    except Exception:  # the value is the user's own, and so is how it becomes a number
+        moment = math.nan
+    if not math.isfinite(moment):
+        hint = "a clock gives a number of seconds"
+        raise ExecutionError("X004", f"{giver} says {format_value(value)}, which is no time", hints=(hint,))
     return moment
 
 
-def _build_variable_error(value: Any, giver: str) -> ExecutionError:
-    hint = "a clock gives a number of seconds"
-    return ExecutionError("X004", f"{giver} says {format_value(value)}, which is no time", hints=(hint,))
+History: TypeAlias = tuple[list[tuple[float, Any]], float]  # the kept values with their times, and the seconds to keep
+
+
+def keep_in_force(values: list[tuple[float, Any]], seconds: float, now: float) -> list[tuple[float, Any]]:
+    """The values that were in force during the last seconds; the latest in any case.
+
+    A value is in force until the next one comes; at the very moment of the change both count.
+    """
+    first = next((i for i in range(len(values) - 1) if values[i + 1][0] >= now - seconds), len(values) - 1)
+    return values[first:]
 
 
 class TemporalStore:
@@ -61,11 +68,10 @@ class TemporalStore:
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
-        self.histories: dict[str, list[tuple[float, Any]]] = {}
-        self.keeps: dict[str, float] = {}
+        self.histories: dict[str, History] = {}
 
-    def store_value(self, name: str, keep: Any, value: Any) -> None:
-        """`name{keep} = value`."""
+    def extend_history(self, name: str, keep: Any, value: Any) -> History:
+        """The history after `name{keep} = value`."""
         kept = convert_variable_seconds(keep, "the time to keep")
         if kept < 0:
             hint = "v{5.0} = x keeps the values of the last 5 seconds"
@@ -73,47 +79,23 @@ class TemporalStore:
                 "X007", f"the time to keep is at least 0 seconds, not {format_value(keep)}", hints=(hint,)
             )
         now = self.clock()
-        history = self.histories.setdefault(name, [])
-        history.append((now, value))
-        self.keeps[name] = kept
-        self._forget_old(name, now)
-
-    def _forget_old(self, name: str, now: float) -> None:
-        history, oldest = self.histories[name], now - self.keeps[name]
-        while len(history) > 1 and history[1][0] < oldest:
-            del history[0]
+        values, _ = self.histories.get(name, ([], kept))
+        return keep_in_force([*values, (now, value)], kept, now), kept
 
     def read_values(self, name: str, when: Any) -> Any:
         """`name{}` (when is None) is the list of kept values; `name{-2.0}` those in force in the last two
         seconds, `name{22.2}` the one in force at that time, or None. Raises KeyError for an unknown name."""
-        history = self.histories[name]
+        values, keep = self.histories[name]
         now = self.clock()
-        self._forget_old(name, now)
+        values = keep_in_force(values, keep, now)
+        self.histories[name] = values, keep
         if when is None:
-            return [value for _, value in history]
+            return [value for _, value in values]
         moment = convert_variable_seconds(when, "the moment")
-        times = [time for time, _ in history]
         if moment >= 0:
-            index = bisect_right(times, moment) - 1
-            return history[index][1] if index >= 0 else None
-        start = now + moment
-        first = next((i for i in range(len(times) - 1) if times[i + 1] >= start), len(times) - 1)
-        # A value is in force until the next one comes; at the very moment of the change both count.
-        return [value for _, value in history[first:]]
-
-    def get_history(self, name: str) -> tuple[list[tuple[float, Any]], float] | None:
-        """The history of a variable and its `keep`, for `restore_history`; None if it has none."""
-        history = self.histories.get(name)
-        return None if history is None else (list(history), self.keeps[name])
-
-    def restore_history(self, name: str, before: tuple[list[tuple[float, Any]], float] | None) -> None:
-        self.drop_history(name)
-        if before is not None:
-            self.histories[name], self.keeps[name] = before
-
-    def drop_history(self, name: str) -> None:
-        self.histories.pop(name, None)
-        self.keeps.pop(name, None)
+            index = bisect_right([time for time, _ in values], moment) - 1
+            return values[index][1] if index >= 0 else None
+        return [value for _, value in keep_in_force(values, -moment, now)]
 
 
 class TemporalFile:
@@ -136,8 +118,9 @@ class TemporalFile:
             ).fetchall()
             for row in rows:
                 name, moment, value, keep = _decode_history_row(*row)
-                store.histories.setdefault(name, []).append((moment, value))
-                store.keeps[name] = keep
+                values, _ = store.histories.get(name, ([], keep))
+                values.append((moment, value))
+                store.histories[name] = values, keep
         except (apsw.Error, ExecutionError, ValueError, TypeError, RecursionError) as error:
             hints = ("another program may be writing to the file, or it is damaged; the table can be dropped",)
             message = f"the table ss2sql_temporal of the file cannot be read: {error}"
@@ -145,12 +128,10 @@ class TemporalFile:
                 message = f"the table ss2sql_temporal of the file cannot be read: {error.message}"
             raise SessionError("S002", message, hints=hints) from error
 
-    def save_history(self, store: TemporalStore, name: str) -> None:
+    def save_history(self, name: str, history: History | None) -> None:
+        values, keep = history or ((), 0.0)
         try:
-            rows = [
-                (name, moment, _encode_variable_as_json(value), store.keeps[name])
-                for moment, value in store.histories.get(name, ())
-            ]
+            rows = [(name, moment, _encode_variable_as_json(value), keep) for moment, value in values]
         except TypeError:
             rows = []
         try:
@@ -197,7 +178,7 @@ class Variables:
         self.late: dict[str, ast.ListLiteral] = {}
         self.temporal_store = temporal_store
         self.file = file
-        self.values.update((name, history[-1][1]) for name, history in temporal_store.histories.items())
+        self.values.update((name, history[0][-1][1]) for name, history in temporal_store.histories.items())
 
     def __contains__(self, name: str) -> bool:
         return name in self.values or name in self.attached
@@ -264,7 +245,7 @@ class Variables:
     def forget_name(self, name: str) -> None:
         """Prepares a name for a new meaning. Raises ExecutionError X009, without a change, if the file fails."""
         if name in self.temporal_store.histories:
-            self._change_history(name, lambda: self.temporal_store.drop_history(name))
+            self._set_history(name, None)
         self._drop_meaning(name)
 
     def _drop_meaning(self, name: str) -> None:
@@ -292,22 +273,17 @@ class Variables:
 
     def store_temporal(self, name: str, keep: Any, value: Any) -> None:
         """`name{keep} = value`. Raises as `forget_name` does, and X007 for a wrong time."""
-        self._change_history(name, lambda: self.temporal_store.store_value(name, keep, value))
+        self._set_history(name, self.temporal_store.extend_history(name, keep, value))
         self._drop_meaning(name)
         self.values[name] = value
 
-    def _change_history(self, name: str, change: Callable[[], None]) -> None:
-        """Changes a history, also in the file; an error leaves it as it was."""
-        if self.file is None:
-            change()
-            return
-        before = self.temporal_store.get_history(name)
-        change()
-        try:
-            self.file.save_history(self.temporal_store, name)
-        except BaseException:
-            self.temporal_store.restore_history(name, before)
-            raise
+    def _set_history(self, name: str, history: History | None) -> None:
+        """Changes a history, first in the file: an error leaves it as it was."""
+        if self.file is not None:
+            self.file.save_history(name, history)
+        self.temporal_store.histories.pop(name, None)
+        if history is not None:
+            self.temporal_store.histories[name] = history
 
 
 def predict_variables(
