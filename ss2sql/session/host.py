@@ -50,7 +50,6 @@ from ss2sql.vtables.frames import Reader
 
 if TYPE_CHECKING:
     from ss2sql.lowering.table_filter import TableFilter
-    from ss2sql.runtime.external.duckdb_sources import DuckSources
     from ss2sql.runtime.external.level_query import TableEngine
     from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
     from ss2sql.runtime.graph_cache.graph_store import GraphStore
@@ -187,19 +186,6 @@ class SessionResources:
 
 
 # --- what a session holds and what its runs ask for; `Session` is the face of it, `run.Host` its contract
-@dataclass(frozen=True, slots=True)
-class TableNames:
-    """The tables and views of the session's database, and of the engine's own database."""
-
-    own: list[str]
-    others: DuckSources | None
-
-    def __iter__(self) -> Iterator[str]:
-        yield from self.own
-        if self.others is not None:
-            yield from self.others.list_names()
-
-
 class SessionHost:
     """The functions, variables, tables and representations of a session.
 
@@ -384,7 +370,7 @@ class SessionHost:
             {*self.names, *values_by_name},
             get_variable_type,
             lambda schema, name: self.tables.find_table(schema, name, read()),
-            TableNames(self.tables.list_names(), self.names.others),
+            self._list_table_names,
             self.names.others.find_variable if self.names.others is not None else lambda name: None,
             dict(self.names.late),
             unknown,
@@ -394,6 +380,11 @@ class SessionHost:
             files=("main", *self.tables.attached),
             hidden_columns=self.shapes.list_hidden_columns(),
         )
+
+    def _list_table_names(self) -> list[str]:
+        """The tables and views of the session's database, and of the engine's own database."""
+        others = self.names.others
+        return [*self.tables.list_names(), *(() if others is None else others.list_names())]
 
     def get_present_value(self, name: str, values: Mapping[str, Any]) -> Any:
         """The given value, or else the present one, as it stands in FROM. Raises what `source` raises."""

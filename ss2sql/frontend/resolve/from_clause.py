@@ -142,7 +142,7 @@ def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope
         return resolve_value_source(resolver, name, value, span)
     if resolver.catalog.unknown == "parameter":
         return resolve_value_source(resolver, name, resolver.resolve_name(word, None, span), span)
-    known = [*resolver.assigned, *resolver.catalog.variables, *resolver.catalog.tables, *resolver.late]
+    known = [*resolver.assigned, *resolver.catalog.variables, *resolver.catalog.list_tables(), *resolver.late]
     hints = suggest_names(word, known) or (
         "assign a list to it, or attach one from Python: session.attach(name, list)",
     )
@@ -202,7 +202,7 @@ def _resolve_table_source(resolver: Resolver, name: str, schema: str, word: str,
     if value is not None:
         return resolve_value_source(resolver, name, value, span)
     if table is None:
-        hints = suggest_names(word, resolver.catalog.tables) or (f"'{schema}' has no such table",)
+        hints = suggest_names(word, resolver.catalog.list_tables()) or (f"'{schema}' has no such table",)
         raise ResolveError("R003", f"unknown source '{schema}.{word}'", span, hints)
     return _make_table_source(resolver, table, name, span)
 

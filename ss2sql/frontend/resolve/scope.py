@@ -37,7 +37,7 @@ class Catalog:
     variables: Iterable[str] = ()
     variable_type: Callable[[str], Type] = lambda name: Type()  # the type of the present value of one of `variables`
     table: Callable[[str | None, str], plan.TableSource | None] = lambda schema, name: None
-    tables: Iterable[str] = ()
+    list_tables: Callable[[], Iterable[str]] = tuple  # of the databases, for hints
     other_table: Callable[[str], str | None] = lambda name: None  # of the engine's database -> its variable
     late: Mapping[str, ast.ListLiteral] = field(default_factory=dict)  # resolved where they are used
     unknown: UnknownNames = "wrong"
