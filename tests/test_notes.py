@@ -173,6 +173,20 @@ def test_an_estimate_above_the_real_cost(session, engine, option) -> None:
     assert "note: HEURISTIC" in str(wrong)
 
 
+@pytest.mark.parametrize("engine", ["native", "database"])
+@pytest.mark.parametrize("option", ["UNIQUE", "UNIQUE BY town"])
+def test_a_cheaper_path_to_a_goal_that_was_given_out(session, engine, option) -> None:
+    """UNIQUE gives D once, by A-D for 9; the search goes on and meets A-B-D for 7."""
+    session.set("paid", [["A", "B", 3], ["B", "D", 4], ["A", "D", 9]])
+    script = (
+        f"SELECT LAST this[1] FROM paid WHERE this[1] == 'D' START WITH town = 'A' CONNECT BY COST this[2] "
+        f"HEURISTIC far[this[1]] {option}, this[0] == town, town = this[1] AS list"
+    )
+    result = session.run(script, engine=engine, far=FAR | {"B": 50})
+    assert result.value == ["D"]
+    assert result.notes[0].startswith("HEURISTIC far[this[1]] was more than what remained")
+
+
 @pytest.mark.parametrize(
     ("query", "cure"),
     [

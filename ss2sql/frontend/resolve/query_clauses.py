@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from ss2sql.errors import ResolveError, Span, suggest_names, suggest_similar
 from ss2sql.frontend.resolve.from_clause import resolve_sources, resolve_value_source
-from ss2sql.frontend.resolve.grouping import is_row_count_syntax, resolve_groups
+from ss2sql.frontend.resolve.grouping import is_row_count_syntax, resolve_as_list, resolve_groups
 from ss2sql.frontend.resolve.scope import (
     Scope,
     is_function_of_this,
@@ -249,7 +249,7 @@ def _resolve_start(
             message = f"START WITH sets '{item.name}' twice"
             resolver.errors.append(ResolveError("R013", message, item.name_span, ("keep one of them",)))
         value = resolver.record_errors(
-            resolver.resolve_expr, item.values if isinstance(item, ast.Each) else item.value, scope
+            resolver.resolve_expr, resolve_as_list(item.values) if isinstance(item, ast.Each) else item.value, scope
         )
         if isinstance(item, ast.Each):
             source = resolve_value_source(resolver, item.name, value, item.span)

@@ -76,6 +76,7 @@ def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, 
         key = (word, argument)
         if word not in ("prior", "root", "path") or argument is None or key in found.variables:
             continue
+        _refuse_next_inside(resolver, tree, word, argument)
         short = " ".join(argument.span.text.split())
         name = found.variables[key] = make_unique_name(f"{word}({short})", found.variables.values())
         itself, span = ast.Name(name, span=call.span), argument.span
@@ -95,6 +96,17 @@ def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, 
         connect.append(_make_assignment_syntax("level()", count))
     tree = replace(tree, start=(*tree.start, *start), connect=(*connect, *tree.connect))
     return tree, found
+
+
+def _refuse_next_inside(resolver: Resolver, tree: ast.Query, word: str, argument: ast.Expr) -> None:
+    """Raises ResolveError R014 for `path(next(x))`: what a path carries is assigned before CONNECT BY changes x."""
+    for call in ast.walk_syntax(argument, _is_other_search):
+        if is_path_function(resolver, call) and call.function in ("next", "cycle"):
+            inside = " ".join(call.span.text.split())
+            assigned = [a.value.span.text for a in tree.connect if call.arguments == (ast.Name(a.name, span=a.span),)]
+            value = assigned[0] if assigned else "what CONNECT BY assigns"
+            message = f"{call.function} does not stand in {word}(...)"
+            raise ResolveError("R014", message, call.span, (f"write {value} in place of {inside}",))
 
 
 def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | None) -> plan.Expr:

@@ -32,7 +32,8 @@ _BEFORE = {
     "TOP": "write LIMIT n after the other clauses", "CASE": "write CASE WHEN {x} == ... THEN ... ELSE ... END",
     "PRIOR": "write prior(x): PRIOR stands in front of a name", "EXISTS": "write [] != (SELECT ... AS list)",
     "BFS": "write BREADTH FIRST", "DFS": "write DEPTH FIRST", "DIJKSTRA": "write COST value",
-    "ASTAR": "write COST value HEURISTIC value", "DISTINCT": "write DISTINCT after SELECT, or CONNECT BY UNIQUE",
+    "ASTAR": "write COST value HEURISTIC value", "GREEDY": "write HEURISTIC {x} without COST",
+    "DISTINCT": "write DISTINCT after SELECT, or CONNECT BY UNIQUE",
 }  # fmt: skip
 _JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b.id"
 _LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
@@ -56,7 +57,8 @@ _AFTER = {
     "INTERSECT": "write SELECT this FROM (SELECT ... AS list) WHERE this IN (SELECT ... AS list) AS list",
 }  # fmt: skip
 _SIGNS = {
-    "**": "the power is ^", "//": "division is /, and a comment starts with #", "++": "write x = x + 1",
+    "**": "the power is ^", "//": "division is /, whole division floor(a / b), and a comment starts with #",
+    "++": "write x = x + 1",
     "+=": "write x = x + ...", "-=": "write x = x - ...", "*=": "write x = x * ...", "/=": "write x = x / ...",
     ":=": "write x = ...", "=>": "write >= to compare", "=<": "write <= to compare", "===": "write == to compare",
     "->": 'write x.column, or x["key"]', ">>": "write int(x / 2 ^ n)", "<<": "write x * 2 ^ n",

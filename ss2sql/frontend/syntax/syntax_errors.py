@@ -163,7 +163,8 @@ def _explain_search_clause(t: ParseFailure) -> ParseError | None:
     late = name if t.peek(2).kind == "," and name.keyword in OPTIONS else t.found if word in OPTIONS else None
     if t.clause == "CONNECT BY" and late is not None:
         return t.explain("P001", f"{spell(late)} stands after an assignment",
-                       "options stand right after CONNECT BY, without commas", at=late)  # fmt: skip
+                       "options stand right after CONNECT BY, without commas, several keys as BY (a, b)",
+                       at=late)  # fmt: skip
     if t.clause in OPTIONS and t.found.kind in COMPARISONS and "," in t.expected:
         option, value = t.option, t.read_operand()
         return t.explain("P001", f"{option} takes a value, and {spell(t.found)} makes a condition of it",
@@ -172,6 +173,8 @@ def _explain_search_clause(t: ParseFailure) -> ParseError | None:
     if t.expected == {"="}:
         clause = "CONNECT BY" if t.clause in OPTIONS else t.clause
         hint = f"{clause} takes assignments such as level = 1"
+        if name.keyword == "BY":
+            hint = f"BY stands right after UNIQUE, NO CYCLE or MEMORIZE: UNIQUE BY {t.found.text}"
         if t.found.kind in COMPARISONS and t.peek(2).kind != ",":
             first = max((i for i in range(t.index) if t.tokens[i].kind in OPTIONS), default=0)
             hint = f"write {t.source.text[t.tokens[first].start : t.peek(2).end]}, {name.text}"

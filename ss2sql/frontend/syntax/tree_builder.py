@@ -467,6 +467,8 @@ class Builder(ExpressionBuilder):
             return None
         for other in found[1:]:
             text = f"{found[0].span.text} AND {other.span.text}"
+            if isinstance(found[0], ast.Name | ast.Attribute):
+                text = _write_forgotten_by([part.node for part in parts], found[0]) or text
             error = self._make_error("P001", f"{keyword} has two conditions", other.span, f"write {shorten_text(text)}")
             error.related = ((found[0].span, "the first one"),)
         return found[0] if found else None
@@ -530,3 +532,12 @@ class Builder(ExpressionBuilder):
             if part.query is not None and part.query.representation is None:
                 self._make_error("P009", "this query inside another is not ended", part.query.span, *END_HINT)
         return tuple(part.node for part in parts)
+
+
+def _write_forgotten_by(nodes: Sequence[ast.Node], condition: ast.Expr) -> str:
+    """`UNIQUE BY town` for `UNIQUE town, ...`, `UNIQUE BY (a, b)` for `UNIQUE BY a, b, ...`; else nothing."""
+    option = nodes[max(nodes.index(condition) - 1, 0)]
+    if not isinstance(option, ast.Option) or option.keyword not in ("UNIQUE", "NO CYCLE"):
+        return ""
+    keys = ", ".join(key.span.text for key in (*option.by, condition))
+    return f"{option.keyword} BY ({keys})" if option.by else f"{option.keyword} BY {keys}"

@@ -117,10 +117,10 @@ def a_star_unique(problem: Problem) -> Iterator[Found]:
         if guess > highest:
             highest = guess
         if not goes_on:
+            if guess < highest:
+                found(guess, highest)
             if key not in closed:
                 closed.add(key)
-                if guess < highest:
-                    found(guess, highest)
                 yield (path[1],) if problem.last else follow_backpointers(path), last
             continue
         for row, key, goal, goes_on, after, rank, estimate, last in expand(state, taken, best, total):

@@ -297,10 +297,11 @@ class SearchState:
         if self.met[key] < rank:
             return 0
         self.taken[key] = rank
+        self.give(rank)  # of a row that was given out, too: this path to it is cheaper
         if key in self.returned:
             return 0
         self.returned.add(key)
-        return self.give(rank)
+        return 1
 
     def on_path(self, parent: int, *row: Any) -> int:
         """Whether the row occurs on the path to the parent."""
