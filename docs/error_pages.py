@@ -41,9 +41,8 @@ error[P002]: the script ends before '(' is closed
  --> <script>:1:35
   |
 1 | max(SELECT age FROM people AS list
-  |    -                              ^
-  |    |
-  |    opened here
+  |                                   ^
+  |    - opened here
   = help: write the missing ')'
 ```
 

@@ -4,9 +4,8 @@
      --> <script>:1:18
       |
     1 | max(SELECT a FROM
-      |    -             ^
-      |    |
-      |    opened here
+      |                  ^
+      |    - opened here
       = help: write the missing ')'
 
 The place of an error is marked with `^`, related places with `-`. The caller decides about colour.
@@ -149,15 +148,10 @@ class _Mark:
 
 
 def _can_mark_together(one: _Mark, other: _Mark) -> bool:
-    """Whether both can be marked below the same line: they are on it, apart, and close to each other."""
-    first, second = sorted((one.span, other.span), key=lambda span: span.start)
-    return (
-        first.source is second.source
-        and first.line == _find_last_marked_line(first) == second.line == _find_last_marked_line(second)
-        and max(first.end, first.start + 1) <= second.start
-        and first.column > second.column - BEFORE
-        and second.column < first.column + BEFORE
-    )
+    """Whether both can be marked below the same line: they are on it, and close to each other."""
+    first, second = one.span, other.span
+    lines = {first.line, second.line, _find_last_marked_line(first), _find_last_marked_line(second)}
+    return first.source is second.source and len(lines) == 1 and abs(first.column - second.column) < BEFORE
 
 
 def _find_last_marked_line(span: Span) -> int:
@@ -194,36 +188,19 @@ class _RenderedError:
         if _find_last_marked_line(mark.span) > mark.span.line:
             self._show_stretch(mark)
         else:
-            self._show_line(mark, beside or [])
+            self._show_line((mark, *(beside or ())))
 
-    def _show_line(self, mark: _Mark, beside: list[_Mark]) -> None:
-        marks = sorted((mark, *beside), key=lambda one: one.span.start)
-        cut = _ShownLine(mark.span.source.get_line(mark.span.line), marks[0].span.column - 1)
-        self.add_line(cut.shown, mark.span.line)
-        places = [cut.find_cell(one.span.column - 1) for one in marks]
-        text, at = "", 0
-        for one, place in zip(marks, places, strict=True):
-            length = max(1, cut.find_cell(one.span.column - 1 + one.span.end - one.span.start) - place)
-            text += " " * (place - at) + self.color_text(one.style, one.sign * length)
-            at = place + length
-        if marks[-1].label:
-            text += " " + self.color_text(marks[-1].style, marks[-1].label)
-        self.add_line(text)
-        hanging = [(place, one) for place, one in zip(places[:-1], marks[:-1], strict=True) if one.label]
-        if hanging:
-            self.add_line(self._draw_mark_lines(hanging))
-        while hanging:
-            place, one = hanging.pop()
-            bars, used = self._draw_mark_lines(hanging), hanging[-1][0] + 1 if hanging else 0
-            self.add_line(bars + " " * (place - used) + self.color_text(one.style, one.label))
-
-    def _draw_mark_lines(self, hanging: list[tuple[int, _Mark]]) -> str:
-        """The lines from marks down to their labels."""
-        text, at = "", 0
-        for place, one in hanging:
-            text += " " * (place - at) + self.color_text(one.style, "|")
-            at = place + 1
-        return text
+    def _show_line(self, marks: Sequence[_Mark]) -> None:
+        """A line, and below it a line for each of its marks."""
+        span = marks[0].span
+        cut = _ShownLine(span.source.get_line(span.line), min(one.span.column for one in marks) - 1)
+        self.add_line(cut.shown, span.line)
+        for one in marks:
+            start = one.span.column - 1
+            place = cut.find_cell(start)
+            length = max(1, cut.find_cell(start + one.span.end - one.span.start) - place)
+            label = f" {one.label}" if one.label else ""
+            self.add_line(" " * place + self.color_text(one.style, one.sign * length + label))
 
     def _show_stretch(self, mark: _Mark) -> None:
         """Several lines, with a bar on their left from the first character to the last."""
