@@ -1,6 +1,6 @@
 """What comes back, and what it can become: text, frames, files, graphs, plots, explanations.
 
-result is what users hold, result_notes what a person should know of it. show makes text, frames and files tables of
+result is what users hold, and what a person should know of it. show makes text, frames and files tables of
 other programs, networkx_graphs graphs; plots draws, with plot_style, path_plot and graph_plot. Packages of the extras
 are imported where they are needed.
 """

@@ -19,8 +19,7 @@ from ss2sql.language.plan_traversal import can_move_world, walk
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.lowering.sql_query import Parameter, Sql, SqlQuery
-from ss2sql.results.result import QueryResult, Status
-from ss2sql.results.result_notes import explain_empty_result, explain_overestimates, find_notes
+from ss2sql.results.result import QueryResult, Status, explain_empty_result, explain_overestimates, find_notes
 from ss2sql.runtime.python import NativeQuery, compile_statement
 from ss2sql.runtime.representations.shape import PATH_FORMS, represent_starred_columns
 from ss2sql.runtime.run.array_calls import has_array_calls

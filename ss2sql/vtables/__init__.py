@@ -1,7 +1,7 @@
 """Python's objects as tables: adapters of simulators, frames and other sources, and what a query reads of them.
 
 contract is what an adapter declares, schema checks it; attached_worlds is what a session makes of it. reading is what
-one query reads, with content_digest. body_functions serves all simulators.
+one query reads. body_functions serves all simulators.
 `find_adapter` finds the adapter of an object by its type.
 """
 

@@ -231,7 +231,7 @@ class World:
         By default it is a hash of all columns of all elements. An adapter whose functions depend on more writes its
         own, or raises NotImplementedError with the reason.
         """
-        from ss2sql.vtables.content_digest import digest_world
+        from ss2sql.vtables.reading import digest_world
 
         return digest_world(self)
 

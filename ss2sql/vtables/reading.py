@@ -7,6 +7,7 @@ again. A query that may move the world itself reads from a copy, made at its sta
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence, Sized
+from hashlib import sha256
 from itertools import chain, islice, tee
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -15,11 +16,19 @@ from ss2sql.errors import Error, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.conversion import format_value
-from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind
+from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Opaque
 from ss2sql.language.plan_traversal import can_move_world, walk
 from ss2sql.language.values import make_hashable
-from ss2sql.vtables.contract import CacheOfQuery, Element, Filter, QueryCache, Table, TableFunction, Where
-from ss2sql.vtables.schema import AdapterGuard, Place, Schema, get_schema, make_adapter_error, world_error
+from ss2sql.vtables.contract import CacheOfQuery, Element, Filter, QueryCache, Table, TableFunction, Where, World
+from ss2sql.vtables.schema import (
+    AdapterGuard,
+    Place,
+    Schema,
+    get_schema,
+    get_world_tables,
+    make_adapter_error,
+    world_error,
+)
 
 if TYPE_CHECKING:
     from ss2sql.vtables.attached_worlds import AttachedWorldTable
@@ -506,3 +515,43 @@ def plan_snapshot(roots: Collection[Any]) -> Snapshot:
             if isinstance(node, plan.Column) and node.source == source.id:
                 wanted[node.name] = None
     return Snapshot(tuple((table, tuple(wanted)) for table, wanted in columns.items()), places)
+
+
+# --- a digest of a world's contents, equal for equal contents in any process
+def digest_world(world: World, without: Collection[str] = ()) -> str:
+    """A hash of all columns of all elements, except those named in `without` as "table.column".
+
+    Raises NotImplementedError for values that have no canonical text.
+    """
+    readings, made = Readings(), sha256()
+    for table in get_world_tables(world):
+        if not isinstance(table, Table):
+            continue
+        reading = readings.get_reading(table)
+        keys = reading.list_keys(Where())
+        made.update(repr((table.name, [replace_world_elements(key) for key in keys])).encode("utf-8", "surrogatepass"))
+        for name in reading.schema.kinds:
+            if f"{table.name}.{name}" in without:
+                continue
+            read = reading.make_reader(name)
+            made.update(
+                repr((name, [replace_world_elements(read(key)) for key in keys])).encode("utf-8", "surrogatepass")
+            )
+    return made.hexdigest()
+
+
+def replace_world_elements(value: Any) -> Any:
+    """A value with the keys of elements in their place. Raises NotImplementedError for any other object."""
+    kind = type(value)
+    if value is None or kind in (bool, int, float, str):
+        return value
+    if kind is list:
+        return list(map(replace_world_elements, value))
+    if kind is tuple:
+        return tuple(map(replace_world_elements, value))
+    if kind is dict:
+        return [(replace_world_elements(key), replace_world_elements(part)) for key, part in value.items()]
+    if isinstance(value, Element):
+        return Element.__name__, value.table.name, replace_world_elements(value.key)
+    kind = type(value.object) if isinstance(value, Opaque) else kind
+    raise NotImplementedError(f"there is an object of the type {kind.__name__}")

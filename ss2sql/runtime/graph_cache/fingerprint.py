@@ -18,9 +18,9 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Type
 from ss2sql.language.plan_traversal import can_vary_with, list_parts, list_plan_functions
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable, fingerprint_function
-from ss2sql.vtables.content_digest import replace_world_elements
 from ss2sql.vtables.contract import Element, World
 from ss2sql.vtables.frames import Frame
+from ss2sql.vtables.reading import replace_world_elements
 
 if TYPE_CHECKING:
     from ss2sql.frontend.user_functions import UserFunction

@@ -23,8 +23,8 @@ from ss2sql.vtables.body_functions import (
     make_body_columns,
 )
 from ss2sql.vtables.contract import Column, Element, Gone, Table, Where
-from ss2sql.vtables.pybullet.poses import Box as Bounds
-from ss2sql.vtables.pybullet.poses import (
+from ss2sql.vtables.pybullet.client import Box as Bounds
+from ss2sql.vtables.pybullet.client import (
     Point,
     Pose,
     convert_pose_to_world,

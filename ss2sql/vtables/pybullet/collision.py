@@ -33,7 +33,7 @@ from ss2sql.vtables.pybullet.bodies import (
     read_corners,
     read_link_pose,
 )
-from ss2sql.vtables.pybullet.poses import (
+from ss2sql.vtables.pybullet.client import (
     UPRIGHT,
     Box,
     Point,

@@ -23,8 +23,7 @@ from ss2sql.vtables.pybullet.bodies import (
     read_bullet_shape,
     read_corners,
 )
-from ss2sql.vtables.pybullet.occupancy_grid import find_selected_world, list_selected_bodies, measure_bounds
-from ss2sql.vtables.pybullet.poses import (
+from ss2sql.vtables.pybullet.client import (
     UPRIGHT,
     Pose,
     compose_pose_turns,
@@ -33,6 +32,7 @@ from ss2sql.vtables.pybullet.poses import (
     invert_rotation,
     rotate_point,
 )
+from ss2sql.vtables.pybullet.occupancy_grid import find_selected_world, list_selected_bodies, measure_bounds
 from ss2sql.vtables.pybullet.scene import Scene, Sphere, make_corner_view, make_visual_shape
 
 MOST_PARTS = 16  # of one shape: PyBullet leaves out those beyond

@@ -12,7 +12,7 @@ from ss2sql.language.cancellation import iterate_checked
 from ss2sql.vtables.body_functions import PAIR, VECTOR, make_parameter_error, read_body_numbers
 from ss2sql.vtables.contract import Column, Gone, Table, TableFunction, Where
 from ss2sql.vtables.pybullet.bodies import KINDS, BodyPartTable, Key, get_volume, list_demanded_bodies, read_link_pose
-from ss2sql.vtables.pybullet.poses import convert_pose_to_world
+from ss2sql.vtables.pybullet.client import convert_pose_to_world
 
 TYPES = {0: "revolute", 1: "prismatic", 2: "spherical", 3: "planar", 4: "fixed"}  # PyBullet's JOINT_...
 

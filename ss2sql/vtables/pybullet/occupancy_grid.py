@@ -24,8 +24,8 @@ from ss2sql.language.rows import Table
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
 from ss2sql.vtables.pybullet.bodies import measure_box
+from ss2sql.vtables.pybullet.client import Box, unite_boxes
 from ss2sql.vtables.pybullet.collision import ShapeCache, are_in_cone
-from ss2sql.vtables.pybullet.poses import Box, unite_boxes
 
 if TYPE_CHECKING:
     pass
