@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -303,12 +304,5 @@ class Explanation(str):
 
     def as_dict(self) -> dict[str, Any]:
         """Everything that the text says, and SQLite's own words, as dicts, lists, numbers, texts and None."""
-        made: dict[str, Any] = _convert_fact_tuples(asdict(self.facts))
+        made: dict[str, Any] = json.loads(json.dumps(asdict(self.facts)))  # tuples become lists
         return made
-
-
-def _convert_fact_tuples(value: Any) -> Any:
-    """The value with lists in place of tuples."""
-    if isinstance(value, dict):
-        return {key: _convert_fact_tuples(item) for key, item in value.items()}
-    return list(map(_convert_fact_tuples, value)) if isinstance(value, tuple) else value

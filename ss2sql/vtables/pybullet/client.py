@@ -1,8 +1,8 @@
 """PyBullet on demand, calls of it, and poses: importing this module does not import PyBullet, which may be missing.
 
-A turn is a quaternion (x, y, z, w), a pose a point and a turn. PyBullet's poses of links, also those for collisions, are
-one step old until something is reset; recomputing them would change the results of other queries. So they are computed
-here, to within 1e-14 m of Bullet's own.
+A turn is a quaternion (x, y, z, w), a pose a point and a turn. PyBullet's poses of links, also those for collisions,
+are one step old until something is reset; recomputing them would change the results of other queries. So they are
+computed here, to within 1e-14 m of Bullet's own.
 """
 
 from __future__ import annotations
