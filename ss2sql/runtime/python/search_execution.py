@@ -19,7 +19,7 @@ from ss2sql.language.values import State, Thaw, is_overestimate
 from ss2sql.runtime.python.loop_helpers import make_count_report, make_known_steps_check
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search import choose_search
-from ss2sql.runtime.search.memorize import KeyedMemorize, run_memorize
+from ss2sql.runtime.search.memorize import run_keyed_memorize, run_memorize
 from ss2sql.runtime.search.search_run import Found, SearchRun
 from ss2sql.runtime.search.step_contract import Expand, MemoizedSteps, NotedSearch, Problem, ignore_step_key
 from ss2sql.runtime.search.trace import TracedSearch
@@ -53,16 +53,12 @@ def find_search_results(
     )
     watched = TracedSearch(run.trace, query, problem) if form.watched else None
     problem = problem if watched is None else watched.problem
-    if search.repeats == "memorize" and (watched is not None or not search.plain):
-        shown = None if search.plain else noted
-        graph = KeyedMemorize(query, problem, bound, run.check, run.max_rows, form.shapes, shown)
-        return _thaw_paths(task, graph.find_paths(), keys, None)
-    if task.form.find is not None:
-        search_run = _build_search_run(task, search, form, problem, bound, noted)
-        return _thaw_paths(task, task.form.find(search_run), keys, None)
+    find = task.form.find
     if search.repeats == "memorize":
-        search_run = _build_search_run(task, search, form, problem, bound, noted)
-        return _thaw_paths(task, run_memorize(search_run), keys, None)
+        special = watched is not None or not search.plain
+        find = run_keyed_memorize if special else find or run_memorize
+    if find is not None:
+        return _thaw_paths(task, find(_build_search_run(task, search, form, problem, bound, noted)), keys, None)
     if not form.watched:
         problem = replace(problem, expand=_make_expand(task, form, function))
     paths = (function if form.inlined else choose_search(search))(problem)

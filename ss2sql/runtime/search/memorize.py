@@ -11,25 +11,23 @@ stops and is a goal; after BY each step has a row, stop and goal of its own.
 from __future__ import annotations
 
 import sys
-from collections import deque
-from collections.abc import Callable, Hashable, Iterator
-from dataclasses import replace
+from collections.abc import Hashable, Iterator
+from dataclasses import field, replace
 from functools import partial
-from heapq import heappop, heappush
 from itertools import islice, repeat
-from typing import Any, NamedTuple
+from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.rows import Row
-from ss2sql.language.values import FrozenShapes, State, Thaw
+from ss2sql.language.values import State
 from ss2sql.runtime.run.run_state import GraphLevel
 from ss2sql.runtime.search.bidirectional import BackwardSearch, balance_backward_search, start_backward_search
 from ss2sql.runtime.search.paths_by_length import PathsByLength
 from ss2sql.runtime.search.paths_by_weight import PathsByWeight, can_search_by_length
 from ss2sql.runtime.search.search_run import ChooseElements, Found, Node, Nodes, RowGraph, SearchRun
-from ss2sql.runtime.search.step_contract import NotedSearch, Notes, Problem
+from ss2sql.runtime.search.step_contract import Notes, Problem
 
 
 # --- MEMORIZE: first the graph of rows, built breadth-first, then its paths without a repeated row, best first
@@ -51,14 +49,18 @@ def iterate_graph_results(search_run: SearchRun, graph: RowGraph) -> Iterator[Fo
     if thaw is not None:
         graph.rows[1:] = thaw(graph.rows[1:])
     if by_weight:
-        likeliest = search_run.order == "probability"
-        alike = can_search_by_length(graph, likeliest)
-        every = PathsByLength(graph) if alike else PathsByWeight(graph, graph.weights, likeliest)
-        yield from map(graph.make_result, every.find_paths())
+        yield from map(graph.make_result, _choose_graph_paths(graph, search_run.order).find_paths())
         return
     marks = graph.list_marks()
     others = islice(PathsByLength(graph, marks).find_paths(), 1, None)
     yield from map(graph.make_result, others) if marks is None else zip(others, repeat(None))
+
+
+def _choose_graph_paths(graph: RowGraph, order: plan.Order) -> PathsByLength | PathsByWeight:
+    likeliest = order == "probability"
+    if order not in ("cost", "probability") or can_search_by_length(graph, likeliest):
+        return PathsByLength(graph)
+    return PathsByWeight(graph, graph.weights, likeliest)
 
 
 def memorize_graph(search_run: SearchRun) -> RowGraph:
@@ -148,138 +150,130 @@ def build_graph_limit_error(query: plan.Query, most: int) -> ExecutionError:
     return ExecutionError("X010", f"the graph of MEMORIZE has more than max_rows={most} rows", query.span, hints)
 
 
-# --- MEMORIZE where a step is more than an edge between rows: after BY, with several starts, or with what a path tell
-ByNode = dict[Hashable, list["KeyedEdge"]]
+# --- MEMORIZE where a step is more than an edge between rows: after BY, with several starts, or with what a path tells
+@dataclass(slots=True)
+class KeyedGraph(RowGraph):
+    """A graph whose steps have rows and goals of their own.
+
+    Node 0 leads to the starts, every other node is a key. A step that is a goal leads to a node of its own that goes
+    nowhere, and one that goes on to its key besides. `keys` are those to which edges lead, `shown` the rows of steps.
+    """
+
+    keys: list[Hashable] = field(default_factory=list)
+    shown: list[Row] = field(default_factory=list)
+
+    def add_node(self, goal: bool) -> int:
+        self.rows.append(())
+        self.goals.append(goal)
+        self.edges.append(())
+        return len(self.rows) - 1
+
+    def add_edge(self, target: int, key: Hashable, row: Row, weight: Any, last: Any) -> None:
+        self.targets.append(target)
+        self.keys.append(key)
+        self.shown.append(row)
+        self.weights.append(weight)
+        self.lasts.append(last)
 
 
-class KeyedEdge(NamedTuple):
-    """A step that leaves a trace, see runtime/search/step_contract.py."""
+def run_keyed_memorize(search_run: SearchRun) -> Iterator[Found]:
+    """The same paths of such a search, without a repeated key."""
+    assert search_run.query.search is not None
+    graph, thaw = _build_keyed_graph(search_run), search_run.shapes.make_row_thaw() or tuple
+    reader = None if search_run.noted is None or search_run.query.search.plain else PathRows(search_run)
+    for path in _choose_graph_paths(graph, search_run.order).find_paths():
+        *before, end = [graph.keys[edge] for edge in path]
+        if end in before:  # a goal that repeats a key
+            continue
+        rows, lasts = list(thaw([graph.shown[edge] for edge in path[1:]])), [graph.lasts[edge] for edge in path[1:]]
+        yield (rows, lasts[-1]) if reader is None else reader.read_rows(rows, lasts)
 
-    row: Row
-    key: Hashable
-    goal: bool
-    goes_on: bool
-    weight: Any
-    last: Any
+
+def _build_keyed_graph(search_run: SearchRun) -> KeyedGraph:
+    """The graph, built level by level."""
+    problem, query, bound = search_run.problem, search_run.query, search_run.bound
+    assert query.search is not None
+    by_row, most = query.search.by == "row", search_run.run.max_rows
+    graph = KeyedGraph(search_run.check, None if bound is None else bound + 1)
+    nodes: dict[Hashable, int] = {}
+    level = []
+    for start in problem.starts:
+        node, key = graph.add_node(False), problem.key_of(start) if problem.visits else object()
+        nodes[key] = node
+        level.append((node, start))
+        graph.add_edge(node, key, (), 1 if problem.likeliest else 0, None)
+    graph.edges[0] = range(len(level))
+    first_steps: dict[Hashable, tuple[bool, bool]] = {}  # to rows: whether they are goals and go on
+    reached, depth = set[Hashable](), 0
+    while level and depth != bound:
+        following: list[tuple[int, State]] = []
+        for node, state in level:
+            first = len(graph.targets)
+            for row, key, goal, goes_on, after, weight, _, last in problem.expand(state, first_steps, None):
+                reached.add(key)
+                if most is not None and len(reached) > most:
+                    raise build_graph_limit_error(query, most)
+                if goal is None:
+                    goal, goes_on = first_steps[key]
+                elif key in nodes:
+                    if problem.outdated:
+                        problem.outdated(after, None)
+                elif goes_on:
+                    nodes[key] = graph.add_node(False)
+                    following.append((nodes[key], after))
+                if by_row:
+                    first_steps[key] = goal, goes_on
+                if goal:
+                    graph.add_edge(graph.add_node(True), key, row, weight, last)
+                if goes_on:
+                    graph.add_edge(nodes[key], key, row, weight, last)
+            graph.edges[node] = range(first, len(graph.targets))
+        level, depth = following, depth + 1
+    return graph
 
 
-@dataclass(frozen=True, slots=True)
-class KeyedMemorize:
-    """One run of such a search. `shown` makes rows, and the states after them, if rows depend on the path."""
+class PathRows:
+    """Makes the rows of a path where they depend on it: a step belongs to many paths."""
 
-    query: plan.Query
-    problem: Problem
-    bound: int | None
-    check: Callable[[], None]
-    most: int | None
-    shapes: FrozenShapes
-    shown: NotedSearch | None
-
-    def find_paths(self) -> Iterator[Found]:
-        """The paths without a repeated key: shortest, cheapest or likeliest first, ties in source order.
-
-        Only steps from which a goal is still reachable within the bound extend a path.
-        """
-        problem, bound = self.problem, self.bound
-        nodes, roots = self._build_graph()
-        left = _search_goal_distances(nodes)
-        thaw = self.shapes.make_row_thaw() or tuple
-        # rank, place in source order, path, its keys, whether it is a result
-        queue: list[tuple[Any, tuple[int, ...], list[KeyedEdge], tuple[Hashable, ...], bool]] = []
-        for place, key in enumerate(roots):
-            heappush(queue, (-1 if problem.likeliest else 0, (place,), [], (key,), False))
-        while queue:
-            self.check()
-            rank, places, path, keys, result = heappop(queue)
-            if result:
-                yield self._make_result(path, thaw)
-                continue
-            if bound is not None and len(path) == bound:
-                continue
-            for place, edge in enumerate(nodes.get(keys[-1], ())):
-                if edge.key in keys:
-                    continue
-                new = rank * edge.weight if problem.likeliest else rank + (edge.weight if problem.weighed else 1)
-                longer, at = [*path, edge], (*places, place)
-                if edge.goal:
-                    heappush(queue, (new, at, longer, keys, True))
-                far = left.get(edge.key)
-                if edge.goes_on and far is not None and (bound is None or len(longer) + far <= bound):
-                    heappush(queue, (new, (*at, 0), longer, (*keys, edge.key), False))
-
-    def _build_graph(self) -> tuple[ByNode, list[Hashable]]:
-        """The steps from each node, built level by level, and the nodes of the starts."""
-        problem = self.problem
-        by_row = self.query.search is not None and self.query.search.by == "row"
-        nodes: ByNode = {}
-        firsts: dict[Hashable, KeyedEdge] = {}  # by rows
-        level = {problem.key_of(start) if problem.visits else object(): start for start in problem.starts}
-        roots, seen, depth = list(level), set(level), 0
-        reached: set[Hashable] = set()
-        while level and depth != self.bound:
-            following: dict[Hashable, Any] = {}
-            for node, state in level.items():
-                edges = nodes[node] = []
-                for row, key, goal, goes_on, after, weight, _, last in problem.expand(state, firsts, None):
-                    reached.add(key)
-                    if self.most is not None and len(reached) > self.most:
-                        raise build_graph_limit_error(self.query, self.most)
-                    if goal is None:
-                        edges.append(firsts[key]._replace(weight=weight, last=last))
-                        continue
-                    edge = KeyedEdge(row, key, goal, goes_on, weight, last)
-                    edges.append(edge)
-                    if by_row:
-                        firsts[key] = edge
-                    if key in seen:
-                        if problem.outdated:
-                            problem.outdated(after, None)
-                    elif goes_on:
-                        seen.add(key)
-                        following[key] = after
-            level, depth = following, depth + 1
-        return nodes, roots
-
-    def _make_result(self, path: list[KeyedEdge], thaw: Thaw) -> Found:
-        """The result, with the rows of this path; a step belongs to many paths."""
-        rows = list(thaw([edge.row for edge in path]))
-        last = path[-1].last
-        if self.shown is None:
-            return rows, last
-        search, sources = self.query.search, len(self.query.sources)
+    def __init__(self, search_run: SearchRun) -> None:
+        search = search_run.query.search
         assert search is not None
-        carried = {
-            place: self.problem.starts[0][place] for place, (name, _) in enumerate(search.start) if _is_path_value(name)
-        }
+        assert search_run.noted is not None
+        self.noted, self.shapes, self.start = search_run.noted, search_run.shapes, search_run.problem.starts[0]
+        self.carried = [place for place, (name, _) in enumerate(search.start) if _is_path_value(name)]
         # A column that was not compared is that of the step, the others are those of the first step to the row.
         compared = search.key if search.by == "row" else ()
-        kept = [place for place, output in enumerate(self.query.columns) if output.expr in compared]
-        for number, edge in enumerate(path):
-            state = list(edge.last[sources:])
+        self.kept = [place for place, output in enumerate(search_run.query.columns) if output.expr in compared]
+
+    def read_rows(self, rows: list[Row], lasts: list[Any]) -> Found:
+        """The result for the rows of its steps, and their last parts."""
+        sources, last = self.noted.sources, lasts[-1]
+        carried = {place: self.start[place] for place in self.carried}
+        for number, known in enumerate(lasts):
+            state = list(known[sources:])
             for place, value in carried.items():
                 state[place] = value
-            last = (*edge.last[:sources], *state)
+            last = (*known[:sources], *state)
             row, after = self._read_row(last)
-            for place in kept:
+            for place in self.kept:
                 row[place] = rows[number][place]
             rows[number] = tuple(row)
             carried = {place: after[place] for place in carried}
         return rows, last
 
     def _read_row(self, last: tuple[Any, ...]) -> tuple[list[Any], State]:
-        assert self.shown is not None
-        sources = self.shown.sources
-        before, notes = self.shapes.freeze_state(last[sources:]), Notes(self.shown)
-        before += self.problem.starts[0][len(before) :]  # whether it is a start, where first steps have a condition
+        sources = self.noted.sources
+        before, notes = self.shapes.freeze_state(last[sources:]), Notes(self.noted)
+        before += self.start[len(before) :]  # whether it is a start, where first steps have a condition
         notes.begin_level([before], [[last[:sources] if sources > 1 else last[0]]])
-        for _ in self.shown.expand(before, (), notes):
+        for _ in self.noted.expand(before, (), notes):
             pass
         (pairs,) = notes.pairs
         assert pairs is not None
         note = pairs[0][0]
-        after = self.shown.after(note, last[sources:])
+        after = self.noted.after(note, last[sources:])
         assert after is not None
-        return list(self.shown.row(note)), after
+        return list(self.noted.row(note)), after
 
 
 def has_path_rows(search: plan.Search) -> bool:
@@ -290,23 +284,3 @@ def has_path_rows(search: plan.Search) -> bool:
 def _is_path_value(variable: str) -> bool:
     """Whether a variable is carried for what a step says of its path."""
     return not variable.isidentifier()
-
-
-def _search_goal_distances(nodes: ByNode) -> dict[Hashable, int]:
-    """The least number of steps from each node to a goal."""
-    before: dict[Hashable, list[Hashable]] = {}
-    found: dict[Hashable, int] = {}
-    for node, edges in nodes.items():
-        for edge in edges:
-            if edge.goal:
-                found[node] = 1
-            if edge.goes_on:
-                before.setdefault(edge.key, []).append(node)
-    queue = deque(found)
-    while queue:
-        key = queue.popleft()
-        for other in before.get(key, ()):
-            if other not in found:
-                found[other] = found[key] + 1
-                queue.append(other)
-    return found
