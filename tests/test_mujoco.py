@@ -258,6 +258,64 @@ def test_a_turned_box_is_measured_and_what_cannot_be_moved_stays(ss: ss2sql.Sess
         answer(ss, "move('base', [1, 1]);", engine)
 
 
+ARM = """
+    <geom name="floor" type="plane" size="5 5 .1"/>
+    <body name="robot" pos="0 0 .1"><freejoint/><geom type="cylinder" size=".2 .1" mass="3"/>
+      <body name="arm" pos="0 0 .15"><joint axis="0 0 1"/><geom type="capsule" fromto="0 0 0 .5 0 0" size=".04"/>
+        <body name="hand" pos=".5 0 0"><joint axis="0 1 0"/>
+          <geom type="capsule" fromto="0 0 0 .5 0 0" size=".04"/>
+        </body>
+      </body>
+    </body>"""
+
+
+def test_a_body_is_tried_with_all_that_hangs_on_it(ss: ss2sql.Session, engine: Any) -> None:
+    """As MuJoCo finds contacts between the tree of the robot and the rest of the world."""
+    dice = np.random.default_rng(5)
+    kinds = ("box", "cylinder", "capsule")
+    around = "".join(
+        f'<body pos="{x} {y} .2"><geom type="{kinds[k % 3]}" size=".15 .2 .2"/></body>'
+        for k, (x, y) in enumerate(dice.uniform(-2, 2, (12, 2)))
+    )
+    model, data = MuJoCo().made(ARM + around)
+    data.qpos[7:] = 0.3, 2.8  # the hand is turned back into the base, which is no collision of the robot
+    mujoco.mj_forward(model, data)
+    ss.attach("space", data)
+    moved = mujoco.MjData(model)
+    moved.qpos[:] = data.qpos
+    places, wanted = dice.uniform(-2, 2, (300, 2)).tolist(), []
+    for place in places:
+        moved.qpos[:2] = place
+        mujoco.mj_forward(model, moved)
+        roots = model.body_rootid[model.geom_bodyid[moved.contact.geom[moved.contact.dist <= -0.001]]]
+        wanted.append(bool(((roots == 1).sum(axis=1) == 1).any()))
+    ss.set("places", places)
+    assert answer(ss, "SELECT collision('robot', this, -0.001) FROM places AS list;", engine) == wanted
+    assert {True, False} == set(wanted)
+    assert not answer(ss, "collision('robot', [9, 9], -0.001);", engine)  # on its floor
+    assert answer(ss, "collision('robot', [9, 9], 0.01);", engine)
+
+
+def test_a_name_is_the_whole_robot(ss: ss2sql.Session, engine: Any) -> None:
+    wall = '<body name="wall" pos="1.1 0 .3"><geom type="box" size=".1 1 .3"/></body>'
+    ss.attach("space", MuJoCo().made(ARM + wall)[1])
+    touching = (
+        "[collision('robot', None, -0.001), collision('arm'), checkCollision('hand'), collision('wall', 'robot')];"
+    )
+    assert answer(ss, touching, engine) == [True] * 4
+    parts = "[collision('arm', 'hand'), collision('hand', 'robot'), collision('hand', 'hand')];"
+    assert answer(ss, parts, engine) == [True, True, False]
+    assert answer(ss, "[mass('robot'), aabb('robot')[1][0]];", engine) == [3, pytest.approx(1.04)]
+    found = answer(ss, "SELECT name FROM space.overlaps([[1, 0, 0], [2, 0, 1]]) AS list;", engine)
+    assert found == ["world", "robot", "arm", "hand", "wall"]
+    contacts = "SELECT count(*) FROM space.contacts({}) AS value;"
+    assert answer(ss, contacts.format("'robot', 'wall'"), engine) == answer(ss, contacts.format("'wall'"), engine) > 0
+    (near,) = answer(ss, "SELECT distance FROM space.closest('robot', 'wall', 1) AS list;", engine)
+    assert near < 0
+    with pytest.raises(ss2sql.ExecutionError, match=r"bodies\[99\] no longer exists"):
+        answer(ss, "collision(99);", engine)
+
+
 # --- whole arrays, and bad input -----------------------------------------------------------------------
 
 

@@ -211,6 +211,10 @@ class BodyWorld(World):
         """Whether two bodies touch."""
         return self.measure_gap(one, other) <= 0.0
 
+    def list_parts(self, body: int) -> Sequence[int]:
+        """The bodies that a body consists of, where it is more than its own row."""
+        return (body,)
+
     @abstractmethod
     def is_touching(self, body: int) -> bool:
         """Whether a body touches any other."""
@@ -408,16 +412,58 @@ class BodyWorld(World):
         return to
 
 
+class MarginWorld(BodyWorld):
+    """A world that tests whether bodies come nearer than a margin."""
+
+    def do_touch(self, one: int, other: int, margin: float = 0.0) -> bool:
+        return self.measure_gap(one, other) <= margin
+
+    @abstractmethod
+    def is_touching(self, body: int, margin: float = 0.0) -> bool:
+        """Whether a body comes nearer to any other than a margin."""
+
+    @abstractmethod
+    def would_touch(self, body: int, position: Vector, turn: Quaternion, margin: float = 0.0) -> bool:
+        """Whether a body, put to a pose, would come nearer to any other than a margin; it does not move."""
+
+    @function
+    def collision(self, one: Any, other: Any = None, margin: Any = 0.0) -> bool:
+        """Whether a body would collide at a pose [x, y], [x, y, z] or seven numbers; nothing moves.
+
+        A body in place of the pose: whether these two collide now. Nothing at all: whether it collides with any, now.
+        Bodies collide where they come nearer than `margin`, in m: 0 counts what just touches, -0.001 lets it touch.
+        """
+        near = _check_margin("collision", margin)
+        body = self.find_body(one)
+        if other is None:
+            return self.is_touching(body, near)
+        if isinstance(other, list):
+            return self.would_touch(body, *self.find_pose("collision", body, other), near)
+        return self.do_touch(body, self.find_body(other), near)
+
+    @function("volatile")
+    def checkCollision(self, body: Any, margin: Any = 0.0) -> bool:  # noqa: N802
+        """Whether a body collides with any other where it is now, after all `move`s; `margin` as in `collision`."""
+        return self.is_touching(self.find_body(body), _check_margin("checkCollision", margin))
+
+
+def _check_margin(name: str, value: Any) -> float:
+    found = read_body_numbers([value], 1)
+    if found is None:
+        raise make_parameter_error(name, "a margin in metres", value)
+    return found[0]
+
+
 class RequestedPairs:
     """The requested pairs of bodies: all, those of body a, or those between a and b."""
 
     def __init__(self, world: BodyWorld, a: Any, b: Any) -> None:
-        self.a, self.b = (None if body is None else world.find_body(body) for body in (a, b))
+        self.a, self.b = (None if body is None else world.list_parts(world.find_body(body)) for body in (a, b))
 
     def order_pair(self, one: int, other: int) -> tuple[int, int] | None:
         """Two bodies as a and b; None if they are not requested."""
         for a, b in ((one, other), (other, one)):
-            if self.a in (None, a) and self.b in (None, b):
+            if (self.a is None or a in self.a) and (self.b is None or b in self.b):
                 return a, b
         return None
 

@@ -7,6 +7,7 @@ MuJoCo, and `mj_forward` updates them. Reading computes nothing anew, because th
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 from importlib import import_module
 from itertools import product
@@ -17,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ss2sql.errors import ExecutionError, SessionError
-from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps, Quaternion, Vector
+from ss2sql.vtables.body_functions import Closest, MarginWorld, Near, Overlaps, Quaternion, Vector
 from ss2sql.vtables.mujoco.mujoco_tables import (
     MuJoCoBodies,
     MuJoCoContacts,
@@ -32,7 +33,7 @@ FURTHEST = 1e9  # m, the greatest measured distance
 _FREE = 0  # of mjtJoint
 
 
-class MuJoCoWorld(BodyWorld):
+class MuJoCoWorld(MarginWorld):
     """MuJoCo: bodies, geoms, joints, contacts and sensors of a model and its data.
 
     Args:
@@ -52,6 +53,8 @@ class MuJoCoWorld(BodyWorld):
         self.model = data.model if model is data else model
         self.shapes = MuJoCoShapes(self.model, self.data)
         self._names: dict[str, list[str]] = {}
+        self._parts: dict[int, range] = {}
+        self._solids: dict[int, frozenset[int]] = {}
 
     @property
     def time(self) -> float:
@@ -117,35 +120,72 @@ class MuJoCoWorld(BodyWorld):
     def measure_gap(self, one: int, other: int) -> float:
         """To the tolerance of MuJoCo's own `mj_geomDistance`, between the nearest shapes of both.
 
-        Infinite without shapes, and between planes, which have no distance in MuJoCo.
+        Of a body and a part of it the gap is that between the part and the rest. Infinite without shapes, and between
+        planes, which have no distance in MuJoCo.
         """
         measure = import_module("mujoco").mj_geomDistance
-        pairs = product(self._list_solids(one), self._list_solids(other))
+        first, second = self._list_solids(one), self._list_solids(other)
+        first, second = (first - second, second) if second <= first else (first, second - first)
+        pairs = product(first, second)
         least = min((measure(self.model, self.data, a, b, FURTHEST, None) for a, b in pairs), default=FURTHEST)
         return inf if least >= FURTHEST else float(least)
 
-    def _list_solids(self, body: int) -> list[int]:
-        found: list[int] = np.flatnonzero((self.model.geom_bodyid == body) & self.shapes.solid_shapes).tolist()
+    def list_parts(self, body: int) -> range:
+        """A body and all that hangs on it; of `world` nothing does. MuJoCo numbers bodies depth first."""
+        if body not in self._parts:
+            self.read_column(body, "name")  # raises the error of a body that does not exist
+            parents, end = self.model.body_parentid, body + 1
+            while body and end < self.model.nbody and parents[end] >= body:
+                end += 1
+            self._parts[body] = range(body, end)
+        return self._parts[body]
+
+    def _are_parts(self, body: int, bodies: Array) -> Array:
+        parts = self.list_parts(body)
+        found: Array = (bodies >= parts.start) & (bodies < parts.stop)
         return found
 
-    def is_touching(self, body: int) -> bool:
-        return self._is_touching_in(self.data, body)
+    def _list_solids(self, body: int) -> frozenset[int]:
+        """The shapes of a body and its parts that count for it."""
+        if body not in self._solids:
+            own = self._are_parts(body, self.model.geom_bodyid) & self.shapes.solid_shapes
+            self._solids[body] = frozenset(np.flatnonzero(own).tolist())
+        return self._solids[body]
 
-    def _is_touching_in(self, data: Any, body: int) -> bool:
+    def is_touching(self, body: int, margin: float = 0.0) -> bool:
+        data = self.data
+        if margin > 0:
+            data = self._data_copy
+            import_module("mujoco").mj_copyData(data, self.model, self.data)
+            self._find_contacts(data, margin)
+        return self._is_touching_in(data, body, margin)
+
+    def _is_touching_in(self, data: Any, body: int, margin: float) -> bool:
         contacts = data.contact
-        owners = self.model.geom_bodyid[contacts.geom[contacts.dist <= 0]]
-        return bool((owners == body).any())
+        own = self._are_parts(body, self.model.geom_bodyid[contacts.geom[contacts.dist <= margin]])
+        return bool((own[:, 0] != own[:, 1]).any())
 
-    def would_touch(self, body: int, position: Vector, turn: Quaternion) -> bool:
+    def would_touch(self, body: int, position: Vector, turn: Quaternion, margin: float = 0.0) -> bool:
         """Tests the pose in a copy of the data."""
-        mujoco, copy = import_module("mujoco"), self._data_copy
+        mujoco, data = import_module("mujoco"), self._data_copy
         for name in ("qpos", "mocap_pos", "mocap_quat"):
-            getattr(copy, name)[:] = getattr(self.data, name)
-        self._move_body(copy, body, position, turn)
-        mujoco.mj_kinematics(self.model, copy)
-        mujoco.mj_comPos(self.model, copy)
-        mujoco.mj_collision(self.model, copy)
-        return self._is_touching_in(copy, body)
+            getattr(data, name)[:] = getattr(self.data, name)
+        self._move_body(data, body, position, turn)
+        mujoco.mj_kinematics(self.model, data)
+        mujoco.mj_comPos(self.model, data)
+        self._find_contacts(data, margin)
+        return self._is_touching_in(data, body, margin)
+
+    def _find_contacts(self, data: Any, margin: float) -> None:
+        """Has MuJoCo find what comes nearer than a margin."""
+        mujoco, model, known = import_module("mujoco"), self.model, self.memory
+        if margin > 0:
+            if "model" not in known:
+                known["model"] = copy(model)  # the model itself may be in use elsewhere
+            model = known["model"]
+            model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_OVERRIDE
+            model.opt.o_margin = margin
+        mujoco.mj_collision(model, data)
 
     @cached_property
     def _data_copy(self) -> Any:

@@ -138,14 +138,18 @@ class MuJoCoShapes:
                 boxes[plane, 1 if normal[axis] > 0 else 0, axis] = self.data.geom_xpos[plane, axis]
 
     def measure_body_boxes(self) -> Array:
-        """The boxes around their shapes; around the origin of a body without one."""
+        """The boxes around the shapes of bodies and of all that hangs on them; where there are none, their origin."""
         model, solid = self.model, self.solid_shapes
-        low, high = self.data.xpos.copy(), self.data.xpos.copy()
-        bare = np.bincount(model.geom_bodyid[solid], minlength=model.nbody) == 0
-        low[~bare], high[~bare] = FAR, -FAR
+        low, high = np.full_like(self.data.xpos, FAR), np.full_like(self.data.xpos, -FAR)
         boxes, owners = self.measure_boxes()[solid], model.geom_bodyid[solid]
         np.minimum.at(low, owners, boxes[:, 0])
         np.maximum.at(high, owners, boxes[:, 1])
+        for body in np.flatnonzero(model.body_parentid)[::-1]:  # what hangs on a body has a higher number
+            parent = model.body_parentid[body]
+            np.minimum(low[parent], low[body], out=low[parent])
+            np.maximum(high[parent], high[body], out=high[parent])
+        bare = low[:, 0] > high[:, 0]
+        low[bare] = high[bare] = self.data.xpos[bare]
         return np.stack((low, high), axis=1)
 
     def read_quaternions(self, index: Array) -> Array:

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ss2sql.errors import ExecutionError
-from ss2sql.vtables.body_functions import BodyWorld, Quaternion, Vector, make_parameter_error, read_body_numbers
+from ss2sql.vtables.body_functions import MarginWorld, Quaternion, Vector, make_parameter_error
 from ss2sql.vtables.contract import Element, function
 from ss2sql.vtables.pybullet.bodies import (
     KINDS,
@@ -348,7 +348,7 @@ def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
     return Robot(base[1], parts)
 
 
-class BodyFunctions(BodyWorld):
+class BodyFunctions(MarginWorld):
     """The functions of a PyBullet world. A body is given by its element, its id or its name."""
 
     calls: Any
@@ -419,36 +419,14 @@ class CollisionFunctions(BodyFunctions):
 
     _shape_cache: ShapeCache | None = None
 
-    @function
-    def collision(self, one: Any, other: Any = None, margin: Any = 0.0) -> bool:
-        """Whether a body would collide at a pose [x, y], [x, y, z] or seven numbers; nothing moves.
-
-        A body in place of the pose: whether these two collide now. Nothing at all: whether it collides with any, now.
-        Bodies collide where they come nearer than `margin`, in m: 0 counts what just touches, -0.001 lets it touch.
-        """
-        near = _check_collision_margin("collision", margin)
-        body = self.find_body(one)
-        if other is None:
-            return self.is_touching(body, near)
-        if isinstance(other, list):
-            return self.would_touch(body, *self.find_pose("collision", body, other), near)
-        return self.do_touch(body, self.find_body(other), near)
-
-    @function("volatile")
-    def checkCollision(self, body: Any, margin: Any = 0.0) -> bool:  # noqa: N802 - the paper's word
-        """Whether a body collides with any other where it is now, after all `move`s; `margin` as in `collision`."""
-        return self.is_touching(self.find_body(body), _check_collision_margin("checkCollision", margin))
-
     def measure_gap(self, one: int, other: int) -> float:
         points = self.calls.getClosestPoints(one, other, 1e6)
         return min((point[8] for point in points), default=float("inf"))
 
     def do_touch(self, one: int, other: int, margin: float = 0.0) -> bool:
-        """Whether two bodies come nearer than a margin."""
         return one != other and bool(self.calls.getClosestPoints(one, other, margin))
 
     def is_touching(self, body: int, margin: float = 0.0) -> bool:
-        """Whether a body comes nearer to any other than a margin."""
         around = self._get_surroundings()
         return any(self.do_touch(body, other[0], margin) for other in around.find_near(around.boxes[body], margin))
 
@@ -497,10 +475,3 @@ class CollisionFunctions(BodyFunctions):
             self._shape_cache = ShapeCache(self.calls)
         self._shape_cache.clear_after_reset()
         return self._shape_cache
-
-
-def _check_collision_margin(name: str, value: Any) -> float:
-    found = read_body_numbers([value], 1)
-    if found is None:
-        raise make_parameter_error(name, "a margin in metres", value)
-    return found[0]
