@@ -24,7 +24,6 @@ pytest.importorskip("prompt_toolkit")
 from prompt_toolkit.completion import CompleteEvent
 from prompt_toolkit.document import Document
 from prompt_toolkit.formatted_text import fragment_list_to_text
-from prompt_toolkit.history import FileHistory
 from prompt_toolkit.input import PipeInput, create_pipe_input
 from prompt_toolkit.output import DummyOutput
 
@@ -218,15 +217,6 @@ def test_the_history_is_for_its_owner_alone(folder: Path, monkeypatch) -> None:
     for value in ("", "relative/folder"):
         monkeypatch.setenv("XDG_STATE_HOME", value)
         assert find_state_folder() == folder / ".local" / "state" / "ss2sql"
-
-
-def test_the_history_does_not_grow_for_ever(monkeypatch) -> None:
-    monkeypatch.setattr("ss2sql.shell.terminal.MAX_ENTRIES", 10)
-    path = open_history_file()
-    for number in range(25):
-        FileHistory(str(path)).store_string(f"{number};\n{number} again;")
-    kept = list(FileHistory(str(open_history_file())).load_history_strings())
-    assert kept == [f"{number};\n{number} again;" for number in range(24, 14, -1)]
 
 
 def test_without_prompt_toolkit_an_error_says_how_to_get_it() -> None:

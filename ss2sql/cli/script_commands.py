@@ -64,15 +64,10 @@ def run_command(
     source = inputs.script
     wanted = make_output(form, output, shown)
     with inputs.open_session(progress) as session:
-        try:
-            result = run_script(session, source, **options)
-        except Stopped as stopped:
-            if stopped.partial is not None:
-                wanted.write_result(
-                    stopped.partial if wanted.form == "table" else build_partial_output(session, stopped.partial)
-                )
-            raise
-        wanted.write_result(result)
+        result, stopped = run_partly(session, source, **options)
+        wanted.write_result(build_partial_output(session, result) if stopped and wanted.form != "table" else result)
+        if stopped is not None:
+            raise stopped
 
 
 def run_script(session: Session, source: str | Path | Source, **options: Any) -> Result:
@@ -86,6 +81,16 @@ def run_script(session: Session, source: str | Path | Source, **options: Any) ->
     for text in result.notes:
         print_note(text if writes_json() else f"note: {text}")
     return result
+
+
+def run_partly(session: Session, source: str | Path | Source, **options: Any) -> tuple[Result, Stopped | None]:
+    """The result of a script; of a run that ended early the partial one, and the error, which is raised in the end."""
+    try:
+        return run_script(session, source, **options), None
+    except Stopped as stopped:
+        if stopped.partial is None:
+            raise
+        return stopped.partial, stopped
 
 
 def build_partial_output(session: Session, found: Result) -> Result:
@@ -130,14 +135,12 @@ def explain_command(inputs: ScriptInputs, analyze: bool, form: str, progress: bo
                 found = session.compile(source, options["engine"]).explain()
             _print_explanation(found, form)
             return
-        try:
-            result = run_script(session, source, **options)
-        except Stopped as stopped:
-            if stopped.partial is not None:
-                _print_explanation(stopped.partial.explain(), form)
-            raise
-        result.value  # noqa: B018 - the time that AS takes is to be told, too
+        result, stopped = run_partly(session, source, **options)
+        if stopped is None:
+            result.value  # noqa: B018 - the time that AS takes is to be told, too
         _print_explanation(result.explain(), form)
+        if stopped is not None:
+            raise stopped
 
 
 def _print_explanation(found: Explanation, form: str) -> None:
@@ -181,14 +184,10 @@ def plot_command(
     require_package("matplotlib", "plot", "plot").use("agg")  # no window, and no screen needed
     if kind == "search":
         options["trace"] = MOST_EVENTS
-    stopped: Stopped | None = None
     with inputs.open_session(progress) as session:
-        try:
-            result = run_script(session, source, **options)
-        except Stopped as error:
-            if error.partial is None or not (len(error.partial) or error.partial.traced):
-                raise
-            result, stopped = error.partial, error
+        result, stopped = run_partly(session, source, **options)
+        if stopped is not None and not (len(result) or result.traced):
+            raise stopped
         figure = result.plot(kind=kind, title=title, most=most).figure
         try:
             figure.savefig(output)
@@ -228,13 +227,11 @@ def play_command(
     results = []
     with inputs.open_session(progress) as session:
         for source in sources:
-            try:
-                results.append(run_script(session, source, **options))
-            except Stopped as error:
-                if error.partial is None or error.partial.traced is None:
-                    raise
-                results.append(error.partial)
-                stopped = error
+            result, ended = run_partly(session, source, **options)
+            if ended is not None and result.traced is None:
+                raise ended
+            results.append(result)
+            stopped = ended or stopped
     results[0].animate(path, results[1] if beside is not None else None, title)
     events = " and ".join(f"{len(result.trace):,}" for result in results)
     print_note(f"written to {path}: {events} events; open it in a browser")

@@ -85,13 +85,13 @@ def name_frame_columns(labels: Iterable[Hashable], owner: str) -> list[str]:
 # Reads a frame as it stands now.
 Reader: TypeAlias = Callable[[], Frame]
 
-# By the package and the name of a type: the file here whose `reader(source, name)` gives a Reader.
-_FILES = {
-    ("pandas", "DataFrame"): "pandas",
-    ("polars", "DataFrame"): "polars",
-    ("pyarrow", "Table"): "arrow",
-    ("pyarrow", "RecordBatch"): "arrow",
-    ("numpy", "ndarray"): "array_columns",
+# By the package and the name of a type: the file here, and its function of a source and its name that gives a Reader.
+_FUNCTIONS = {
+    ("pandas", "DataFrame"): ("pandas", "reader"),
+    ("polars", "DataFrame"): ("arrow", "polars_reader"),
+    ("pyarrow", "Table"): ("arrow", "reader"),
+    ("pyarrow", "RecordBatch"): ("arrow", "reader"),
+    ("numpy", "ndarray"): ("array_columns", "reader"),
 }
 _CURES = {
     ("polars", "LazyFrame"): "it has no rows yet: attach what its collect() gives",
@@ -116,18 +116,16 @@ def find_reader(source: Any, name: str) -> Reader | None:
         own = (kind.__module__.partition(".")[0], kind.__name__)
         if own in _CURES:
             raise SessionError("S002", f"a {own[0]}.{own[1]} cannot be attached", hints=(_CURES[own],))
-        if own in _FILES:
-            return _find_frame_module(_FILES[own]).reader(source, name)  # type: ignore[no-any-return]
+        if own in _FUNCTIONS:
+            return _load_reader(*_FUNCTIONS[own], source)(source, name)
     if hasattr(type(source), "__arrow_c_stream__"):
-        return _find_frame_module("arrow").reader(_read_arrow_table(source), name)  # type: ignore[no-any-return]
+        make = _load_reader("arrow", "reader", source)
+        # Some objects give Arrow data only once, so they are read here and now.
+        return make(import_module("pyarrow").RecordBatchReader.from_stream(source).read_all(), name)
     return None
 
 
-def _find_frame_module(name: str) -> Any:
-    return import_module(f"ss2sql.vtables.frames.{name}")
-
-
-def _read_arrow_table(source: Any) -> Any:
-    """Arrow data, which some objects give only once, are read here and now."""
-    pyarrow = require_package("pyarrow", "df", f"to read a {type(source).__name__}, ss2sql")
-    return pyarrow.RecordBatchReader.from_stream(source).read_all()
+def _load_reader(file: str, function: str, source: Any) -> Callable[[Any, str], Reader | None]:
+    if file == "arrow":
+        require_package("pyarrow", "df", f"to read a {type(source).__name__}, ss2sql")
+    return getattr(import_module(f"ss2sql.vtables.frames.{file}"), function)  # type: ignore[no-any-return]

@@ -1,4 +1,4 @@
-"""Tables and record batches of Arrow, and objects that export such tables."""
+"""Tables and record batches of Arrow, objects that export such tables, and data frames of Polars."""
 
 from __future__ import annotations
 
@@ -38,6 +38,26 @@ def _read_arrow(table: Any, name: str) -> Frame:
     parts = zip(names, table.columns, strict=True)
     columns = {word: convert_arrow_column(part, f"the column '{word}' of '{name}'") for word, part in parts}
     return Frame(columns, table.num_rows)
+
+
+def polars_reader(source: Any, name: str) -> Reader:
+    """The reader of a frame of Polars, which reads it anew every time, since it is mutable."""
+    return lambda: _read_polars(source.clone(), name)
+
+
+def _read_polars(frame: Any, name: str) -> Frame:
+    names = name_frame_columns(frame.columns, name)
+    columns = {
+        word: _convert_polars_series(frame.get_column(word), f"the column '{word}' of '{name}'") for word in names
+    }
+    return Frame(columns, frame.height)
+
+
+def _convert_polars_series(series: Any, place: str) -> Column:
+    polars: Any = import_module("polars")
+    if series.dtype in (polars.Object, polars.Int128, getattr(polars, "UInt128", None)):  # which Arrow lacks
+        return make_frame_objects(series.to_list(), place)
+    return convert_arrow_column(series.to_arrow(compat_level=polars.CompatLevel.oldest()), place)
 
 
 def convert_arrow_column(array: Any, place: str) -> Column:
