@@ -270,6 +270,26 @@ def test_the_ground_is_seen_and_its_own_body_does_not_hide(scene: Scene) -> None
     assert np.array_equal(ask(scene, script), np.hypot(x, y) <= 1.3)
 
 
+@pytest.mark.parametrize("height", [0.05, 0.1, 0.101, 0.11, 0.12])
+def test_a_sensor_on_its_own_body_sees_what_it_sees_alone(scene: Scene, height: float, engine: Any) -> None:
+    """From inside of it, on its top, and a little above, where a ray passes through a millimetre of it."""
+    body = scene.add("sensor", Box(0.4, 0.4, 0.2), (0.0, 0.0, 0.0), GREY)
+    crate = scene.add("crate", Box(0.2, 0.2, 0.2), (1.0, 0.0, 0.0), GREY)
+    hidden = scene.add("hidden", Box(0.2, 0.1, 0.1), (1.5, 0.0, -0.05), GREY)
+    grid = f"SELECT obj FROM space WHERE isSensor AS sensorgrid(-0.05, 0.1, {AREA})"
+    script = f"[{grid}, isSensing(eye, crate), isSensing(eye, hidden)]"
+    bare = scene.add("bare", Box(0.01, 0.01, 0.01), (0.0, 0.0, 3.0), GREY)
+    found = []
+    for eye in (body, bare):
+        scene.sensors.clear()
+        scene.sensors[eye] = Sensor((0.0, 0.0, height), (1.0, 0.0, 0.0), 2.5, 90.0)
+        found.append(ask(scene, f"eye = {eye}; crate = {crate}; hidden = {hidden}; {script}", engine))
+        scene.client.resetBasePositionAndOrientation(body, (0, 0, 9), (0, 0, 0, 1))
+    assert np.array_equal(found[0][0], found[1][0])
+    assert found[0][0].any()
+    assert found[0][1:] == found[1][1:] == [True, False]
+
+
 def test_more_rays_than_pybullet_takes_at_once(scene: Scene) -> None:
     with_sensor(scene, (0.0, 0.0, 0.5), (0.0, 0.0, -1.0), 99.0, 360.0)
     script = "SELECT obj FROM space AS sensorgrid(0.5, 0.02, [[-2, -2], [2, 2]]);"

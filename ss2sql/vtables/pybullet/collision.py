@@ -388,7 +388,10 @@ class BodyFunctions(MarginWorld):
 
     @function
     def isSensing(self, sensor: Any, body: Any) -> bool:  # noqa: N802 - the paper's word
-        """Whether a sensor sees a body: the middle of one of its links is in range, in its cone, and not hidden."""
+        """Whether a sensor sees a body: the middle of one of its links is in range, in its cone, and not hidden.
+
+        The body that the sensor is mounted on hides nothing.
+        """
         given = self.find_body(sensor)
         eye = self.sensors.get(given)
         if eye is None:
@@ -400,7 +403,10 @@ class BodyFunctions(MarginWorld):
             low, high = self.calls.getAABB(wanted, link)
             middle = tuple((a + b) / 2 for a, b in zip(low, high, strict=True))
             # -1: a body without a shape, or hollow there, is seen if nothing hides it.
-            if are_in_cone(eye, [middle])[0] and self.calls.rayTest(eye.position, middle)[0][0] in (-1, wanted):
+            if are_in_cone(eye, [middle])[0] and find_first_hits(self, given, eye.position, [middle])[0] in (
+                -1,
+                wanted,
+            ):
                 return True
         return False
 
@@ -411,6 +417,28 @@ def are_in_cone(sensor: Any, points: Any) -> Any:
     distance = np.linalg.norm(away, axis=1)
     direction = np.asarray(sensor.direction, dtype=float) / hypot(*sensor.direction)
     return (distance <= sensor.range) & (away @ direction >= distance * cos(radians(sensor.angle / 2)))
+
+
+def find_first_hits(world: Any, own: int, start: Sequence[float], ends: Any) -> tuple[Any, Any]:
+    """The first body on each ray but the own one, -1 for none, and the part of the ray before it. A ray takes 1 us.
+
+    Where the own body comes first, all hits of the ray are looked at: PyBullet gives them by number, in no order.
+    """
+    targets = np.asarray(ends, dtype=float)
+
+    def cast_rays(rays: Any, **options: int) -> tuple[Any, Any]:
+        found = world.calls.rayTestBatch([start] * len(rays), targets[rays].tolist(), **options)
+        return np.array([hit[0] for hit in found], dtype=int), np.array([hit[2] for hit in found], dtype=float)
+
+    bodies, fractions = cast_rays(np.arange(len(targets)))
+    waiting, number = np.flatnonzero(bodies == own), 0
+    bodies[waiting], fractions[waiting] = -1, 1.0
+    while len(waiting):
+        hit, before = cast_rays(waiting, reportHitNumber=number)
+        first = (hit >= 0) & (hit != own) & (before < fractions[waiting])
+        bodies[waiting[first]], fractions[waiting[first]] = hit[first], before[first]
+        waiting, number = waiting[hit >= 0], number + 1
+    return bodies, fractions
 
 
 # --- collision tests of a robot with everything else, at any pose, without moving anything

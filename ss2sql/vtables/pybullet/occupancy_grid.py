@@ -25,7 +25,7 @@ from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
 from ss2sql.vtables.pybullet.bodies import measure_box
 from ss2sql.vtables.pybullet.client import Box, unite_boxes
-from ss2sql.vtables.pybullet.collision import ShapeCache, are_in_cone
+from ss2sql.vtables.pybullet.collision import ShapeCache, are_in_cone, find_first_hits
 
 if TYPE_CHECKING:
     pass
@@ -164,8 +164,6 @@ def _find_covered_cells(box: Box, origin: list[float], edge: float, columns: int
 
 # --- `AS sensorgrid(z, cell, area)`, also `sensormap`: how many of the selected sensors see each cell
 NEAR = 1e-4  # metres before the end of a ray where a hit counts as the surface that was aimed at
-BEHIND = 1e-4  # metres after the surface of the sensor's own body where a ray continues: it misses shapes it starts in
-LAYERS = 16  # of its own body that a ray passes at most
 
 
 def make_sensor_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> Grid:
@@ -195,24 +193,6 @@ def make_sensor_grid(world: Any, table: Table, z: Any, cell: Any, area: Any) -> 
 
 def _find_cells_sensor_sees(world: Any, body: int, sensor: Any, ends: Any) -> Any:
     """For each point whether a ray from the sensor reaches it."""
-    found = np.zeros(len(ends), dtype=bool)
-    starts = np.broadcast_to(np.asarray(sensor.position, dtype=float), ends.shape).copy()
-    waiting = np.arange(len(ends))
-    for _ in range(LAYERS):
-        hits, fractions = _cast_rays(world, starts[waiting], ends[waiting])
-        directions = ends[waiting] - starts[waiting]
-        lengths = np.linalg.norm(directions, axis=1)
-        found[waiting] = (hits < 0) | ((1 - fractions) * lengths <= NEAR)
-        own = (hits == body) & ~found[waiting]
-        if not own.any():
-            break
-        on = (fractions[own] + BEHIND / lengths[own])[:, None]
-        starts[waiting[own]] += directions[own] * on
-        waiting = waiting[own]
-    return found
-
-
-def _cast_rays(world: Any, starts: Any, ends: Any) -> tuple[Any, Any]:
-    """The first body on each ray, -1 for none, and the part of the ray before it. A ray takes 1 us."""
-    found = world.calls.rayTestBatch(starts.tolist(), ends.tolist())
-    return np.array([hit[0] for hit in found], dtype=int), np.array([hit[2] for hit in found], dtype=float)
+    hits, fractions = find_first_hits(world, body, sensor.position, ends)
+    lengths = np.linalg.norm(ends - np.asarray(sensor.position, dtype=float), axis=1)
+    return (hits < 0) | ((1 - fractions) * lengths <= NEAR)
