@@ -49,7 +49,7 @@ def check_engine(engine: Any) -> None:
 
 def check_engine_session(engine: Engine, session: Any) -> None:
     """Raises SessionError S002 for the connection of an engine that is not the session's."""
-    if session is not None and engine not in _OPENERS:
+    if session is not None and engine not in _PACKAGES:
         message = f"session is the connection of the engine 'duckdb' or 'spark', not of {engine!r}"
         raise SessionError("S002", message, hints=("write connect(engine='duckdb', session=...)",))
 
@@ -82,57 +82,20 @@ def open_session_engine(name: str, session: Any = None, begun: Sequence[Run] = (
 
     `session` is the user's connection of that database, whose settings count; `begun` are the active runs in order.
     """
-    opener = _OPENERS.get(name)
-    return None if opener is None else opener(session, begun)
+    for package in _PACKAGES.get(name, ()):
+        require_package(package, name, f"engine='{name}'")
+    if name == "duckdb":
+        from ss2sql.runtime.external.duckdb_search import DuckEngine
+
+        return DuckEngine(session, begun)
+    if name == "spark":
+        from ss2sql.runtime.external.spark_session import SparkEngine
+
+        return SparkEngine(session)
+    return None
 
 
-def _open_duckdb_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
-    duckdb = require_package("duckdb", "duckdb", "engine='duckdb'")
-    require_package("pyarrow", "duckdb", "engine='duckdb'")
-    from ss2sql.runtime.external.duckdb_search import DuckEngine, DuckSearch
-    from ss2sql.runtime.external.duckdb_sources import DuckSources
-    from ss2sql.runtime.external.level_query import TableEngine
-
-    if session is not None and not isinstance(session, duckdb.DuckDBPyConnection):
-        message = f"the session of engine='duckdb' is a connection of DuckDB, not {type(session).__name__}"
-        raise SessionError("S002", message, hints=("give duckdb.connect(), or nothing",))
-    duck = DuckEngine(session)
-    sources = DuckSources(lambda: duck.session.cursor(), (duckdb.Error,), begun)
-    return TableEngine(
-        "duckdb",
-        duck.open_tables,
-        duck.close_engine,
-        (duckdb.Error,),
-        lambda *parts: DuckSearch(sources, *parts).find_results(),
-        sources=sources,
-    )
-
-
-def _open_spark_engine(session: Any, begun: Sequence[Run]) -> TableEngine:
-    for name in ("pyspark", "pyarrow", "pandas"):
-        require_package(name, "spark", "engine='spark'")
-    from py4j.protocol import Py4JError  # type: ignore[import-untyped]
-    from pyspark.errors import PySparkException
-
-    from ss2sql.runtime.external.level_query import TableEngine
-    from ss2sql.runtime.external.spark_search import SparkSearch
-    from ss2sql.runtime.external.spark_session import SparkEngine
-
-    spark = SparkEngine(session)
-    return TableEngine(
-        "spark",
-        spark.open_store,
-        spark.close_engine,
-        (PySparkException, Py4JError),
-        lambda *parts: SparkSearch(*parts).find_results(),
-        spark.load_table,
-    )
-
-
-_OPENERS: dict[str, Callable[[Any, Sequence[Run]], TableEngine]] = {
-    "duckdb": _open_duckdb_engine,
-    "spark": _open_spark_engine,
-}
+_PACKAGES = {"duckdb": ("duckdb", "pyarrow"), "spark": ("pyspark", "pyarrow", "pandas")}
 
 
 # --- one query that is ready to run on its engine

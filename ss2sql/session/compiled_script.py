@@ -234,9 +234,7 @@ class Query:
         It has the columns and types of `Result.arrow`. Raises what that raises, and what `run` raises.
         """
         rows = self.run("spark", timeout, maximum, **variables).arrow()
-        engine = self._host.held.get_engine("spark")
-        assert engine is not None
-        assert engine.load_table is not None
+        engine: Any = self._host.held.get_engine("spark")
         return engine.load_table(rows)
 
     def check_variables(self, variables: Iterable[str]) -> None:

@@ -16,6 +16,7 @@ from operator import itemgetter
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+from ss2sql.errors import SessionError
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.lowering.sql_builder import DUCKDB
 from ss2sql.runtime.external.duckdb_query import fetch_duckdb_rows
@@ -23,7 +24,7 @@ from ss2sql.runtime.external.duckdb_sources import DuckSources
 from ss2sql.runtime.external.level_query import DuckLevelStatements
 from ss2sql.runtime.external.level_steps import FirstLevels, PythonSteps, SqlSteps, make_level_steps
 from ss2sql.runtime.external.table_statements import Value, join_column_names, table_of_rows, translate_duckdb_sql
-from ss2sql.runtime.run.run_state import GraphLevel
+from ss2sql.runtime.run.run_state import GraphLevel, Run
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
 if TYPE_CHECKING:
@@ -38,19 +39,30 @@ _numbers = count(1)
 class DuckEngine:
     """A connection of DuckDB: the user's, or one of its own, which spills to a folder that goes with it."""
 
-    def __init__(self, session: duckdb.DuckDBPyConnection | None) -> None:
+    name = "duckdb"
+
+    def __init__(self, session: Any, begun: Sequence[Run]) -> None:
+        import duckdb
+
+        if session is not None and not isinstance(session, duckdb.DuckDBPyConnection):
+            message = f"the session of engine='duckdb' is a connection of DuckDB, not {type(session).__name__}"
+            raise SessionError("S002", message, hints=("give duckdb.connect(), or nothing",))
         self.folder: TemporaryDirectory[str] | None = None
         if session is None:
-            import duckdb
-
             self.folder = TemporaryDirectory(prefix="ss2sql-")
             session = duckdb.connect(config={"temp_directory": self.folder.name})
         self.session = session
+        self.errors: tuple[type[Exception], ...] = (duckdb.Error,)
+        self.sources: DuckSources | None = DuckSources(lambda: self.session.cursor(), self.errors, begun)
 
     def open_tables(self, search_run: SearchRun) -> DuckTables:
         return DuckTables(self.session.cursor())
 
-    def close_engine(self) -> None:
+    def find_results(self, search_run: SearchRun, opened: DuckTables, written: DuckLevelStatements) -> Iterator[Found]:
+        assert self.sources is not None
+        return DuckSearch(self.sources, search_run, opened, written).find_results()
+
+    def close(self) -> None:
         if self.folder is not None:
             self.session.close()
             self.folder.cleanup()

@@ -12,13 +12,11 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError
-from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.rows import Row
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
 from ss2sql.runtime.external.level_query import SparkLevelStatements
 from ss2sql.runtime.external.level_steps import FirstLevels, SqlSteps, make_level_steps
-from ss2sql.runtime.external.spark_session import SparkStore, write_spark_schema
-from ss2sql.runtime.external.table_statements import join_column_names, list_duckdb_columns
+from ss2sql.runtime.external.spark_session import SparkStore
+from ss2sql.runtime.external.table_statements import join_column_names, list_duckdb_columns, make_schema
 from ss2sql.runtime.external.task_pickle import (
     add_executor_counts,
     expand_spark_batches,
@@ -35,82 +33,6 @@ if TYPE_CHECKING:
 
 
 TASKS_PER_CORE = 2  # of each level for each core where Python tries the steps, because some take longer than others
-
-
-@dataclass(frozen=True, slots=True)
-class LevelCounts:
-    """What became of a level: how many steps were tried and kept, how many of these are goals, and how many go on."""
-
-    tried: int
-    kept: int
-    goals: int
-    continuing: int
-
-
-class SparkSteps:
-    """The steps of a search in a store."""
-
-    def __init__(self, search_run: SearchRun, store: SparkStore, written: SparkLevelStatements) -> None:
-        self.search_run, self.store, self.written = search_run, store, written
-        self.made = make_level_steps(search_run, written)
-        self.broadcast: Broadcast[bytes] | None = None
-
-    def check_transferable(self) -> None:
-        """Raises UnsupportedError where the executors cannot have what they need."""
-        if not isinstance(self.made, SqlSteps):
-            self.packed = pickle_search(self.search_run)
-
-    def send_to_executors(self) -> None:
-        """Has the executors get what they need for all levels: the search itself, or the values of elements."""
-        if isinstance(self.made, SqlSteps):
-            elements = self.store.session.createDataFrame(self.made.elements)
-            elements.coalesce(1).createOrReplaceTempView("elements")
-        else:
-            self.broadcast = self.store.context.broadcast(self.packed)
-
-    def release_broadcast(self) -> None:
-        if self.broadcast is not None:
-            self.broadcast.destroy()
-
-    def make_level_views(self, frontier: DataFrame) -> None:
-        cores = self.store.context.defaultParallelism
-        if self.broadcast is None:
-            frontier.repartition(cores, "step").createOrReplaceTempView("frontier")
-            return
-        frontier.createOrReplaceTempView("frontier")
-        spread = frontier.select("step", "state").repartition(cores * TASKS_PER_CORE, "step")
-        columns = [(column.name, column.type) for column in self.written.tries]
-        steps = make_task(expand_spark_batches, self.store.name, self.broadcast, columns)
-        spread.mapInArrow(steps, write_spark_schema(self.written.tries)).createOrReplaceTempView("tries")
-
-    def read_counts(self, counts: Row, frontier: DataFrame, expanded: int) -> LevelCounts:
-        """What the row of `counts` tells. Raises what has kept a task from its work, or has failed there."""
-        kept, goals, going, accounts, matched = counts
-        stats, before = self.search_run.stats, self.search_run.stats.generated
-        if isinstance(self.made, SqlSteps):
-            self.made.count_tries(expanded, None if matched is None else int(matched))
-        told: list[dict[str, Any]] = [read_spark_counts(bytes(state)) for state in accounts]
-        for one in told:
-            if one["trouble"]:
-                hint = "what functions import has to be installed there, or sent with spark.sparkContext.addPyFile"
-                raise ExecutionError(
-                    "X009", f"an executor cannot make the search ready: {one['trouble']}", hints=(hint,)
-                )
-            add_executor_counts(stats, one)
-        refused = [one["refused"] for one in told if one["refused"] is not None]
-        if refused:
-            self._retry_locally(min(refused), frontier)
-        return LevelCounts(stats.generated - before, kept, goals, going)
-
-    def _retry_locally(self, step: int, frontier: DataFrame) -> None:
-        """Tries the steps from a state in this process, which raises what an executor met there."""
-        ((state,),) = frontier.where(f"step = {step}").select("state").collect()
-        for _ in self.made.evaluation.evaluate_steps(step, bytes(state)):
-            pass
-        hint = "see whether a function is declared immutable that is not"
-        raise ExecutionError("X009", "a step that failed did not fail again", hints=(hint,))
-
-
 TABLES = 16  # of rows, before they become one; to plan with each takes some milliseconds
 MAX_IN_ONE_PARTITION = 100_000  # steps of a level that are numbered in one partition, which takes a job less
 MAX_COLLECTED_GOALS = 10_000  # whose ways are looked up at once
@@ -123,7 +45,8 @@ class SparkSearch:
 
     def __init__(self, search_run: SearchRun, store: SparkStore, written: SparkLevelStatements) -> None:
         self.search_run, self.store, self.written = search_run, store, written
-        self.steps = SparkSteps(search_run, store, written)
+        self.made = make_level_steps(search_run, written)
+        self.broadcast: Broadcast[bytes] | None = None  # the search, where executors try its steps in Python
         self.levels: dict[int, DataFrame] = {}
         self.met: DataFrame | None = None  # the rows of all levels, for UNIQUE
         self.tables = 0  # of which they are put together
@@ -133,56 +56,95 @@ class SparkSearch:
     def find_results(self) -> Iterator[Found]:
         """The paths and the last parts of their last steps."""
         try:
-            self.steps.check_transferable()
+            packed = None if isinstance(self.made, SqlSteps) else pickle_search(self.search_run)
             beginning = FirstLevels(self.search_run, seconds=SECONDS)
             yield from map(beginning.make_result, beginning.find_goals())
-            yield from self._search_levels(beginning)
+            if beginning.frontier:
+                yield from self._search_levels(beginning, packed)
         finally:
-            self.steps.release_broadcast()
+            if self.broadcast is not None:
+                self.broadcast.destroy()
 
     # --- from level to level -----------------------------------------------------------------------------
 
-    def _search_levels(self, beginning: FirstLevels) -> Iterator[Found]:
-        """The results after the first levels."""
-        expanded = len(beginning.frontier)
-        if not expanded:
-            return
-        self.steps.send_to_executors()
+    def _search_levels(self, beginning: FirstLevels, packed: bytes | None) -> Iterator[Found]:
+        """The results after the first levels. The executors get the `packed` search, or the values of elements."""
+        if isinstance(self.made, SqlSteps):
+            elements = self.store.session.createDataFrame(self.made.elements)
+            elements.coalesce(1).createOrReplaceTempView("elements")
+        else:
+            assert packed is not None
+            self.broadcast = self.store.context.broadcast(packed)
         self._load_first_levels(beginning)
-        depth = len(beginning.levels)
+        stats, depth, expanded = self.search_run.stats, len(beginning.levels), len(beginning.frontier)
         frontier, few = self._make_frontier(beginning), True
         while expanded:
             depth += 1
             self.search_run.flush()
             self.search_run.check()
             kept = self.levels[depth] = self._plan_level(frontier, few)
-            counted = self.store.query_rows(self.written.counts, self.steps.made.values).collect()
-            counts = self.steps.read_counts(tuple(counted[0]), frontier, expanded)
-            if counts.goals:
-                yield from self._read_goals(depth, kept.where("goal"), counts.goals)
-            self.search_run.stats.levels.append(GraphLevel(counts.kept, counts.kept, counts.tried - counts.kept))
-            few = counts.continuing * counts.kept <= MAX_IN_ONE_PARTITION * expanded  # kept, if as many for each state
-            expanded, frontier = counts.continuing, kept.where("goes_on")
+            generated = stats.generated
+            ((number, goals, going, accounts, matched),) = self.store.query_rows(
+                self.written.counts, self.made.values
+            ).collect()
+            if isinstance(self.made, SqlSteps):
+                self.made.count_tries(expanded, None if matched is None else int(matched))
+            self._read_accounts(accounts, frontier)
+            if goals:
+                yield from self._read_goals(depth, kept.where("goal"), goals)
+            stats.levels.append(GraphLevel(number, number, stats.generated - generated - number))
+            few = going * number <= MAX_IN_ONE_PARTITION * expanded  # kept, if as many for each state
+            expanded, frontier = going, kept.where("goes_on")
             if self.written.search.repeats == "unique":
                 self._add_to_closed_list(kept.where("place >= 0"))
 
     def _plan_level(self, frontier: DataFrame, few: bool) -> DataFrame:
         """The steps that a level keeps, not computed yet."""
-        self.steps.make_level_views(frontier)
+        from pyspark.sql.pandas.types import from_arrow_schema
+
+        cores = self.store.context.defaultParallelism
+        if self.broadcast is None:
+            frontier = frontier.repartition(cores, "step")
+        frontier.createOrReplaceTempView("frontier")
+        if self.broadcast is not None:
+            spread = frontier.select("step", "state").repartition(cores * TASKS_PER_CORE, "step")
+            columns = [(column.name, column.type) for column in self.written.tries]
+            steps = make_task(expand_spark_batches, self.store.name, self.broadcast, columns)
+            schema = from_arrow_schema(make_schema(self.written.tries))
+            spread.mapInArrow(steps, schema).createOrReplaceTempView("tries")
         if self.met is not None:
             self.met.createOrReplaceTempView("steps")
         if few:
-            kept = self.store.persist_frame(self.store.query_rows(self.written.kept, self.steps.made.values))
+            kept = self.store.persist_frame(self.store.query_rows(self.written.kept, self.made.values))
         else:
             kept = self._select_kept_in_partitions()
         kept.createOrReplaceTempView("kept")
         return kept
 
+    def _read_accounts(self, accounts: list[bytes], frontier: DataFrame) -> None:
+        """Counts what tasks have told. Raises what has kept one from its work, or has failed there."""
+        told = [read_spark_counts(bytes(state)) for state in accounts]
+        for one in told:
+            if one["trouble"]:
+                hint = "what functions import has to be installed there, or sent with spark.sparkContext.addPyFile"
+                raise ExecutionError(
+                    "X009", f"an executor cannot make the search ready: {one['trouble']}", hints=(hint,)
+                )
+            add_executor_counts(self.search_run.stats, one)
+        refused = [one["refused"] for one in told if one["refused"] is not None]
+        if refused:
+            step = min(refused)
+            ((state,),) = frontier.where(f"step = {step}").select("state").collect()
+            for _ in self.made.evaluation.evaluate_steps(step, bytes(state)):  # raises here what it raised there
+                pass
+            hint = "see whether a function is declared immutable that is not"
+            raise ExecutionError("X009", "a step that failed did not fail again", hints=(hint,))
+
     def _select_kept_in_partitions(self) -> DataFrame:
         """The same without bringing all rows into one partition: sorted parts, and where each begins follows from the
         counts of those before.
         """
-        chosen = self.store.query_rows(self.written.chosen, self.steps.made.values)
+        chosen = self.store.query_rows(self.written.chosen, self.made.values)
         rows = self.store.persist_frame(chosen)  # read twice to be sorted
         numbers = ("spark_partition_id() AS part", f"monotonically_increasing_id() & {(1 << 33) - 1} AS nth_of_part")
         ranged = rows.repartitionByRange("place").sortWithinPartitions("place").selectExpr(*numbers, "*")
@@ -203,7 +165,7 @@ class SparkSearch:
 
     def _load_first_levels(self, beginning: FirstLevels) -> None:
         """Hands over what the first levels have come to."""
-        made = self.steps.made
+        made = self.made
         for depth, level in enumerate(beginning.levels, 1):
             for step, begun in enumerate(level, 1):
                 self.known[depth, step] = begun.place, made.make_shown(begun)
@@ -213,7 +175,7 @@ class SparkSearch:
 
     def _make_frontier(self, beginning: FirstLevels) -> DataFrame:
         """The states that the first levels go on from."""
-        depth, made, trails = len(beginning.levels), self.steps.made, self.written.trails
+        depth, made, trails = len(beginning.levels), self.made, self.written.trails
         columns = (TypedColumn("step", "BIGINT"), *made.list_next_state(beginning.frontier[0][1]), *trails)
         rows = []
         for step, begun in beginning.frontier:
@@ -251,8 +213,8 @@ class SparkSearch:
             for above in range(depth, 0, -1):
                 path_steps.append(self.known[above, step])
                 step = path_steps[-1][0] // MAX_ELEMENTS
-            last = self.steps.made.read_last_part(*path_steps[0], path_steps[1][1] if depth > 1 else None)
-            yield [self.steps.made.read_row(shown) for _, shown in reversed(path_steps)], last
+            last = self.made.read_last_part(*path_steps[0], path_steps[1][1] if depth > 1 else None)
+            yield [self.made.read_row(shown) for _, shown in reversed(path_steps)], last
 
     def _remember_steps(self, depth: int, steps: list[int]) -> None:
         """Has this process know some steps of a level."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from os import environ
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -14,11 +14,13 @@ from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.lowering.portable.search_steps import TypedColumn
 from ss2sql.lowering.sql_builder import SPARK
 from ss2sql.runtime.external.table_statements import Value, table_of_rows, translate_duckdb_sql
-from ss2sql.runtime.search.search_run import SearchRun
+from ss2sql.runtime.search.search_run import Found, SearchRun
 
 if TYPE_CHECKING:
     from pyspark import SparkContext
     from pyspark.sql import DataFrame, SparkSession
+
+    from ss2sql.runtime.external.duckdb_sources import DuckSources
 
 
 SETTINGS = {  # of the run's own session: planning a level is no job, and one level is one
@@ -99,16 +101,6 @@ def is_spark_local(context: SparkContext) -> bool:
     return re.match(r"local(\[|$)", context.master or "") is not None
 
 
-def write_spark_schema(columns: Iterable[TypedColumn]) -> str:
-    return ", ".join(f"{column.name} {get_spark_type(column.type)}" for column in columns)
-
-
-def get_spark_type(kind: str) -> str:
-    if kind.endswith("[]"):
-        return f"ARRAY<{get_spark_type(kind.removesuffix('[]'))}>"
-    return {"BLOB": "BINARY", "VARCHAR": "STRING"}.get(kind, kind)
-
-
 def _convert_argument(value: Value) -> Any:
     """A value for a query; Spark wants arrays to be made by a function."""
     from pyspark.sql import functions
@@ -129,7 +121,14 @@ def _clone_spark_session(session: SparkSession) -> SparkSession:
 class SparkEngine:
     """A session of Spark: the user's, or one of its own, which is started by the first search."""
 
+    name = "spark"
+    sources: DuckSources | None = None
+
     def __init__(self, session: SparkSession | None) -> None:
+        from py4j.protocol import Py4JError  # type: ignore[import-untyped]
+        from pyspark.errors import PySparkException
+
+        self.errors: tuple[type[Exception], ...] = (PySparkException, Py4JError)
         self.session = session
         self.own = False
         if session is None:
@@ -137,7 +136,7 @@ class SparkEngine:
         else:
             _check_spark_session(session)
 
-    def open_store(self, search_run: SearchRun) -> SparkStore:
+    def open_tables(self, search_run: SearchRun) -> SparkStore:
         from pyspark.sql import SparkSession
 
         if self.session is None:
@@ -155,7 +154,12 @@ class SparkEngine:
         assert self.session is not None
         return self.session.createDataFrame(rows)
 
-    def close_engine(self) -> None:
+    def find_results(self, search_run: SearchRun, opened: SparkStore, written: Any) -> Iterator[Found]:
+        from ss2sql.runtime.external.spark_search import SparkSearch
+
+        return SparkSearch(search_run, opened, written).find_results()
+
+    def close(self) -> None:
         if self.own and self.session is not None:
             self.session.stop()
         self.session = None

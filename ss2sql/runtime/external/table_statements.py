@@ -39,7 +39,7 @@ def translate_duckdb_sql(dialect: Dialect, text: str) -> str:
 def build_batch(columns: Sequence[TypedColumn], values: Sequence[Sequence[Any]]) -> pa.RecordBatch:
     import pyarrow as pa
 
-    schema = _make_schema(tuple(columns))
+    schema = make_schema(tuple(columns))
     arrays = [pa.array(column, field.type) for column, field in zip(values, schema, strict=True)]
     return pa.record_batch(arrays, schema=schema)
 
@@ -59,11 +59,12 @@ def number_rows(columns: Sequence[TypedColumn], rows: pa.Table) -> pa.Table:
     import numpy as np
     import pyarrow as pa
 
-    return pa.table([pa.array(np.arange(len(rows))), *rows.columns], schema=_make_schema(tuple(columns)))
+    return pa.table([pa.array(np.arange(len(rows))), *rows.columns], schema=make_schema(tuple(columns)))
 
 
 @cache
-def _make_schema(columns: tuple[TypedColumn, ...]) -> pa.Schema:
+def make_schema(columns: tuple[TypedColumn, ...]) -> pa.Schema:
+    """The columns as those of Arrow."""
     import pyarrow as pa
 
     return pa.schema([(column.name, _get_duckdb_arrow_type(column.type)) for column in columns])

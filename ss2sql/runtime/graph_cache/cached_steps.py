@@ -7,7 +7,8 @@ of each state all steps or none.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -131,15 +132,8 @@ class CachedSteps(Notes):
         self._complete = self._begun
         self._begun += 1
         self._states = []
-        try:
-            with pause_collector():
-                self._states = self._load_states(states)
-        except NotCacheable as reason:
-            self._stop_caching(reason)
-        except _TEMPORARY_ERRORS as error:
-            self._unkept = str(error)
-        except (*READ_ERRORS, ValueError) as error:
-            raise build_damaged_graph_error(str(error)) from error
+        with self._while_using_store(), pause_collector():
+            self._states = self._load_states(states)
         if self.elements:
             self.pairs[: len(self._states)] = map(self._load_pairs, self._states)
 
@@ -162,19 +156,24 @@ class CachedSteps(Notes):
         store = self.store
         if self.off or not (store.writable and (self._unwritten or self._number)):
             return
-        try:
+        with self._while_using_store():
             new = [(text, len(o.steps or ()), encode_steps(o.steps or ())) for text, o in self._unwritten.items()]
             if new or store.is_use_unnoted(self._number):
                 self._number = store.write_states(self.key, self.described, new, self._complete)
+            self._own.update(self._unwritten)
+            self._unwritten.clear()
+
+    @contextmanager
+    def _while_using_store(self) -> Iterator[None]:
+        """Notes why nothing is kept. Raises ExecutionError X009 where the tables are damaged."""
+        try:
+            yield
         except NotCacheable as reason:
             self._stop_caching(reason)
         except _TEMPORARY_ERRORS as error:
             self._unkept = str(error)
-        except READ_ERRORS as error:
+        except (*READ_ERRORS, ValueError) as error:
             raise build_damaged_graph_error(str(error)) from error
-        else:
-            self._own.update(self._unwritten)
-            self._unwritten.clear()
 
     def _stop_caching(self, reason: NotCacheable) -> None:
         self.off = True
