@@ -17,7 +17,7 @@ from little_scenes import fixture_scene as fixture_scene
 import ss2sql
 from ss2sql import scenes
 from ss2sql.vtables.pybullet import PyBulletWorld
-from ss2sql.vtables.pybullet.occupancy_grid import GAP, THIN
+from ss2sql.vtables.pybullet.environment import GAP, THIN
 from ss2sql.vtables.pybullet.scene import Box, Capsule, Cylinder, Plane, Scene, Sensor, Sphere
 
 # --- occupancygrid -------------------------------------------------------------------------------------

@@ -13,17 +13,15 @@ from ss2sql.language import plan
 from ss2sql.language.rows import Row
 from ss2sql.results import count_words, get_result_paths
 from ss2sql.results.graph_plot import draw_graph, draw_tree
-from ss2sql.results.path_plot import (
-    draw_lengths,
-    draw_paths,
-    find_coordinates,
-    is_plot_point,
-)
 from ss2sql.results.plot_style import (
     BLUE,
     PALETTE,
+    draw_lengths,
+    draw_paths,
     escape_plot_label,
+    find_coordinates,
     hide_spines,
+    is_plot_point,
     make_plot_error,
     set_integer_ticks,
     shorten_plot_label,

@@ -20,7 +20,7 @@ from ss2sql.errors import SessionError, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.vtables.pybullet import PyBulletWorld
 from ss2sql.vtables.pybullet.client import import_pybullet
-from ss2sql.vtables.pybullet.occupancy_grid import measure_bounds
+from ss2sql.vtables.pybullet.environment import measure_bounds
 from ss2sql.vtables.pybullet.scene import Colour, Scene, Vector, View, make_corner_view
 
 Floats = NDArray[np.float32]

@@ -14,8 +14,7 @@ from ss2sql.errors import SessionError, require_package
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.package_data import find_package_file
 from ss2sql.results.graph_plot import WIDEST, place_trees
-from ss2sql.results.path_plot import find_coordinates
-from ss2sql.results.plot_style import BLUE, FRAME, GREEN, ORANGE, cut_plot_label, shorten_plot_label
+from ss2sql.results.plot_style import BLUE, FRAME, GREEN, ORANGE, cut_plot_label, find_coordinates, shorten_plot_label
 from ss2sql.results.show import format_cell
 from ss2sql.results.watching.search_trace import SearchTrace, get_trace
 from ss2sql.runtime.search.trace import Event

@@ -1,7 +1,7 @@
 """PyBullet as a world: `ss.attach("space", client)`.
 
 client calls the simulator, and has poses. Tables: bodies, joints. Functions: collision.
-Representations: occupancy_grid, environment. scene is what simulations with names are made of.
+Representations: environment. scene is what simulations with names are made of.
 """
 
 from __future__ import annotations
@@ -149,14 +149,14 @@ class PyBulletWorld(CollisionFunctions):
 
         `area` is [[x, y], [x, y]]; without it the grid covers the scene. Lengths are in metres.
         """
-        from ss2sql.vtables.pybullet.occupancy_grid import make_occupancy_grid
+        from ss2sql.vtables.pybullet.environment import make_occupancy_grid
 
         return make_occupancy_grid(self, table, z, cell, area)
 
     @request_hidden_columns("elements")
     def sensorgrid(self, table: Table, z: Any, cell: Any, area: Any = None) -> Grid:
         """How many of the selected sensors see each cell at the height `z`; with the arguments of occupancygrid."""
-        from ss2sql.vtables.pybullet.occupancy_grid import make_sensor_grid
+        from ss2sql.vtables.pybullet.environment import make_sensor_grid
 
         return make_sensor_grid(self, table, z, cell, area)
 
