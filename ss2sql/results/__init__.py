@@ -1,8 +1,7 @@
 """What comes back, and what it can become: text, frames, files, graphs, plots, explanations.
 
-result is what users hold, and what a person should know of it. show makes text, frames and files tables of
-other programs, graph_plot graphs; plots draws, with plot_style. Packages of the extras
-are imported where they are needed.
+result is what users hold, and what a person should know of it. show makes text, frames and files tables of other
+programs, graph_plot graphs; plots draws, with plot_style. Packages of the extras are imported where they are needed.
 """
 
 from __future__ import annotations

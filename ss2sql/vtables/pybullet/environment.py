@@ -9,9 +9,10 @@ not its bounding box: Bullet tests whether a thin plate of the size of the cell 
 its angle, and if nothing stands between the two: no body of the world, selected or not, except the sensor's own. A
 middle on a surface, such as the floor, is seen.
 
-`AS environment`: each body is made anew from PyBullet's data: shapes, colours, masses, friction, joints, pose and velocity. Damping and
-motors, which PyBullet does not expose, have Bullet's defaults in the copy. The boxes around links that were loaded from
-files are up to 3 mm larger in the original, their shapes are not: only loading gives links such a margin.
+`AS environment`: each body is made anew from PyBullet's data: shapes, colours, masses, friction, joints, pose and
+velocity. Damping and motors, which PyBullet does not expose, have Bullet's defaults in the copy. The boxes around links
+that were loaded from files are up to 3 mm larger in the original, their shapes are not: only loading gives links such a
+margin.
 """
 
 from __future__ import annotations
