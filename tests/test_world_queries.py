@@ -180,6 +180,9 @@ def test_bodies_are_tried_out_and_moved(simulator: Any, room: Stage, ss: ss2sql.
      ("SELECT linearVelocity(this, 3) FROM space;", "an axis 0, 1 or 2"),
      ("SELECT name FROM space WHERE within(this, [1, 2]);", "a box"),
      ("SELECT name FROM space WHERE distance(this, [1]) < 1;", "two or three numbers"),
+     ("distance('ball');", "'distance' takes 2 arguments, not 1"),
+     ("SELECT distance(this) FROM space;", "'distance' takes 2 arguments, not 1"),
+     ("space.distance(1);", "'distance' takes 2 arguments, not 1"),
      ("SELECT distance FROM space.closest(1, 2);", "lacks distance")],
 )  # fmt: skip
 def test_wrong_use_is_told(room: Stage, ss: ss2sql.Session, engine: Any, script: str, message: str) -> None:

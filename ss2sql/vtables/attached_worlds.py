@@ -124,7 +124,8 @@ class WorldFunctions:
     def _make_function(self, name: str, worlds: Collection[AttachedWorld]) -> UserFunction:
         methods = [world.functions[name] for world in worlds if name in world.functions]
         counts = [_read_world_method_arity(method) for method, _ in methods]
-        column = any(name in table.schema.kinds for world in worlds for table in world.tables.values())
+        tables = [table.schema for world in worlds for table in world.tables.values()]
+        column = not methods or any(name in schema.kinds for schema in tables if schema.keyed is not None)
         least = min([low for low, _ in counts] + [1] * column)
         highs = [high for _, high in counts if high is not None] + [1] * column
         most = max(highs) if len(highs) == len(counts) + column else None

@@ -406,11 +406,12 @@ class Resolver:
             wanted = f"{low} argument{'' if low == 1 else 's'}"
         else:
             wanted = f"{low} or more arguments" if high is None else f"{low} to {high} arguments"
-        hint = (f"help('{function.name}') shows how it is called",)
+        name = function.of_world or function.name
+        hint = (f"help('{name}') shows how it is called",)
         if function.builtin:
-            rows = ", or count(*) for the rows of a group" if function.name == "count" else ""
-            hint = (f"it is called as {OPERATIONS[function.name].call}{rows}",)
-        raise ResolveError("R005", f"'{function.name}' takes {wanted}, not {number}", span, hint)
+            rows = ", or count(*) for the rows of a group" if name == "count" else ""
+            hint = (f"it is called as {OPERATIONS[name].call}{rows}",)
+        raise ResolveError("R005", f"'{name}' takes {wanted}, not {number}", span, hint)
 
     def resolve_eval(self, text: plan.Expr, scope: Scope | None, span: Span) -> plan.Expr:
         sources: list[int] = []
