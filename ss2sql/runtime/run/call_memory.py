@@ -35,51 +35,49 @@ class CallMemo:
     among the arguments, `exact` keeps the result by marshal's bytes of them, where a look costs 0.2 us. Handles and
     strings need no such care: their results are in `plain`, where it costs 0.1 us.
 
-    `calls` counts real calls, `hits` answers of the memo. `failures` keeps what calls have raised, by marshal's bytes:
-    a statement that is run again must not call a second time. `elements` keeps the lists of calls that stand in FROM,
-    element by element, by marshal's bytes.
+    What calls have raised is in `exact`, too, as a FailedCall: a statement that is run again must not call a second
+    time. `elements` keeps the lists of calls that stand in FROM, element by element, by marshal's bytes. `calls` counts
+    real calls, `hits` answers of the memo.
     """
 
-    __slots__ = ("calls", "elements", "exact", "failures", "hits", "limit", "plain")
+    __slots__ = ("calls", "elements", "exact", "hits", "limit", "plain")
 
     def __init__(self, limit: int) -> None:
         self.plain: dict[Any, Any] = {}
         self.exact: dict[bytes, Any] = {}
         self.elements: dict[bytes, tuple[Any, ...]] = {}
-        self.failures: dict[bytes, Exception] = {}
         self.hits = 0
         self.calls = 0
         self.limit = limit
 
     def begin_execution(self) -> tuple[Any, ...]:
         """Empties the memo for one more execution and gives what it held, for `end_execution`."""
-        outer = (self.plain, self.exact, self.elements, self.failures, self.calls, self.hits)
-        self.plain, self.exact, self.elements, self.failures, self.calls, self.hits = {}, {}, {}, {}, 0, 0
+        outer = (self.plain, self.exact, self.elements, self.calls, self.hits)
+        self.plain, self.exact, self.elements, self.calls, self.hits = {}, {}, {}, 0, 0
         return outer
 
     def end_execution(self, outer: tuple[Any, ...]) -> tuple[int, int]:
         """Puts back what the memo held before, and gives the numbers of calls and of hits."""
         counts = self.calls, self.hits
-        self.plain, self.exact, self.elements, self.failures, self.calls, self.hits = outer
+        self.plain, self.exact, self.elements, self.calls, self.hits = outer
         return counts
 
     def keep_result(self, arguments: tuple[Any, ...], result: Any) -> None:
-        plain, exact = self.plain, self.exact
-        if len(plain) + len(exact) >= self.limit:
-            if not self.limit:
-                return
-            forget_older_half(plain if len(plain) > len(exact) else exact)
-        if result is not None and UNAMBIGUOUS_TYPES.issuperset(map(type, arguments)):
-            plain[arguments] = result
+        plain = result is not None and type(result) is not FailedCall
+        if plain and UNAMBIGUOUS_TYPES.issuperset(map(type, arguments)):
+            self._keep(self.plain, arguments, result)
         else:
-            exact[marshal.dumps(arguments, 2)] = result
+            self._keep(self.exact, marshal.dumps(arguments, 2), result)
 
     def keep_elements(self, key: bytes, elements: tuple[Any, ...]) -> None:
-        if len(self.elements) >= self.limit:
+        self._keep(self.elements, key, elements)
+
+    def _keep(self, memory: dict[Any, Any], key: Any, value: Any) -> None:
+        if len(memory) >= self.limit:
             if not self.limit:
                 return
-            forget_older_half(self.elements)
-        self.elements[key] = elements
+            forget_older_half(memory)
+        memory[key] = value
 
 
 UNAMBIGUOUS_TYPES = frozenset({bytes, str, NoneType})  # of SQL values that equal only what they are

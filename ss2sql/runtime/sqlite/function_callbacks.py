@@ -71,7 +71,6 @@ def _shorten_sqlite_function(name: str) -> str:
 # Takes the arguments of several calls for Python code, and what gives them as SQL values; gives the calls' values.
 CallBlock: TypeAlias = Callable[[Iterable[tuple[Any, ...]], Callable[[], Iterable[tuple[Any, ...]]]], list[Any]]
 _MISSING = object()
-REMEMBERED_NONE = object()  # None in a memory where None says that nothing is known
 
 
 class CarriedStopError(Exception):
@@ -108,7 +107,7 @@ class FunctionCallback:
             if isinstance(error, StopIteration):
                 passing = CarriedStopError(error)
         if self.remembers:
-            self.memo.failures[dumps(arguments, 2)] = passing
+            self.memo.keep_result(arguments, FailedCall(passing))
         if passing is error:
             raise error
         raise passing from None
@@ -132,16 +131,14 @@ class FunctionCallback:
                     memo.hits += 1
                     return result
             execution = stack[-1]
-            if memo.exact or memo.failures:
-                key = dumps(arguments, 2)
-                result = memo.exact.get(key, _MISSING)
+            if memo.exact:
+                result = memo.exact.get(dumps(arguments, 2), _MISSING)
+                if type(result) is FailedCall:
+                    execution.failed = True
+                    raise result.error
                 if result is not _MISSING:
                     memo.hits += 1
                     return result
-                error = memo.failures.get(key)
-                if error is not None:
-                    execution.failed = True
-                    raise error
             if memo.elements:
                 elements = memo.elements.get(dumps(arguments, 2))
                 if elements is not None:  # the call stands in FROM, too
@@ -176,7 +173,7 @@ class FunctionCallback:
         if elements is not None:
             memo.hits += 1
             return build_callback_columns(elements, arguments)
-        if arguments in memo.plain or key in memo.exact or key in memo.failures:  # called in another clause, too
+        if arguments in memo.plain or key in memo.exact:  # called in another clause, too
             return intern_element_columns(interning, self.call(*arguments), ())
         run, result, encode = execution.run, _MISSING, interning.encode_object
         convert = interning.decode_copy if self.function.changes else interning.decode_read_only
@@ -209,7 +206,7 @@ class FunctionCallback:
 
         def call_block(values: Iterable[tuple[Any, ...]], reread: Callable[[], Iterable[tuple[Any, ...]]]) -> list[Any]:
             made: list[Any] = []
-            if memo.plain or memo.exact or memo.failures:  # of an attempt before, or of calls elsewhere
+            if memo.plain or memo.exact:  # of an attempt before, or of calls elsewhere
                 return list(starmap(call, reread()))
             result: Any = _MISSING
             try:
@@ -241,33 +238,26 @@ class CompletedCalls:
         self, interning: Interning, memos: Mapping[str, CallMemo], element_calls: Iterable[SqliteElementCalls] = ()
     ) -> None:
         self._pool = interning
-        self._known = {name: (memo.plain, memo.exact, memo.failures) for name, memo in memos.items()}
-        self._elements = {name: memo.elements for name, memo in memos.items()}
+        self._known = [(name, {**memo.exact, **memo.plain}, memo.elements) for name, memo in memos.items()]
         self._element_calls = list(element_calls)
 
     def __iter__(self) -> Iterator[tuple[str, tuple[Any, ...], Any]]:
         """Each call: the function's name, the arguments, and the value or the FailedCall."""
         decode = self._pool.decode
-        for name, calls in self._elements.items():
-            for key, elements in calls.items():
+        for name, results, lists in self._known:
+            for key, elements in lists.items():
                 yield name, tuple(map(decode, loads(key))), list(map(decode, elements))
-        for name, memories in self._known.items():
-            for memory in memories:
-                for key, answer in memory.items():
-                    arguments = loads(key) if type(key) is bytes else key
-                    yield name, tuple(map(decode, arguments)), self._decode_answer(answer)
+            for key, answer in results.items():
+                arguments = loads(key) if type(key) is bytes else key
+                yield name, tuple(map(decode, arguments)), self._decode_answer(answer)
         for made in self._element_calls:
             for name, arguments, answer in made:
                 yield name, tuple(map(decode, arguments)), self._decode_answer(answer)
 
     def _decode_answer(self, answer: Any) -> Any:
-        if type(answer) is CarriedStopError:
-            return FailedCall(answer.args[0])
-        if isinstance(answer, Exception):
-            return FailedCall(answer)
-        return (
-            None if answer is REMEMBERED_NONE else answer if type(answer) is FailedCall else self._pool.decode(answer)
-        )
+        if type(answer) is not FailedCall:
+            return self._pool.decode(answer)
+        return FailedCall(answer.error.args[0]) if type(answer.error) is CarriedStopError else answer
 
 
 def make_builtin_callback(
