@@ -125,14 +125,6 @@ class MemoizedCalls:
             found = get(key)
             return found[0] if type(found) is tuple and hit() else missed(found, key, keys, *arguments)
 
-        def call_one(argument: Any) -> Any:
-            """The same for one argument: 0.7 us less."""
-            if type(argument) in PLAIN_TYPES:
-                return call_plain(argument)
-            key = make_call_key(argument)
-            found = get(key)
-            return found[0] if type(found) is tuple and hit() else missed(found, key, (key,), argument)
-
         def make_single(fresh: bool, checked: bool) -> Callable[..., Any]:
             work = call if checked else make_checked_call(function, run, made.add, make_call_list_check(function))
             if copied and not fresh:
@@ -188,7 +180,7 @@ class MemoizedCalls:
         self.adopt, self.foretold = adopt, run.foreteller is not None
         self.body, self.count = function.function, made.count_more
         self.get, self.hit, self.report_counts = get, hit, report_counts
-        self.call_any: Callable[..., Any] = call_one if function.maximum == 1 else call_any
+        self.call_any: Callable[..., Any] = call_any
         self.make_single = make_single
         self.missed, self.call_new_plain = missed, call_new_plain
 

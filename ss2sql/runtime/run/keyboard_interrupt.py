@@ -35,7 +35,7 @@ PATIENCE_SECONDS = (
 
 _OWN = "ss2sql."
 # What computes a value from others, and keeps nothing that could be left half done.
-_PURE = tuple(_OWN + name for name in ("frontend.", "lowering.", "results.", "runtime.run.sql_post_processing",
+_PURE = tuple(_OWN + name for name in ("frontend.", "lowering.", "results.", "runtime.run.post_processing",
                                        "runtime.representations."))  # fmt: skip
 # What others call for a moment: whether it may be broken off depends on who calls it.
 _HELPERS = tuple(_OWN + name for name in ("errors", "language", "runtime.run.search_paths"))
