@@ -29,7 +29,7 @@ from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.plan_traversal import describe_unnamed, walk
 from ss2sql.language.values import make_hashable
-from ss2sql.results import count_words, get_result_paths
+from ss2sql.results import count_words, cut_text, get_result_paths
 from ss2sql.results.result import Result
 from ss2sql.session.compiled_query import Engine
 from ss2sql.session.compiled_script import Query
@@ -453,8 +453,7 @@ MOST_TEXT = 90  # characters of a statement above its table
 
 def format_race_title(runs: StatementRuns) -> str:
     """The place and the beginning of the statement."""
-    text = runs.text if len(runs.text) <= MOST_TEXT else runs.text[: MOST_TEXT - 3] + "..."
-    return f"{runs.tree.span.place}  {text}"
+    return f"{runs.tree.span.place}  {cut_text(runs.text, MOST_TEXT)}"
 
 
 def compute_timing_ratios(results: Sequence[BenchResult]) -> list[float | None]:

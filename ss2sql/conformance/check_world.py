@@ -17,6 +17,7 @@ from typing import Any
 from ss2sql.errors import Error
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import Kind
+from ss2sql.results import cut_text
 from ss2sql.vtables import find_adapter
 from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
 from ss2sql.vtables.contract import CacheOfQuery, Column, Gone, Table, TableFunction, Where, World
@@ -435,10 +436,7 @@ class _Judge:
                 if volatility == "volatile":
                     continue
                 try:
-                    one, other = (
-                        method(unwrap_world_key(element, self.world)),
-                        method(unwrap_world_key(element, self.world)),
-                    )
+                    one, other = (method(unwrap_world_key(element, self.world)) for _ in range(2))
                 except TypeError:
                     continue  # its argument is no element
                 if repr(one) != repr(other):
@@ -472,7 +470,8 @@ class _Judge:
             for engine in ("database", "native"):
                 found = questions.find_outcome(script.text, engine)
                 if found != expected:
-                    detail = f"on the {engine} engine it gives {_cut_outcome(found)}, the copy {_cut_outcome(expected)}"
+                    detail = f"on the {engine} engine it gives {cut_text(repr(found), 600)}"
+                    detail += f", the copy {cut_text(repr(expected), 600)}"
                     raise BrokenRuleError("queries see what is there", script.table, detail, script.text)
             self.report.queries += 1
         for table in self.attached.tables.values():
@@ -507,8 +506,3 @@ class _Judge:
 
 
 _PLAIN = Kind.NONE | Kind.BOOL | Kind.INT | Kind.FLOAT | Kind.STR
-
-
-def _cut_outcome(outcome: object) -> str:
-    text = repr(outcome)
-    return text if len(text) <= 600 else text[:597] + "..."

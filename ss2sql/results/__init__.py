@@ -22,6 +22,16 @@ def count_words(number: int, word: str) -> str:
     return f"{number:,} {word}{'' if number == 1 else 's'}"
 
 
+def cut_text(text: str, most: int, end: str = "...") -> str:
+    """At most so many characters of a text; `end` stands for what is left out."""
+    return text if len(text) <= most else text[: most - len(end)] + end
+
+
+def cut_script(text: str, most: int) -> str:
+    """A piece of a script, or another text, on one line of at most so many characters."""
+    return cut_text(" ".join(text.split()), most)
+
+
 def get_result_rows(result: Result) -> Iterator[Row]:
     """Copies of the rows of a result as plain tuples."""
     if result.answer is None:

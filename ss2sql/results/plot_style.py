@@ -15,7 +15,7 @@ import numpy as np
 from ss2sql.errors import RepresentationError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row
-from ss2sql.results import count_words
+from ss2sql.results import count_words, cut_text
 from ss2sql.runtime.run.search_paths import measure_path_lengths
 
 if TYPE_CHECKING:
@@ -37,13 +37,9 @@ def escape_plot_label(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def cut_plot_label(text: str, most: int) -> str:
-    return text if len(text) <= most else text[: most - 1] + "…"
-
-
 def shorten_plot_label(text: str, most: int) -> str:
     """At most so many characters of a name or a value, with escaped dollars."""
-    return escape_plot_label(cut_plot_label(text, most))
+    return escape_plot_label(cut_text(text, most, "…"))
 
 
 def choose_style(number: int, total: int, wider: float) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.rows import Row
 from ss2sql.language.values import format_value as written
-from ss2sql.results import count_words, get_result_paths, get_result_rows
+from ss2sql.results import count_words, cut_text, get_result_paths, get_result_rows
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -159,7 +159,7 @@ def _shorten_shown_path(path: Sequence[Row], room: int, arrow: str) -> str:
 
 def _format_step(row: Row) -> str:
     """The value of a row, or its values in parentheses."""
-    return _join_within_width([_cut_text(format_cell(value), MOST_STEP) for value in row])
+    return _join_within_width([cut_text(format_cell(value), MOST_STEP) for value in row])
 
 
 def _join_within_width(texts: Sequence[str]) -> str:
@@ -172,11 +172,7 @@ def format_cell(value: Any) -> str:
         return value.isoformat()
     if not isinstance(value, str):
         return written(value, MOST_TEXT)
-    return _cut_text(value, MOST_TEXT) if value.isprintable() else written(value, MOST_TEXT)
-
-
-def _cut_text(text: str, most: int) -> str:
-    return text if len(text) <= most else text[: most - 3] + "..."
+    return cut_text(value, MOST_TEXT) if value.isprintable() else written(value, MOST_TEXT)
 
 
 def _write_caption(result: Result, shown: int, unit: str, hidden: int) -> str:

@@ -17,6 +17,7 @@ from ss2sql.editor.keywords import keywords
 from ss2sql.errors import require_package, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.conversion import format_value as written
+from ss2sql.results import cut_text
 from ss2sql.session.session import read_script_source
 from ss2sql.shell.symbols import Function, SymbolTable
 
@@ -219,7 +220,7 @@ def _align_dot_columns(rows: Iterable[tuple[str, str]], cut: bool = False) -> li
     table = list(rows)
     width = max((len(first) for first, _ in table if len(first) < WIDE // 3), default=0)
     lines = [f"  {first:<{width}}  {second}".rstrip() for first, second in table]
-    return [line if len(line) <= WIDE or not cut else line[: WIDE - 3] + "..." for line in lines]
+    return [cut_text(line, WIDE) if cut else line for line in lines]
 
 
 # --- what scripts may use ------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from ss2sql.language.kinds import Type, type_of
 from ss2sql.language.operations import OPERATOR_FUNCTIONS, WRITTEN
 from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import convert_value
+from ss2sql.results import cut_script
 from ss2sql.session.session_functions import (
     describe_representation,
     describe_table_call,
@@ -94,7 +95,7 @@ class SymbolTable:
         return (
             f"{kind}: {written(value, MOST_VALUE)}"
             if isinstance(value, (list, dict, str))
-            else _shorten_symbol_value(repr(value))
+            else cut_script(repr(value), MOST_VALUE)
         )
 
     @cached_property
@@ -179,8 +180,3 @@ def _list_symbol_parameters(function: Callable[..., Any], skipped: int) -> tuple
     except (ValueError, TypeError):
         return ("...",)
     return tuple(str(one.replace(annotation=inspect.Parameter.empty)) for one in parameters)
-
-
-def _shorten_symbol_value(text: str) -> str:
-    text = " ".join(text.split())
-    return text if len(text) <= MOST_VALUE else text[: MOST_VALUE - 3] + "..."

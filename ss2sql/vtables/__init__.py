@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import is_dataclass
 from functools import lru_cache
 from importlib import import_module
@@ -58,7 +58,7 @@ def register_world(adapter: type[World]) -> type[World]:
     """Makes an adapter known for the types that it `serves`; also a decorator of its class."""
     for name in adapter.serves:
         _registered[name] = adapter
-    _has_adapter.cache_clear()
+    _find_adapter_type.cache_clear()
     return adapter
 
 
@@ -83,46 +83,36 @@ def find_adapter(source: Any) -> World | None:
         if not isinstance(world, World):
             raise SessionError("S002", f"{type(source).__name__}.__world__ gives a {type(world).__name__}, not a World")
         return world
-    names = _list_adapter_names(type(source))
+    kind: Any = type(source)
+    adapter = _find_adapter_type(kind)
+    return None if adapter is None else adapter(source)
+
+
+def has_adapter(value: Any) -> bool:
+    """Whether an object is a world, or of a type that has an adapter; the adapter is not made."""
+    kind: Any = type(value)
+    return issubclass(kind, World) or hasattr(kind, "__world__") or _find_adapter_type(kind) is not None
+
+
+@lru_cache(1000)
+def _find_adapter_type(kind: type) -> type[World] | None:
+    """The adapter for a type, cached: reading entry points takes 10 ms, and FROM may walk many objects."""
+    names = [f"{one.__module__}.{one.__qualname__}" for one in kind.__mro__[:-1]]  # the type's own first
     for name in names:
         if name in _registered:
-            return _registered[name](source)
+            return _registered[name]
         if name in SHIPPED_ADAPTERS:
-            return _load_adapter(SHIPPED_ADAPTERS[name])(source)
-    if type(source).__module__ in ("builtins", "numpy"):
+            return _load_adapter(SHIPPED_ADAPTERS[name])
+    if kind.__module__ in ("builtins", "numpy"):
         return None
-    for point in _list_entry_points():
-        if point.name in names:
-            adapter: type[World] = point.load()
-            return adapter(source)
-    return None
+    found: Iterator[type[World]] = (point.load() for point in _list_entry_points() if point.name in names)
+    return next(found, None)
 
 
 def _load_adapter(place: str) -> type[World]:
     module, _, name = place.partition(":")
     adapter: type[World] = getattr(import_module(module), name)
     return adapter
-
-
-def has_adapter(value: Any) -> bool:
-    """Whether an object is a world, or of a type that has an adapter; the adapter is not made."""
-    kind: Any = type(value)
-    return _has_adapter(kind)
-
-
-@lru_cache(1000)
-def _has_adapter(kind: type) -> bool:
-    """The same for a type, cached: reading entry points takes 10 ms, and FROM may walk many objects."""
-    if issubclass(kind, World) or hasattr(kind, "__world__"):
-        return True
-    return kind.__module__ not in ("builtins", "numpy") and not set(list_adapter_types()).isdisjoint(
-        _list_adapter_names(kind)
-    )
-
-
-def _list_adapter_names(kind: type) -> list[str]:
-    """The names by which adapters say that they serve a type, its own first."""
-    return [f"{one.__module__}.{one.__qualname__}" for one in kind.__mro__[:-1]]
 
 
 def make_attachable(name: str, source: Any) -> Any:

@@ -19,6 +19,7 @@ from ss2sql.language.values import format_value
 from ss2sql.lowering.portable.pushdown import PushdownQuery
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.lowering.rewrites.inline_functions import list_calls_to_rewrite
+from ss2sql.results import cut_script
 from ss2sql.results.explain.explanation import (
     Explanation,
     FunctionFacts,
@@ -29,7 +30,6 @@ from ss2sql.results.explain.explanation import (
     RunFacts,
     ScriptFacts,
     StatementFacts,
-    cut_explained_script,
     describe_queue,
     describe_search,
 )
@@ -120,7 +120,7 @@ def _collect_parameter_facts(outlined: OutlinedQuery) -> Iterator[ParameterFacts
         parameters = list(outlined.duck.parameters.items())
     for name, written in parameters:
         value = format_value(outlined.sql.parameters[name], MOST_TEXT) if name in outlined.sql.parameters else None
-        yield ParameterFacts(name, cut_explained_script(written, MOST_TEXT), value)
+        yield ParameterFacts(name, cut_script(written, MOST_TEXT), value)
 
 
 def _list_post_processing(outlined: OutlinedQuery) -> Iterator[str]:
@@ -291,7 +291,7 @@ def describe_table_plan(query: plan.Query, tables: LevelStatements) -> tuple[Pla
 
 def describe_duckdb_plan(query: plan.Query, written: PushdownQuery) -> tuple[PlanLine, ...]:
     """The plan of a query that is one SELECT in DuckDB."""
-    texts = [cut_explained_script(table.value.span.text, LONGEST) for table in written.loaded]
+    texts = [cut_script(table.value.span.text, LONGEST) for table in written.loaded]
     given = (PlanLine(1, f"is given the elements of {text} in a table") for text in texts)
     return (PlanLine(0, "finds the rows with one SELECT"), *given, *_describe_post_processing(query))
 
@@ -310,9 +310,9 @@ def _describe_loop(source: plan.Source, query: plan.Query) -> str:
         case plan.WorldSource():
             words = f"reads every element of {source.table.title}"
         case plan.QuerySource():
-            words = f"finds the rows of ({cut_explained_script(source.query.span.text, LONGEST)})"
+            words = f"finds the rows of ({cut_script(source.query.span.text, LONGEST)})"
         case plan.ValueSource():
-            words = f"walks the elements of {cut_explained_script(source.value.span.text or source.name, LONGEST)}"
+            words = f"walks the elements of {cut_script(source.value.span.text or source.name, LONGEST)}"
     return words if source.name == "this" or words.endswith(source.name) else f"{words} (as {source.name})"
 
 

@@ -11,7 +11,7 @@ from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.lowering.strategies import get_order, get_repeat_rule
-from ss2sql.results import count_words
+from ss2sql.results import count_words, cut_script
 
 if TYPE_CHECKING:
     pass
@@ -159,12 +159,6 @@ def describe_queue(query: plan.Query) -> str:
     return QUEUES[search.order]
 
 
-def cut_explained_script(text: str, most: int) -> str:
-    """A piece of a script on one line, of at most so many characters."""
-    line = " ".join(text.split())
-    return line if len(line) <= most else f"{line[: most - 3]}..."
-
-
 def _make_sentence_of_fact(text: str) -> str:
     return text[0].lower() + text[1:].rstrip(".")
 
@@ -179,12 +173,12 @@ ENGINE_NAMES = {"database": "SQLite", "native": "Python", "duckdb": "DuckDB", "s
 def format_explanation(facts: ScriptFacts) -> str:
     lines = [f"needs a value for {', '.join(facts.missing)}"] if facts.missing else []
     for number, statement in enumerate(facts.statements, 1):
-        lines.append(f"{number}. {cut_explained_script(statement.text, MOST_TEXT)}")
+        lines.append(f"{number}. {cut_script(statement.text, MOST_TEXT)}")
         if not statement.queries:
             lines.append("   no query: runs in Python as it is written")
         for query in statement.queries:
             if len(statement.queries) > 1:
-                lines.append(f"   {cut_explained_script(query.text, MOST_TEXT)}")
+                lines.append(f"   {cut_script(query.text, MOST_TEXT)}")
             lines.extend(f"   {line}".rstrip() for line in _format_query(query))
     if facts.run is not None:
         lines.extend(_put_run_in_words(facts.run))

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from ss2sql.errors import SessionError, require_package
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.package_data import find_package_file
+from ss2sql.results import cut_text
 from ss2sql.results.graph_plot import WIDEST, place_trees
-from ss2sql.results.plot_style import BLUE, FRAME, GREEN, ORANGE, cut_plot_label, find_coordinates, shorten_plot_label
+from ss2sql.results.plot_style import BLUE, FRAME, GREEN, ORANGE, find_coordinates, shorten_plot_label
 from ss2sql.results.show import format_cell
 from ss2sql.results.watching.search_trace import SearchTrace, get_trace
 from ss2sql.runtime.search.trace import Event
@@ -87,7 +88,7 @@ def format_traced_row(shown: dict[str, Any] | None, named: bool = False) -> str:
     """A row or a state as a short text; the names of several values are `named`."""
     several = named and len(shown or ()) > 1
     values = (f"{key} {format_cell(value)}" if several else format_cell(value) for key, value in (shown or {}).items())
-    return cut_plot_label(", ".join(values), MOST_TEXT)
+    return cut_text(", ".join(values), MOST_TEXT, "…")
 
 
 def _find_places(traced: SearchTrace, steps: Sequence[Event]) -> list[Place | None]:
