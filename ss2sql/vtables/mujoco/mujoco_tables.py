@@ -226,21 +226,11 @@ class _Oriented(_Numbered, ABC):
         return np.array([compute_euler_angles(x, y, z, w) for w, x, y, z in self.read_quaternions(keys).tolist()])
 
 
-def _read_from_model(name: str) -> Callable[[Any, Keys], Array]:
-    """A group that is an array of the model."""
+def _read_array(owner: str, name: str, part: slice = _ALL) -> Callable[[Any, Keys], Array]:
+    """A group that is an array of the `model` or the `data`, or some columns of one."""
 
     def read_array(table: _Numbered, keys: Keys) -> Array:
-        found: Array = getattr(table.world.model, name)[table.check_keys(keys)]
-        return found
-
-    return read_array
-
-
-def _read_from_data(name: str, part: slice = _ALL) -> Callable[[Any, Keys], Array]:
-    """A group that is an array of the data, or some columns of one."""
-
-    def read_array(table: _Numbered, keys: Keys) -> Array:
-        found: Array = getattr(table.world.data, name)[table.check_keys(keys)]
+        found: Array = getattr(getattr(table.world, owner), name)[table.check_keys(keys)]
         return found if part is _ALL else found[:, part]
 
     return read_array
@@ -288,9 +278,9 @@ class MuJoCoBodies(_Oriented):
         angular = self.world.data.cvel[self.check_keys(keys), :3]
         return (*angular.T, angular)
 
-    pushed = _read_from_data("xfrc_applied", slice(3))
-    turned = _read_from_data("xfrc_applied", slice(3, 6))
-    weight = _read_from_model("body_mass")
+    pushed = _read_array("data", "xfrc_applied", slice(3))
+    turned = _read_array("data", "xfrc_applied", slice(3, 6))
+    weight = _read_array("model", "body_mass")
 
     def read_shapes(self, keys: Keys) -> tuple[Any, ...]:
         return list_body_shape_columns(self.world.shapes.list_body_kinds()[self.check_keys(keys)])
@@ -336,8 +326,8 @@ class MuJoCoGeoms(_Oriented):
         "read_shapes": SHAPE, "extent": "size", "read_volumes": "volume", "read_boxes": "aabb",
     }  # fmt: skip
 
-    owner = _read_from_model("geom_bodyid")
-    extent = _read_from_model("geom_size")
+    owner = _read_array("model", "geom_bodyid")
+    extent = _read_array("model", "geom_size")
 
     def read_places(self, keys: Keys) -> tuple[Array, ...]:
         points = self.world.data.geom_xpos[self.check_keys(keys)]
@@ -378,8 +368,8 @@ class MuJoCoJoints(_Numbered):
     def read_types(self, keys: Keys) -> list[str]:
         return [_JOINTS[kind] for kind in self.world.model.jnt_type[self.check_keys(keys)]]
 
-    owner = _read_from_model("jnt_bodyid")
-    direction = _read_from_data("xaxis")
+    owner = _read_array("model", "jnt_bodyid")
+    direction = _read_array("data", "xaxis")
 
     def read_states(self, keys: Keys) -> tuple[list[float | None], list[float | None]]:
         model, data, index = self.world.model, self.world.data, self.check_keys(keys)
