@@ -247,6 +247,16 @@ def test_bodies_of_a_plain_client_have_shadows_and_shine_through_when_highlighte
     assert scenes.render(client, None, size=SMALL).shape == (120, 160, 3)
 
 
+def test_a_floor_of_a_hundred_metres_does_not_make_a_robot_a_dot(client):
+    client.resetSimulation()
+    for half, height, colour in (((100, 100, 5), -5, (0.8, 0.8, 0.8, 1)), ((0.5, 0.5, 0.5), 0.5, (0.1, 0.2, 0.9, 1))):
+        shown = client.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=colour)
+        touch = client.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half)
+        client.createMultiBody(0, touch, shown, (0, 0, height))
+    red, _, blue = scenes.render(client, None, size=SMALL).astype(int).transpose(2, 0, 1)
+    assert (blue > red + 50).mean() > 0.1
+
+
 # --- wrong use -----------------------------------------------------------------------------------------
 
 

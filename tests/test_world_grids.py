@@ -193,6 +193,15 @@ def test_nothing_selected_is_a_grid_of_false_and_an_empty_world_has_no_cells(sce
     assert (grid.shape, grid.any()) == ((40, 40), False)
 
 
+def test_a_map_that_would_be_too_large_names_an_area_that_works(client: Any) -> None:
+    client.createMultiBody(0, client.createCollisionShape(client.GEOM_BOX, halfExtents=(100, 100, 5)))
+    with pytest.raises(ss2sql.RepresentationError, match="10000 x 10000 cells") as caught:
+        ask(client, "SELECT obj FROM space AS occupancygrid(0.6, 0.02);")
+    (_, shown) = caught.value.hints
+    grid = ask(client, f"SELECT obj FROM space {shown[shown.index('AS ') :]};")
+    assert grid.shape == (200, 200)
+
+
 def test_worlds_cannot_be_mixed(scene: Scene) -> None:
     scene.add("ball", Sphere(0.5), (1.0, 2.0, 0.0), GREY)
     with Scene(0) as other, ss2sql.connect() as ss:

@@ -37,8 +37,8 @@ def check_numbers(form: str, what: str, value: Any, count: int) -> list[float]:
     return [check_number(form, what, part) for part in value]
 
 
-def check_area_cells(form: str, columns: float, rows: float) -> None:
+def check_area_cells(form: str, columns: float, rows: float, *hints: str) -> None:
     """Raises where a grid would be too large."""
     if columns * rows > MAX_CELLS:
         hint = f"choose larger cells: {MAX_CELLS:,} are possible"
-        refuse_argument(form, f"would have {columns:.0f} x {rows:.0f} cells", hint)
+        refuse_argument(form, f"would have {columns:.0f} x {rows:.0f} cells", hint, *hints)

@@ -20,7 +20,7 @@ from ss2sql.errors import SessionError, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.vtables.pybullet import PyBulletWorld
 from ss2sql.vtables.pybullet.client import import_pybullet
-from ss2sql.vtables.pybullet.environment import measure_bounds
+from ss2sql.vtables.pybullet.environment import WIDE, measure_bounds
 from ss2sql.vtables.pybullet.scene import Colour, Scene, Vector, View, make_corner_view
 
 Floats = NDArray[np.float32]
@@ -258,7 +258,7 @@ def render(
     """
     client = getattr(world, "client", world)
     _check_picture_of_scene(world, client, highlight, size)
-    low, high = measure_bounds(PyBulletWorld(world))
+    low, high = measure_bounds(PyBulletWorld(world), WIDE)
     camera = _make_camera(_choose_camera_view(world, view, low, high), size, low, high)
     shot = camera.take_picture(client)
     source = make_sun_camera(low, high, min(SUN_PIXELS[1], max(SUN_PIXELS[0], FINER * max(size))))

@@ -59,6 +59,7 @@ if TYPE_CHECKING:
 
 
 FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not extend an area
+WIDE = 100.0  # metres: bodies with larger boxes, such as that of plane.urdf, leave a view to the others
 
 
 def list_selected_bodies(world: Any, form: str, table: Table) -> list[int]:
@@ -100,19 +101,20 @@ def resolve_area(world: Any, form: str, cell: Any, area: Any) -> tuple[list[floa
         low, high = (check_numbers(form, "an area [[x, y], [x, y]]", corner, 2) for corner in area)
         if low[0] >= high[0] or low[1] >= high[1]:
             refuse_argument(form, f"needs the lower corner of the area first, unlike {format_value(area)}")
-    counts = [(high[axis] - low[axis]) / edge for axis in (0, 1)]
-    check_area_cells(form, *counts)
-    columns, rows = (ceil(count - 1e-9) for count in counts)
-    return low, edge, columns, rows
+    columns, rows = ((high[axis] - low[axis]) / edge for axis in (0, 1))
+    half = min(2.0, 1000 * edge)
+    example = f"AS {form}(0.3, {edge:g}, [[-{half:g}, -{half:g}], [{half:g}, {half:g}]])"
+    check_area_cells(form, columns, rows, f"or name the area, where 0.3 is the height: {example}")
+    return low, edge, ceil(columns - 1e-9), ceil(rows - 1e-9)
 
 
-def measure_bounds(world: Any) -> Box:
-    """The lowest and the highest corner of a scene; for other clients those of all bodies."""
+def measure_bounds(world: Any, widest: float = FAR) -> Box:
+    """The lowest and the highest corner of a scene; for other clients those of all bodies up to a size, or of all."""
     known: Box | None = getattr(world.scene, "bounds", None)
     if known is not None:
         return known
     boxes = [measure_box(world, body) for body in world.list_ids()]
-    boxes = [box for box in boxes if dist(*box) < FAR]
+    boxes = [box for box in boxes if dist(*box) < widest] or [box for box in boxes if dist(*box) < FAR]
     return unite_boxes(boxes) if boxes else ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -291,7 +293,7 @@ class Environment(Scene):
         self.ids: dict[int, int] = {}  # of the copies, by those of the originals
         _copy_bullet_settings(world.calls, self.client)
         self.bounds = measure_bounds(world)  # type: ignore[misc]
-        self.views = {"corner": make_corner_view(*self.bounds)}  # type: ignore[misc]
+        self.views = {"corner": make_corner_view(*measure_bounds(world, WIDE))}  # type: ignore[misc]
         for name in ("views", "places", "outlines", "steps"):
             if hasattr(scene, name):
                 setattr(self, name, getattr(scene, name))
