@@ -149,8 +149,7 @@ class NotebookNames:
         self._names = names
         self._hidden = hidden
         self._functions: dict[str, Any] = {}
-        self._values: dict[str, Any] = {}  # as they are in the notebook
-        self._kept: dict[str, Any] = {}  # the same in the session
+        self._values: dict[str, tuple[Any, Any]] = {}  # as they are in the notebook, and the same in the session
 
     def provide_names(self, script: Source) -> None:
         """Gives the session the notebook's values for names of the script that it does not know.
@@ -213,8 +212,7 @@ class NotebookNames:
             self.session.set(name, found)
         else:
             self.session.attach(name, found)
-        self._values[name] = found
-        self._kept[name] = self._get_session_value(name)
+        self._values[name] = found, self._get_session_value(name)
         return True
 
     def _provide_function(self, name: str, function: Any) -> None:
@@ -223,12 +221,12 @@ class NotebookNames:
 
     def _remove_outdated(self) -> None:
         """Removes values that the notebook no longer has; values set by a script stay."""
-        for name, value in list(self._values.items()):
-            if self._get_session_value(name) is not self._kept[name]:
-                del self._values[name], self._kept[name]  # it is the session's own now
-            elif self._find_value(name) is not value:
+        for name, (value, kept) in list(self._values.items()):
+            if self._get_session_value(name) is kept:  # else it is the session's own now
+                if self._find_value(name) is value:
+                    continue
                 self._remove_name(name)
-                del self._values[name], self._kept[name]
+            del self._values[name]
 
     def _get_session_value(self, name: str) -> Any:
         names = self.session.host.names

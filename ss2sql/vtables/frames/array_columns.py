@@ -7,7 +7,6 @@ ISO 8601, which sort like the times; durations are seconds.
 from __future__ import annotations
 
 import datetime
-import sys
 from collections.abc import Callable
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
@@ -66,8 +65,7 @@ def convert_frame_decimal(value: Decimal) -> int | float | None:
 
 def _convert_frame_cells(value: Any) -> Any:
     """Converts arrays in cells, and scalars of NumPy; other values are converted later."""
-    numpy = sys.modules.get("numpy")
-    if numpy is None or not isinstance(value, (numpy.ndarray, numpy.generic)):
+    if not isinstance(value, (numpy.ndarray, numpy.generic)):
         return value
     if value.dtype.kind in "mM":
         array = value.reshape(-1) if isinstance(value, numpy.ndarray) else numpy.array([value])

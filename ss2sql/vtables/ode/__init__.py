@@ -73,7 +73,7 @@ class OdeWorld(BodyWorld):
 
     def find_geoms(self) -> dict[int, Any]:
         """All geoms, ordered by number, since ODE changes their order in every step."""
-        walked = list(_walk_geoms(self.space))
+        walked = [geom for geom in _walk_space(self.space) if not geom.isSpace()]
         return {self.numbers.get_number(geom): geom for geom in reversed(walked)}  # a space lists its newest geom first
 
     def get_geom(self, key: Any) -> Any:
@@ -91,7 +91,10 @@ class OdeWorld(BodyWorld):
 
     def _is_in_space(self, geom: Any) -> bool:
         # getSpace is stale for a removed geom, and None for spaces within a space.
-        return bool(self.space.query(geom) or any(space.query(geom) for space in _list_ode_spaces(self.space)))
+        return bool(self.space.query(geom) or any(space.query(geom) for space in self._list_spaces()))
+
+    def _list_spaces(self) -> list[Any]:
+        return [geom for geom in _walk_space(self.space) if geom.isSpace()]
 
     def list_near_pairs(self) -> list[tuple[int, int]]:
         """The pairs of geoms whose boxes overlap and which may touch, ordered by number."""
@@ -106,7 +109,7 @@ class OdeWorld(BodyWorld):
                 first, second = of(one), of(other)
                 pairs.add((min(first, second), max(first, second)))
 
-        for space in [self.space, *_list_ode_spaces(self.space)]:
+        for space in [self.space, *self._list_spaces()]:
             space.collide(None, note_pair)
         return sorted(pairs)
 
@@ -170,19 +173,12 @@ class OdeWorld(BodyWorld):
         moved.setQuaternion((w, x, y, z))
 
 
-def _walk_geoms(space: Any) -> Iterator[Any]:
+def _walk_space(space: Any) -> Iterator[Any]:
+    """The geoms and the spaces in a space, and in those."""
     for geom in space:
+        yield geom
         if geom.isSpace():
-            yield from _walk_geoms(geom)
-        else:
-            yield geom
-
-
-def _list_ode_spaces(space: Any) -> Iterator[Any]:
-    for geom in space:
-        if geom.isSpace():
-            yield geom
-            yield from _list_ode_spaces(geom)
+            yield from _walk_space(geom)
 
 
 def _can_touch(one: Any, other: Any) -> bool:

@@ -157,9 +157,7 @@ class OpenRaveLinks(_OpenRaveSolids):
     groups: ClassVar[Mapping[str, str]] = {**_OpenRaveSolids.SOLIDS, "read_owner": "body number"}
 
     def keys(self, where: Where) -> Iterable[tuple[int, int]]:
-        for body in self.world.list_bodies():
-            for number in range(len(body.GetLinks())):
-                yield int(body.GetEnvironmentId()), number
+        return self.world.number_parts("GetLinks")
 
     def get_part(self, key: tuple[int, int]) -> Any:
         return _get_link_or_joint(self.world.get_body(key[0]).GetLinks(), "link", key)
@@ -197,9 +195,7 @@ class OpenRaveJoints(Table):
     world: OpenRaveWorld
 
     def keys(self, where: Where) -> Iterable[tuple[int, int]]:
-        for body in self.world.list_bodies():
-            for number in range(len(body.GetJoints())):
-                yield int(body.GetEnvironmentId()), number
+        return self.world.number_parts("GetJoints")
 
     def get_joint(self, key: tuple[int, int]) -> Any:
         return _get_link_or_joint(self.world.get_body(key[0]).GetJoints(), "joint", key)
@@ -241,6 +237,11 @@ class OpenRaveWorld(BodyWorld):
     def list_bodies(self) -> list[Any]:
         """All bodies, in the order of their numbers."""
         return sorted(self.environment.GetBodies(), key=lambda body: int(body.GetEnvironmentId()))
+
+    def number_parts(self, method: str) -> list[tuple[int, int]]:
+        """The number of a body and a number from 0 on for each of its parts, which this method gives."""
+        bodies = self.list_bodies()
+        return [(int(b.GetEnvironmentId()), number) for b in bodies for number in range(len(getattr(b, method)()))]
 
     def get_body(self, key: Any) -> Any:
         """The body with a number. Raises Gone where there is none."""
