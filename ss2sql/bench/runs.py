@@ -1,7 +1,4 @@
-"""The runs of a comparison, for each statement that is a search: timed, and their answers compared.
-
-Answers are equal for two engines, and compared in words for two strategies.
-"""
+"""The runs of a comparison, for each statement that is a search: timed, their answers compared, and reported."""
 
 from __future__ import annotations
 
@@ -40,6 +37,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
 
+# --- the comparison of answers: equal for two engines, in words for two strategies
 Path: TypeAlias = tuple[tuple[Hashable, ...], ...]
 
 
@@ -195,7 +193,7 @@ def _list_contents(result: Result | None) -> Any:
     return result.columns, result.status, tag_checked_value(found)
 
 
-# --- the runs of a comparison, for each statement that is a search
+# --- the settings and the results of a comparison
 @dataclass(frozen=True, slots=True)
 class BenchRules:
     """The settings: engines, strategies, the number of runs after a first one, and a limit in seconds.

@@ -5,16 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.lowering.strategies import get_order, get_repeat_rule
 from ss2sql.results import count_words, cut_script
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True, slots=True)

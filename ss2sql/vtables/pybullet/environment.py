@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections import Counter
 from math import ceil, dist
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -53,10 +53,6 @@ from ss2sql.vtables.pybullet.client import (
 )
 from ss2sql.vtables.pybullet.collision import ShapeCache, are_in_cone, find_first_hits
 from ss2sql.vtables.pybullet.scene import Scene, Sphere, make_corner_view, make_visual_shape
-
-if TYPE_CHECKING:
-    pass
-
 
 FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not extend an area
 WIDE = 100.0  # metres: bodies with larger boxes, such as that of plane.urdf, leave a view to the others
