@@ -43,7 +43,7 @@ def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> Iterator[Entry]:
             yield from map(_make_registered_entry, own.values())
             yield from (_make_built_in_entry(entry) for name, entry in WRITTEN.items() if name not in own)
         case "representations":
-            from ss2sql.session.session_functions import describe_representation
+            from ss2sql.session.variables import describe_representation
 
             with inputs.open_session() as session:
                 for name, make in session.host.shapes.functions.items():
@@ -78,7 +78,7 @@ def _make_built_in_entry(row: Operation) -> Entry:
 
 
 def _make_registered_entry(entry: UserFunction) -> Entry:
-    from ss2sql.session.session_functions import take_first_line
+    from ss2sql.session.variables import take_first_line
 
     text = take_first_line(entry.function.__doc__)
     size = f"{entry.minimum}" if entry.minimum == entry.maximum else f"{entry.minimum} or more"

@@ -42,8 +42,14 @@ from ss2sql.runtime.sqlite.executor import Database
 from ss2sql.runtime.sqlite.file_locks import close_file, while_using_files
 from ss2sql.runtime.sqlite.function_callbacks import BUILT_IN, choose_function_names
 from ss2sql.session.compiled_query import open_session_engine
-from ss2sql.session.session_functions import SessionFunctions
-from ss2sql.session.variables import TemporalFile, TemporalStore, Triggers, Variables, convert_variable_moment
+from ss2sql.session.variables import (
+    SessionFunctions,
+    TemporalFile,
+    TemporalStore,
+    Triggers,
+    Variables,
+    convert_variable_moment,
+)
 from ss2sql.vtables import contract
 from ss2sql.vtables.contract import QueryCaches
 from ss2sql.vtables.frames import Reader

@@ -33,8 +33,7 @@ from ss2sql.session.compiled_query import Engine, RunOptions, check_engine, chec
 from ss2sql.session.compiled_script import Query
 from ss2sql.session.execution import check_progress_option, execute_script, run_in_session, set_session_deadline
 from ss2sql.session.host import SessionHost, with_session_lock
-from ss2sql.session.session_functions import describe_attached_table, list_tables
-from ss2sql.session.variables import TemporalFile, Trigger
+from ss2sql.session.variables import TemporalFile, Trigger, describe_attached_table, list_tables
 from ss2sql.vtables import find_adapter, make_attachable, refuse_without_adapter
 from ss2sql.vtables.frames import find_reader
 

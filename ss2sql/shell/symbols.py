@@ -18,7 +18,7 @@ from ss2sql.language.operations import OPERATOR_FUNCTIONS, WRITTEN
 from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import convert_value
 from ss2sql.results import cut_script
-from ss2sql.session.session_functions import (
+from ss2sql.session.variables import (
     describe_representation,
     describe_table_call,
     describe_table_columns,
