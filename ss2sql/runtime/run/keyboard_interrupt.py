@@ -46,8 +46,7 @@ class _CtrlC:
     """What Ctrl-C does while something is under way in the main thread."""
 
     def __init__(self) -> None:
-        self.depth = 0
-        self.runs: list[Run] = []
+        self.under_way: list[Run | None] = []  # the innermost last; None is no run
         self.pressed: float | None = None  # when it was pressed first
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
@@ -55,9 +54,11 @@ class _CtrlC:
         impatient = self.pressed is not None and now - self.pressed > PATIENCE_SECONDS
         if self.pressed is None:
             self.pressed = now
-        for run in self.runs:
-            run.interrupted = True
-        if impatient or can_interrupt(frame):
+        for run in self.under_way:
+            if run is not None:
+                run.interrupted = True
+        innermost = self.under_way[-1] if self.under_way else None
+        if impatient or (innermost is not None and can_interrupt(frame)):
             raise KeyboardInterrupt
 
 
@@ -108,24 +109,21 @@ def defer_keyboard_interrupt(run: Run | None = None) -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    if not _ctrl_c.depth and getsignal(SIGINT) is not default_int_handler:
+    if not _ctrl_c.under_way and getsignal(SIGINT) is not default_int_handler:
         yield
         return
     # While Python's own way is in force, KeyboardInterrupt may come anywhere, so nothing is changed then.
-    if not _ctrl_c.depth:
+    if not _ctrl_c.under_way:
         _ctrl_c.pressed = None
         set_handler(SIGINT, _ctrl_c)
-    _ctrl_c.depth += 1
+    _ctrl_c.under_way.append(run)
     if run is not None:
-        _ctrl_c.runs.append(run)
         run.interrupted = _ctrl_c.pressed is not None
     try:
         yield
     finally:
-        if run is not None:
-            _ctrl_c.runs.remove(run)
-        _ctrl_c.depth -= 1
-        if not _ctrl_c.depth:
+        _ctrl_c.under_way.pop()
+        if not _ctrl_c.under_way:
             if getsignal(SIGINT) is _ctrl_c:  # else a function of the user has set another one
                 set_handler(SIGINT, default_int_handler)
             if _ctrl_c.pressed is not None:
