@@ -267,7 +267,7 @@ class CachePolicy:
         try:
             if search_run.noted is None:
                 raise NotCacheable("the search calls a function that is volatile, or assigns a variable")
-            if search_run.noted.goals is not None and not do_steps_call_user(search_run.query):
+            if search_run.noted.goal is not None and not do_steps_call_user(search_run.query):
                 raise NotCacheable("the search goes from both ends, and calls no function")
             return self._open_cached_graph(search_run)
         except NotCacheable as reason:

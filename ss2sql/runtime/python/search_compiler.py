@@ -83,7 +83,7 @@ def generate_noted_steps(
     backwards = [build.constant(None)] * 2
     if isinstance(reverse, Regression):
         writer = BackwardSteps(builder, query, owner)
-        backwards = [build.name(writer.write_goal_states(reverse)), build.name(writer.write_state_before(reverse))]
+        backwards = [build.name(writer.write_goal_state(reverse)), build.name(writer.write_state_before(reverse))]
     plain = not any(source.id in codegen.tuples or source.id in codegen.worlds for source in query.sources)
     made = (step.describe_places(), len(query.sources), plain)
     return build.pack(build.name(function), *backwards, *(build.name(codegen.embed(part)) for part in made))
@@ -187,7 +187,7 @@ def _is_known_before(expr: plan.Expr) -> bool:
 
 
 class BackwardSteps:
-    """Writes the functions that give the states at the goal, and the state before a step."""
+    """Writes the functions that give the state at the goal, and the state before a step."""
 
     def __init__(self, builder: QueryCompiler, query: plan.Query, outer: PythonScope) -> None:
         assert query.search is not None
@@ -195,17 +195,14 @@ class BackwardSteps:
         self.build = self.codegen.build_at(query.span)
         self.states = [self.codegen.states[query.id, name] for name, _ in query.search.start]
 
-    def write_goal_states(self, reverse: Regression) -> str:
-        """The states at the goal; what no step changes has its value from the start."""
-        self.codegen.analysis.add_roots(tuple(value for goal in reverse.goals for value in goal if value is not None))
-        body, build = PythonScope(self.codegen, self.codegen.new_name("goals"), ["state"], self.outer), self.build
+    def write_goal_state(self, reverse: Regression) -> str:
+        """The state at the goal; what no step changes has its value from the start."""
+        self.codegen.analysis.add_roots(tuple(value for value in reverse.goal if value is not None))
+        body, build = PythonScope(self.codegen, self.codegen.new_name("goal"), ["state"], self.outer), self.build
         start = [build.item(build.name("state"), position) for position in range(len(self.states))]
-        states = []
-        for goal in reverse.goals:
-            pairs = zip(start, goal, strict=True)
-            values = (old if value is None else generate_expression(self.builder, value, body) for old, value in pairs)
-            states.append(build.pack(*values))
-        body.emit(build.return_(build.array(*states)))
+        pairs = zip(start, reverse.goal, strict=True)
+        values = (old if value is None else generate_expression(self.builder, value, body) for old, value in pairs)
+        body.emit(build.return_(build.pack(*values)))
         body.define_function()
         return body.name
 

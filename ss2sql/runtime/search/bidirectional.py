@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import replace
-from itertools import product
 from typing import Any, TypeAlias
 
 from ss2sql.errors import Stopped
@@ -39,11 +38,11 @@ class Regression:
     """How a search goes backwards.
 
     `before` gives for each START WITH variable its value before a step, from the elements of the step and the state
-    after it, for which the variables stand; None where no step changes it. The search ends in one of `goals`.
+    after it, for which the variables stand; None where no step changes it. The search ends in the state `goal`.
     """
 
     before: tuple[plan.Expr | None, ...]
-    goals: tuple[GoalState, ...]
+    goal: GoalState
 
 
 class _NotReversibleError(Exception):
@@ -72,10 +71,10 @@ def _build_regression(query: plan.Query) -> Regression:
     for source in query.sources:
         if any(isinstance(node, plan.State) and node.query == query.id for node in walk(source)):
             raise _NotReversibleError(f"the elements of '{source.name}' depend on the state")
-    goals = _find_goals(query, steps)
+    goal = _find_goal(query, steps)
     before = tuple(_invert_assignment(query, name, steps[name]) if name in steps else None for name, _ in search.start)
     _check_row_determines_state(query, steps)
-    return Regression(before, goals)
+    return Regression(before, goal)
 
 
 def _check_backward_order(query: plan.Query) -> None:
@@ -105,40 +104,20 @@ def _is_step_constant(query: plan.Query, expr: plan.Expr) -> bool:
 # --- the goal ------------------------------------------------------------------------------------------
 
 
-def _find_goals(query: plan.Query, steps: dict[str, plan.Expr]) -> tuple[GoalState, ...]:
+def _find_goal(query: plan.Query, steps: dict[str, plan.Expr]) -> GoalState:
     assert query.search is not None
-    known: dict[str, list[plan.Expr]] = {}
+    known: dict[str, plan.Expr] = {}
     for part in split_and(query.where):
-        for name, values in _find_demands(query, part, steps).items():
-            known.setdefault(name, values)
+        match part:
+            case plan.Call(plan.Function(name="eq", builtin=True), (left, right)):
+                found = _solve_backward_equality(query, left, right, steps)
+                known = (found or _solve_backward_equality(query, right, left, steps)) | known
     for name in steps:
         if name not in known:
             raise _NotReversibleError(
                 f"WHERE does not say what '{name}' is at the goal: {name} after the step == a value"
             )
-    names = [name for name, _ in query.search.start]
-    return tuple(product(*(known.get(name, [None]) for name in names)))
-
-
-def _find_demands(query: plan.Query, part: plan.Expr, steps: dict[str, plan.Expr]) -> dict[str, list[plan.Expr]]:
-    """The values of variables after a step for which a condition holds."""
-    match part:
-        case plan.Call(plan.Function(name="eq", builtin=True), (left, right)):
-            for value, expr in ((left, right), (right, left)):
-                found = _solve_backward_equality(query, value, expr, steps)
-                if found:
-                    return {name: [one] for name, one in found.items()}
-        case plan.Call(plan.Function(name="in", builtin=True), (expr, values)):
-            for name, step in steps.items():
-                items = _get_backward_elements(values)
-                if step == expr and items is not None and _is_step_constant(query, values):
-                    return {name: items}
-        case plan.Or(parts):
-            demands = [_find_demands(query, alternative, steps) for alternative in parts]
-            for name in steps:
-                if all(list(demand) == [name] for demand in demands):
-                    return {name: [value for demand in demands for value in demand[name]]}
-    return {}
+    return tuple(known.get(name) for name, _ in query.search.start)
 
 
 def _solve_backward_equality(
@@ -262,21 +241,17 @@ class BackwardSearch:
     """
 
     def __init__(self, search_run: SearchRun, noted: NotedSearch, items: list[Any]) -> None:
-        assert noted.goals is not None
+        assert noted.goal is not None
         assert noted.before is not None
         self.search_run, self.items, self.before = search_run, items, noted.before
         self.elements = list(map(noted.read_elements, items))
         self.key = search_run.shapes.freeze_state
         self.depth = 0
         self.edges: dict[Hashable, list[tuple[int, int]]] = {}
-        self.seen: set[Hashable] = set()
         self.met: set[Hashable] = set()  # on the way from the start
-        self.last: list[State] = []
-        for goal in noted.goals(search_run.start):
-            key = self.key(goal)
-            if key not in self.seen:
-                self.seen.add(key)
-                self.last.append(goal)
+        goal = noted.goal(search_run.start)
+        self.seen: set[Hashable] = {self.key(goal)}
+        self.last: list[State] = [goal]
 
     def add_level(self) -> None:
         self.depth += 1
@@ -322,7 +297,7 @@ def start_backward_search(search_run: SearchRun) -> BackwardSearch | None:
     It evaluates the goal before the first step, so an error here need not be one of the forward search.
     """
     noted = search_run.noted
-    if noted is None or noted.goals is None:
+    if noted is None or noted.goal is None:
         return None
     try:
         items = list_step_elements(noted, search_run.problem.starts[0])

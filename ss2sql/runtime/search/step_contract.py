@@ -73,7 +73,6 @@ from collections.abc import Callable, Container, Iterator, Sequence
 from collections.abc import Set as AbstractSet
 from itertools import islice
 from marshal import dumps
-from operator import itemgetter
 from typing import Any, NamedTuple, TypeAlias
 
 from ss2sql.errors import Stopped
@@ -137,30 +136,29 @@ class NotedSearch:
     """A search whose steps are noted.
 
     `expand(state, closed, notes)` is the step function, see above; it calls `notes.get_known_pairs()` for the pairs of
-    the state, and where there are none `notes.begin_state(elements)`. `goals(start)` and `before(last)` go backwards,
-    where that is possible: the states at the goal, the state before a step. `plain`: all elements are values.
+    the state, and where there are none `notes.begin_state(elements)`. `goal(start)` and `before(last)` go backwards,
+    where that is possible: the state at the goal, the state before a step. `plain`: all elements are values.
     """
 
     def __init__(
         self,
         expand: Callable[[State, Container[Any], Any], Iterator[Step]],
-        goals: Callable[[State], list[State]] | None,
+        goal: Callable[[State], State] | None,
         before: Callable[[Last], State | None] | None,
         places: Places,
         sources: int,
         plain: bool,
     ) -> None:
-        self.expand, self.goals, self.before = expand, goals, before
+        self.expand, self.goal, self.before = expand, goal, before
         self.places, self.sources, self.plain = places, sources, plain
-        self.row = _make_step_note_getter(places.rows)  # of a step that was evaluated
-        self._whole = None if None in places.states else _make_step_note_getter(places.states)
+
+    def row(self, note: Note) -> tuple[Any, ...]:
+        """The row of a step that was evaluated."""
+        return tuple([note[at] for at in self.places.rows])
 
     def after(self, note: Note, before: State) -> State | None:
         """The state after a step, None where CONNECT BY was not evaluated."""
-        if self._whole is not None:
-            found = self._whole(note)
-        else:
-            found = tuple([old if at is None else note[at] for at, old in zip(self.places.states, before, strict=True)])
+        found = tuple([old if at is None else note[at] for at, old in zip(self.places.states, before, strict=True)])
         return None if any(value is UNSET for value in found) else found
 
     def make_blank_note(self) -> Note:
@@ -170,13 +168,6 @@ class NotedSearch:
     def read_elements(self, item: Any) -> tuple[Any, ...]:
         """The elements of all sources."""
         return item if self.sources > 1 else (item,)
-
-
-def _make_step_note_getter(places: Sequence[Any]) -> Callable[[Note], tuple[Any, ...]]:
-    """What takes the values at some places of a note."""
-    if len(places) == 1:
-        return lambda note: (note[places[0]],)
-    return itemgetter(*places) if places else lambda note: ()
 
 
 class Notes:
