@@ -10,7 +10,7 @@ from types import FrameType
 from typing import Any, Literal
 
 import pytest
-from agreement import executor_outcome, reference_outcome
+from agreement import executor_outcome, reference_outcome, session_for
 from golden import each_row
 from programs import ProgramCase
 
@@ -49,6 +49,11 @@ def data(size: int) -> dict[str, Any]:
     }
 
 
+def make_case(script: str, size: int) -> ProgramCase:
+    parents = [{"id": n, "parent": (n - 1) // 2 if n else None} for n in range(size)]
+    return ProgramCase(script, data(size), tables={"nodes": parents, "links": parents[::-1]})
+
+
 def work(script: str, size: int, engine: Engine, monkeypatch: pytest.MonkeyPatch) -> int:
     """What one run does, in steps of SQLite and lines of Python."""
     counted = 0
@@ -65,9 +70,7 @@ def work(script: str, size: int, engine: Engine, monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(executor, "CHECK_EVERY", 10)
     monkeypatch.setattr(executor.Database, "_check_progress", step)
-    with ss2sql.connect(engine=engine) as ss:
-        for name, value in data(size).items():
-            ss.set(name, value)
+    with session_for(make_case(script, size), engine=engine) as ss:
         query = ss.compile(script)
         query.run()  # what is done but once
         counted, before = 0, sys.gettrace()
@@ -89,7 +92,7 @@ def test_the_work_grows_with_the_size(script: str, power: str, engine: Engine, m
 @each_row("queries/growth", "script", "power")
 @pytest.mark.parametrize("engine", ["database", "native"])
 def test_the_values_are_those_of_trying_all(script: str, power: str, engine: Engine) -> None:
-    case = ProgramCase(script, data(40))
+    case = make_case(script, 40)
     assert executor_outcome(case, engine) == reference_outcome(case)
 
 

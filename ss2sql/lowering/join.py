@@ -23,7 +23,7 @@ from sqlglot import exp
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import can_fail, list_parts, list_sources
+from ss2sql.language.plan_traversal import can_fail, list_inside, list_parts, list_sources, list_states
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import MIN_INDEXED_LENGTH, Condition, EvaluationOrder, ExpressionKey, HoistedValue
 from ss2sql.lowering.from_clause import FromItem
@@ -100,6 +100,8 @@ class JoinBuilder:
         self.terms: list[Node] = []
         self.ordering: list[Node] = []  # terms that are there for the order of rows alone
         self.optional: set[str] = set()  # what is joined with LEFT JOIN
+        outside = list_sources(query) - list_inside(query) or list_states(query)
+        self.runs_again = bool(outside)  # for each row around the query
         self.keeps = self.rows_sorted = False
         conditions = levels.split_where()
         if self._must_sort(conditions):
@@ -356,36 +358,39 @@ class JoinBuilder:
         keys = {column for table, column, others in find_equality_columns(conditions) if table == label and others}
         if not keys:
             return None
-        computed: list[Node] = []
+        position = "rowid"
         match source:
-            case plan.TableSource() if not all(isinstance(one, plan.TableSource) for one in self.query.sources):
-                # Beside lists it is walked in its order.
-                if require_sql_index_order(item, source, keys):
+            case plan.TableSource():
+                if all(isinstance(one, plan.TableSource) for one in self.query.sources):
+                    # SQLite uses any index, and makes one for a join, but none for a query that runs again and again.
+                    if not self.runs_again or any(first in keys for (first, *_), _ in source.indexes):
+                        return None
+                elif require_sql_index_order(item, source, keys):  # beside lists it is walked in its order
                     needs.applied["lookup"] = None
                     return item
-                if source.order != ("rowid",):
-                    return None
-                name, columns = f"{source.name}_in_order", tuple(name for name, _ in source.columns)
+                found = copies.copy_table(item, source, needs)
+                position = copies.get_number_column(found.name)
             case plan.ValueSource() | plan.QuerySource() if _walks_same_list(item):
                 size = source.value.type.size if isinstance(source, plan.ValueSource) else None
                 if size is not None and size < MIN_INDEXED_LENGTH:
                     return None
-                name = f"{label}_once"
-                columns = ("this", *choose_sql_names(tuple(name for name, _ in source.columns or ())).values())
                 strip_affinity(conditions, label, self.selects.tables)
                 computed = [self._write_key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
+                walked = item.copy()
+                if not computed:  # which read it by its label
+                    walked.set("alias", None)
+                columns = ("this", *choose_sql_names(tuple(name for name, _ in source.columns or ())).values())
+                shown: list[Node] = [
+                    sql_builder.column(column, label if computed else "") for column in ("rowid", *columns)
+                ]
+                found = copies.copy_item(walked, label, [*shown, *computed], f"{label}_once", needs)
             case _:
                 return None
-        ordered = sort_sql_by_row_number(label)
+        ordered = sort_sql_by_row_number(label, position)
         self.ordering.append(ordered)
         terms.append(ordered)
         needs.applied["lookup"] = None
-        walked = item.copy()
-        if not computed:  # which read it by its label
-            walked.set("alias", None)
-        shown: list[Node] = [sql_builder.column(column, label if computed else "") for column in ("rowid", *columns)]
-        shown += computed
-        return copies.copy_item(walked, label, shown, name, needs)
+        return found
 
 
 def _walks_same_list(item: Node) -> TypeGuard[exp.Table]:

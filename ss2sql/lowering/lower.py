@@ -47,7 +47,7 @@ def lower(
         if needs.written is not None:
             needs.applied["positions"] = None
     selects = FlatLowering(needs)
-    selects.copies = MaterializedTables() if query.search is None else None
+    copies = selects.copies = MaterializedTables()
     is_sorted = is_limited = False
     bookkeeping = Bookkeeping()
     shown_late: dict[plan.Column, sql_builder.Node] = {}
@@ -94,8 +94,8 @@ def lower(
         )
         read_late = plan_late_columns(query, tuple(shown_late))
         needs.applied["late"] = None
-    if selects.copies and (
-        tables := [*needs.materialized_ctes.values(), *selects.copies.add_materialized_tables(select)]
+    if query.search is None and (
+        tables := [*needs.materialized_ctes.values(), *copies.add_materialized_tables(select)]
     ):
         select.set("with_", exp.With(expressions=tables))
     strip_numeric_affinity(select, selects.tables.values())

@@ -27,7 +27,6 @@ from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering
 from ss2sql.lowering.from_clause import FromItem, lower_sources
 from ss2sql.lowering.materialize import (
-    MaterializedTables,
     find_equality_columns,
     number_sql_rows,
     require_sql_index_order,
@@ -87,7 +86,8 @@ class RecursiveQuery:
         last = {name: number for number, (name, _) in enumerate(search.connect)}
         self.variables = sorted((name for name, _ in search.start), key=lambda name: last.get(name, -1))
         self.assigned = set(last)
-        self.copies = MaterializedTables()  # of what is read once: tables, lists and worlds, and the starts
+        assert selects.copies is not None
+        self.copies = selects.copies  # of what is read once: tables, lists and worlds, and the starts
         self.arms = None if "arms" in selects.needs.disabled else find_union_branches(query)
 
     # --- the recursive table ---------------------------------------------------------------------------
@@ -133,7 +133,7 @@ class RecursiveQuery:
         union.set("order", exp.Order(expressions=keys))
         columns = [sql_builder.identifier(name) for name in names]
         cte = exp.CTE(this=union, alias=exp.TableAlias(this=sql_builder.identifier(self.table), columns=columns))
-        copies = self.copies.add_materialized_tables(union)
+        copies = self.copies.add_materialized_tables(union, results)
         tables = [*self.selects.needs.materialized_ctes.values(), *copies, cte]
         results.set("with_", exp.With(expressions=tables, recursive=True))
         return results
@@ -282,14 +282,7 @@ class RecursiveQuery:
         }
         if require_sql_index_order(item, source, compared):
             return item
-        order = [(sql_builder.column(key), False) for key in source.order]
-        number: Node = sql_builder.column("rowid")
-        if source.order != ("rowid",):
-            position = choose_free_name("position", {column.lower() for column, _ in source.columns})
-            number = sql_builder.alias(sql_builder.row_number(order), position)
-        columns = [number, *(sql_builder.column(column) for column, _ in source.columns)]
-        table = sql_builder.table(source.table, item.alias_or_name, source.schema)
-        return self.copies.copy_item(table, item.alias_or_name, columns, f"{item.alias_or_name}_in_order", needs, order)
+        return self.copies.copy_table(item, source, needs)
 
     def _materialize_item(self, item: exp.Table, columns: Iterable[str], place: str) -> Node:
         """A list or a world's table that mentions no column is walked once; `place` numbers its rows.
