@@ -139,6 +139,8 @@ PARTS = {  # of what is loaded, and what nothing of it is needed for
     "ss2sql.runtime.external ss2sql.bench ss2sql.scenes ss2sql.shell ss2sql.cli lark numpy": 4,
     "ss2sql.frontend.volatility.inference ss2sql.frontend.inlining.function_bodies ss2sql.results.show": 4,
     "ss2sql.frontend.syntax.syntax_errors": 4,
+    "ss2sql.vtables.reading ss2sql.vtables.schema ss2sql.vtables.attached_worlds": 4,
+    "ss2sql.runtime.sqlite.virtual_table": 4,
     "ss2sql.results.explain.collector ss2sql.runtime.parallel.process_pool asyncio": 4,
 }
 
@@ -153,7 +155,7 @@ def test_first_queries_load_what_they_need():
             assert found == set()
     assert set(HEAVY) & {name.partition(".")[0] for name in loaded[-1]} == set()
     own = [len([name for name in known if name.startswith("ss2sql")]) for known in loaded]
-    assert all(count <= most for count, most in zip(own, [196, 196, 232, 240], strict=True)), own
+    assert all(count <= most for count, most in zip(own, [120, 120, 138, 140], strict=True)), own
 
 
 def test_lines_that_install_extras_name_their_packages():
