@@ -16,7 +16,7 @@ from ss2sql.runtime.run.call_memo import make_call_key
 if TYPE_CHECKING:
     from ss2sql.runtime.python.native_query import QueryCompiler
 
-_SELF_KEYED_KINDS = Kind.INT | Kind.STR | Kind.NONE  # the kinds that are their own keys, PLAIN in call_memo.py
+SELF_KEYED_KINDS = Kind.INT | Kind.STR | Kind.NONE  # the kinds that are their own keys, PLAIN in call_memo.py
 
 
 def is_memoized_call(node: plan.Expr) -> bool:
@@ -84,7 +84,7 @@ def find_keyed_sources(places: list[Any]) -> set[int]:
 
 
 def _is_self_keyed_call(node: plan.Call) -> bool:
-    return all(argument.type.is_only(_SELF_KEYED_KINDS) for argument in node.arguments)
+    return all(argument.type.is_only(SELF_KEYED_KINDS) for argument in node.arguments)
 
 
 def _choose_call_method(node: plan.Call, body: PythonScope) -> str:

@@ -22,6 +22,7 @@ from ss2sql.language.rows import Rows, make_label
 from ss2sql.language.values import UNSET, format_value
 from ss2sql.runtime.python import flat_query
 from ss2sql.runtime.python.ast_builder import AstBuilder, generate_template
+from ss2sql.runtime.python.call_code import SELF_KEYED_KINDS
 from ss2sql.runtime.python.codegen_context import (
     COUNTERS,
     CodegenContext,
@@ -105,8 +106,6 @@ def limit_eval_depth(run: Run, text: Callable[..., Any]) -> Callable[..., Any]:
 
 def compile_statements(statements: tuple[plan.Expr, ...], name_scope: EvalScope) -> Callable[[Run], Callable[..., Any]]:
     """The function that binds a text to a run; the bound text gives the value of its last statement."""
-    from ss2sql.runtime.python.python_expressions import generate_expression
-
     analysis = ExpressionAnalysis(statements, open_world=True)
     with deepen_stack(analysis.levels):
         codegen = CodegenContext(statements[0].span, analysis)
@@ -141,8 +140,6 @@ counts = generated, expanded, pruned
 generated = expanded = pruned = 0
 meter(*counts)
 """
-SELF_KEYED_KINDS = Kind.INT | Kind.STR | Kind.NONE  # equal values of these kinds are the same
-
 Dispatch = Callable[[plan.Query], Callable[[Run], Any]]
 
 

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from ss2sql.runtime.python.search_compiler import SearchForm
 
 
-# --- the results of a compiled search, as its task asks for them: the loop that finds them, and values in place of fr
 def find_search_results(
     task: QueryExecution, search: plan.Search, form: SearchForm, bound: int | None, outer: tuple[Any, ...]
 ) -> Generator[Any, None, None]:

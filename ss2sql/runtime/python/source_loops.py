@@ -68,9 +68,9 @@ class CallStages:
         self.guarded = []
         found: dict[int, tuple[plan.Call, list[Guards]]] = {}
         for call, guards in chain.from_iterable(map(list_guarded_calls, parts)):
-            meaning = self.codegen.analysis.facts(call).key
-            if meaning is not None and meaning not in self.called:
-                found.setdefault(meaning, (call, []))[1].append(guards)
+            facts = self.codegen.analysis.facts(call)
+            if facts.steady and facts.key is not None and facts.key not in self.called:
+                found.setdefault(facts.key, (call, []))[1].append(guards)
         for meaning, (call, ways) in found.items():
             function, build = call.function, self.codegen.build_at(call.place)
             arguments = self._write_arguments(body, call, ways, build)
