@@ -64,7 +64,7 @@ _COLUMNS = (
     *(Column(f"is{shape.title()}", bool, "", f"whether its shape is a {shape}") for shape in SHAPES),
     Column("isRobot", bool, "", "whether it is a robot, or a part of one"),
     Column("isSensor", bool, "", "whether a sensor is mounted on it"),
-    Column("isEnabled", bool, "", "whether anything can collide with it"),
+    Column("isEnabled", bool, "", "whether anything can collide with it, as far as the simulator tells"),
     Column("hasBody", bool, "", "whether it has mass and can move: walls and the like stand still"),
 )
 
