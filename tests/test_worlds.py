@@ -145,6 +145,12 @@ def test_an_error_of_ours_from_a_function_is_at_its_call(ss: ss2sql.Session, eng
     assert caught.value.span.text == "refuse(this)"
 
 
+def test_a_function_of_two_worlds_names_both(ss: ss2sql.Session, box: Box, engine: Any) -> None:
+    ss.attach("again", BallWorld(box))
+    with pytest.raises(ss2sql.ExecutionError, match=r"write space.density\(...\) or again.density\(...\)"):
+        ss.run("density(1);", engine=engine)
+
+
 def test_functions_of_the_user_come_before_those_of_a_world(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("density", lambda ball: ball.mass / 10, volatility="stable")
     assert ss.run("SELECT density FROM space LIMIT 2 AS list;", engine=engine).value == [2.0, 4.0]

@@ -43,7 +43,8 @@ def read_column(element: Any, name: str, default: Any = _MISSING) -> Any:
             return convert_value(found, f"the attribute '{name}'", named=True)
     elif default is not _MISSING:
         return default
-    raise _build_missing_error(name, list(known), format_value(element))
+    shown = getattr(owner, "__columns__", lambda: known)()
+    raise _build_missing_error(name, list(shown), format_value(element))
 
 
 def _build_missing_error(name: str, known: list[str], owner: str) -> ExecutionError:

@@ -198,7 +198,8 @@ class WorldFunctions:
         if len(arguments) == 1:
             having += [world for world in worlds if name in world.body_columns]
         if len(having) > 1:
-            hints = (f"give an element of one, or write {having[0].name}.{name}(...)",)
+            spellings = " or ".join(f"{world.name}.{name}(...)" for world in having)
+            hints = (f"give an element of one, or write {spellings}",)
             names = ", ".join(world.name for world in having)
             raise ExecutionError("X007", f"'{name}' belongs to several worlds: {names}", hints=hints)
         return having[0] if having else None

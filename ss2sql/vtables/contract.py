@@ -235,6 +235,10 @@ class World:
 
         return digest_world(self)
 
+    def __columns__(self) -> Iterable[str]:
+        """A world as a value: what its adapter holds is nothing that a hint may offer."""
+        return ()
+
     def check(self) -> None:
         """Raises where the world cannot be read any more, with the reason: "the client is disconnected"."""
 

@@ -22,6 +22,7 @@ from ss2sql.frontend.resolve.scope import (
     find_first_source,
     is_name_resolution_final,
     list_names_in_scope,
+    list_world_hints,
     resolve_bound_name,
     resolve_dotted_name,
     resolve_equality,
@@ -29,6 +30,7 @@ from ss2sql.frontend.resolve.scope import (
     resolve_source,
     resolve_source_column,
     resolve_this,
+    resolve_world,
     resolve_world_call,
 )
 from ss2sql.frontend.resolve.search_clauses import FUNCTIONS as PATH_FUNCTIONS
@@ -263,7 +265,10 @@ class Resolver:
             return resolve_source(scope, name, tree.span)
         except ResolveError as error:
             meant = self.find_variable(name, tree.span) if name in self.list_variables() else None
-            if meant is not None and meant.type.is_only(Kind.DICT | Kind.OBJECT):
+            world = resolve_world(self, name)
+            if world is not None:
+                error.hints = list_world_hints(world, tree.name)
+            elif meant is not None and meant.type.is_only(Kind.DICT | Kind.OBJECT):
                 error.hints = (f'write {name}["{tree.name}"]',)
             elif meant is not None:
                 error.hints = (f"'{name}' is a value: write SELECT {tree.name} FROM {name} AS list, or {name}[0]",)

@@ -383,14 +383,25 @@ def explain_method(tree: ast.Call, catalog: Catalog) -> ResolveError:
     place = read_leading_name(tree.span, f"{owner}.{name}")
     world = catalog.worlds.get(owner)
     if world is not None:
-        hints = suggest_names(name, world.names) or (f"help({owner}) lists what it has",)
-        if name in world.tables:
-            hints = (f"{owner}.{name} is a table: write FROM {owner}.{name}(...)",)
-        return ResolveError("R002", f"the world '{owner}' has no function '{name}'", place, hints)
+        message = f"the world '{owner}' has no function '{name}'"
+        return ResolveError("R002", message, place, list_world_hints(world, name))
     hints = _suggest_equivalent(name) or (f"functions stand in front of values: write {name}(x)",)
     if suggest_similar(owner, catalog.worlds):
         hints = suggest_names(owner, catalog.worlds)
     return ResolveError("R002", f"'{owner}' is no world, and values have no functions of their own", place, hints)
+
+
+def list_world_hints(world: Any, name: str) -> tuple[str, ...]:
+    """How a script uses what a world has of this name, or what it has in its place."""
+    if name in world.functions:
+        return (f"'{name}' is a function: write {world.name}.{name}(...)",)
+    for word, table in world.tables.items():
+        written = f"FROM {table.title}{'(...)' if table.schema.parameters else ''}"
+        if word == name:
+            return (f"'{name}' is a table: write {written}",)
+        if name in table.schema.kinds:
+            return (f"'{name}' is a column: write SELECT {name} {written}",)
+    return suggest_names(name, (*world.tables, *world.names)) or (f"help({world.name}) lists what it has",)
 
 
 def explain_unknown_name(
