@@ -147,8 +147,8 @@ def test_an_error_of_ours_from_a_function_is_at_its_call(ss: ss2sql.Session, eng
 
 def test_a_function_of_two_worlds_names_both(ss: ss2sql.Session, box: Box, engine: Any) -> None:
     ss.attach("again", BallWorld(box))
-    with pytest.raises(ss2sql.ExecutionError, match=r"write space.density\(...\) or again.density\(...\)"):
-        ss.run("density(1);", engine=engine)
+    with pytest.raises(ss2sql.ExecutionError, match=r"write space.shifted\(...\) or again.shifted\(...\)"):
+        ss.run("shifted(1);", engine=engine)
 
 
 def test_functions_of_the_user_come_before_those_of_a_world(ss: ss2sql.Session, engine: Any) -> None:
