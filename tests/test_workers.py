@@ -317,8 +317,12 @@ GOALS = "SELECT this, n FROM [1, 2] WHERE onward(n, this) != 9 START WITH n = 1 
 IMMUTABLE = {"volatility": "immutable"}
 # Functions that other processes cannot have, and why.
 KEPT: dict[str, tuple[Any, dict[str, Any], str]] = {
-    "is a lambda; write it at the top of a module with def": (lambda n, this: int(f"{n}") + this, IMMUTABLE, STATES),
-    "is defined inside of another function; write it at the top of a module": (by_closure(7), IMMUTABLE, STATES),
+    "has no name in a module; write it at the top of one with def": (
+        lambda n, this: int(f"{n}") + this,
+        IMMUTABLE,
+        STATES,
+    ),
+    "has no name in a module": (by_closure(7), IMMUTABLE, STATES),
     "cannot be pickled": (Locked(), IMMUTABLE, STATES),
     "returns objects": (worker_functions.decimals, IMMUTABLE, GOALS),
     "is stable: .*; declare it immutable if": (worker_functions.onward, {"volatility": "stable"}, STATES),

@@ -59,8 +59,6 @@ class StepSelect:
     reads: tuple[TypedColumn, ...]  # the columns of `elements` beside `nth`
     elements: plan.Query | None  # the query that gives the elements
     parameters: dict[str, str]  # script variable -> what stands for it in the text
-    goal: bool | None  # of every row; None: it depends on the row
-    goes_on: bool | None  # likewise
     counted: str | None = None  # a SELECT that counts the elements of all states; None: each state has all of them
 
     def match_columns(self, state: Sequence[Any] | None) -> dict[TypedColumn, Any]:
@@ -214,8 +212,6 @@ class _StepWriter:
             tuple(column for _, column in self.reads),
             self._query_elements(),
             self.portable.parameters,
-            _get_constant_truth(goal),
-            _get_constant_truth(goes_on),
             count.sql("duckdb") if joined else None,
         )
 
@@ -245,7 +241,3 @@ class _StepWriter:
 
 def build_sql_limit_error(what: str) -> UnsupportedError:
     return UnsupportedError("U001", f"{what} has more than {MAX_ELEMENTS:,} elements", hints=("bound FROM",))
-
-
-def _get_constant_truth(condition: Node) -> bool | None:
-    return bool(condition.this) if isinstance(condition, exp.Boolean) else None

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 # What Python notes of each step: a `row_key` that is the same for equal rows; the others are bytes.
 _KEY = (TypedColumn("row_key", "BLOB"),)
 _NOTED = (TypedColumn("row", "BLOB"), TypedColumn("last", "BLOB"), TypedColumn("state", "BLOB"))
-TRIED = StepSelect("SELECT * FROM tries", _KEY, _NOTED, (), (), None, {}, None, None)
+TRIED = StepSelect("SELECT * FROM tries", _KEY, _NOTED, (), (), None, {})
 WORDS: dict[plan.Repeats, str] = {
     "allowed": "keeps all of them",
     "unique": "keeps the first step to each row that no level before has reached",

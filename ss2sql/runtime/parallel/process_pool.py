@@ -75,13 +75,10 @@ def describe_transfer(entry: UserFunction) -> TransferableFunction | LocalFuncti
 
 def _locate_worker_function(function: Callable[..., Any]) -> tuple[Any, ...] | LocalFunction:
     if type(function) is FunctionType:
-        name = function.__qualname__
-        if "<lambda>" in name:
-            return LocalFunction("is a lambda", f"{_TOP} with def")
-        if "<locals>" in name:
-            return LocalFunction("is defined inside of another function", _TOP)
+        if "<" in function.__qualname__:
+            return LocalFunction("has no name in a module", "write it at the top of one with def")
         if function.__module__ in ("__main__", "<run_path>"):
-            return _locate_in_worker_file(function, name)
+            return _locate_in_worker_file(function)
     try:
         pickled = pickle.dumps(function, 5)
     except Exception as error:
@@ -90,21 +87,14 @@ def _locate_worker_function(function: Callable[..., Any]) -> tuple[Any, ...] | L
         return LocalFunction(
             "consists of what is defined where Python was started", "write that in a module and import it"
         )
-    if type(function) is FunctionType:
-        return "module", function.__module__, function.__qualname__
-    return "pickled", pickled
+    return ("pickled", pickled)
 
 
-def _locate_in_worker_file(function: FunctionType, name: str) -> tuple[str, ...] | LocalFunction:
+def _locate_in_worker_file(function: FunctionType) -> tuple[str, ...] | LocalFunction:
     """A function of the script that runs, or of a file of functions that was given on the command line."""
-    found = function.__globals__.get(name.partition(".")[0])
-    for part in name.split(".")[1:]:
-        found = getattr(found, part, None)
-    if found is not function:
-        return LocalFunction(f"is no longer what is called '{name}' there", _TOP)
-    main = sys.modules.get("__main__")
-    if function.__module__ == "__main__" and getattr(main, "__spec__", None) is not None:
-        return "module", main.__spec__.name, name  # type: ignore[union-attr]
+    name, spec = function.__qualname__, getattr(sys.modules.get("__main__"), "__spec__", None)
+    if function.__module__ == "__main__" and spec is not None:
+        return "module", spec.name, name
     path = function.__globals__.get("__file__")
     if path is None or not Path(path).is_file():
         return LocalFunction(

@@ -10,6 +10,7 @@ import functools
 import importlib
 import io
 import marshal
+import operator
 import os
 import pickle
 import queue
@@ -19,6 +20,7 @@ import sys
 import threading
 import time
 from contextlib import redirect_stdout
+from types import SimpleNamespace
 from typing import Any, BinaryIO
 
 NO_VALUE = b""  # in place of a result that consists of objects, which would be others in another process
@@ -104,19 +106,15 @@ def _run_worker_file(path: str) -> dict[str, Any]:
     return runpy.run_path(path, run_name="<worker>")
 
 
-def load_worker_function(place: tuple[str, ...]) -> Any:
+def load_worker_function(place: tuple[Any, ...]) -> Any:
     """The function that is in a module, in a file that is no module, or pickled."""
     match place:
         case "module", module, name:
-            found: Any = importlib.import_module(module)
+            return operator.attrgetter(name)(importlib.import_module(module))
         case "file", path, name:
-            first, _, name = name.partition(".")
-            found = _run_worker_file(path)[first]
+            return operator.attrgetter(name)(SimpleNamespace(**_run_worker_file(path)))
         case _, pickled:
-            return pickle.loads(pickled)  # type: ignore[arg-type]
-    for part in filter(None, name.split(".")):
-        found = getattr(found, part)
-    return found
+            return pickle.loads(pickled)
 
 
 if __name__ == "__main__":
