@@ -9,7 +9,7 @@ the order of their first rows.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any, TypeAlias
@@ -96,7 +96,8 @@ class PortableSources:
         match source:
             case plan.TableSource(table=table):
                 places = tuple(sql_builder.column(name, label) for name in self._choose_sort_columns(source))
-                return PortableSource(sql_builder.table(table, label), places, partial(_lower_values_column, label))
+                names = {name: name for name, _ in source.columns}
+                return PortableSource(sql_builder.table(table, label), places, partial(build_sql_column, label, names))
             case plan.ValueSource():
                 return write_values(source, label, self._list_elements(source))
             case _:
@@ -180,12 +181,7 @@ def _lower_row(element: Any, columns: dict[str | None, Type], source: plan.Value
     return [lower_constant(value, kind, source.value) for value, kind in zip(values, columns.values(), strict=True)]
 
 
-def _lower_values_column(label: str, expr: plan.Element | plan.Column) -> Node:
-    assert isinstance(expr, plan.Column), "a whole row is a dict, which has no type there"
-    return sql_builder.column(expr.name, label)
-
-
-def build_sql_column(label: str, names: dict[str | None, str], expr: plan.Element | plan.Column) -> Node:
+def build_sql_column(label: str, names: Mapping[Any, str], expr: plan.Element | plan.Column) -> Node:
     """A column by its name in SQL."""
     return sql_builder.column(names[expr.name if isinstance(expr, plan.Column) else None], label)
 

@@ -17,13 +17,13 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import SessionError
-from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn
+from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS
 from ss2sql.lowering.sql_builder import DUCKDB
 from ss2sql.runtime.external.duckdb_query import fetch_duckdb_rows
 from ss2sql.runtime.external.duckdb_sources import DuckSources
 from ss2sql.runtime.external.level_query import DuckLevelStatements
 from ss2sql.runtime.external.level_steps import FirstLevels, PythonSteps, SqlSteps, make_level_steps
-from ss2sql.runtime.external.table_statements import Value, join_column_names, table_of_rows, translate_duckdb_sql
+from ss2sql.runtime.external.table_statements import Value, table_of_rows, translate_duckdb_sql
 from ss2sql.runtime.run.run_state import GraphLevel, Run
 from ss2sql.runtime.search.search_run import Found, SearchRun
 
@@ -83,20 +83,16 @@ class DuckTables:
         connection.execute(f"ATTACH ':memory:' AS {self.name}")
         connection.execute(f"USE {self.name}")
 
-    def create_table(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]] = ()) -> None:
+    def create_table(self, table: str, rows: pa.Table) -> None:
         """Makes a table in the place of one that there was."""
-        self.connection.execute(
-            translate_duckdb_sql(DUCKDB, f"CREATE OR REPLACE TABLE {table}({join_column_names(*columns)})")
-        )
-        self.load_rows(table, columns, rows)
+        self._read_block(f"CREATE OR REPLACE TABLE {table} AS", rows)
 
-    def load_rows(self, table: str, columns: Sequence[TypedColumn], rows: Sequence[Sequence[Any]]) -> None:
-        if rows:
-            self.load_block(table, table_of_rows(columns, rows))
+    def load_rows(self, table: str, rows: pa.Table) -> None:
+        self._read_block(f"INSERT INTO {table}", rows)
 
-    def load_block(self, table: str, block: pa.Table) -> None:
-        self.connection.register("block", block)
-        self.connection.execute(f"INSERT INTO {table} SELECT * FROM block")
+    def _read_block(self, text: str, rows: pa.Table) -> None:
+        self.connection.register("block", rows)
+        self.connection.execute(f"{text} SELECT * FROM block")
         self.connection.unregister("block")
 
     def run_statement(self, text: str, **values: Value) -> None:
@@ -180,10 +176,9 @@ class DuckSearch:
                 trail = [steps.collect_trail(beginning.trace_path(begun, depth))] if free else ()
                 rows.append((step, parent, nth, depth, *steps.make_table_row(begun), *trail))
             first, before = first + len(level), first
-        self.tables.create_table("steps", self.written.columns, rows)
+        self.tables.create_table("steps", table_of_rows(self.written.columns, rows))
         if isinstance(steps, SqlSteps):
-            self.tables.create_table("elements", self.written.elements)
-            self.tables.load_block("elements", steps.elements)
+            self.tables.create_table("elements", steps.elements)
         return first
 
     def _search_levels(self, depth: int, steps: int, going: int) -> Iterator[Found]:
@@ -215,15 +210,15 @@ class DuckSearch:
     def _expand_level(self, depth: int) -> None:
         """Adds the steps from all states of a level to `tries`."""
         tables, written, after = self.tables, self.written, -1
-        tables.create_table("tries", written.tries)
+        tables.create_table("tries", table_of_rows(written.tries, ()))
         block: list[Any] = []
         while page := list(tables.read_rows(written.page, depth=depth, after=after)):
             for after, state in page:
                 block += self.steps.evaluation.evaluate_steps(after, state)
                 if len(block) >= BLOCK:
-                    tables.load_rows("tries", written.tries, block)
+                    tables.load_rows("tries", table_of_rows(written.tries, block))
                     block.clear()
-        tables.load_rows("tries", written.tries, block)
+        tables.load_rows("tries", table_of_rows(written.tries, block))
         self.search_run.flush()
 
     def _read_goals(self, depth: int) -> Iterator[Found]:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from marshal import dumps, loads
+from operator import add
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -189,22 +190,17 @@ class UnpickledSearch:
         """What was counted since the last call, see Stats."""
         self.evaluation.flush()
         report_memo_counts(self.run)
-        stats, none = self.run.stats, Stats()
-        told = {name: getattr(stats, name) for name in COUNTS}
-        told["calls"], told["remembered"] = dict(stats.calls), dict(stats.remembered)
-        for name in COUNTS:
-            setattr(stats, name, getattr(none, name))
+        stats = self.run.stats
+        told = {"steps": stats.steps, "calls": dict(stats.calls), "remembered": dict(stats.remembered)}
+        stats.steps = 0, 0, 0
         stats.calls.clear()
         stats.remembered.clear()
         return told
 
 
-COUNTS = ("generated", "expanded", "pruned")
-
-
 def add_executor_counts(stats: Stats, told: dict[str, Any]) -> None:
-    for name in COUNTS:
-        setattr(stats, name, getattr(stats, name) + told[name])
+    generated, expanded, pruned = map(add, stats.steps, told["steps"])
+    stats.steps = generated, expanded, pruned
     stats.calls.update(told["calls"])
     stats.remembered.update(told["remembered"])
 
