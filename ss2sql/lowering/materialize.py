@@ -58,9 +58,11 @@ class MaterializedTables:
         The first column numbers the rows where SQLite may look them up, see `sort_sql_by_row_number`.
         """
         select = sql_builder.select(columns, [item.copy()], order=order)
-        known = next((known for known, made in self.tables.items() if made == select), None)
-        chosen = known or needs.choose_table_name(name)
-        self.tables[chosen] = select
+        bare = _drop_labels(select)
+        chosen = next((known for known, made in self.tables.items() if _drop_labels(made) == bare), None)
+        if chosen is None:
+            chosen = needs.choose_table_name(name)
+            self.tables[chosen] = select
         return sql_builder.table(chosen, label)
 
     def copy_table(self, item: exp.Table, source: plan.TableSource, needs: StatementNeeds) -> exp.Table:
@@ -180,6 +182,14 @@ def _find_equalities(conditions: Iterable[Node]) -> list[tuple[Node, Node]]:
     """Each side of the conditions that ask for equality, with the other one."""
     equal = [condition for condition in conditions if isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ))]
     return [sides for one in equal for sides in ((one.this, one.expression), (one.expression, one.this))]
+
+
+def _drop_labels(select: exp.Select) -> exp.Select:
+    """What is copied, under whatever label."""
+    bare = select.copy()
+    for table in bare.find_all(exp.Table):
+        table.set("alias", None)
+    return bare
 
 
 def _prune_columns(copied: exp.CTE, readers: Sequence[exp.Expr]) -> None:
