@@ -75,6 +75,15 @@ def test_paths_share_their_beginnings_in_a_tree_of_which_no_branches_cross(ss: s
         assert heights == sorted(heights, reverse=True)
 
 
+def test_points_of_several_columns_stand_over_the_first(ss: ss2sql.Session) -> None:
+    ss.set("samples", [{"t": 2, "a": 1, "b": 4}, {"t": 1, "a": 3, "b": None}, {"t": 3, "a": 2, "b": 5}])
+    ax = ss.run("SELECT t, a, b FROM samples;").plot(kind="points")
+    assert [(line.get_label(), line.get_linestyle(), list(line.get_xdata())) for line in ax.lines] == [
+        ("a", "None", [2, 1, 3]), ("b", "None", [2, 1, 3]),
+    ]  # fmt: skip
+    assert ax.get_title() == "a, b by t"
+
+
 def test_paths_over_a_map(ss: ss2sql.Session) -> None:
     ground = ss.run("SELECT [x.this, y.this], 1 FROM x = range(4), y = range(3) AS plane('XY', [0, 0], [4, 3, 1]);")
     ax = ground.plot()

@@ -226,6 +226,8 @@ def data_lines(text: str) -> list[str]:
 @pytest.mark.parametrize(
     ("script", "caption"),
     [("SELECT this FROM [1];", "1 row, native"), ("SELECT this FROM [];", "0 rows, native"),
+     ("SELECT [0.5, 0.5], 3 FROM [1] AS plane('XY', [0, -1], [4, 4, 0.5]);",
+      "1 row, native; a map of 4 x 4 cells from [0, -1] to [2, 1], values 0.0 to 3.0"),
      ("7;", "1 row, native"), (TREE + ";", "2 paths, 2 rows, database"),
      ("SELECT eval(this) FROM ['1', '2'];", "2 rows, native"),
      ("SELECT this FROM [1, 2] START WITH n = 0 CONNECT BY MAXIMUM 30 n = n + 1;",

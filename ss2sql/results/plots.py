@@ -142,6 +142,8 @@ def _choose_flat_drawing(result: Result, kind: str, own: bool) -> Draw:
     elif numbers:
         xs = [row[numbers[0]] for row in rows]
         rising = None not in xs and all(a < b for a, b in pairwise(xs))
+        if kind == "points" and len(numbers) > 2 and not labels:
+            return lambda ax, most: _draw_line_plot(columns, rows, numbers, ax, "")
         if kind == "points" or (kind == "auto" and len(numbers) == 2 and (labels or not rising)):
             if len(numbers) >= 2:
                 pair = numbers[:2]
@@ -185,14 +187,20 @@ def _draw_bars(
     return by if len(shown) == total else f"{by}, the first {len(shown)} of {total} rows"
 
 
-def _draw_line_plot(columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[int], ax: Any) -> str:
+def _draw_line_plot(
+    columns: Sequence[str], rows: Sequence[Row], numbers: Sequence[int], ax: Any, line: str = "-"
+) -> str:
+    """Draws the other columns by the first one, as lines or, without a line, as points."""
     first, *others = numbers
     colours = dict(zip(others or [first], cycle(PALETTE), strict=False))
-    xs = [row[first] for row in rows] if others else list(range(1, len(rows) + 1))
+
+    def read_numbers(index: int) -> list[float]:
+        return [np.nan if row[index] is None else row[index] for row in rows]
+
+    xs = read_numbers(first) if others else list(range(1, len(rows) + 1))
     for index in others or [first]:
-        ys = [np.nan if row[index] is None else row[index] for row in rows]
-        ax.plot(xs, ys, marker="o" if len(rows) <= 50 else "", markersize=4, label=columns[index],
-                color=colours[index])  # fmt: skip
+        ax.plot(xs, read_numbers(index), linestyle=line, marker="o" if len(rows) <= 50 or not line else "",
+                markersize=4, label=columns[index], color=colours[index])  # fmt: skip
     names = [columns[index] for index in others or [first]]
     ax.set_xlabel(columns[first] if others else "row")
     ax.set_ylabel(names[0] if len(names) == 1 else "")

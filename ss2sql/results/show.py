@@ -188,7 +188,16 @@ def _write_caption(result: Result, shown: int, unit: str, hidden: int) -> str:
     parts.append(result.engine)
     if result.status != "complete":
         parts.append(result.status)
-    return ", ".join(parts)
+    made: Any = None if result.answer is None else result.answer.made
+    return ", ".join(parts) + (_describe_map(made) if hasattr(made, "extent") and made.size else "")
+
+
+def _describe_map(value: Any) -> str:
+    """What AS plane and its like made of the rows."""
+    rows, columns = value.shape
+    left, right, lower, upper = value.extent
+    area = f"from [{left:g}, {lower:g}] to [{right:g}, {upper:g}]"
+    return f"; a map of {columns} x {rows} cells {area}, values {value.min()} to {value.max()}"
 
 
 def _measure_columns(made: Sheet) -> list[int]:
