@@ -53,11 +53,8 @@ def test_types_of_states(script: str, expected: str) -> None:
 def test_replaced_operators_prove_nothing() -> None:
     ss = session()
     ss.function("add", lambda a, b: "x")
-    ss.function("lt", lambda a, b: False)
     types = states_of(ss, "SELECT 1 FROM moves START WITH x = 0 CONNECT BY x = x + this[0] STOP WITH x + this[0] < 0;")
     assert shown(types["x"]) == "any"
-    types = states_of(ss, "SELECT 1 FROM [x * 2] START WITH x = 1 CONNECT BY this < 5 AND this >= 0, x = this;")
-    assert (types["x"].low, types["x"].high) == (0, None)
 
 
 NUMBERS = [
@@ -92,10 +89,6 @@ def test_every_state_keeps_to_its_type(data: st.DataObject) -> None:
     parts = [part.format(data.draw(POINT if part[0] == "p" else NUMBER)) for part in data.draw(CONNECT)]
     if data.draw(st.integers(0, 4)) == 0:
         parts.append(f"x = {data.draw(NUMBER)}")
-    if parts[0][0] in "xy" and data.draw(st.booleans()):
-        bounds = data.draw(st.sampled_from(["BETWEEN -2 AND 5", "< 4", ">= -1.5", "== 2"]))
-        tested = data.draw(st.sampled_from(parts))  # often of a variable that reads one that is assigned before
-        parts.insert(0, f"{tested.partition(' = ')[2]} {bounds}" if tested[0] in "xy" else "True")
     first = data.draw(st.sampled_from(["x = 0, y = 0", "x = 0.5, y = 3", "x = -1, y = 2.5", "x = 2, y = True"]))
     point = data.draw(st.sampled_from(["[1, 0]", "[1, 2.5]", "[1, 0, 5]", "None", "[]"]))
     script = (

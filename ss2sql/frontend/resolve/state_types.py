@@ -2,15 +2,12 @@
 
 The types are a fixpoint: CONNECT BY is resolved with assumed types, which grow until its values stay within them or
 lose their bounds. In `x = x + dx` a number grows with every step, by a bounded amount, so its size follows from the
-number of steps; types alone could not prove it, for each step would widen the bounds of the last one. Conditions that
-every step meets narrow what is assigned: with `CONNECT BY UNIQUE, this BETWEEN 0 AND 7, x = this` x stays there.
+number of steps; types alone could not prove it, for each step would widen the bounds of the last one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from math import ceil, floor
 from typing import TYPE_CHECKING, NamedTuple
 
 from ss2sql.frontend.resolve.from_clause import resolve_sources
@@ -18,7 +15,6 @@ from ss2sql.frontend.resolve.scope import Scope
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, Kind, Type, drop_bounds, is_supertype, make_list_type, unite
-from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.plan_traversal import list_plan_choices
 
 if TYPE_CHECKING:
@@ -61,12 +57,11 @@ def _find_fixpoint(
         far = {slot: Type(kind.kinds, -_LIMITS[kind.kinds], _LIMITS[kind.kinds]) for slot, kind in candidates.items()}
         assumed = {name: _put_parts(name, kind, {slot: far[slot] for slot in counted}) for name, kind in types.items()}
         proved, settled = dict[Slot, Type](), True
-        for name, value, widest in _resolve_connect(resolver, tree, scope, assumed):
+        for name, value in _resolve_connect(resolver, tree, scope, assumed):
             if name not in types:
                 continue
             for slot in [slot for slot in candidates if slot.name == name]:
-                bounded = widest.is_bounded(_LIMITS[candidates[slot].kinds])
-                total = None if bounded else _sum_up(value, slot, candidates[slot], number < patience)
+                total = _sum_up(value, slot, candidates[slot], number < patience)
                 if total is not None:
                     proved[slot] = total
                 elif slot in counted:
@@ -79,7 +74,7 @@ def _find_fixpoint(
             settled = False
             counting = {slot for slot in proved if slot.name == name} - counted
             counted |= counting
-            types[name] = unite((types[name], kind if counting or number < patience else widest))
+            types[name] = unite((types[name], kind if counting or number < patience else drop_bounds(value.type)))
         if settled:
             return {name: _put_parts(name, kind, {s: proved[s] for s in counted}) for name, kind in assumed.items()}
     return None
@@ -122,84 +117,23 @@ def _put_parts(name: str, kind: Type, known: Mapping[Slot, Type]) -> Type:
 
 def _resolve_connect(
     resolver: Resolver, tree: ast.Query, scope: Scope, types: Mapping[str, Type]
-) -> list[tuple[str, plan.Expr, Type]]:
-    """CONNECT BY with these types of variables, and what the values may be at most. Nothing else is remembered."""
+) -> list[tuple[str, plan.Expr]]:
+    """CONNECT BY with these types of variables. Nothing else is remembered."""
     attempt = scope.copy_scopes()
     attempt.states.update(types)
     errors = len(resolver.errors)
     stable = (dict(resolver.parameters), dict(resolver.tables), resolver.tentative, resolver.numbers)
     resolve_sources(resolver, tree, attempt)
     before = attempt.enter_clause("CONNECT BY")
-    connect: list[tuple[str, plan.Expr, Type]] = []
-    for number, assign in enumerate(tree.connect):
+    connect: list[tuple[str, plan.Expr]] = []
+    for assign in tree.connect:
         value = resolver.record_errors(resolver.resolve_expr, assign.value, attempt)
         value = resolver.inliner.inline_calls(value)  # a proof sees through the user's functions
-        kind, widest = value.type, drop_bounds(value.type)
-        same = _means_the_same_before(assign.value, {earlier.name for earlier in tree.connect[:number]})
-        for name, bound in _list_bounds(tree, assign.value) if same else ():
-            if resolver.catalog.functions[name].builtin:
-                limit = resolver.record_errors(resolver.resolve_expr, bound, attempt).type
-                kind, widest = _narrow_type(kind, name, limit), _narrow_type(widest, name, limit)
-        connect.append((assign.name, value if kind == value.type else replace(value, type=kind), widest))
+        connect.append((assign.name, value))
     attempt.enter_clause(before)
     del resolver.errors[errors:]
     resolver.parameters, resolver.tables, resolver.tentative, resolver.numbers = stable
     return connect
-
-
-# --- what conditions say of the values that CONNECT BY assigns
-def _list_bounds(tree: ast.Query, value: ast.Expr) -> Iterator[tuple[str, ast.Expr]]:
-    """The comparisons with a bound that every step meets which goes on, as written for `value`."""
-    conditions = [] if tree.made is None or tree.first is not None else [(tree.made, True)]
-    if tree.stop is not None and not any(option.by for option in tree.options):  # BY sees steps that stop, too
-        conditions.append((tree.stop, False))
-    for condition, holds in conditions:
-        for name, left, right in _list_comparisons(condition, holds):
-            for function, operand, bound in ((name, left, right), (OPERATIONS[name].mirrored, right, left)):
-                if operand == value and isinstance(bound, (ast.Literal, ast.Name)):
-                    yield function, bound
-
-
-def _means_the_same_before(value: ast.Expr, assigned: set[str]) -> bool:
-    """Whether the value is the same in conditions: without calls, and without variables that were just assigned."""
-    steady = (ast.Literal, ast.Name, ast.This, ast.Attribute, ast.Index, ast.Operator)
-    for node in ast.walk_syntax(value):
-        read = node.name if isinstance(node, ast.Name) else getattr(node, "source", None)
-        if not isinstance(node, steady) or read in assigned:
-            return False
-    return True
-
-
-def _list_comparisons(tree: ast.Expr, holds: bool) -> Iterator[tuple[str, ast.Expr, ast.Expr]]:
-    """The comparisons that are true where a condition holds, or where it does not."""
-    match tree:
-        case ast.And(parts=parts) if holds:
-            yield from (found for part in parts for found in _list_comparisons(part, True))
-        case ast.Or(parts=parts) if not holds:
-            yield from (found for part in parts for found in _list_comparisons(part, False))
-        case ast.Not(operand=operand):
-            yield from _list_comparisons(operand, not holds)
-        case ast.Between(value=value, low=low, high=high) if holds:
-            yield from (("ge", value, low), ("le", value, high))
-        case ast.Operator(function=name, operands=(left, right)):
-            row = OPERATIONS[name] if holds else OPERATIONS.get(OPERATIONS[name].negated)
-            if row is not None and row.mirrored:
-                yield row.name, left, right
-
-
-def _narrow_type(kind: Type, comparison: str, bound: Type) -> Type:
-    """The type of numbers that compare so with a bound."""
-    if kind.kinds not in (Kind.INT, Kind.FLOAT) or not bound.is_only(Kind.NUMBER):
-        return kind
-    low, high, whole = kind.low, kind.high, kind.kinds == Kind.INT
-    if comparison in ("lt", "le", "eq") and bound.high is not None:
-        most = floor(bound.high) - (comparison == "lt" and floor(bound.high) == bound.high) if whole else bound.high
-        high = most if high is None else min(high, most)
-    if comparison in ("gt", "ge", "eq") and bound.low is not None:
-        least = ceil(bound.low) + (comparison == "gt" and ceil(bound.low) == bound.low) if whole else bound.low
-        low = least if low is None else max(low, least)
-    empty = low is not None and high is not None and low > high  # no step meets the condition
-    return kind if empty else replace(kind, low=low, high=high)
 
 
 # --- the size of numbers that steps change by bounded amounts

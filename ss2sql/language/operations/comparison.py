@@ -33,14 +33,12 @@ def _declare_equality(name: str, symbol: str, negated: str, about: str, example:
     }
     return declare(
         name, 2, values[name], BOOL, False,
-        symbol=symbol, call=f"a {symbol} b", about=about, example=example, cheap=True, negated=negated, mirrored=name,
+        symbol=symbol, call=f"a {symbol} b", about=about, example=example, cheap=True, negated=negated,
         python=(Form(f"{{0}} {symbol} {{1}}"),), by_hand=frozenset({"sqlite", "portable"}),
     )  # fmt: skip
 
 
-def _make_order(
-    name: str, symbol: str, compute: Callable[[Any, Any], bool], negated: str, mirrored: str, example: str
-) -> Operation:
+def _make_order(name: str, symbol: str, compute: Callable[[Any, Any], bool], negated: str, example: str) -> Operation:
     """The row of `< <= > >=`, within numbers, within strings and within lists."""
 
     def compare_order(left: Any, right: Any) -> bool:
@@ -51,7 +49,7 @@ def _make_order(
     return declare(
         name, 2, compare_order, BOOL, lambda types: not are_comparable(*types),
         symbol=symbol, call=f"a {symbol} b", about=f"a {symbol} b", example=example, cheap=True,
-        negated=negated, mirrored=mirrored,
+        negated=negated,
         sqlite=(Form(text, have_one_sql_class, Check.NOT_NULL),),  # None has no order
         python=(Form(text, are_orderable), Form(text, can_be_numbers, Check.NUMBERS)),
         portable=(Form(text, _are_ordered_types),),
@@ -92,12 +90,12 @@ def _declare_membership(
 
 
 OPERATIONS = (
-    _make_order("lt", "<", operator.lt, "ge", "gt", "[1 < 2, 'a' < 'B', [1, 2] < [1, 3]]"),
-    _make_order("le", "<=", operator.le, "gt", "ge", "2 <= 2"),
+    _make_order("lt", "<", operator.lt, "ge", "[1 < 2, 'a' < 'B', [1, 2] < [1, 3]]"),
+    _make_order("le", "<=", operator.le, "gt", "2 <= 2"),
     _declare_equality("eq", "==", "ne", "a == b: whether the values are equal", "[1 == 1.0, [1] == [1.0], '1' == 1]"),
     _declare_equality("ne", "!=", "eq", "a != b: whether the values differ", "None != 0"),
-    _make_order("ge", ">=", operator.ge, "lt", "le", "1 >= 2"),
-    _make_order("gt", ">", operator.gt, "le", "lt", "'b' > 'a'"),
+    _make_order("ge", ">=", operator.ge, "lt", "1 >= 2"),
+    _make_order("gt", ">", operator.gt, "le", "'b' > 'a'"),
     _declare_membership(
         "in", "IN", contains_element, "not_in", "{0} in {1}",
         about="a IN b: b is a list, a dict or a string", example="[2 IN [1, 2], 'b' IN 'abc']",

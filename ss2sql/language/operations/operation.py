@@ -154,7 +154,6 @@ class Operation:
     by_hand: frozenset[str] = frozenset()
     symbol: str = ""  # of an operator
     negated: str = ""  # the comparison that holds where this one does not
-    mirrored: str = ""  # the comparison with its operands exchanged
     cheap: bool = False  # a few machine instructions, so it may be computed twice
     grows: bool = False  # the value may be larger than the arguments together, so it is measured
     group: AggregateOperation | None = None
