@@ -242,7 +242,7 @@ def outcome(script: str, engine: Any, disable: tuple[str, ...] = (), **functions
         (lambda x: [sum(x)], "this", "[1]", TypeError),
         # Arguments are evaluated as often and in the order of the call.
         (inc, "this % 2 / 2", "[1, 2, -3]", {}),
-        (lambda x: x + x, "this % 2 / 2", "[1, 2, -3]", {}),  # cheap, and cannot fail
+        (lambda x: x + x, "this % 2 * 2", "[1, 2, -3]", {}),  # cheap, and cannot fail
         (lambda x: x * 0, "7 % this", "[1, 2, -3]", {"f": 3}),
         (lambda x: 0, "7 % this", "[1, 2, -3]", {"f": 3}),  # would never fail
         (lambda x: x + x, "7 % this", "[1, 2, -3]", {"f": 3}),  # would be computed twice

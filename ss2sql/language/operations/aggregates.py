@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.language.cancellation import iterate_checked
 from ss2sql.language.conversion import CURES, check_arithmetic, format_value
 from ss2sql.language.kinds import FLOAT, NONE, NOTHING, Kind, Type, unite
-from ss2sql.language.operations.intervals import INTEGER, bound_integers, fits, is_nonnegative, make_numbers
+from ss2sql.language.operations.intervals import INTEGER, is_nonnegative
 from ss2sql.language.operations.lists import LENGTH, are_not_lists, infer_length
 from ss2sql.language.operations.operation import (
     AggregateOperation,
@@ -105,8 +105,6 @@ def _are_float_sum_types(types: Types) -> bool:
 def _infer_list_sum(types: Types) -> Type:
     item = element_type(types[0])
     kinds = Kind.INT | (item.kinds & Kind.FLOAT)
-    if (sums := _bound_known_sums(types[0])) is not None:
-        return make_numbers(kinds, sums)
     negative = item.may_be(Kind.NUMBER) and not is_nonnegative(item)
     positive = item.may_be(Kind.NUMBER) and (item.high is None or item.high > 0)
     return Type(kinds, None if negative else 0, None if positive else 0)
@@ -116,19 +114,8 @@ def _can_sum_fail(types: Types) -> bool:
     item = element_type(types[0])
     if are_not_lists(types):
         return True
-    if (sums := _bound_known_sums(types[0])) is not None:
-        return not fits(Kind.INT, sums)
     # So small that even the longest list stays within 64 bits.
     return not (item.is_only(INTEGER) and (item.is_bounded(512) or item == NOTHING))
-
-
-def _bound_known_sums(kind: Type) -> tuple[int, int] | None:
-    """The bounds of the sums of lists whose elements are known one by one as integers."""
-    limits = [bound_integers(part) for part in kind.positions or ()]
-    if not limits or None in limits or not all(part.is_only(INTEGER) for part in kind.positions or ()):
-        return None
-    known = [limit for limit in limits if limit is not None]
-    return sum(low for low, _ in known), sum(high for _, high in known)
 
 
 # --- means ---------------------------------------------------------------------------------------------

@@ -168,11 +168,6 @@ def _can_vector_size_fail(vectors: Sequence[tuple[Type, ...]]) -> bool:
     return not all(-SMALL <= bound <= SMALL for part in coordinates for bound in bound_floats(part))
 
 
-def _are_exact_difference_types(types: Types) -> bool:
-    """Tests for integers, which SQLite subtracts exactly within 64 bits."""
-    return are_numbers(types) and all(not kind.may_be(Kind.INT) or kind.is_bounded(2**61) for kind in types)
-
-
 def _are_points(types: Types) -> bool:
     vectors = [kind.positions or () for kind in types if kind.is_only(Kind.LIST)]
     if len(vectors) < len(types) or len(set(map(len, vectors))) != 1:
@@ -350,7 +345,6 @@ OPERATIONS = (
     declare(
         "distance", 2, _measure_distance, _infer_size, _can_size_fail, call="distance(a, b)",
         about="the distance of two numbers or points", example="[distance([0, 0], [3, 4]), distance(1, 5)]",
-        sqlite=(Form("abs({0} - {1}) + 0.0", _are_exact_difference_types),),  # + 0.0 makes a float of an integer
         python=(Form(math.dist, _are_points, FINITE.partition(" <= ")[2]),),
     ),
     declare(
