@@ -124,12 +124,6 @@ class _BodyResolver(Resolver):
                 return (self._pick_element(expr) if function.name == "item" else None) or expr
             case plan.Not(operand=plan.Constant(value=value)):
                 return _make_constant(not value)
-            case plan.And(parts=parts) | plan.Or(parts=parts):
-                deciding = isinstance(expr, plan.Or)
-                left = tuple(part for part in parts if not isinstance(part, plan.Constant))
-                if any(isinstance(part, plan.Constant) and bool(part.value) is deciding for part in parts):
-                    return _make_constant(deciding)
-                return replace(expr, parts=left) if len(left) > 1 else left[0] if left else _make_constant(not deciding)
             case _:
                 return expr
 
