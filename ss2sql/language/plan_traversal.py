@@ -293,8 +293,6 @@ def _format_plan_node(node: Any) -> str:
             return f"this of source {source}{shown}"
         case plan.Column(source=source, name=name):
             return f"column {name} of source {source}{shown}"
-        case plan.State(name=name):
-            return f"state {name}{shown}"
         case plan.Call(function=function):
             return f"{function.name}(){'' if function.builtin else ' ' + function.volatility}{shown}"
         case (
@@ -309,8 +307,6 @@ def _format_plan_node(node: Any) -> str:
             return f"query {number} as {representation.name}"
         case plan.Search(order=order, repeats=repeats):
             return f"search {order}, rows {repeats}"
-        case plan.Output(name=name):
-            return f"column {name}"
         case plan.OrderKey(descending=descending):
             return "descending" if descending else "ascending"
         case plan.GroupKey(index=index):
@@ -328,6 +324,7 @@ _WORDS = {
     "WorldSource": "world",
     "QuerySource": "query source",
     "MakeList": "list",
+    "Output": "column",
 }
 
 

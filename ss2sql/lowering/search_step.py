@@ -32,7 +32,6 @@ from ss2sql.language.plan_traversal import (
     walk,
 )
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.rewrites.rewrite_context import make_conjunction, make_disjunction
 from ss2sql.lowering.sql_builder import Node, negate
 from ss2sql.lowering.sqlite_expressions import SqlScope
 
@@ -403,13 +402,7 @@ def _remove_known_parts(
     """A clause without the parts that are known; None where nothing is left of it."""
     parts = clause.parts if isinstance(clause, kind) else (clause,)
     left = [part for part in parts if not is_known(part)]
-    return (
-        make_conjunction(left, clause.span)
-        if kind is plan.And and left
-        else make_disjunction(left, clause.span)
-        if left
-        else None
-    )
+    return join_conditions(kind, left, clause.span) if left else None
 
 
 def _find_infallible_parts(clause: plan.Expr, kind: type[plan.And] | type[plan.Or]) -> list[plan.Expr]:

@@ -17,7 +17,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, is_flag, is_supertype, type_of
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.plan_traversal import can_fail, rebuild_node
+from ss2sql.language.plan_traversal import can_fail, join_conditions, rebuild_node
 from ss2sql.language.values import get_truth
 
 Node = TypeVar("Node")
@@ -62,18 +62,9 @@ def rewrite_to_bool(expr: plan.Expr) -> plan.Expr:
     return plan.Not(plan.Not(expr, BOOL, span=expr.span), BOOL, span=expr.span)
 
 
-def make_conjunction(parts: list[plan.Expr], span: Span) -> plan.Expr:
-    """The conjunction of expressions; of none: True."""
-    if not parts:
-        return make_constant(True, span)
-    return plan.And(tuple(parts), span=span)
-
-
-def make_disjunction(parts: list[plan.Expr], span: Span) -> plan.Expr:
-    """The disjunction of expressions; of none: False."""
-    if not parts:
-        return make_constant(False, span)
-    return plan.Or(tuple(parts), span=span)
+def make_connective(kind: type[plan.And | plan.Or], parts: list[plan.Expr], span: Span) -> plan.Expr:
+    """The parts as one condition; AND of none is True, OR False."""
+    return join_conditions(kind, parts, span) if parts else make_constant(kind is plan.And, span)
 
 
 def make_call(name: str, *arguments: plan.Expr, span: Span) -> plan.Call:

@@ -30,9 +30,8 @@ from ss2sql.lowering.rewrites.rewrite_context import (
     MAX_ELEMENTS,
     RewriteContext,
     is_foldable_value,
-    make_conjunction,
+    make_connective,
     make_constant,
-    make_disjunction,
     negate_expression,
     rewrite_bottom_up,
     rewrite_to_bool,
@@ -151,7 +150,8 @@ def _test_rows(expr: plan.Expr, wanted: bool, world: RewriteContext, span: Span)
     rows = unroll_rows(expr.query, world) if isinstance(expr, plan.Subquery) else None
     if rows is None:
         return None
-    made = make_disjunction(rows, span) if wanted else make_conjunction([negate_expression(row) for row in rows], span)
+    tests = rows if wanted else list(map(negate_expression, rows))
+    made = make_connective(plan.Or if wanted else plan.And, tests, span)
     return rewrite_to_bool(fold_node(made))
 
 
