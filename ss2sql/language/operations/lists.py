@@ -155,10 +155,6 @@ def _is_index_type_from_start(types: Types) -> bool:
     return types[0].kinds == Kind.INT and types[0].is_at_least(0)
 
 
-def _is_index_type_from_end(types: Types) -> bool:
-    return types[0].kinds == Kind.INT and types[0].high is not None and types[0].high < 0
-
-
 def _are_places(types: Types) -> bool:
     """Tests for integers of at least 0: places counted from the start."""
     return are_sql_integers(types) and all(kind.is_at_least(0) for kind in types)
@@ -424,7 +420,6 @@ OPERATIONS = (
             Form("{0}[{1}]", lambda types: types[0].is_only(Kind.LIST) and types[1].kinds == Kind.INT),
             *_make_forms(Kind.DICT, exactly(Kind.STR), "{1} in {0}"),
             *_make_forms(Kind.LIST, _is_index_type_from_start, "len({0}) > {1}"),
-            *_make_forms(Kind.LIST, _is_index_type_from_end, "len({0}) >= -{1}"),
             *_make_forms(Kind.LIST, exactly(Kind.INT), "len({0}) > {1} > -1"),  # one from the end is left to the value
         ),
         portable=(
