@@ -111,9 +111,16 @@ def is_column_query(query: plan.Query) -> bool:
     return not (query.search or query.grouped or query.limit)
 
 
+def is_exists(query: plan.Query) -> bool:
+    """Whether a query only tests for a row: True, or None without one, see lowering/rewrites/unnest_subqueries.py."""
+    constants = [output.expr for output in query.columns] + [query.limit]
+    known = [constant.value for constant in constants if isinstance(constant, plan.Constant)]
+    return query.representation.name == "value" and known == [True, 1] and not (query.search or query.order)
+
+
 def can_end_early(query: plan.Query) -> bool:
     """Whether LIMIT may end a flat query early, so that the rows that call functions can be observed."""
-    return query.limit is not None and not (query.search or query.order or query.group)
+    return query.limit is not None and not (query.search or query.order or query.group or is_exists(query))
 
 
 def has_constant_source(query: plan.Query) -> bool:

@@ -26,7 +26,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.operations.arithmetic import EXACT
-from ss2sql.language.plan_traversal import can_fail, is_column_query
+from ss2sql.language.plan_traversal import can_fail, is_column_query, is_exists
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_query import EqualValueEncoding, ListEncoding, PointSetEncoding
@@ -231,6 +231,10 @@ def _lower_equality(lowering: ExpressionLowering, call: plan.Call, scope: SqlSco
     for index, argument in enumerate(call.arguments):
         if isinstance(argument, plan.Constant) and argument.value is None:
             # None equals nothing but None, whatever the other side is.
+            question = call.arguments[1 - index]
+            if isinstance(question, plan.Subquery) and is_exists(question.query):
+                found = lowering.lower_exists(question, scope)
+                return exp.Not(this=found) if equal else found
             other = sql_builder.wrap_operand(lowering.lower_value(call.arguments[1 - index], scope))
             none = sql_builder.null()
             return exp.Is(this=other, expression=none if equal else exp.Not(this=none))

@@ -221,6 +221,10 @@ class ExpressionLowering:
                 assert isinstance(expr, plan.Subquery), "all others are declared in unsupported.py"
                 return self.unbox_value(self._lower_query(self.subquery, expr, scope), expr.type)
 
+    def lower_exists(self, expr: plan.Subquery, scope: SqlScope) -> Node:
+        """Whether a query has a row, as a flag."""
+        return exp.Exists(this=self.lower_unordered(expr, scope, lambda scope: sql_builder.number(1)))
+
     def lower_unordered(self, expr: plan.Subquery, scope: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
         """A value computed from the rows of a query in any order."""
         return self._lower_query(lambda query, scope: self.rows(query, scope, output), expr, scope)

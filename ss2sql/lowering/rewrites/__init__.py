@@ -15,7 +15,7 @@ from ss2sql.lowering.rewrites.distance_ranges import limit_distances
 from ss2sql.lowering.rewrites.inline_functions import inline_functions, read_keys_as_columns, read_lists_as_rows
 from ss2sql.lowering.rewrites.normalize_conditions import normalize_conditions
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
-from ss2sql.lowering.rewrites.unnest_subqueries import unnest_subqueries
+from ss2sql.lowering.rewrites.unnest_subqueries import search_for_members, unnest_subqueries
 
 
 def keep_plan(query: plan.Query, world: RewriteContext) -> plan.Query:
@@ -52,6 +52,11 @@ REWRITES: dict[str, Rewrite] = {
         "makes conditions of a nested query over a known list, and reads constant texts for eval",
         "a nested query over a list that is known became plain conditions",
         unnest_subqueries,
+    ),
+    "exists": Rewrite(
+        "asks of x IN (SELECT ...) whether a row equals x, where the query reads the row around it",
+        "membership in what a query finds for a row is looked up",
+        search_for_members,
     ),
     "split": Rewrite(
         "flattens AND and OR, moves NOT inwards, drops repeated parts",

@@ -1,4 +1,4 @@
-"""`unnest`: nested queries that only test elements become conditions.
+"""`unnest` and `exists`: nested queries that only test elements become conditions.
 
     [] == (SELECT this FROM [[a.this, b.this], [b.this, c.this]] WHERE this[0] == this[1] AS list)
 
@@ -7,21 +7,35 @@ are bound: the four-colour map over eight countries takes 8.7 s nested and 0.01 
 literal, a constant, or a variable's value; in the last case the query relies on the value, and is made anew
 when it has changed. A text for `eval` that is constant by then is read, too. The conditions must not fail,
 because the nested query evaluates all of them and a conjunction stops early.
+
+    x IN (SELECT e.x FROM e = es WHERE e.k == n.k AS list)
+
+    EXISTS (SELECT 1 FROM e = es WHERE e.k == n.k AND e.x == x)
+
+so that both equalities are looked up, and no list is made. The plan says it with a query `AS value`, cut after its
+first row, see `is_exists`. A query that is the same for all rows stays as it is, for its list is made once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 from typing import Any
 
 from ss2sql.errors import Span
 from ss2sql.language import plan
+from ss2sql.language.kinds import BOOL, NONE, unite
 from ss2sql.language.plan_traversal import (
     can_fail,
+    has_query,
+    is_column_query,
+    is_exists,
+    is_volatile,
     list_inside,
     list_sources,
     list_states,
     rebuild_node,
+    split_and,
     walk,
 )
 from ss2sql.lowering.rewrites.constant_folding import fold_constant_string, fold_node
@@ -30,6 +44,7 @@ from ss2sql.lowering.rewrites.rewrite_context import (
     MAX_ELEMENTS,
     RewriteContext,
     is_foldable_value,
+    make_call,
     make_connective,
     make_constant,
     negate_expression,
@@ -153,6 +168,37 @@ def _test_rows(expr: plan.Expr, wanted: bool, world: RewriteContext, span: Span)
     tests = rows if wanted else list(map(negate_expression, rows))
     made = make_connective(plan.Or if wanted else plan.And, tests, span)
     return rewrite_to_bool(fold_node(made))
+
+
+# --- `exists`: membership in what a query finds for the row around it is the question whether it finds that value
+def search_for_members(query: plan.Query, world: RewriteContext) -> plan.Query:
+    """The query with such memberships as questions for rows."""
+    if not {"in", "not_in", "eq", "ne"}.isdisjoint(world.replaced):
+        return query
+    return rewrite_bottom_up(query, _rewrite_node)
+
+
+def _rewrite_node(node: Any) -> Any:
+    match node:
+        case plan.Call(
+            function=plan.Function(name="in" | "not_in" as name, builtin=True),
+            arguments=(item, plan.Subquery(query=inner)),
+        ) if is_column_query(inner) and _reads_outer_rows(inner) and not has_query(item) and not is_volatile(node):
+            column = inner.columns[0].expr
+            equal = make_call("eq", column, item, span=node.span)
+            found = replace(
+                inner,
+                columns=(plan.Output("found", make_constant(True, node.span)),),
+                where=make_connective(plan.And, [*split_and(inner.where), equal], node.span),
+                order=(),
+                limit=make_constant(1, node.span),
+                representation=plan.Representation("value"),
+            )
+            assert is_exists(found)
+            question = plan.Subquery(found, unite((BOOL, NONE)), span=node.span)
+            return make_call("ne" if name == "in" else "eq", question, make_constant(None, node.span), span=node.span)
+        case _:
+            return node
 
 
 def _reads_outer_rows(query: plan.Query) -> bool:
