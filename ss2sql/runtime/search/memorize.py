@@ -203,7 +203,7 @@ def _build_keyed_graph(search_run: SearchRun) -> KeyedGraph:
         level.append((node, start))
         graph.add_edge(node, key, (), 1 if problem.likeliest else 0, None)
     graph.edges[0] = range(len(level))
-    first_steps: dict[Hashable, tuple[bool, bool]] = {}  # to rows: whether they are goals and go on
+    first_steps: dict[Hashable, tuple[Row, bool, bool]] = {}  # to rows: these, whether they are goals and go on
     reached, depth = set[Hashable](), 0
     while level and depth != bound:
         following: list[tuple[int, State]] = []
@@ -214,7 +214,7 @@ def _build_keyed_graph(search_run: SearchRun) -> KeyedGraph:
                 if most is not None and len(reached) > most:
                     raise build_graph_limit_error(query, most)
                 if goal is None:
-                    goal, goes_on = first_steps[key]
+                    row, goal, goes_on = first_steps[key]
                 elif key in nodes:
                     if problem.outdated:
                         problem.outdated(after, None)
@@ -222,7 +222,7 @@ def _build_keyed_graph(search_run: SearchRun) -> KeyedGraph:
                     nodes[key] = graph.add_node(False)
                     following.append((nodes[key], after))
                 if by_row:
-                    first_steps[key] = goal, goes_on
+                    first_steps[key] = row, goal, goes_on
                 if goal:
                     graph.add_edge(graph.add_node(True), key, row, weight, last)
                 if goes_on:
