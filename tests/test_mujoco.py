@@ -316,6 +316,20 @@ def test_a_name_is_the_whole_robot(ss: ss2sql.Session, engine: Any) -> None:
         answer(ss, "collision(99);", engine)
 
 
+def test_a_margin_that_mujoco_cannot_search(ss: ss2sql.Session, engine: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where all bodies of a larger scene are within it."""
+
+    def fail(*_: object) -> None:
+        raise mujoco.FatalError("add_pair: broadphase buffer full")
+
+    near = "[collision('ball', None, 0.1), collision('ball', [1, 1], 0.1)];"
+    with monkeypatch.context() as patched:
+        patched.setattr(mujoco, "mj_collision", fail)
+        with pytest.raises(ss2sql.ExecutionError, match="MuJoCo cannot look 0.1 m far: add_pair"):
+            answer(ss, near, engine)
+    assert answer(ss, near, engine) == [True, True]
+
+
 # --- whole arrays, and bad input -----------------------------------------------------------------------
 
 

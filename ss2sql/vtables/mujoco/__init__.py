@@ -185,7 +185,12 @@ class MuJoCoWorld(MarginWorld):
             model = known["model"]
             model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_OVERRIDE
             model.opt.o_margin = margin
-        mujoco.mj_collision(model, data)
+        try:
+            mujoco.mj_collision(model, data)
+        except mujoco.FatalError as reason:  # where all bodies of the world are nearer than the margin
+            self.__dict__.pop("_data_copy")  # MuJoCo has left it halfway
+            hints = ("choose a smaller margin, or FROM space.closest(a, b, distance)",)
+            raise ExecutionError("X007", f"MuJoCo cannot look {margin:g} m far: {reason}", hints=hints) from reason
 
     @cached_property
     def _data_copy(self) -> Any:
