@@ -325,7 +325,7 @@ def test_a_margin_that_mujoco_cannot_search(ss: ss2sql.Session, engine: Any, mon
     near = "[collision('ball', None, 0.1), collision('ball', [1, 1], 0.1)];"
     with monkeypatch.context() as patched:
         patched.setattr(mujoco, "mj_collision", fail)
-        with pytest.raises(ss2sql.ExecutionError, match="MuJoCo cannot look 0.1 m far: add_pair"):
+        with pytest.raises(ss2sql.ExecutionError, match=r"MuJoCo cannot look 0\.1 m far: add_pair"):
             answer(ss, near, engine)
     assert answer(ss, near, engine) == [True, True]
 
