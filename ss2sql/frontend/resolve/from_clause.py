@@ -36,7 +36,9 @@ def resolve_sources(resolver: Resolver, tree: ast.Query, scope: Scope) -> tuple[
             if part.name is not None or not isinstance(part.expr, ast.ListLiteral | ast.Query):
                 twin = next((other for other in scope.sources if other.name == source.name), None)
                 if twin is not None:
-                    hint = "give each a name of its own: FROM a = ..., b = ..."
+                    hint = f"name them: FROM a = {source.name}, b = {source.name}"
+                    if part.name is not None:
+                        hint = f"give this one another name: {part.name}_2 = {part.expr.span.text}"
                     raise ResolveError("R013", f"two sources are called '{source.name}'", part.span, (hint,))
         except ResolveError as error:
             resolver.errors.append(error)
@@ -114,7 +116,8 @@ def order_arguments(tree: ast.Call, parameters: tuple[str, ...] | None) -> tuple
             message = f"'{tree.function}' has no argument '{name}'"
             hints = suggest_names(name, known) or (f"help('{tree.function}') shows how it is called",)
             if name in known:
-                message, hints = f"'{tree.function}' gets the argument '{name}' twice", ("keep one of them",)
+                message = f"'{tree.function}' gets the argument '{name}' twice"
+                hints = (f"keep one of them: argument {known.index(name) + 1} is '{name}'",)
             raise ResolveError("R005", message, argument.name_span, hints)
     for name in known[len(positional) : len(positional) + len(named)]:
         if name not in named:
@@ -151,7 +154,8 @@ def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope
     if word in resolver.catalog.functions:
         hints = (f"'{word}' is a function: call it, {word}(...)",)
     if word in resolver.catalog.files:
-        hints = (f"'{word}' is a file: name one of its tables, FROM {word}.table",)
+        what = "the session's own file" if word == "main" else "a file"
+        hints = (f"'{word}' is {what}: name one of its tables, FROM {word}.table",)
     raise ResolveError("R003", f"unknown source '{word}'", span, hints)
 
 
@@ -202,7 +206,11 @@ def _resolve_table_source(resolver: Resolver, name: str, schema: str, word: str,
     if value is not None:
         return resolve_value_source(resolver, name, value, span)
     if table is None:
-        hints = suggest_names(word, resolver.catalog.list_tables()) or (f"'{schema}' has no such table",)
+        hints = suggest_names(word, resolver.catalog.list_tables()) or (
+            f"'{schema}' is no source here, and has no such table",
+        )
+        if schema in resolver.list_variables():
+            hints = (f"'{schema}' is a source without tables of its own: write FROM {schema}",)
         raise ResolveError("R003", f"unknown source '{schema}.{word}'", span, hints)
     return _make_table_source(resolver, table, name, span)
 

@@ -29,6 +29,7 @@ from ss2sql.frontend.resolve.search_clauses import (
 )
 from ss2sql.frontend.resolve.state_types import infer_state_types
 from ss2sql.frontend.syntax import ast
+from ss2sql.frontend.syntax.tokenizer import shorten_text
 from ss2sql.frontend.syntax.tree_builder import OPERATORS
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, NONE, Kind, Type, limit_type_depth, make_list_type, unite
@@ -123,7 +124,8 @@ SYNONYMS = {"val": "value"}
 
 def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> plan.Subquery:
     """The plan of a query; errors of its clauses are collected."""
-    scope = Scope(outer, resolver.make_number())
+    scope = Scope(outer, resolver.make_number(), written=tree)
+    scope.shown = {name: expr.span.text for name, expr in map(_split_column_name, tree.columns) if name and expr}
     search, joins = _resolve_search(resolver, tree, scope, outer)
     sources = tuple(scope.sources)
     where = _resolve_optional(resolver, tree.where, scope, "WHERE")
@@ -274,7 +276,7 @@ def _make_clause_error(assign: ast.Assign, tree: ast.Query, scope: Scope) -> Res
     message = f"CONNECT BY sets '{name}', which START WITH does not"
     hints = suggest_names(name, [item.name for item in tree.start]) or (f"add START WITH {name} = ...",)
     if any(name == column for source in scope.sources for column, _ in source.columns or ()):
-        hints = ("write == to compare",)
+        hints = (f"write {name} == {shorten_text(assign.value.span.text)} to compare",)
     return ResolveError("R001", message, assign.name_span, hints)
 
 
@@ -285,9 +287,10 @@ def _check_hidden_columns(resolver: Resolver, tree: ast.Query, scope: Scope) -> 
         owner = next((s for s in scope.sources if any(name == item.name for name, _ in s.columns or ())), None)
         if item.name in assigned or owner is None:
             continue
+        value = item.values if isinstance(item, ast.Each) else item.value
         sign = "IN" if isinstance(item, ast.Each) else "=="
         message = f"START WITH sets '{item.name}', which is a column of '{owner.name}', and CONNECT BY never changes it"
-        hint = f"write START WITH {item.name} {sign} ... to choose the first steps"
+        hint = f"write START WITH {item.name} {sign} {shorten_text(value.span.text)} to choose the first steps"
         resolver.errors.append(
             ResolveError("R013", message, item.name_span, (hint, "or give the variable another name"))
         )
@@ -415,7 +418,16 @@ def _resolve_order_key(
     """A key of ORDER BY. Refuses a literal, which SQL takes for the number of a column."""
     key = written.expr
     if isinstance(key, ast.Literal):
-        hint = "write what to order by, such as a column of SELECT by its name"
+        shown = [_split_column_name(column)[0] or column.span.text for column in tree.columns]
+        known = list(dict.fromkeys(name for source in scope.sources for name, _ in source.columns or ()))
+        number = key.value if type(key.value) is int else 0
+        if any(isinstance(column, ast.Star) for column in tree.columns):
+            shown = known
+        meant = shown[number - 1] if 0 < number <= len(shown) else key.value
+        if meant in (*shown, *known):
+            hint = f"write ORDER BY {meant}"
+        else:
+            hint = f"write what to order by, such as {', '.join(known or shown or ['this'])}"
         text = key.span.text
         message = f"ORDER BY {text} orders nothing: {text} is the same for every row"
         resolver.errors.append(ResolveError("R014", message, key.span, (hint,)))
@@ -449,8 +461,11 @@ def _resolve_representation(
     known = {word.lower() for word in resolver.catalog.representations}
     if name not in known:
         every = f"the forms are {', '.join(sorted(known))}; session.representation registers others"
-        source = f"to name a source write FROM {tree.name} = ..."
-        hints = suggest_names(name, known) if suggest_similar(name, known) else (every, source)
+        hints = (
+            suggest_names(name, known) if suggest_similar(name, known) and name not in ("table", "tuple") else (every,)
+        )
+        if not suggest_similar(name, known) and not (tree.arguments or tree.named):
+            hints += (f"to name a source write FROM {tree.name} = ...",)
         resolver.errors.append(ResolveError("R006", f"unknown representation '{tree.name}'", tree.span, hints))
     arguments = resolver.resolve_all(tree.arguments, outer)
     named = tuple((a.name, resolver.record_errors(resolver.resolve_expr, a.value, outer)) for a in tree.named)

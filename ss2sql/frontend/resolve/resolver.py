@@ -11,10 +11,17 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, assert_never
 
-from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names
-from ss2sql.frontend.resolve.grouping import is_value_syntax, resolve_as_list, resolve_as_value, resolve_count
+from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names, suggest_similar
+from ss2sql.frontend.resolve.grouping import (
+    is_value_syntax,
+    resolve_as_list,
+    resolve_as_value,
+    resolve_count_distinct,
+    resolve_count_star,
+)
 from ss2sql.frontend.resolve.scope import (
     Catalog,
+    Place,
     Scope,
     explain_method,
     explain_unknown_function,
@@ -32,6 +39,7 @@ from ss2sql.frontend.resolve.scope import (
     resolve_this,
     resolve_world,
     resolve_world_call,
+    suggest_row_query,
 )
 from ss2sql.frontend.resolve.search_clauses import FUNCTIONS as PATH_FUNCTIONS
 from ss2sql.frontend.resolve.search_clauses import is_path_function, resolve_path_function
@@ -40,6 +48,8 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, BOOL, NONE, Kind, Type, make_list_type, type_of, unite
 from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.language.plan_traversal import is_volatile, walk
+
+AGGREGATE_HINT = "it works on a list: {query}, or on the groups of a GROUP BY"
 
 
 def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
@@ -202,8 +212,9 @@ class Resolver:
         pairs = list(zip(trees, self.resolve_operands(map(resolve_as_value, trees), scope), strict=True))
         lists = any(value.type.is_only(Kind.LIST) for tree, value in pairs if not is_value_syntax(tree))
         for tree in filter(is_value_syntax, trees if lists else ()):
+            text = tree.span.text if len(tree.span.text) <= 60 else "SELECT ..."
             message = "this query is one value here, and it meets a list"
-            self.errors.append(ResolveError("R014", message, tree.span, ("write (SELECT ... AS list)",)))
+            self.errors.append(ResolveError("R014", message, tree.span, (f"write ({text} AS list)",)))
         return tuple(self.unwrap_single(value) if is_value_syntax(tree) else value for tree, value in pairs)
 
     def unwrap_single(self, value: plan.Expr) -> plan.Expr:
@@ -225,8 +236,19 @@ class Resolver:
             self.parameters[name] = None
             self.reads[name] = ANY
             return plan.Variable(name, ANY, span=span)
+        sources = tuple(source for level in scope.list_outwards() for source in level.sources) if scope else ()
+        for level in scope.list_outwards() if scope else ():
+            if name in level.shown:
+                hint = f"'{name}' is a column that SELECT makes; write {level.shown[name]} here"
+                raise ResolveError("R001", f"unknown name '{name}'", span, (hint,))
         known = [*list_names_in_scope(scope), *self.list_variables(), *self.parameters]
-        raise explain_unknown_name(name, span, self.catalog, known, scope, operand)
+        searches = (
+            (level.path_functions.search for level in scope.list_outwards() if level.path_functions is not None)
+            if scope
+            else ()
+        )
+        key = next((search.key[0].span.text for search in searches if search is not None and search.key), "key")
+        raise explain_unknown_name(name, span, self.catalog, known, Place(scope is not None, operand, sources, key))
 
     def find_bound(self, name: str, scope: Scope | None, span: Span) -> plan.Expr | None:
         """The START WITH variable or column that a bare name means, as far as columns are known."""
@@ -264,14 +286,20 @@ class Resolver:
         try:
             return resolve_source(scope, name, tree.span)
         except ResolveError as error:
-            meant = self.find_variable(name, tree.span) if name in self.list_variables() else None
             world = resolve_world(self, name)
             if world is not None:
                 error.hints = list_world_hints(world, tree.name)
-            elif meant is not None and meant.type.is_only(Kind.DICT | Kind.OBJECT):
-                error.hints = (f'write {name}["{tree.name}"]',)
-            elif meant is not None:
-                error.hints = (f"'{name}' is a value: write SELECT {tree.name} FROM {name} AS list, or {name}[0]",)
+            elif name in self.list_variables() and (meant := self.find_variable(name, tree.span)) is not None:
+                single = meant.type.is_only(Kind.DICT | Kind.OBJECT)
+                row = meant.type if single else meant.type.element or ANY
+                keys = [key for key, _ in row.columns or ()] or [tree.name]
+                key = (suggest_similar(tree.name, keys) or keys)[0]
+                if single:
+                    error.hints = (f'write {name}["{key}"]',)
+                elif not row.may_be(Kind.DICT | Kind.OBJECT):
+                    error.hints = (f"'{name}' is a list, and its elements have no columns; read them as {name}[0]",)
+                elif scope is None:
+                    error.hints = (f"write SELECT {key} FROM {name} AS list",)
             raise
 
     def resolve_this(self, tree: ast.This, scope: Scope | None) -> plan.Expr:
@@ -362,16 +390,16 @@ class Resolver:
             raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span, (hint,))
         grouped = scope is not None and scope.grouped
         if tree.star:
-            return resolve_count(function, grouped, None, span)
+            return resolve_count_star(function, grouped, span)
         arguments = self.resolve_operands(tree.arguments, scope) if known is None else known
         if tree.distinct:
-            return resolve_count(function, grouped, arguments[0], span)
+            return resolve_count_distinct(function, grouped, arguments[0], span)
         if function.builtin and name == "eval":
             self.check_arity(function, len(arguments), span)
             return self.resolve_eval(arguments[0], scope, span)
         of_a_list = len(arguments) == 1 or (function.collects and arguments)
         if is_resolved_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may_be(Kind.LIST):
-            hint = f"it works on a list: {name}(SELECT ... AS list), or on the groups of a GROUP BY"
+            hint = AGGREGATE_HINT.format(query=suggest_row_query(tree, scope))
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
         for level in scope.list_outwards() if scope else ():
             self.inliner.sources.update((source.id, source) for source in level.sources)
@@ -388,7 +416,7 @@ class Resolver:
         """`owner.function(arguments)`."""
         world = self.catalog.worlds.get(owner)
         if world is None or tree.function not in world.names:
-            raise explain_method(tree, self.catalog)
+            raise explain_method(tree, self.catalog, [*list_names_in_scope(scope), *self.list_variables()])
         own = f"{owner}.{tree.function}"
         name = own if own in self.catalog.world_functions else tree.function
         return resolve_world_call(self, name, self.resolve_all(tree.arguments, scope), scope, tree.span)

@@ -62,7 +62,9 @@ class Scope:
     # The columns of SELECT by their names: in ORDER BY and HAVING; `later`, after all else, in GROUP BY.
     columns: dict[str, plan.Expr] = field(default_factory=dict)
     later: Callable[[str], plan.Expr | None] | None = None
+    shown: dict[str, str] = field(default_factory=dict)  # the texts of these columns
     path_functions: PathFunctions | None = None  # of a search: its path functions
+    written: ast.Query | None = None
 
     def enter_clause(self, clause: str) -> str:
         """Sets the clause of a search that is resolved next, for the path functions; gives the one before."""
@@ -325,38 +327,56 @@ def is_function_of_this(resolver: Resolver, name: str, scope: Scope) -> bool:
 
 # --- suggestions for unknown names: functions of SQL and Python, methods, strings without quotes
 _HIDDEN = frozenset({"item", "slice", "like"})  # functions that are written as operators
+_MEAN = "did you mean '{0}'?"
 
-# Functions that other languages have, and what is written here.
+# Functions that other languages have, and what is written here; {0} and {1} are the arguments of the call.
 FOREIGN_FUNCTIONS: dict[str, str] = {
-    **dict.fromkeys(("ifnull", "nvl", "isnull"), "write coalesce(x, y)"),
-    "nullif": "write IF(x == y; None; x)", "iif": "write IF(condition; then; else)",
-    "decode": "write CASE WHEN x == y THEN a ELSE b END", "concat": "write x + y",
-    **dict.fromkeys(("substr", "substring", "mid"), "write text[first:end], counted from 0"),
-    "left": "write text[:n]", "right": "write text[-n:]", "to_char": "write str(x)", "to_number": "write float(x)",
-    "connect_by_root": "write root(x)", "sys_connect_by_path": "write path(x, '/')",
-    **dict.fromkeys(("length", "size"), "write len(x)"), **dict.fromkeys(("avg", "mean"), "write average(x)"),
-    **dict.fromkeys(("distinct", "unique", "set"), "write uniq(list)"),
-    "power": "write x ^ y", "exists": "write [] != (SELECT ... AS list)",
-    **dict.fromkeys(("append", "extend"), "a list is not changed, a new one is made: list + [x]"),
-    "cast": "write int(x), float(x) or str(x)",
-    **dict.fromkeys(("ucase", "toupper"), "write upper(x)"), **dict.fromkeys(("lcase", "tolower"), "write lower(x)"),
-    "trim": "write strip(x)", "startswith": "write starts(text, part)", "endswith": "write ends(text, part)",
-    **dict.fromkeys(("instr", "position", "charindex", "strpos"), "write find(text, part)"),
-    **dict.fromkeys(("group_concat", "string_agg", "listagg"), "write join(SELECT x FROM ... AS list, ', ')"),
-    "ceiling": "write ceil(x)", "ln": "write log(x)", "log2": "write log(x, 2)", "log10": "write log(x, 10)",
-    "atan": "write atan2(x, 1)", "radians": "write x * pi() / 180", "degrees": "write x * 180 / pi()",
-    "hypot": "write norm([x, y])", **dict.fromkeys(("std", "stdev", "stddev_samp"), "write stddev(x)"),
-    "var_samp": "write variance(x)", "typeof": "write type(x)",
-    "strptime": "write datetime('2024-05-31 12:30')", "current_timestamp": "write now()",
-    **dict.fromkeys(("today", "current_date"), "write date(now())"), "enumerate": "write zip(range(len(x)), x)",
+    **dict.fromkeys(("ifnull", "nvl", "isnull"), "write coalesce({0}, {1})"),
+    "nullif": "write IF({0} == {1}; None; {0})",
+    "iif": "write IF({0}; {1}; {2})", "decode": "write CASE WHEN {0} == {1} THEN {2} ELSE {3} END",
+    "concat": "write {0} + {1}",
+    **dict.fromkeys(("substr", "substring", "mid"), "write {0}[{1} - 1:{1} - 1 + {2}]"),
+    "left": "write {0}[:{1}]", "right": "write {0}[-{1}:]", "to_char": "write str({0})",
+    "to_number": "write float({0})",
+    "connect_by_root": "write root({0})",
+    "length": "write len({0})", "size": "write len({0})", "avg": "write average({0})", "mean": "write average({0})",
+    "distinct": "write uniq({0})", "unique": "write uniq({0})", "set": "write uniq({0})",
+    "power": "write {0} ^ {1}", "exists": "write [] != ({list})",
+    "sys_connect_by_path": "write path({0}, {1})", "append": "a list is not changed, a new one is made: {0} + [{1}]",
+    "cast": "write int({0}), float({0}) or str({0})",
+    "extend": "a list is not changed, a new one is made: {0} + {1}",
+    **dict.fromkeys(("ucase", "toupper"), "write upper({0})"),
+    **dict.fromkeys(("lcase", "tolower"), "write lower({0})"),
+    "trim": "write strip({0})", "startswith": "write starts({0}, {1})", "endswith": "write ends({0}, {1})",
+    **dict.fromkeys(("instr", "position", "charindex", "strpos"), "write find({0}, {1})"),
+    **dict.fromkeys(("group_concat", "string_agg", "listagg"), "write join(SELECT {0} FROM ... AS list, ', ')"),
+    "ceiling": "write ceil({0})", "ln": "write log({0})", "log2": "write log({0}, 2)", "log10": "write log({0}, 10)",
+    "atan": "write atan2({0}, 1)", "radians": "write {0} * pi() / 180", "degrees": "write {0} * 180 / pi()",
+    "hypot": "write norm([{0}, {1}])", "std": "write stddev({0})", "stdev": "write stddev({0})",
+    "var_samp": "write variance({0})", "stddev_samp": "write stddev({0})", "typeof": "write type({0})",
+    "strptime": "write datetime('2024-05-31 12:30')", "current_timestamp": "write now()", "today": "write date(now())",
     **dict.fromkeys(("rand", "random"), "session.function('random', random.random) registers Python's"),
-    "gcd": "session.function('gcd', math.gcd) registers Python's",
+    "gcd": "session.function('gcd', math.gcd) registers Python's", "current_date": "write date(now())",
+    "enumerate": "write zip(range(len({0})), {0})",
 }  # fmt: skip
-# Names of other languages.
-_FOREIGN_NAMES = {
-    "LEVEL": "write level()", "CONNECT_BY_ISLEAF": "write leaf()", "CONNECT_BY_ISCYCLE": "write cycle(x)",
-    "ROWNUM": "write LIMIT n after the other clauses", "NULL": "write None", "NIL": "write None",
+# Names of Oracle.
+_ORACLE = {
+    "LEVEL": "level()", "CONNECT_BY_ISLEAF": "leaf()", "CONNECT_BY_ISCYCLE": "cycle({key})",
+    "ROWNUM": "LIMIT n after the other clauses",
 }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a name stands: inside a query, where there is a `this`; as an operand, where it may be a string.
+
+    `sources` are the visible ones, `key` is what the search compares.
+    """
+
+    inside: bool
+    operand: bool
+    sources: tuple[plan.Source, ...]
+    key: str = "key"
 
 
 def explain_unknown_function(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
@@ -364,20 +384,29 @@ def explain_unknown_function(tree: ast.Call, catalog: Catalog, variables: Collec
     name = tree.function
     every = (*catalog.functions, *catalog.world_functions)
     known = [one for one in every if one not in _HIDDEN and "." not in one]
-    hints = _suggest_equivalent(name) or suggest_names(name, known)
     if name in variables:
-        hints = (f"'{name}' is a variable: write it without parentheses",)
+        hints: Sequence[str] = (f"'{name}' is a variable: write it without parentheses",)
+    elif same := [one for one in known if one.lower() == name.lower()]:
+        hints = (_MEAN.format(same[0]),)
+    else:
+        hints = _suggest_equivalent(name, tree.arguments) or suggest_names(name, known)
     hints = hints or ("register it with session.function; help() lists the known ones",)
     return ResolveError("R002", f"unknown function '{name}'", read_leading_name(tree.span, name), hints)
 
 
-def _suggest_equivalent(name: str) -> tuple[str, ...]:
+def _suggest_equivalent(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, ...]:
     """The equivalent of a function of another language."""
     lowered = name.lower()
-    return (FOREIGN_FUNCTIONS[lowered],) if lowered in FOREIGN_FUNCTIONS else ()
+    if lowered not in FOREIGN_FUNCTIONS:
+        return ()
+    whole = [argument.span.text for argument in arguments[:4]]
+    texts = [text if len(text) <= 40 else "..." for text in whole]
+    bare = bool(arguments) and isinstance(arguments[0], ast.Query) and arguments[0].representation is None
+    listed = f"{texts[0]} AS list" if bare else "SELECT ... AS list"
+    return (FOREIGN_FUNCTIONS[lowered].format(*texts, *("..." for _ in range(4 - len(texts))), list=listed),)
 
 
-def explain_method(tree: ast.Call, catalog: Catalog) -> ResolveError:
+def explain_method(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
     """The error for `owner.function(...)` where the owner is no world or lacks the function."""
     owner, name = tree.owner or "", tree.function
     place = read_leading_name(tree.span, f"{owner}.{name}")
@@ -385,10 +414,19 @@ def explain_method(tree: ast.Call, catalog: Catalog) -> ResolveError:
     if world is not None:
         message = f"the world '{owner}' has no function '{name}'"
         return ResolveError("R002", message, place, list_world_hints(world, name))
-    hints = _suggest_equivalent(name) or (f"functions stand in front of values: write {name}(x)",)
+    hints: tuple[str, ...]
+    if owner in variables:
+        return ResolveError(
+            "R002", f"values have no methods, and '{owner}' is no world", place, _suggest_call(tree, catalog)
+        )
+    message = f"there is no world '{owner}' with a function '{name}'"
     if suggest_similar(owner, catalog.worlds):
         hints = suggest_names(owner, catalog.worlds)
-    return ResolveError("R002", f"'{owner}' is no world, and values have no functions of their own", place, hints)
+    elif name in catalog.functions:
+        hints = (f"'{name}' is a function by itself: write {name}(...)",)
+    else:
+        hints = _suggest_equivalent(name, tree.arguments) or ("help() lists the functions there are",)
+    return ResolveError("R002", message, place, hints)
 
 
 def list_world_hints(world: Any, name: str) -> tuple[str, ...]:
@@ -404,24 +442,35 @@ def list_world_hints(world: Any, name: str) -> tuple[str, ...]:
     return suggest_names(name, (*world.tables, *world.names)) or (f"help({world.name}) lists what it has",)
 
 
-def explain_unknown_name(
-    name: str, span: Span, catalog: Catalog, known: Sequence[str], scope: Scope | None, operand: bool
-) -> ResolveError:
-    """The error for an unknown bare name; as an `operand` it may be meant as a string."""
-    sources = (source for level in scope.list_outwards() for source in level.sources) if scope else ()
+def _suggest_call(tree: ast.Call, catalog: Catalog) -> tuple[str, ...]:
+    """The call that replaces a method of a value."""
+    owner, name = tree.owner or "", tree.function
+    subject = ast.Name(owner, span=read_leading_name(tree.span, owner))
+    there = _suggest_equivalent(name, (subject, *tree.arguments))
+    if name.lower() in FOREIGN_FUNCTIONS:
+        return there
+    call = f"write {name}({owner}{', ...' if tree.arguments else ''})"
+    return (call,) if name in catalog.functions else (f"{call}, with a function that is registered", *there)
+
+
+def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequence[str], place: Place) -> ResolveError:
+    """The error for an unknown bare name."""
     if name in catalog.functions:
-        hints: tuple[str, ...] = (f"'{name}' is a function: write {name}({'this' if scope else '...'})",)
-    elif any(source.name == name for source in sources):
+        hints: tuple[str, ...] = (f"'{name}' is a function: write {name}({'this' if place.inside else '...'})",)
+        hints += (f"its name as a text is '{name}'",) if place.operand and not place.inside else ()
+    elif any(source.name == name for source in place.sources):
         hints = (f"'{name}' is a source: write {name}.this",)
-    elif name.upper() in _FOREIGN_NAMES:
-        hints = (_FOREIGN_NAMES[name.upper()],)
+    elif name.upper() in _ORACLE:
+        hints = (f"write {_ORACLE[name.upper()]}".format(key=place.key),)
+    elif name.upper() in ("NULL", "NIL"):
+        hints = ("write None",)
     elif catalog.unknown == "missing":
         hints = (f"run(..., {name}=...)", *suggest_names(name, known))
         return ResolveError("R009", f"unknown name '{name}', so the script needs a value for it", span, hints)
     else:
         cure = f"assign it before, or give it from Python: run(script, {name}=...)"
         hints = suggest_names(name, known) or (cure,)
-        if operand and not suggest_similar(name, known):
+        if place.operand and not suggest_similar(name, known):
             hints += (f"a text stands in quotes: '{name}'",)
     return ResolveError("R001", f"unknown name '{name}'", span, hints)
 
@@ -429,3 +478,15 @@ def explain_unknown_name(
 def read_leading_name(span: Span, name: str) -> Span:
     """The span of `name`, if `span` begins with it."""
     return Span(span.source, span.start, span.start + len(name)) if span.text.startswith(name) else span
+
+
+def suggest_row_query(tree: ast.Call, scope: Scope | None) -> str:
+    """The query that gives an aggregate the rows that are left by the WHERE around it, if short."""
+    query, sources = (scope.written, scope.sources) if scope else (None, [])
+    if query is None or query.searches or len(sources) != 1 or sources[0].name != sources[0].span.text:
+        return f"{tree.function}(SELECT ... AS list)"
+    rows, where = sources[0].name, query.where
+    if where is not None and not where.span.start <= tree.span.start < where.span.end:
+        rows += f" WHERE {where.span.text}"
+    text = " ".join(f"SELECT {tree.arguments[0].span.text} FROM {rows}".split())
+    return f"{tree.function}({text if len(text) <= 100 else 'SELECT ...'} AS list)"
