@@ -101,11 +101,11 @@ def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, 
 def _refuse_next_inside(resolver: Resolver, tree: ast.Query, word: str, argument: ast.Expr) -> None:
     """Raises ResolveError R014 for `path(next(x))`: what a path carries is assigned before CONNECT BY changes x."""
     for call in ast.walk_syntax(argument, _is_other_search):
-        if is_path_function(resolver, call) and call.function in ("next", "cycle"):
+        if is_path_function(resolver, call) and call.function == "next":
             inside = " ".join(call.span.text.split())
             assigned = [a.value.span.text for a in tree.connect if call.arguments == (ast.Name(a.name, span=a.span),)]
             value = assigned[0] if assigned else "what CONNECT BY assigns"
-            message = f"{call.function} does not stand in {word}(...)"
+            message = f"next does not stand in {word}(...)"
             raise ResolveError("R014", message, call.span, (f"write {value} in place of {inside}",))
 
 

@@ -2,89 +2,83 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 from ss2sql.errors import ParseError
-from ss2sql.frontend.syntax.parse_failure import CLAUSES, ParseFailure, spell
-from ss2sql.frontend.syntax.tokenizer import OPTIONS, Token
-from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT
+from ss2sql.frontend.syntax.parse_failure import AROUND, CLAUSES, VALUES, ParseFailure, spell
+from ss2sql.frontend.syntax.parse_table import END
+from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
+from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT, COMPARISONS
 
 _FUNCTION = "functions are written in Python, and session.function(f) registers them"
-_ASSIGN = "an assignment has no word in front: name = ..."
-_READ = "a script only reads: change data from Python or with SQLite itself"
+_ASSIGN = "an assignment has no word in front: {found} = ..."
 
-# Words at the beginning of a statement, and what to write.
+# Words at the beginning of a statement, and what to write; {found} is the text after the word.
 _FIRST = {
-    "FOR": "a loop is a query: SELECT ... FROM x = list",
+    "FOR": "a loop is a query: SELECT ... FROM {found} = list",
     "WHILE": "a loop that goes on is a search: START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 9",
     "DEF": _FUNCTION, "FUNCTION": _FUNCTION, "CLASS": _FUNCTION, "IMPORT": _FUNCTION,
-    "RETURN": "the value of a script is that of its last statement: write the value alone",
+    "RETURN": "the value of a script is that of its last statement: write {found} alone",
     "LET": _ASSIGN, "VAR": _ASSIGN, "CONST": _ASSIGN, "SET": _ASSIGN, "DECLARE": _ASSIGN,
-    "WITH": "assign the inner query to a variable first: t = SELECT ... AS dict; "
-            "a recursive query is written SELECT ... START WITH ... CONNECT BY ...",
-    "EXPLAIN": "call explain() on the compiled script",
-    "INSERT": _READ, "UPDATE": _READ, "DELETE": _READ, "CREATE": _READ, "DROP": _READ, "ALTER": _READ,
-    "REPLACE": _READ, "ATTACH": _READ, "PRAGMA": _READ, "BEGIN": _READ,
+    "DEL": "variables stay; clear() forgets all of them",
 }  # fmt: skip
-# Words that were read as a name before something that does not fit: {x}.
-_BEFORE = {
-    "CONNECT_BY_ROOT": "write root({x})", "ALL": "leave it out: a query gives all rows", "LAMBDA": _FUNCTION,
-    "TOP": "write LIMIT n after the other clauses", "CASE": "write CASE WHEN {x} == ... THEN ... ELSE ... END",
-    "PRIOR": "write prior(x): PRIOR stands in front of a name", "EXISTS": "write [] != (SELECT ... AS list)",
-    "BFS": "write BREADTH FIRST", "DFS": "write DEPTH FIRST", "DIJKSTRA": "write COST value",
-    "ASTAR": "write COST value HEURISTIC value", "GREEDY": "write HEURISTIC {x} without COST",
-    "DISTINCT": "write DISTINCT after SELECT, or CONNECT BY UNIQUE",
-}  # fmt: skip
-_JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b.id"
-_LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
-_IF = "write IF(condition; then; else)"
-_LISTS = "write uniq((SELECT ... AS list) + (SELECT ... AS list)), for UNION ALL without uniq"
-# Words after a complete expression {x}, and what to write instead.
-_AFTER = {
-    "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "GLOB": _LIKE, "REGEXP": _LIKE,
-    "ILIKE": "write lower({x}) LIKE ...", "MATCH": _LIKE, "INNER": "write JOIN without INNER",
-    "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN, "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "ON": _JOIN,
-    "USING": _JOIN, "OFFSET": "write LIMIT n OFFSET m", "FETCH": "write LIMIT n",
-    "FOR": "write (SELECT x FROM x = list AS list)",
-    "COLLATE": "sort by the value of a function that you register",
-    "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
-    "TOP": "write LIMIT n after the other clauses", "CONTAINS": "write ... IN {x}",
-    "NULLS": "leave it out: None comes first, with DESC last", "INTO": "assign the query: name = SELECT ...",
-    "CYCLE": "write NO CYCLE BY key, right after CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
-    "ASCENDING": "write ASC", "DESCENDING": "write DESC", "MOD": "write {x} % ...", "DIV": "write int({x} / ...)",
-    "UNION": _LISTS, "EXCEPT": "write difference((SELECT ... AS list), (SELECT ... AS list))",
-    "MINUS": "write difference((SELECT ... AS list), (SELECT ... AS list))",
-    "INTERSECT": "write SELECT this FROM (SELECT ... AS list) WHERE this IN (SELECT ... AS list) AS list",
-}  # fmt: skip
-_SIGNS = {
-    "**": "the power is ^", "//": "division is /, whole division floor(a / b), and a comment starts with #",
-    "++": "write x = x + 1",
-    "+=": "write x = x + ...", "-=": "write x = x - ...", "*=": "write x = x * ...", "/=": "write x = x / ...",
-    ":=": "write x = ...", "=>": "write >= to compare", "=<": "write <= to compare", "===": "write == to compare",
-    "->": 'write x.column, or x["key"]', ">>": "write int(x / 2 ^ n)", "<<": "write x * 2 ^ n",
-    "::": "write int(x), float(x) or str(x)",
-}  # fmt: skip
-_TESTED = frozenset(("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN"))  # where a condition stands
-_COMPARE = "write == to compare"
 
 
-def explain_foreign_spelling(t: ParseFailure) -> ParseError | None:
-    """The error for a known spelling of another language; None for anything else."""
+def explain_python(t: ParseFailure) -> ParseError | None:
+    """The error for a known spelling of a programming language; None for anything else."""
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _explain_first_word, _explain_inner_quote, _explain_comment, _explain_sign, _explain_is, _explain_assignment,
-        _explain_word_before, _explain_missing_as, _explain_after_as, _explain_word, _explain_star, _explain_dot,
-        _explain_list,
+        _explain_python_for, _explain_from_first, _explain_lambda, _explain_comprehension, _explain_item_assignment,
+        _explain_inner_quote,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None)
 
 
-def _explain_first_word(t: ParseFailure) -> ParseError | None:
-    """`for x in nums: ...`, `let x = 5`, `UPDATE staff ...`, `WITH t AS (...) SELECT ...`."""
+def _explain_python_for(t: ParseFailure) -> ParseError | None:
+    """`for x in nums: ...`, `let x = 5`, `import math`."""
     word = t.peek()
-    hint = _FIRST.get(word.text.upper())
-    if hint is None or word.kind != "NAME" or t.peek(2).kind != ";" or t.bracket:
+    upper = word.text.upper()
+    if word.kind != "NAME" or t.peek(2).kind != ";" or t.bracket or upper not in _FIRST:
         return None
+    if t.found.kind not in VALUES and t.found.kind not in OPENING and t.found.kind != "-":
+        return None
+    hint = _FIRST[upper].format(found=t.cut_text(t.found.start, t.found.end))
     return t.explain("P006", f"there is no {word.text} in SelectScript", hint, at=word)
+
+
+def _explain_lambda(t: ParseFailure) -> ParseError | None:
+    word = t.peek()
+    if word.text == "lambda" and t.values[-1:] == [word]:
+        return t.explain("P006", "there is no lambda in SelectScript", _FUNCTION, at=word)
+    return None
+
+
+def _explain_comprehension(t: ParseFailure) -> ParseError | None:
+    """`[x for x in nums]`."""
+    if t.found.text != "for" or t.wants_operand or t.bracket is None:
+        return None
+    column = t.cut_text(t.bracket.end, t.peek().end)
+    name = t.next.text if t.next.kind == "NAME" else "x"
+    return t.explain("P006", "there is no for in SelectScript", f"write (SELECT {column} FROM {name} = ... AS list)")
+
+
+def _explain_from_first(t: ParseFailure) -> ParseError | None:
+    """`FROM people SELECT name`, as some languages have it."""
+    if t.found.kind != "FROM" or t.peek().kind != ";" or t.bracket or t.next.kind == END:
+        return None
+    return t.explain("P001", "a query starts with SELECT, not with FROM", "write SELECT ... FROM ...")
+
+
+def _explain_item_assignment(t: ParseFailure) -> ParseError | None:
+    """`x[0] = 5`."""
+    if t.found.kind != "=" or t.peek().kind != "]" or t.clause or "+" not in t.expected:
+        return None
+    left = t.read_operand()
+    name, bracket, _ = left.partition("[")
+    if not bracket or not name.isidentifier():
+        return None
+    hint = f"assign a new list to {name}, or write {left} == ... to compare"
+    return t.explain("P006", f"an element is not assigned, and {left} is one", hint)
 
 
 def _explain_inner_quote(t: ParseFailure) -> ParseError | None:
@@ -92,9 +86,64 @@ def _explain_inner_quote(t: ParseFailure) -> ParseError | None:
     string = t.peek()
     if string.kind != "STRING" or t.found.kind not in ("NAME", "STRING") or string.end != t.found.start:
         return None
-    quote = string.text[0]
+    quote, other = string.text[0], '"' if string.text[0] == "'" else "'"
     return t.explain("P001", f"the string {t.cut_text(string.start, string.end)} ends at its second {quote}",
-                   f"a quote inside a string is written \\{quote}")  # fmt: skip
+                   f"a quote inside a string is written \\{quote}, or the string stands in {other}")  # fmt: skip
+
+
+# --- spellings of SQL, and of other languages, that SelectScript writes differently: each error shows the right form
+_JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b.id"
+_LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
+_IF = "write IF(condition; then; else)"
+
+# Words after a complete expression {x}, and what to write instead.
+_POSTFIX_HINTS = {
+    "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "GLOB": _LIKE, "REGEXP": _LIKE,
+    "ILIKE": "write lower({x}) LIKE lower({y})", "MATCH": _LIKE, "INNER": "write JOIN without INNER",
+    "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN,
+    "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN,
+    "OFFSET": "write LIMIT n OFFSET m", "FETCH": "write LIMIT n",
+    "COLLATE": "sort by the value of a function that you register",
+    "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
+    "TOP": "write LIMIT n after the other clauses", "CONTAINS": "write {y} IN {x}",
+    "STARTS": "write starts({x}, ...)", "ENDS": "write ends({x}, ...)",
+    "NULLS": "leave it out: None comes first, with DESC last",
+    "INTO": "assign the query: name = SELECT ...",
+    "CYCLE": "write NO CYCLE BY {y}, right after CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
+    "ASCENDING": "write ASC", "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
+}  # fmt: skip
+# Words that were read as a name before something that does not fit.
+_PREFIX_HINTS = {
+    "CONNECT_BY_ROOT": "write root({x})", "ALL": "leave it out: a query gives all rows",
+    "TOP": "write LIMIT n after the other clauses", "CASE": "write CASE WHEN {x} == ... THEN ... ELSE ... END",
+    "PRIOR": "write prior(x): PRIOR stands in front of a name",
+    "EXISTS": "write [] != (SELECT ... AS list)", "EXPLAIN": "call explain() on the compiled script",
+}  # fmt: skip
+_TESTED = frozenset(("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN"))  # where a condition stands
+_WRITING = frozenset((
+    "INSERT", "UPDATE", "DELETE", "CREATE", "DROP", "ALTER", "REPLACE", "ATTACH", "DETACH", "PRAGMA", "BEGIN", "COMMIT",
+    "ROLLBACK", "VACUUM", "MERGE", "TRUNCATE", "GRANT", "REVOKE", "REINDEX", "SAVEPOINT",
+))  # fmt: skip
+_SIGNS = {
+    "**": "the power is ^", "//": "division is /, whole division floor(a / b), and a comment starts with #",
+    "++": "write {x} = {x} + 1",
+    "+=": "write {x} = {x} + ...", "-=": "write {x} = {x} - ...", "*=": "write {x} = {x} * ...",
+    "/=": "write {x} = {x} / ...", ":=": "write {x} = ...", "=>": "write >= to compare", "=<": "write <= to compare",
+    "===": "write == to compare", "->": 'write {x}.column, or {x}["key"]',
+    ">>": "write int({x} / 2 ^ n)", "<<": "write {x} * 2 ^ n",
+    "::": "write int({x}), float({x}) or str({x})",
+}  # fmt: skip
+
+
+def explain_sql(t: ParseFailure) -> ParseError | None:
+    """The error for a known foreign spelling; None for anything else."""
+    checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
+        _explain_comment, _explain_sign, _explain_concatenation, _explain_is, _explain_cast,
+        _explain_set_operation, _explain_option, _explain_each, _explain_unpacking, _explain_assignment,
+        _explain_modifier, _explain_missing_as, _explain_after_as, _explain_statement,
+        _explain_word, _explain_star, _explain_dot, _explain_list,
+    )  # fmt: skip
+    return next((error for check in checks if (error := check(t))), None)
 
 
 def _explain_comment(t: ParseFailure) -> ParseError | None:
@@ -115,51 +164,172 @@ def _explain_sign(t: ParseFailure) -> ParseError | None:
     for first, second in ((t.peek(), t.found), (t.found, t.next)):
         sign = first.text + second.text
         if first.end == second.start and sign in _SIGNS and t.clause != "x[":  # x[::2]
+            name = t.peek(2) if second is t.found else t.peek()
             both = Token(sign, sign, first.start, second.end)
-            return t.explain("P006", f"there is no operator {sign}", _SIGNS[sign], at=both)
+            hint = _SIGNS[sign].format(x=name.text if name.kind == "NAME" else "x")
+            return t.explain("P006", f"there is no operator {sign}", hint, at=both)
     return None
+
+
+def _explain_concatenation(t: ParseFailure) -> ParseError | None:
+    if t.found.text != "||":
+        return None
+    joined, either = f"write {t.read_operand()} + {_read_value_after(t)} to join strings", "the logical or is OR"
+    compared = _stands_beside_comparison(t, -1) + _stands_beside_comparison(t, 1)
+    hints = [either] if compared == 2 else [either, joined] if not compared and t.clause in _TESTED else [joined]
+    return t.explain("P006", "there is no operator ||", *hints)
+
+
+def _stands_beside_comparison(t: ParseFailure, step: int) -> bool:
+    """Whether a comparison stands before the sign that does not fit (`step` is -1) or after it (1), up to AND or OR."""
+    index, depth = t.index + step, 0
+    while 0 <= index < len(t.tokens):
+        token = t.tokens[index]
+        depth += ((token.kind in OPENING) - (token.kind in CLOSING)) * step
+        if not depth and (token.keyword or token.kind) in COMPARISONS:
+            return True
+        if depth < 0 or (not depth and ((token.keyword or token.kind) in AROUND or token.text == "||")):
+            return False
+        index += step
+    return False
 
 
 def _explain_is(t: ParseFailure) -> ParseError | None:
     """`age IS 36`, `age IS NOT 36`."""
-    word = t.peek(2) if t.peek().kind == "NOT" else t.peek()
-    if word.kind != "IS":
+    negated = t.peek().kind == "NOT" and t.peek(2).kind == "IS"
+    if (t.peek().kind != "IS" and not negated) or t.found.kind not in (*VALUES, *OPENING, "-"):
         return None
-    return t.explain("P006", "IS asks for None alone", "write == or != to compare", at=word)
+    ahead = t.step_back().step_back() if negated else t.step_back()
+    left = ahead.read_side() if t.clause in _TESTED else ahead.read_operand()
+    right = _read_value_after(t.step_back())
+    if t.found.text.upper() == "DISTINCT" and t.next.kind == "FROM":
+        negated, right = not negated, "..."
+    hint = f"write {left} {'!=' if negated else '=='} {right}"
+    return t.explain("P006", "IS asks for None alone", hint, at=ahead.found)
+
+
+def _explain_cast(t: ParseFailure) -> ParseError | None:
+    """`CAST(age AS TEXT)`."""
+    if t.found.kind != "AS" or t.clause != "f(" or t.bracket is None:
+        return None
+    value = t.cut_text(t.bracket.end, t.peek().end)
+    return t.explain("P006", "AS stands in SELECT alone", f"write int({value}), float({value}) or str({value})")
+
+
+# Set operations of two queries; ALL keeps equal rows.
+_SETS = {
+    "UNION": "uniq({0} + {1})", "UNION ALL": "{0} + {1}", "EXCEPT": "uniq(difference({0}, {1}))",
+    "MINUS": "uniq(difference({0}, {1}))", "INTERSECT": "uniq(SELECT this FROM {0} WHERE this IN {1} AS list)",
+}  # fmt: skip
+
+
+def _explain_set_operation(t: ParseFailure) -> ParseError | None:
+    """`SELECT ... UNION SELECT ...`, and other set operations."""
+    word = t.found.text.upper()
+    every = word == "UNION" and t.next.text.upper() == "ALL"
+    following = t.index + (2 if every else 1)
+    if word not in _SETS or t.tokens[min(following, len(t.tokens) - 1)].kind != "SELECT":
+        return None
+    start = next((i for i in range(t.index, -1, -1) if t.tokens[i].kind == "SELECT"), t.index)
+    ends = (token.start for token in t.tokens[following:] if token.kind in (";", END, ")"))
+    texts = [t.source.text[t.tokens[start].start : t.peek().end], t.source.text[t.tokens[following].start : next(ends)]]
+    parts = [" ".join(text.split()) if len(text) <= 60 else "SELECT ..." for text in texts]
+    shapes = [re.search(r"\bFROM\b.*( AS \w+)\Z", part, re.IGNORECASE) for part in parts]
+    form = next((shape[1] for shape in shapes if shape), " AS dict")
+    lists = [f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True)]
+    cure = _SETS[f"{word} ALL" if every else word].format(*lists)
+    return t.explain("P006", f"there is no {word} in SelectScript", f"write {cure}")
+
+
+# Other names for options of searches.
+_OPTIONS = {"BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "DISTINCT": "UNIQUE", "LIMIT": "MAXIMUM", "TOP": "MAXIMUM",
+            "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0", "GREEDY": "HEURISTIC 0",
+            "NOCYCLE": "NO CYCLE"}  # fmt: skip
+
+
+def _explain_option(t: ParseFailure) -> ParseError | None:
+    """Options of CONNECT BY by other names, or followed by a `=`."""
+    if t.clause != "CONNECT BY":
+        return None
+    begin = max((i for i in range(t.index) if t.tokens[i].kind == "CONNECT"), default=t.index) + 2
+    for index in range(begin, t.index + 1):
+        token, following = t.tokens[index], t.tokens[min(index + 1, len(t.tokens) - 1)]
+        word, value = token.text.upper(), t.cut_text(following.end, t.peek().end).strip()
+        if word in OPTIONS and following.kind == "=" and index + 1 < t.index and t.found.kind == "NAME":
+            return t.explain("P006", f"{word} is an option, and takes no =", f"write {word} {value}", at=token)
+        starts = index == begin and (word != "A" or following.kind == "*")
+        if starts and word in _OPTIONS and following.kind in ("*", *VALUES):
+            option = _OPTIONS[word] + (f" {following.text}" if following.kind == "INTEGER" else "")
+            if word == "GREEDY" and t.tokens[index + 2].kind != "=":
+                option = f"HEURISTIC {following.text}"
+            return t.explain("P006", f"there is no option {token.text}{'*' if word == 'A' else ''}",
+                           f"write {option}", at=token)  # fmt: skip
+    return None
+
+
+def _explain_each(t: ParseFailure) -> ParseError | None:
+    """`START WITH EACH town = list`."""
+    if t.found.kind != "=" or t.expected != {"IN"}:
+        return None
+    ends = ("CONNECT", ";", END)
+    end = next(token.start for token in t.tokens[t.index :] if (token.keyword or token.kind) in ends)
+    values = t.cut_text(t.found.end, end).strip()
+    return t.explain("P006", "EACH goes through a list", f"write EACH {t.peek().text} IN {values}")
+
+
+def _explain_unpacking(t: ParseFailure) -> ParseError | None:
+    """`a, b = [1, 2]`."""
+    if t.found.kind != "," or t.clause or t.peek().kind != "NAME" or t.peek(2).kind not in (";", END):
+        return None
+    index, names = t.index, [t.peek().text]
+    while t.tokens[index].kind == "," and t.tokens[index + 1].kind == "NAME":
+        names.append(t.tokens[index + 1].text)
+        index += 2
+    if t.tokens[index].kind != "=":
+        return None
+    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
+    parts = "; ".join(f"{name} = both[{number}]" for number, name in enumerate(names))
+    value = t.cut_text(t.tokens[index].end, end).strip()
+    return t.explain("P006", "one name is assigned at a time", f"write both = {value}; {parts}")
 
 
 def _explain_assignment(t: ParseFailure) -> ParseError | None:
     """`=` where nothing can be assigned: in a condition, in a column, after something that is not a name."""
     if t.found.kind != "=" or "+" not in t.expected:
         return None
-    ahead = t.values[-2] if len(t.values) > 1 else None
-    after_prior = isinstance(ahead, Token) and ahead.kind == "PRIOR"
-    if t.clause in _TESTED or after_prior:
-        what = "PRIOR stands in" if after_prior else f"{t.clause.rstrip('(')} needs"
-        return t.explain("P006", f"= assigns, but {what} a condition", _COMPARE)
+    tested = t.clause in _TESTED
+    left, right = t.read_side() if tested else t.read_operand(), _read_value_after(t)
+    compare = f"write {left} == {right} to compare"
+    if tested:
+        return t.explain("P006", f"= assigns, but {t.clause.rstrip('(')} needs a condition", compare)
     if t.clause == "SELECT":
-        return t.explain("P006", "a column is not assigned", "write value AS name to name a column", _COMPARE)
+        return t.explain("P006", "a column is not assigned", f"write {right} AS {left} to name a column", compare)
+    ahead = t.values[-2] if len(t.values) > 1 else None
+    if isinstance(ahead, Token) and ahead.kind == "PRIOR":
+        return t.explain(
+            "P006", "= assigns, but PRIOR stands in a condition", f"write PRIOR {left} == {right} to compare"
+        )
     if t.clause in OPTIONS:
         return t.explain(
-            "P001",
-            f"{t.clause} needs a value in front of the assignments",
-            f"write {t.clause} 1 {t.read_operand()} = ...",
+            "P001", f"{t.clause} needs a value in front of the assignments", f"write {t.clause} 1 {left} = ..."
         )
     if t.clause in ("START WITH", "CONNECT BY") and t.peek(2).kind == "AND":
-        return t.explain(
-            "P006", f"the assignments of {t.clause} are separated by commas", "write a comma for AND", at=t.peek(2)
-        )
-    return t.explain("P001", f"only a name can be assigned here, not {t.read_operand()}", _COMPARE)
+        begin = max(i for i in range(t.index) if t.tokens[i].kind in ("START", "CONNECT"))
+        ahead_of_it = t.source.text[t.tokens[begin].start : t.peek(2).start].strip()
+        return t.explain("P006", f"the assignments of {t.clause} are separated by commas",
+                       f"write {ahead_of_it}, {left} = {right}", at=t.peek(2))  # fmt: skip
+    return t.explain("P001", f"only a name can be assigned here, not {left}", compare)
 
 
-def _explain_word_before(t: ParseFailure) -> ParseError | None:
-    """Words in front of an expression: CASE, PRIOR, TOP, BFS."""
-    word = t.peek()
-    hint = _BEFORE.get(word.text.upper())
-    if hint is None or word.kind != "NAME" or t.values[-1:] != [word]:
-        return None
-    hint = hint.format(x=t.cut_text(t.found.start, t.found.end))
-    return t.explain("P006", f"there is no {word.text} in SelectScript", hint, at=word)
+def _read_value_after(t: ParseFailure) -> str:
+    """The literal, name or column after the token that does not fit; `...` for anything longer."""
+    last = t.index + 1
+    while t.tokens[last].kind in VALUES and [token.kind for token in t.tokens[last + 1 : last + 3]] == [".", "NAME"]:
+        last += 2
+    if t.next.kind not in VALUES or t.tokens[last + 1].kind in ("(", "[", "{", "."):
+        return "..."
+    text = t.cut_text(t.next.start, t.tokens[last].end)
+    return "None" if text.upper() == "NULL" else text
 
 
 def _explain_missing_as(t: ParseFailure) -> ParseError | None:
@@ -175,7 +345,7 @@ def _explain_missing_as(t: ParseFailure) -> ParseError | None:
 def _explain_after_as(t: ParseFailure) -> ParseError | None:
     """What follows a query that AS has ended: a clause, another source, an index."""
     ahead = t.values[-2] if len(t.values) > 1 else None
-    if not isinstance(ahead, Token) or ahead.kind != "AS":
+    if not isinstance(ahead, Token) or ahead.kind != "AS" or t.found.text.upper() in _POSTFIX_HINTS:
         return None
     shape, word = t.peek(), t.found.keyword or t.found.kind
     if word in ("[", ".", "^", "{"):
@@ -188,15 +358,70 @@ def _explain_after_as(t: ParseFailure) -> ParseError | None:
                    f"to name a source write FROM {shape.text} = ...")  # fmt: skip
 
 
+def _explain_statement(t: ParseFailure) -> ParseError | None:
+    """Statements that write, and WITH in front of a query."""
+    word = t.peek()
+    if word.kind != "NAME" or t.peek(2).kind != ";" or t.bracket:
+        return None
+    upper = word.text.upper()
+    if upper in _WRITING:
+        return t.explain("P006", f"a script only reads, there is no {upper}",
+                       "change data from Python or with SQLite itself", at=word)  # fmt: skip
+    if upper == "WITH" and (cure := _explain_with(t)) is not None:
+        return t.explain("P006", "there is no WITH in front of a query", cure, at=word)
+    if upper == "WITH":
+        return t.explain("P006", "there is no WITH in front of a query",
+            "assign the inner query to a variable first",
+                       "a recursive query is written SELECT ... START WITH ... CONNECT BY ...", at=word)  # fmt: skip
+    return None
+
+
+def _explain_with(t: ParseFailure) -> str | None:
+    """`WITH t AS (SELECT ...) SELECT ...` as two statements."""
+    if t.next.kind != "AS" or t.tokens[t.index + 2].kind != "(":
+        return None
+    depth, index = 0, t.index + 2
+    while index < len(t.tokens) - 1:
+        depth += (t.tokens[index].kind in OPENING) - (t.tokens[index].kind in CLOSING)
+        index += 1
+        if not depth:
+            break
+    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
+    inner = t.source.text[t.tokens[t.index + 2].start : t.tokens[index - 1].end]
+    rest = t.source.text[t.tokens[index].start : end].strip()
+    if not rest or "," in rest[:1] or len(inner) + len(rest) > 120:
+        return None
+    return f"write {t.found.text} = {' '.join(inner.split())}; {' '.join(rest.split())}"
+
+
+def _explain_modifier(t: ParseFailure) -> ParseError | None:
+    """Words in front of an expression: DISTINCT, CASE, PRIOR."""
+    word = t.peek()
+    upper = word.text.upper()
+    if word.kind != "NAME" or upper not in _PREFIX_HINTS or t.values[-1:] != [word]:
+        return None
+    hint = _PREFIX_HINTS[upper].format(x=t.cut_text(t.found.start, t.found.end))
+    if upper == "CASE" and t.next.keyword == "WHEN":
+        value = t.tokens[t.index + 2]
+        hint = f"write CASE WHEN {t.found.text} == {t.cut_text(value.start, value.end)}"
+    return t.explain("P006", f"there is no {upper} in SelectScript", hint, at=word)
+
+
 def _explain_word(t: ParseFailure) -> ParseError | None:
     """Words after an expression: operators, joins, set operations."""
     upper = t.found.text.upper()
-    hint = _AFTER.get(upper)
-    if hint is None or t.found.kind not in ("NAME", upper) or t.wants_operand or t.expected == {"="}:
+    if (
+        t.found.kind not in ("NAME", upper)
+        or upper not in _POSTFIX_HINTS
+        or t.peek().text.upper() == "NO"
+        or t.wants_operand
+        or t.expected == {"="}
+    ):
         return None
-    if t.peek().text.upper() == "NO":
-        return None
-    return t.explain("P006", f"there is no {t.found.text} in SelectScript", hint.format(x=t.read_operand()))
+    spelling, hint, x, y = upper, _POSTFIX_HINTS[upper], t.read_operand(), _read_value_after(t)
+    if t.peek().kind == "NOT":
+        spelling, x, hint = f"NOT {upper}", t.step_back().read_operand(), hint.replace(" LIKE ", " NOT LIKE ")
+    return t.explain("P006", f"there is no {spelling} in SelectScript", hint.format(x=x, y=y))
 
 
 def _explain_star(t: ParseFailure) -> ParseError | None:
@@ -221,11 +446,22 @@ def _explain_dot(t: ParseFailure) -> ParseError | None:
 def _explain_list(t: ParseFailure) -> ParseError | None:
     """Lists without square brackets, dicts, parameters with a colon."""
     if t.found.kind == "," and t.clause in ("(", "") and not t.wants_operand:
-        return t.explain("P006", "a list stands in square brackets", "write [a, b]")
+        return t.explain("P006", "a list stands in square brackets", f"write [{_spell_list(t)}]")
     if t.found.kind == "," and t.clause == "LIMIT":
-        return t.explain("P006", "LIMIT has one number", "write LIMIT n OFFSET m")
+        number = t.cut_text(t.next.start, t.next.end)
+        return t.explain("P006", "LIMIT has one number", f"write LIMIT {number} OFFSET {t.read_operand()}")
     if t.found.kind == "{" and t.wants_operand:
         return t.explain("P001", "a dict cannot be written in a script", "give it to the session from Python")
     if t.found.kind == ":" and t.wants_operand and t.clause != "x[":
         return t.explain("P006", "a parameter has no sign", f"write {t.next.text or 'its name'} alone")
     return None
+
+
+def _spell_list(t: ParseFailure) -> str:
+    """The contents of parentheses that were meant as a list, if short."""
+    depth = 0
+    for token in t.tokens[t.index :] if t.clause == "(" else ():
+        depth += (token.kind in OPENING) - (token.kind in CLOSING)
+        if depth < 0 and t.bracket is not None and token.start - t.bracket.end <= 40:
+            return t.source.text[t.bracket.end : token.start].strip().rstrip(",")
+    return f"{t.read_operand()}, ..."

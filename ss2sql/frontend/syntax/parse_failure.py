@@ -21,6 +21,13 @@ CLAUSES = ("SELECT", "FROM", "WHERE", "START", "CONNECT", "STOP", "GROUP", "HAVI
 VALUES = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE", "NONE"))
 
 
+# What stands around the sides of a comparison.
+AROUND = frozenset((
+    "AND", "OR", "XOR", "NOT", "WHERE", "HAVING", "ON", "WHEN", "THEN", "ELSE", "END", "WITH", "BY", "GROUP", "ORDER",
+    "LIMIT", "START", "CONNECT", "STOP", "AS", "SELECT", "FROM", "JOIN", "LEFT", "UNION", ",", ";", ":", "PRIOR",
+))  # fmt: skip
+
+
 @dataclass
 class ParseFailure:
     """The parser's state in front of `tokens[index]`, which does not fit.
@@ -160,6 +167,17 @@ class ParseFailure:
             else:
                 break
         return self.cut_text(self.tokens[max(index, 0)].start, self.peek().end)
+
+    def read_side(self) -> str:
+        """The text of the side of a comparison that ends before the failure: a clause or open bracket stands before."""
+        first, depth = self.index, 0
+        while True:
+            token = self.tokens[first - 1]
+            depth += (token.kind in CLOSING) - (token.kind in OPENING)
+            if depth < 0 or (not depth and (token.keyword or token.kind) in AROUND):
+                break
+            first -= 1
+        return self.source.text[self.tokens[first].start : self.peek().end] if first < self.index else "..."
 
     def read_column(self) -> str:
         """The text of the column of SELECT that ends before the failure."""

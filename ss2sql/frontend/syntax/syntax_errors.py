@@ -10,8 +10,7 @@ from collections.abc import Callable
 from difflib import get_close_matches
 
 from ss2sql.errors import ParseError, Span
-from ss2sql.frontend.syntax import tokenizer
-from ss2sql.frontend.syntax.foreign_spellings import explain_foreign_spelling
+from ss2sql.frontend.syntax import foreign_spellings, tokenizer
 from ss2sql.frontend.syntax.parse_failure import CLAUSES, PAIRS, VALUES, ParseFailure, join_expected_words, spell
 from ss2sql.frontend.syntax.parse_table import END
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
@@ -51,9 +50,9 @@ def explain_parse_failure(t: ParseFailure) -> ParseError:
     if error := tokenizer.explain_unreadable(t.source, t.found):
         return error
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, explain_foreign_spelling,
-        _explain_misspelling, _explain_closing_bracket, _explain_search_clause, _explain_missing, _explain_chain,
-        _explain_missing_from, _open_bracket, _explain_clause,
+        _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, foreign_spellings.explain_python,
+        foreign_spellings.explain_sql, _explain_misspelling, _explain_closing_bracket, _explain_search_clause,
+        _explain_missing, _explain_chain, _explain_missing_from, _open_bracket, _explain_clause, _explain_descending,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None) or _explain_surplus(t)
 
@@ -73,6 +72,8 @@ def _explain_keyword_as_name(t: ParseFailure) -> ParseError | None:
     word = t.peek()
     if word.kind != "NAME" or word.keyword not in CLAUSES or t.values[-1:] != [word]:
         return None
+    if word.keyword == "LIMIT" and t.peek(2).kind == "BY":
+        return None  # an option by another name
     meant = t.found.keyword == PAIRS[word.keyword] if word.keyword in PAIRS else t.found.kind in (*VALUES, *OPENING)
     if not meant:
         return None
@@ -91,14 +92,29 @@ def _explain_misspelling(t: ParseFailure) -> ParseError | None:
     if t.peek().kind == "NAME" and t.values[-1:] == [t.peek()]:
         places.append((t.peek(), t.step_back().expected & {"SELECT", *OPTIONS}))
     for token, fitting in places:
-        keywords = sorted(kind for kind in fitting if kind.isalpha() and kind not in VALUES)
-        spelt = {keyword: f"{keyword} {PAIRS[keyword]}" if keyword in PAIRS else keyword for keyword in keywords}
-        spelt |= {pair: pair for pair in spelt.values()}
-        word = token.text.upper()
-        if word not in keywords and (close := get_close_matches(word, spelt, n=1, cutoff=0.7)):
-            hint = f"did you mean {spelt[close[0]]}?"
+        if close := _find_similar_keywords(token.text.upper(), fitting):
+            hint = f"did you mean {join_expected_words(close)}?"
             return t.explain("P001", f"'{tokenizer.shorten_text(token.text)}' is not a keyword", hint, at=token)
     return None
+
+
+def _find_similar_keywords(word: str, fitting: frozenset[str]) -> list[str]:
+    """The keywords in `fitting`, or their pairs, that are spelt nearly like `word`."""
+    keywords = [kind for kind in sorted(fitting) if kind.isalpha() and kind not in VALUES]
+    spelt = {keyword: keyword for keyword in keywords if len(keyword) > 2}
+    for keyword in keywords:
+        if keyword in PAIRS:
+            spelt[keyword] = spelt[f"{keyword} {PAIRS[keyword]}"] = f"{keyword} {PAIRS[keyword]}"
+    if word in keywords:
+        return []
+    if len(word) <= 3:  # too short for a distance: the same letters in another order, all but one of a short word's
+        # letters, or the beginning of a long word
+        mixed = [spelt[keyword] for keyword in spelt if sorted(keyword) == sorted(word)]
+        lacking = [spelt[k] for k in spelt if len(word) == 3 and word in (k[:i] + k[i + 1 :] for i in range(len(k)))]
+        begun = [spelt[k] for k in spelt if len(word) == 3 and len(k) > 6 and k.startswith(word)]
+        return mixed or lacking or begun
+    longer = [keyword for keyword in spelt if len(keyword) > 3 and word.startswith(keyword)]
+    return list(dict.fromkeys(spelt[close] for close in longer + get_close_matches(word, spelt, n=2, cutoff=0.7)))
 
 
 def _explain_closing_bracket(t: ParseFailure) -> ParseError | None:
@@ -118,6 +134,9 @@ def _explain_closing_bracket(t: ParseFailure) -> ParseError | None:
 
 def _explain_reserved_word(t: ParseFailure) -> ParseError | None:
     """A reserved word where a name is meant."""
+    if t.peek().kind == "NOT" and t.found.kind in ("=", "==") and not t.step_back().wants_operand:
+        left = t.step_back().read_operand()
+        return t.explain("P001", f"NOT does not go with {t.found.text}", f"write {left} != ...", at=t.peek())
     word = t.peek() if t.found.kind == "=" and t.peek().kind in tokenizer.RESERVED else t.found
     if word.kind not in tokenizer.RESERVED or (word is t.found and "NAME" not in t.expected):
         return None
@@ -204,7 +223,9 @@ def _explain_missing_from(t: ParseFailure) -> ParseError | None:
     what = "*" if t.peek().kind == "*" else "the columns"
     hints = ["a query has a source: SELECT ... FROM source"]
     if what != "*" and word in (";", END):
-        hints.append(f"a value alone needs no SELECT: write {t.read_column()}")
+        value = t.read_column()
+        exists = "[] != (SELECT ... AS list)" if value.upper().startswith("EXISTS") else None
+        hints.append(f"a value alone needs no SELECT: write {exists or value}")
     return t.explain(_choose_error_code(t), f"expected FROM after {what}, found {spell(t.found)}", *hints)
 
 
@@ -235,6 +256,15 @@ def _explain_clause(t: ParseFailure) -> ParseError | None:
     if word in CLAUSES and word != "SELECT":
         return t.explain("P001", f"{word} does not fit here", f"the order of a query is {ORDER}")
     return None
+
+
+def _explain_descending(t: ParseFailure) -> ParseError | None:
+    """`ORDER BY DESC x`."""
+    word = t.peek()
+    first = t.peek(2).kind in ("BY", ",")
+    if t.clause != "ORDER BY" or not first or word.keyword not in ("ASC", "DESC") or t.found.kind not in VALUES:
+        return None
+    return t.explain("P001", f"{spell(word)} stands after the value", f"write {t.found.text} {spell(word)}", at=word)
 
 
 def _explain_surplus(t: ParseFailure) -> ParseError:

@@ -225,6 +225,8 @@ def explain_unreadable(source: Source, token: Token) -> ParseError | None:
     if token.kind != "OTHER":
         return None
     hints = [_INSTEAD.get(text, "leave it out, or put it into a string")]
+    if text == "||":
+        return None  # frontend/syntax/foreign_spellings.py shows the right form
     if text in _SQL_SIGNS:
         return ParseError("P006", f"there is no operator {text}", span, hints)
     return ParseError("P003", f"the language has no character {_show_token_character(text)}", span, hints)
