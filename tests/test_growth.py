@@ -86,9 +86,7 @@ def work(script: str, size: int, engine: Engine, monkeypatch: pytest.MonkeyPatch
 @each_row("queries/growth", "script", "power")
 def test_the_work_grows_with_the_size(script: str, power: str, engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
     small, large = (work(script, size, engine, monkeypatch) for size in (SMALL, LARGE))
-    native, database = (*power.split(), power)[:2]
-    most = float(database if engine == "database" else native)
-    assert large < small * (LARGE / SMALL) ** most, (small, large)
+    assert large < small * (LARGE / SMALL) ** float(power), (small, large)
 
 
 @each_row("queries/growth", "script", "power")
