@@ -1,4 +1,13 @@
-"""When the parts of a flat query's row are evaluated.
+"""When the parts of a flat query's row are evaluated, and what is looked up by what is computed.
+
+    SELECT n.this, e.this FROM n = ns, e = es WHERE abs(e.x) == n.this
+
+    WITH e_once AS MATERIALIZED (SELECT e.rowid, e.this, abs_of(e.x, '1:50') AS abs FROM elements_x(:es) AS e)
+    SELECT n.this, e.this FROM elements(:ns) AS n CROSS JOIN e_once AS e
+    WHERE NOT e.rowid IS NULL AND e.abs = n.this
+
+So the side is computed once for each element, and SQLite makes an index of it. Where the types do not promise that
+SQLite's own equality is the language's, `as_key` gives both sides the value that stands for all that equal them.
 
 The *level* of an expression is the number of sources that are bound when it is evaluated. As written, WHERE
 and the columns are evaluated when all are bound. A part that cannot fail is
@@ -14,10 +23,102 @@ from dataclasses import field
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.plan_traversal import (
+    can_end_early,
     can_fail,
+    has_query,
+    is_volatile,
+    list_inside,
+    list_plan_functions,
     list_sources,
+    list_states,
     walk,
 )
+from ss2sql.lowering.sqlite_expressions import is_sql_constant
+from ss2sql.lowering.sqlite_forms import have_same_storage_class
+
+INDEXABLE_OPERATORS = frozenset({"item", "slice", "add", "sub", "mul", "div", "mod", "pow", "neg"})
+MIN_INDEXED_LENGTH = 16  # elements of a list that is no longer than this are tried one by one
+
+
+@dataclass(frozen=True, slots=True)
+class ExpressionKey:
+    """What a copy has as a column, and what that has to equal, which is known before the source is read.
+
+    It is evaluated only for elements that pass the `guards`.
+    """
+
+    expr: plan.Expr
+    other: plan.Expr
+    guards: tuple[plan.Expr, ...] = ()
+
+    @property
+    def plain(self) -> bool:
+        """Whether SQLite's own equality is the language's."""
+        return have_same_storage_class(self.expr.type, self.other.type, none=True)
+
+    @property
+    def name(self) -> str:
+        """What the column is called."""
+        match self.expr:
+            case plan.Call(function=plan.Function(name="item"), arguments=(_, plan.Constant(value=str(name)))):
+                return name if name.isidentifier() else "computed"
+            case plan.Call(function=plan.Function(name=name)) if name not in INDEXABLE_OPERATORS:
+                return name
+            case plan.Column(name=name):
+                return f"{name}_key"
+            case _:
+                return "computed"
+
+
+def find_expression_key(
+    query: plan.Query, source: plan.Source, part: plan.Expr, before: Sequence[plan.Expr]
+) -> ExpressionKey | None:
+    """The key that a part of WHERE asks a source for, `before` being the parts that stand before it."""
+    match part:
+        case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)) if (
+            is_worth_materializing(source)
+        ):
+            for expr, other in ((left, right), (right, left)):
+                if _can_be_key(query, source.id, expr, other):
+                    return _find_key_after_guards(source.id, expr, other, before)
+    return None
+
+
+def is_worth_materializing(source: plan.Source) -> bool:
+    """Whether a copy of the source serves the whole statement, and is worth its index."""
+    match source:
+        case plan.ValueSource(value=value):
+            return is_sql_constant(value) and (value.type.size or MIN_INDEXED_LENGTH) >= MIN_INDEXED_LENGTH
+        case plan.QuerySource(query=query):  # of dicts SQL makes a table of its own
+            reads_others = not list_sources(query) <= list_inside(query) or list_states(query)
+            return query.representation.name != "dict" and not source.optional and not reads_others
+        case _:
+            return False
+
+
+def _can_be_key(query: plan.Query, source: int, expr: plan.Expr, other: plan.Expr) -> bool:
+    if isinstance(expr, (plan.Column, plan.Element)) and have_same_storage_class(expr.type, other.type, none=True):
+        return False  # SQLite sees that by itself
+    if list_sources(expr) != {source} or list_states(expr) or is_volatile(expr) or is_volatile(other):
+        return False
+    if source in list_sources(other) or not (list_sources(other) or list_states(other)):
+        return False
+    if has_query(expr):
+        return False
+    return not can_end_early(query) or all(function.builtin for function in list_plan_functions(expr))
+
+
+def _find_key_after_guards(
+    source: int, expr: plan.Expr, other: plan.Expr, before: Sequence[plan.Expr]
+) -> ExpressionKey | None:
+    """The key after the parts that guard it: what can fail must not be evaluated for an element that they drop."""
+    if can_fail(other) and any(source in list_sources(part) for part in before):
+        return None
+    if not can_fail(expr):
+        return ExpressionKey(expr, other)
+    alone = all(list_sources(part) == {source} and not list_states(part) and not is_volatile(part) for part in before)
+    return ExpressionKey(expr, other, tuple(before)) if alone else None
+
 
 # --- when the parts of a flat query's row are evaluated: as early as their guards allow
 MAX_HOISTED = 24
@@ -25,11 +126,12 @@ MAX_HOISTED = 24
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A part of WHERE with its level. A `free` one may be evaluated at any time from then on."""
+    """A part of WHERE with its level. A `free` one may be evaluated at any time from then on; one with a `key` is."""
 
     expr: plan.Expr
     level: int
     free: bool
+    key: ExpressionKey | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +149,7 @@ class EvaluationOrder:
     query: plan.Query
     early: bool
     may_hoist: bool
+    may_look_up: bool
     number: dict[int, int] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -66,10 +169,15 @@ class EvaluationOrder:
         reached = 1
         for part in parts:
             level, fails = self.count_sources(part), can_fail(part)
+            before = [condition.expr for condition in placed]
+            source = self.query.sources[level - 1]
+            key = find_expression_key(self.query, source, part, before) if self.may_look_up else None
+            if key is not None:
+                fails = False
             if fails:
                 level = max(level, reached) if self.early else last
             reached = max(reached, level)
-            placed.append(Condition(part, level, not fails))
+            placed.append(Condition(part, level, not fails, key))
         return placed
 
     def find_hoisted_values(self, conditions: Sequence[Condition], outputs: Sequence[plan.Expr]) -> list[HoistedValue]:

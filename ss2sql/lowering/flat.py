@@ -59,7 +59,8 @@ class FlatLowering:
         opened, inner = lower_sources(self, query.sources, scope)
         tables = any(isinstance(source, plan.TableSource) for source in _find_all_sources(query))
         disabled = self.needs.disabled
-        levels = EvaluationOrder(query, "early" not in disabled, "hoist" not in disabled and not tables)
+        looks_up = self.copies is not None and "lookup" not in disabled
+        levels = EvaluationOrder(query, "early" not in disabled, "hoist" not in disabled and not tables, looks_up)
         return JoinBuilder(self, query, opened, inner, levels)
 
     def lower_order(self, query: plan.Query, flat: JoinBuilder) -> list[tuple[Node, bool]] | None:

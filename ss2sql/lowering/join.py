@@ -25,7 +25,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import can_fail, list_inside, list_parts, list_sources, list_states
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.evaluation_order import Condition, EvaluationOrder, HoistedValue
+from ss2sql.lowering.evaluation_order import MIN_INDEXED_LENGTH, Condition, EvaluationOrder, ExpressionKey, HoistedValue
 from ss2sql.lowering.from_clause import FromItem
 from ss2sql.lowering.materialize import (
     find_equality_columns,
@@ -81,7 +81,6 @@ class DerivedTable:
 
 
 MAX_TERMS = 14
-MIN_INDEXED_LENGTH = 16  # elements of a list that is no longer than this are tried one by one
 
 
 class JoinBuilder:
@@ -96,6 +95,7 @@ class JoinBuilder:
         self.levels = levels
         self.tables: list[DerivedTable] = []
         self.scope = replace(scope, sources={**scope.sources, **self._make_readers(scope)})
+        self.keys: dict[int, dict[ExpressionKey, str]] = {}  # by source: columns of its copy that are computed
         self.items: list[Node] = []
         self.terms: list[Node] = []
         self.ordering: list[Node] = []  # terms that are there for the order of rows alone
@@ -197,6 +197,9 @@ class JoinBuilder:
     def _bind_sources(self, bound: int, level: int, conditions: list[Condition]) -> None:
         """Joins the sources after `bound` up to `level`, and evaluates what can be by then."""
         first = 0 if bound == 0 else bound + 1
+        for condition in conditions:
+            if condition.key is not None and first <= condition.level <= level:
+                self._add_key(self.query.sources[condition.level - 1], condition.key)
         terms = [(c.level, self._lower_free(c)) for c in conditions if c.free and first <= c.level <= level]
         for position in range(bound, level):
             part = self.opened[position]
@@ -222,6 +225,32 @@ class JoinBuilder:
                 free = [c.expr for c in conditions if c.free and c.level == step]
                 self.terms.append(self._order_fallible(group, step, free))
 
+    def _add_key(self, source: plan.Source, key: ExpressionKey) -> None:
+        """Plans a column of the source's copy, under a name that no other column of the source has."""
+        known = self.keys.setdefault(source.id, {})
+        if key not in known:
+            columns = source.columns if isinstance(source, plan.ValueSource) else ()
+            taken = {"this", "rowid", *choose_sql_names(tuple(name for name, _ in columns or ())).values()}
+            known[key] = choose_free_name(key.name, taken | {name.lower() for name in known.values()})
+
+    def _write_key(self, key: ExpressionKey, side: plan.Expr) -> Node:
+        lower = self.selects.expressions
+        if key.plain:
+            return lower.lower_expr(side, self.scope)
+        return sql_builder.call("as_key", lower.lower_value(side, self.scope))
+
+    def _write_key_equality(self, label: str, key: ExpressionKey, name: str) -> Node:
+        none = not key.plain or any(side.type.may_be(Kind.NONE) for side in (key.expr, key.other))
+        sides = sql_builder.column(name, label), self._write_key(key, key.other)
+        return sql_builder.binary(exp.NullSafeEQ if none else exp.EQ, *sides)
+
+    def _write_key_column(self, key: ExpressionKey, name: str) -> Node:
+        node = self._write_key(key, key.expr)
+        if key.guards:
+            guards = self.selects.expressions.lower_and(key.guards, self.scope)
+            node = sql_builder.case([(guards, node)], sql_builder.null())
+        return sql_builder.alias(node, name)
+
     def _left_join_source(self, source: plan.Source, part: FromItem) -> None:
         """Joins a source that may have no row."""
         assert isinstance(source, plan.QuerySource)
@@ -234,6 +263,12 @@ class JoinBuilder:
         self.optional.add(item.alias_or_name)
 
     def _lower_free(self, condition: Condition) -> Node:
+        if condition.key is not None:
+            part = self.opened[condition.level - 1]
+            source = self.query.sources[condition.level - 1].id
+            return self._write_key_equality(
+                part.items[0].alias_or_name, condition.key, self.keys[source][condition.key]
+            )
         node = self.selects.expressions.lower_condition(condition.expr, self.scope)
         return self._delay_condition(condition.level, self.levels.count_sources(condition.expr), node)
 
@@ -340,11 +375,15 @@ class JoinBuilder:
                 if size is not None and size < MIN_INDEXED_LENGTH:
                     return None
                 strip_affinity(conditions, label, self.selects.tables)
+                computed = [self._write_key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
                 walked = item.copy()
-                walked.set("alias", None)
+                if not computed:  # which read it by its label
+                    walked.set("alias", None)
                 columns = ("this", *choose_sql_names(tuple(name for name, _ in source.columns or ())).values())
-                shown = [sql_builder.column(column) for column in ("rowid", *columns)]
-                found = copies.copy_item(walked, label, shown, f"{label}_once", needs)
+                shown: list[Node] = [
+                    sql_builder.column(column, label if computed else "") for column in ("rowid", *columns)
+                ]
+                found = copies.copy_item(walked, label, [*shown, *computed], f"{label}_once", needs)
             case _:
                 return None
         ordered = sort_sql_by_row_number(label, position)

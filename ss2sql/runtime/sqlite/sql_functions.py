@@ -35,10 +35,16 @@ def make_sequence_function(interning: Interning, *values: Any) -> Any:
     return values[-1]
 
 
+def make_sql_dict_key(interning: Interning, value: Any) -> Any:
+    """`as_key(a)`: the same SQL value for all values that equal a, for the equality of SQLite."""
+    return interning.make_key(value)
+
+
 SCALAR_FUNCTIONS: dict[str, Callable[..., Any]] = {
     "list": make_list_function,
     "record": make_record_function,
     "in_turn": make_sequence_function,
+    "as_key": make_sql_dict_key,
 }
 
 
