@@ -111,8 +111,7 @@ class Reference:
                 parts = [None if part is None else self.evaluate(part, frame) for part in (value, lower, upper)]
                 return slice_of(*parts)
             case ast.Operator(function="in" | "not_in", operands=(item, ast.Query(representation=None) as query)):
-                values = replace(query, representation=ast.Representation("list", (), (), span=query.span))
-                return self.operate(expr.function, [self.operand(item, frame), self.evaluate(values, frame)])
+                return self.operate(expr.function, [self.operand(item, frame), self.values_of(query, frame)])
             case ast.Operator(function=function, operands=operands):
                 return self.operate(function, [self.operand(operand, frame) for operand in operands])
             case ast.Between(value=value, low=low, high=high):
@@ -139,6 +138,12 @@ class Reference:
                 return sized(incoming(queries.answer(self, expr, frame)))
             case _:
                 assert_never(expr)
+
+    def values_of(self, expr: ast.Expr, frame: Frame | None) -> Any:
+        """What stands right of IN: a query without AS is the list of its single column."""
+        if isinstance(expr, ast.Query) and expr.representation is None:
+            expr = replace(expr, representation=ast.Representation("list", (), (), span=expr.span))
+        return self.evaluate(expr, frame)
 
     def operand(self, expr: ast.Expr, frame: Frame | None) -> Any:
         """The value of an operand: a query without AS is that of its single column and its single row, if any."""

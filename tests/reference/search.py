@@ -122,9 +122,12 @@ class Search:
             yield state
             return
         item = self.query.start[number]
-        values = item.values if isinstance(item, ast.Each) else item.value
-        found = self.ref.evaluate(values, Frame(self.outer, state))
-        for value in elements_of(found) if isinstance(item, ast.Each) else [found]:
+        frame = Frame(self.outer, state)
+        if isinstance(item, ast.Each):
+            found = elements_of(self.ref.values_of(item.values, frame))
+        else:
+            found = [self.ref.evaluate(item.value, frame)]
+        for value in found:
             yield from self.first_states(number + 1, {**state, item.name: value})
 
     def paths(self) -> Iterator[tuple[list[Row], Frame]]:
