@@ -71,22 +71,36 @@ class ExpressionKey:
 
 
 def find_expression_key(
-    query: plan.Query, source: plan.Source, part: plan.Expr, before: Sequence[plan.Expr]
+    query: plan.Query, source: plan.Source, parts: Sequence[plan.Expr], index: int
 ) -> ExpressionKey | None:
-    """The key that a part of WHERE asks a source for, `before` being the parts that stand before it."""
-    match part:
-        case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)) if (
-            is_worth_materializing(source)
-        ):
-            for expr, other in ((left, right), (right, left)):
-                if _can_be_key(query, source.id, expr, other):
-                    return _find_key_after_guards(source.id, expr, other, before)
+    """The key that one of the parts of WHERE, or of the ON of a LEFT JOIN, asks a source for."""
+    if is_worth_materializing(source, parts):
+        for expr, other in get_equality_sides(parts[index]):
+            if _can_be_key(query, source, expr, other):
+                return _find_key_after_guards(source.id, expr, other, parts[:index])
     return None
 
 
-def is_worth_materializing(source: plan.Source) -> bool:
-    """Whether a copy of the source serves the whole statement, and is worth its index."""
+def get_equality_sides(part: plan.Expr) -> list[tuple[plan.Expr, plan.Expr]]:
+    """The sides of an equality, in both orders."""
+    match part:
+        case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)):
+            return [(left, right), (right, left)]
+        case _:
+            return []
+
+
+def is_worth_materializing(source: plan.Source, parts: Sequence[plan.Expr]) -> bool:
+    """Whether a copy of the source serves the whole statement, and is worth its index under these conditions."""
     match source:
+        case plan.TableSource(id=number, indexes=indexes):  # an index of its own serves better
+            led = {columns[0] for columns, _ in indexes}
+            return not any(
+                isinstance(expr, plan.Column) and expr.source == number and expr.name in led
+                for part in parts
+                for expr, other in get_equality_sides(part)
+                if number not in list_sources(other)
+            )
         case plan.ValueSource(value=value):
             return is_sql_constant(value) and (value.type.size or MIN_INDEXED_LENGTH) >= MIN_INDEXED_LENGTH
         case plan.QuerySource(query=query):  # of dicts SQL makes a table of its own
@@ -96,12 +110,14 @@ def is_worth_materializing(source: plan.Source) -> bool:
             return False
 
 
-def _can_be_key(query: plan.Query, source: int, expr: plan.Expr, other: plan.Expr) -> bool:
+def _can_be_key(query: plan.Query, source: plan.Source, expr: plan.Expr, other: plan.Expr) -> bool:
     if isinstance(expr, (plan.Column, plan.Element)) and have_same_storage_class(expr.type, other.type, none=True):
         return False  # SQLite sees that by itself
-    if list_sources(expr) != {source} or list_states(expr) or is_volatile(expr) or is_volatile(other):
+    if isinstance(source, plan.TableSource) and (can_fail(expr) or can_fail(other)):
         return False
-    if source in list_sources(other) or not (list_sources(other) or list_states(other)):
+    if list_sources(expr) != {source.id} or list_states(expr) or is_volatile(expr) or is_volatile(other):
+        return False
+    if source.id in list_sources(other) or not (list_sources(other) or list_states(other)):
         return False
     if has_query(expr):
         return False
@@ -167,11 +183,10 @@ class EvaluationOrder:
         parts = () if self.query.where is None else tuple(_iterate_conjuncts(self.query.where))
         placed: list[Condition] = []
         reached = 1
-        for part in parts:
+        for index, part in enumerate(parts):
             level, fails = self.count_sources(part), can_fail(part)
-            before = [condition.expr for condition in placed]
             source = self.query.sources[level - 1]
-            key = find_expression_key(self.query, source, part, before) if self.may_look_up else None
+            key = find_expression_key(self.query, source, parts, index) if self.may_look_up else None
             if key is not None:
                 fails = False
             if fails:

@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import takewhile
 from typing import TYPE_CHECKING, assert_never
 
 from sqlglot import exp
@@ -35,7 +34,6 @@ from ss2sql.language.plan_traversal import (
     list_inside,
     list_sources,
     list_states,
-    split_and,
     walk,
 )
 from ss2sql.lowering import sql_builder
@@ -165,7 +163,7 @@ class FromItem:
 
     `witness` is some column of it; mentioning it keeps a condition from being evaluated before the source is read.
     `conditions` filter it, when it stems from a query; of one that is `merged` these are the sources, an item each.
-    With `on` it is the right side of a LEFT JOIN.
+    With `rows` it is the right side of a LEFT JOIN: ON reads its rows so, which are there.
     """
 
     items: tuple[Node, ...]
@@ -173,7 +171,7 @@ class FromItem:
     order: tuple[Node, ...]
     witness_column: Node
     conditions: tuple[Node, ...] = ()
-    on: tuple[Node, ...] | None = None
+    rows: Reader | None = None
     merged: tuple[plan.Source, ...] = ()
 
 
@@ -371,12 +369,6 @@ def _lower_left_join(selects: FlatLowering, source: plan.QuerySource, scope: Sql
     else:
         part = lower_source(selects, inner, scope, siblings, None)
         part = part if part.order else _lower_numbered_rows(selects, part, inner)
-    here = scope.with_source(inner.id, part.reader)
-    parts, lower = split_and(query.where), selects.expressions
-    # What cannot fail stands by itself, so that SQLite makes an index for an equality, and guards the others, too.
-    free = list(takewhile(lambda part: not can_fail(part), parts))
-    on = [sql_builder.keep_condition(lower.lower_condition(part, here)) for part in free]
-    on += [lower.lower_and(parts, here)] if len(free) < len(parts) else []
     plain, number = _lower_query_elements(part, query), part.order[-1]
     element, kinds = query.columns[0].expr.type, dict(inner.columns or ())
 
@@ -388,7 +380,7 @@ def _lower_left_join(selects: FlatLowering, source: plan.QuerySource, scope: Sql
         found = exp.Not(this=exp.Is(this=number.copy(), expression=sql_builder.null()))
         return sql_builder.case([(found, selects.expressions.box_flag(node) if flag else node)], sql_builder.null())
 
-    return FromItem(part.items, read_or_null, part.order, part.witness_column, (), (*part.conditions, *on))
+    return FromItem(part.items, read_or_null, part.order, part.witness_column, part.conditions, rows=part.reader)
 
 
 def _lower_numbered_rows(selects: FlatLowering, part: FromItem, source: plan.Source) -> FromItem:

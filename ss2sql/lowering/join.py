@@ -23,9 +23,16 @@ from sqlglot import exp
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import can_fail, list_inside, list_parts, list_sources, list_states
+from ss2sql.language.plan_traversal import can_fail, list_inside, list_parts, list_sources, list_states, split_and
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.evaluation_order import MIN_INDEXED_LENGTH, Condition, EvaluationOrder, ExpressionKey, HoistedValue
+from ss2sql.lowering.evaluation_order import (
+    MIN_INDEXED_LENGTH,
+    Condition,
+    EvaluationOrder,
+    ExpressionKey,
+    HoistedValue,
+    find_expression_key,
+)
 from ss2sql.lowering.from_clause import FromItem
 from ss2sql.lowering.materialize import (
     find_equality_columns,
@@ -137,7 +144,12 @@ class JoinBuilder:
         def make_outward(reader: Reader) -> Reader:
             return lambda expr: self.translate_outward(reader(expr))
 
-        return {source.id: make_outward(scope.sources[source.id]) for source in self.query.sources}
+        readers = {source.id: scope.sources[source.id] for source in self.query.sources}
+        for source, part in zip(self.query.sources, self.opened, strict=True):
+            if part.rows is not None:
+                assert isinstance(source, plan.QuerySource)
+                readers[source.query.sources[0].id] = part.rows
+        return {number: make_outward(reader) for number, reader in readers.items()}
 
     @property
     def copies(self) -> bool:
@@ -203,7 +215,7 @@ class JoinBuilder:
         terms = [(c.level, self._lower_free(c)) for c in conditions if c.free and first <= c.level <= level]
         for position in range(bound, level):
             part = self.opened[position]
-            if part.on is not None:
+            if part.rows is not None:
                 self._left_join_source(self.query.sources[position], part)
                 continue
             conditions_here = [node for step, node in terms if step == position + 1]
@@ -225,13 +237,14 @@ class JoinBuilder:
                 free = [c.expr for c in conditions if c.free and c.level == step]
                 self.terms.append(self._order_fallible(group, step, free))
 
-    def _add_key(self, source: plan.Source, key: ExpressionKey) -> None:
+    def _add_key(self, source: plan.Source, key: ExpressionKey) -> str:
         """Plans a column of the source's copy, under a name that no other column of the source has."""
         known = self.keys.setdefault(source.id, {})
         if key not in known:
-            columns = source.columns if isinstance(source, plan.ValueSource) else ()
-            taken = {"this", "rowid", *choose_sql_names(tuple(name for name, _ in columns or ())).values()}
+            columns = tuple(name for name, _ in source.columns or ())
+            taken = {"this", "rowid", *map(str.lower, columns), *choose_sql_names(columns).values()}
             known[key] = choose_free_name(key.name, taken | {name.lower() for name in known.values()})
+        return known[key]
 
     def _write_key(self, key: ExpressionKey, side: plan.Expr) -> Node:
         lower = self.selects.expressions
@@ -254,21 +267,29 @@ class JoinBuilder:
     def _left_join_source(self, source: plan.Source, part: FromItem) -> None:
         """Joins a source that may have no row."""
         assert isinstance(source, plan.QuerySource)
-        (item,), on = (
-            map(self.translate_outward, part.items),
-            [self.translate_outward(condition) for condition in part.on or ()],
-        )
-        found = self._look_up_source(source.query.sources[0], item, on, on)
+        (inner,), (item,), lower = source.query.sources, part.items, self.selects.expressions
+        parts = split_and(source.query.where)
+        on = [self.translate_outward(condition) for condition in part.conditions]
+        # What cannot fail stands by itself, so that SQLite makes an index for an equality, and guards the others, too.
+        for index, one in enumerate(parts):
+            key = find_expression_key(self.query, inner, parts, index) if self.levels.may_look_up else None
+            if key is not None:
+                on.append(self._write_key_equality(item.alias_or_name, key, self._add_key(inner, key)))
+            elif not can_fail(one):
+                on.append(sql_builder.keep_condition(lower.lower_condition(one, self.scope)))
+            else:
+                on.append(lower.lower_and(parts, self.scope))
+                break
+        item = self.translate_outward(item)
+        found = self._look_up_source(inner, item, on, on)
         self.items.append(sql_builder.left_joined(found or item, on))
         self.optional.add(item.alias_or_name)
 
     def _lower_free(self, condition: Condition) -> Node:
-        if condition.key is not None:
-            part = self.opened[condition.level - 1]
-            source = self.query.sources[condition.level - 1].id
-            return self._write_key_equality(
-                part.items[0].alias_or_name, condition.key, self.keys[source][condition.key]
-            )
+        known = self.keys.get(self.query.sources[condition.level - 1].id, {})
+        if condition.key is not None and condition.key in known:
+            label = self.opened[condition.level - 1].items[0].alias_or_name
+            return self._write_key_equality(label, condition.key, known[condition.key])
         node = self.selects.expressions.lower_condition(condition.expr, self.scope)
         return self._delay_condition(condition.level, self.levels.count_sources(condition.expr), node)
 
@@ -356,26 +377,28 @@ class JoinBuilder:
             return None
         label = item.alias_or_name
         keys = {column for table, column, others in find_equality_columns(conditions) if table == label and others}
-        if not keys:
+        computed = [self._write_key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
+        if not keys and not computed:
             return None
         position = "rowid"
         match source:
             case plan.TableSource():
-                if all(isinstance(one, plan.TableSource) for one in self.query.sources):
+                if computed:
+                    strip_affinity(conditions, label, self.selects.tables)
+                elif all(isinstance(one, plan.TableSource) for one in self.query.sources):
                     # SQLite uses any index, and makes one for a join, but none for a query that runs again and again.
                     if not self.runs_again or any(first in keys for (first, *_), _ in source.indexes):
                         return None
                 elif require_sql_index_order(item, source, keys):  # beside lists it is walked in its order
                     needs.applied["lookup"] = None
                     return item
-                found = copies.copy_table(item, source, needs)
+                found = copies.copy_table(item, source, needs, computed)
                 position = copies.get_number_column(found.name)
             case plan.ValueSource() | plan.QuerySource() if _walks_same_list(item):
                 size = source.value.type.size if isinstance(source, plan.ValueSource) else None
                 if size is not None and size < MIN_INDEXED_LENGTH:
                     return None
                 strip_affinity(conditions, label, self.selects.tables)
-                computed = [self._write_key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
                 walked = item.copy()
                 if not computed:  # which read it by its label
                     walked.set("alias", None)

@@ -65,8 +65,10 @@ class MaterializedTables:
             self.tables[chosen] = select
         return sql_builder.table(chosen, label)
 
-    def copy_table(self, item: exp.Table, source: plan.TableSource, needs: StatementNeeds) -> exp.Table:
-        """A copy of a table or view in its order, under the label of its item."""
+    def copy_table(
+        self, item: exp.Table, source: plan.TableSource, needs: StatementNeeds, computed: Sequence[Node] = ()
+    ) -> exp.Table:
+        """A copy of a table or view in its order, under the label of its item, with computed columns."""
         number: Node = sql_builder.column("rowid")
         order = [(sql_builder.column(key), False) for key in source.order]
         if source.order != ("rowid",):
@@ -74,7 +76,7 @@ class MaterializedTables:
             number = sql_builder.alias(sql_builder.row_number(order), position)
         columns = [number, *(sql_builder.column(column) for column, _ in source.columns)]
         label = item.alias_or_name
-        return self.copy_item(item, label, columns, f"{label}_in_order", needs, order)
+        return self.copy_item(item, label, [*columns, *computed], f"{label}_in_order", needs, order)
 
     def get_number_column(self, name: str) -> str:
         """The first column of a copy."""
@@ -82,11 +84,14 @@ class MaterializedTables:
 
     def add_materialized_tables(self, *statement: exp.Query) -> list[exp.CTE]:
         """The copies as WITH of a statement, with the columns that its parts read."""
-        made = [build_materialized_cte(name, copied) for name, copied in self.tables.items()]
+        made: list[exp.CTE] = []
         readers: list[exp.Expr] = [*statement]
-        for table in reversed(made):  # a copy reads those that were made before it
-            _prune_columns(table, readers)
-            readers.append(table.this)
+        for name, copied in reversed(self.tables.items()):  # a copy reads those that were made before it
+            items = [item for one in readers for item in one.find_all(exp.Table) if item.name == name]
+            if items:
+                _prune_columns(copied, {item.alias_or_name for item in items}, readers)
+                made.insert(0, build_materialized_cte(name, copied))
+                readers.append(copied)
         return made
 
 
@@ -187,15 +192,13 @@ def _find_equalities(conditions: Iterable[Node]) -> list[tuple[Node, Node]]:
 def _drop_labels(select: exp.Select) -> exp.Select:
     """What is copied, under whatever label."""
     bare = select.copy()
-    for table in bare.find_all(exp.Table):
-        table.set("alias", None)
+    for node in bare.find_all(exp.Table, exp.Column):
+        node.set("alias" if isinstance(node, exp.Table) else "table", None)
     return bare
 
 
-def _prune_columns(copied: exp.CTE, readers: Sequence[exp.Expr]) -> None:
-    name = copied.alias_or_name
-    labels = {item.alias_or_name for one in readers for item in one.find_all(exp.Table) if item.name == name}
+def _prune_columns(copied: exp.Select, labels: Collection[str], readers: Sequence[exp.Expr]) -> None:
+    """Keeps the columns that somebody reads who has the copy under these labels."""
     read = {column.name for one in readers for column in one.find_all(exp.Column) if column.table in labels}
-    select = copied.this
-    kept = [column for column in select.expressions if column.alias_or_name in read]
-    select.set("expressions", kept or select.expressions[:1])
+    kept = [column for column in copied.expressions if column.alias_or_name in read]
+    copied.set("expressions", kept or copied.expressions[:1])

@@ -32,6 +32,7 @@ from ss2sql.language.plan_traversal import (
     walk,
 )
 from ss2sql.lowering import sql_builder
+from ss2sql.lowering.evaluation_order import get_equality_sides
 from ss2sql.lowering.sql_builder import Node, negate
 from ss2sql.lowering.sqlite_expressions import SqlScope
 
@@ -314,18 +315,9 @@ def are_exclusive(one: plan.Expr, other: plan.Expr) -> bool:
     return any(
         a == c and not can_be_equal(b.type, d.type)
         for part in split_and(other)
-        for a, b in _get_sides(one)
-        for c, d in _get_sides(part)
+        for a, b in get_equality_sides(one)
+        for c, d in get_equality_sides(part)
     )
-
-
-def _get_sides(expr: plan.Expr) -> list[tuple[plan.Expr, plan.Expr]]:
-    """The sides of an equality, in both orders."""
-    match expr:
-        case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)):
-            return [(left, right), (right, left)]
-        case _:
-            return []
 
 
 def is_within_bound(kind: Type, most: float) -> bool:
