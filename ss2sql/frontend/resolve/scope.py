@@ -348,7 +348,7 @@ FOREIGN_FUNCTIONS: dict[str, str] = {
     **dict.fromkeys(("ucase", "toupper"), "write upper({0})"),
     **dict.fromkeys(("lcase", "tolower"), "write lower({0})"),
     "trim": "write strip({0})", "startswith": "write starts({0}, {1})", "endswith": "write ends({0}, {1})",
-    **dict.fromkeys(("instr", "position", "charindex", "strpos"), "write find({0}, {1})"),
+    **dict.fromkeys(("instr", "strpos"), "write find({0}, {1}) + 1"), "charindex": "write find({1}, {0}) + 1",
     **dict.fromkeys(("group_concat", "string_agg", "listagg"), "write join(SELECT {0} FROM ... AS list, ', ')"),
     "ceiling": "write ceil({0})", "ln": "write log({0})", "log2": "write log({0}, 2)", "log10": "write log({0}, 10)",
     "atan": "write atan2({0}, 1)", "radians": "write {0} * pi() / 180", "degrees": "write {0} * 180 / pi()",
@@ -469,9 +469,11 @@ def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequenc
         return ResolveError("R009", f"unknown name '{name}', so the script needs a value for it", span, hints)
     else:
         cure = f"assign it before, or give it from Python: run(script, {name}=...)"
-        hints = suggest_names(name, known) or (cure,)
+        hints = suggest_names(name, known)
         if place.operand and not suggest_similar(name, known):
             hints += (f"a text stands in quotes: '{name}'",)
+        if place.operand or not hints:
+            hints += (cure,)
     return ResolveError("R001", f"unknown name '{name}'", span, hints)
 
 

@@ -140,6 +140,8 @@ def _explain_reserved_word(t: ParseFailure) -> ParseError | None:
     word = t.peek() if t.found.kind == "=" and t.peek().kind in tokenizer.RESERVED else t.found
     if word.kind not in tokenizer.RESERVED or (word is t.found and "NAME" not in t.expected):
         return None
+    if word.kind == "THIS" and word is not t.found and t.clause:  # `WHERE this = 1`
+        return None
     if word is t.found and t.next.kind != "=" and t.peek().kind not in (".", "AS"):
         return None
     hint = f'write {t.step_back().read_operand()}["{word.text}"]' if t.peek().kind == "." else "choose another name"

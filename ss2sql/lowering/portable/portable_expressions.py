@@ -57,7 +57,7 @@ def cast_literal(node: exp.Expr, kind: str | None) -> exp.Expr:
     return node if node.find(exp.Column) or kind in (None, "BOOLEAN") else write_cast(node, kind)
 
 
-CURE = "leave engine and dialect to ss2sql, or ask for engine='native'"
+CURE = "leave engine and dialect to ss2sql, or run the script with engine='native'"
 
 
 def build_refusal(reason: str, span: Span, cure: str = CURE) -> UnsupportedError:
