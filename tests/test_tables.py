@@ -249,3 +249,60 @@ def test_sqlite_leaves_out_what_where_drops(
     value = ss.run(script, engine="native").value
     assert f"{', '.join(found)}: {value}" == told
     assert ss.run(script).value == value
+
+
+# --- the order of rows, whatever SQLite finds them by ---------------------------------------------------
+
+STAFF = """
+    CREATE TABLE emp(id INTEGER PRIMARY KEY, dept INTEGER, name TEXT);
+    INSERT INTO emp VALUES (1, 3, 'c'), (2, 1, 'a'), (3, 2, 'b');
+    CREATE TABLE pay(dept INTEGER, sum INTEGER);
+    INSERT INTO pay VALUES (1, 5), (2, 5), (3, 5);
+    CREATE VIEW rich AS SELECT dept, sum FROM pay WHERE sum > 3;
+    CREATE INDEX by_dept ON emp(dept);
+"""
+TOTALS = "(SELECT dept, sum(sum) AS s FROM pay GROUP BY dept)"
+
+
+@both
+@pytest.mark.parametrize(
+    ("script", "value"),
+    [
+        ("SELECT e.name FROM e = emp JOIN r = rich ON r.dept == e.dept WHERE e.dept > 0 AS list", ["c", "a", "b"]),
+        ("SELECT e.name FROM e = emp JOIN r = rich ON r.dept == e.dept WHERE e.dept > 0 LIMIT 1 AS value", "c"),
+        (f"SELECT e.name FROM e = emp, p = {TOTALS} WHERE e.dept > 0 AND p.s == 5 ORDER BY p.s LIMIT 1 AS value", "c"),
+        (f"SELECT DISTINCT e.name FROM e = emp, p = {TOTALS} WHERE e.dept > 0 AS list", ["c", "a", "b"]),
+        (f"SELECT e.name, count(*) FROM e = emp, p = {TOTALS} WHERE e.dept > 0 GROUP BY e.name AS rows",
+         [("c", 3), ("a", 3), ("b", 3)]),
+        ("SELECT dept FROM (SELECT dept, sum FROM rich ORDER BY sum DESC LIMIT 2) AS list", [1, 2]),
+        ("SELECT name FROM emp WHERE dept IN (SELECT dept FROM rich ORDER BY sum DESC LIMIT 2) AS list", ["a", "b"]),
+        ("SELECT (SELECT r.sum FROM r = rich WHERE r.dept == e.dept ORDER BY r.sum DESC LIMIT 1 AS value) AS s, e.name "
+         "FROM e = emp AS rows", [(5, "c"), (5, "a"), (5, "b")]),
+        ("SELECT x.name FROM x = (SELECT e.name AS name, r.sum AS sum FROM e = emp, r = rich WHERE e.dept > 1) "
+         "LIMIT 4 AS list", ["c", "c", "c", "b"]),
+    ],
+)  # fmt: skip
+def test_tables_beside_views_and_queries_come_in_their_order(
+    ss: ss2sql.Session, file: Path, engine: Any, script: str, value: object
+) -> None:
+    write(file, STAFF)
+    assert ss.run(script, engine=engine).value == value
+
+
+@pytest.mark.parametrize("index", ["i", "j, s", "s DESC", "i, j, s", "s, i, j"])
+def test_no_index_changes_the_order_of_rows(ss: ss2sql.Session, file: Path, index: str) -> None:
+    rows = [(7, 2, 1, "a"), (3, 0, 3, "b"), (5, 2, 2, "c"), (1, 1, 1, "a"), (8, 0, 2, "b"), (2, 2, 3, "a")]
+    values = ", ".join(map(str, rows))
+    write(file, "".join(f"CREATE TABLE {t}(id INTEGER, i INTEGER, j INTEGER, s TEXT);" for t in "tu"))
+    write(file, f"INSERT INTO t VALUES {values}; INSERT INTO u VALUES {values}; CREATE INDEX ti ON t({index})")
+    write(file, f"CREATE INDEX ui ON u({index}); CREATE VIEW v AS SELECT * FROM u WHERE j > 0; ANALYZE")
+    groups = "(SELECT j, s, count(*) AS i FROM u GROUP BY j, s)"
+    for script in (
+        f"SELECT b.j FROM a = {groups} JOIN b = t ON b.s == a.s AS rows",
+        f"SELECT a.s, b.i FROM a = u JOIN b = v ON b.j == 1, c = {groups} WHERE a.i IN [0, 2] AS rows",
+        "SELECT a.j, b.j, count(*) FROM a = u, b = v GROUP BY a.j, b.j AS rows",
+        "SELECT a.i FROM a = v WHERE a.s IN ['a', 'c'] ORDER BY a.j DESC AS rows",
+        "SELECT DISTINCT a.i FROM a = v LEFT JOIN b = t ON b.j == a.j WHERE a.j > 0 LIMIT 2 AS rows",
+        "SELECT a.i, b.i FROM a = v, b = v WHERE a.j >= b.j LIMIT 9 AS rows",
+    ):
+        assert ss.run(script, engine="database").value == ss.run(script, engine="native").value, script

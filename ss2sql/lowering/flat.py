@@ -9,10 +9,10 @@ from sqlglot import exp
 
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type, is_flag
-from ss2sql.language.plan_traversal import list_sources, split_and, walk_own
+from ss2sql.language.plan_traversal import can_fail, join_conditions, list_sources, list_states, split_and, walk_own
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import EvaluationOrder
-from ss2sql.lowering.from_clause import lower_sources
+from ss2sql.lowering.from_clause import is_view, lower_numbered_rows, lower_sources
 from ss2sql.lowering.join import JoinBuilder
 from ss2sql.lowering.materialize import MaterializedTables, require_index
 from ss2sql.lowering.sql_builder import Node
@@ -35,6 +35,11 @@ def is_sortable(kind: Type) -> bool:
     return is_flag(kind) or kind.is_only(plain) or kind.is_only(Kind.STR | Kind.NONE)
 
 
+def can_sort_in_sql(query: plan.Query) -> bool:
+    """Whether SQLite's order of all keys is the language's."""
+    return all(is_sortable(key.expr.type) for key in query.order)
+
+
 def has_one_form(kind: Type) -> bool:
     """Whether equal values of the type are the same value, so that any member can stand for its group."""
     return is_flag(kind) or any(kind.is_only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
@@ -55,27 +60,43 @@ class FlatLowering:
         """WHERE, which cannot fail, as conditions that all have to hold, in any order."""
         return [self.expressions.lower_condition(part, scope) for part in split_and(where)]
 
-    def lower_from_and_where(self, query: plan.Query, scope: SqlScope) -> JoinBuilder:
+    def lower_from_and_where(self, query: plan.Query, scope: SqlScope, ordered: bool = True) -> JoinBuilder:
+        """The product of the sources and its conditions; `ordered`: the order of the rows counts."""
         opened, inner = lower_sources(self, query.sources, scope)
+        if ordered and self._is_sorted_by_rows(query):
+            where = split_and(query.where)
+            for place, (part, source) in enumerate(zip(opened, query.sources, strict=True)):
+                if not part.order:
+                    own = _find_row_conditions(source, where)
+                    nodes = [self.expressions.lower_condition(condition, inner) for condition in own]
+                    opened[place] = lower_numbered_rows(part, source, query, nodes)
+                    where = tuple(condition for condition in where if condition not in own)
+            whole = join_conditions(plan.And, where, query.span) if where else None
+            query = replace(query, where=whole)
         tables = any(isinstance(source, plan.TableSource) for source in _find_all_sources(query))
         disabled = self.needs.disabled
         looks_up = self.copies is not None and "lookup" not in disabled
         levels = EvaluationOrder(query, "early" not in disabled, "hoist" not in disabled and not tables, looks_up)
         return JoinBuilder(self, query, opened, inner, levels)
 
-    def lower_order(self, query: plan.Query, flat: JoinBuilder) -> list[tuple[Node, bool]] | None:
-        """The keys of ORDER BY, then those of the product's own order; None where Python has to sort."""
+    def _is_sorted_by_rows(self, query: plan.Query) -> bool:
+        """Whether the numbers of rows are needed to sort a product: ties of ORDER BY, and tables found by an index.
+
+        A product of other sources is walked in its order.
+        """
+        sources = _find_all_sources(query)
+        found = len(sources) > 1 and any(isinstance(source, plan.TableSource) for source in sources)
+        return (bool(query.order) and not query.aggregated) or (found and (query.grouped or _is_sorted_product(query)))
+
+    def lower_order(self, query: plan.Query, flat: JoinBuilder) -> list[tuple[Node, bool]]:
+        """The keys of ORDER BY, which SQL can sort, then those of the product's own order."""
         if not query.order:
-            kinds = {isinstance(source, plan.TableSource) for source in _find_all_sources(query)}
-            if kinds == {True} and not flat.rows_sorted:
+            if _is_sorted_product(query) and not flat.rows_sorted:
                 return [(key, False) for key in flat.natural_order or ()]
             self._scan_in_order(flat)
             return []
-        natural = flat.natural_order if all(is_sortable(key.expr.type) for key in query.order) else None
-        if natural is None:
-            return None
         keys = [(self.expressions.lower_expr(key.expr, flat.scope), key.descending) for key in query.order]
-        return keys + [(key, False) for key in natural]
+        return keys + [(key, False) for key in flat.natural_order or ()]
 
     def _scan_in_order(self, flat: JoinBuilder) -> None:
         """Makes SQLite walk tables in their own order.
@@ -193,7 +214,6 @@ class FlatLowering:
             return sql_builder.sort_query(select, (), limit, offset)
         flat = self.lower_from_and_where(query, scope)
         order = self.lower_order(query, flat)
-        assert order is not None, "declared in unsupported.py"
         outputs = self.lower_columns(query, flat.scope, names, boxed)
         return sql_builder.select(outputs, flat.items, sql_builder.conjunction(flat.terms), order, limit, offset)
 
@@ -240,7 +260,7 @@ class FlatLowering:
 
     def lower_unordered(self, query: plan.Query, scope: SqlScope, output: Callable[[SqlScope], Node]) -> exp.Select:
         """One column over the rows of a query whose order is of no account."""
-        flat = self.lower_from_and_where(replace(query, limit=None), scope)
+        flat = self.lower_from_and_where(replace(query, limit=None), scope, ordered=False)
         where = sql_builder.conjunction([term for term in flat.terms if term not in flat.ordering])
         return sql_builder.select([output(flat.scope)], flat.items, where)
 
@@ -251,6 +271,19 @@ class FlatLowering:
         for output, value in zip(query.columns, values, strict=True):
             arguments += [sql_builder.string(output.name), value]
         return sql_builder.call("collect_records", *arguments)
+
+
+def _is_sorted_product(query: plan.Query) -> bool:
+    """Whether SQLite sorts the rows, which it finds in any order: nothing but tables, or a view among others."""
+    sources = _find_all_sources(query)
+    return all(isinstance(source, plan.TableSource) for source in sources) or any(map(is_view, sources))
+
+
+def _find_row_conditions(source: plan.Source, where: Sequence[plan.Expr]) -> list[plan.Expr]:
+    """The conditions on the rows of a view alone, which are evaluated before the rows are numbered."""
+    if not isinstance(source, plan.TableSource):
+        return []
+    return [one for one in where if list_sources(one) == {source.id} and not list_states(one) and not can_fail(one)]
 
 
 def _find_all_sources(query: plan.Query) -> list[plan.Source]:

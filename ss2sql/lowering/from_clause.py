@@ -18,7 +18,7 @@ the 8-puzzle takes 0.5 of its time so. Calls for the same state are remembered t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, assert_never
 
@@ -204,7 +204,9 @@ def lower_source(
         case plan.QuerySource(optional=True):
             return _lower_left_join(selects, source, scope, siblings)
         case plan.QuerySource(query=query):
-            if can_lower_into_join(query) and not (search is None and _reads_only_outer_rows(query, siblings)):
+            ordered = len(query.sources) == 1 or not any(map(is_view, query.sources))
+            merged = ordered and can_lower_into_join(query)
+            if merged and not (search is None and _reads_only_outer_rows(query, siblings)):
                 return _lower_joined_query(selects, source, scope, siblings, search)
             lateral = can_vary_with(query, siblings, search)
             whole = search is not None
@@ -219,6 +221,11 @@ def lower_source(
             return _lower_world(selects, source, scope)
         case _:
             assert_never(source)
+
+
+def is_view(source: plan.Source) -> bool:
+    """Whether nothing sorts the rows of a table of the database."""
+    return isinstance(source, plan.TableSource) and not source.order
 
 
 def _lower_table(selects: FlatLowering, source: plan.TableSource) -> FromItem:
@@ -365,10 +372,14 @@ def _lower_left_join(selects: FlatLowering, source: plan.QuerySource, scope: Sql
     (inner,) = query.sources
     rows = isinstance(inner, plan.QuerySource) and inner.query.representation.name == "dict"
     if isinstance(inner, plan.QuerySource) and rows and not can_vary_with(inner.query, siblings, None):
-        part = _lower_numbered_rows(selects, _lower_derived_table(selects, inner, scope, False), inner)
+        part = _lower_derived_table(selects, inner, scope, False)
     else:
         part = lower_source(selects, inner, scope, siblings, None)
-        part = part if part.order else _lower_numbered_rows(selects, part, inner)
+    if not part.order:
+        part = lower_numbered_rows(part, inner)
+        number = part.witness_column  # has it read from an index that SQLite makes on the rows
+        kept = sort_sql_by_row_number(part.items[0].alias_or_name, number.name)
+        part = replace(part, conditions=(*part.conditions, kept))
     plain, number = _lower_query_elements(part, query), part.order[-1]
     element, kinds = query.columns[0].expr.type, dict(inner.columns or ())
 
@@ -383,20 +394,31 @@ def _lower_left_join(selects: FlatLowering, source: plan.QuerySource, scope: Sql
     return FromItem(part.items, read_or_null, part.order, part.witness_column, part.conditions, rows=part.reader)
 
 
-def _lower_numbered_rows(selects: FlatLowering, part: FromItem, source: plan.Source) -> FromItem:
-    """A view, or a query, with the numbers of its rows, which keep their order where SQLite makes an index on them."""
+def lower_numbered_rows(
+    part: FromItem, source: plan.Source, query: plan.Query | None = None, where: Sequence[Node] = ()
+) -> FromItem:
+    """A view, or a query, with the numbers of its rows, by which a product can be sorted.
+
+    Of a view only what the query reads: the columns, and the rows for which `where` holds. Its order may depend on it.
+    """
     (item,) = part.items
-    if not isinstance(item, exp.Subquery):
-        kinds = source.columns or ()
-        read = (part.reader(plan.Column(source.id, name, kind, span=source.span)) for name, kind in kinds)
-        columns = [column for node in read for column in node.find_all(exp.Column)]  # each without its collation
-        item = sql_builder.derived(
-            sql_builder.select(columns, [item], None, (), sql_builder.build_sql_no_limit()), item.alias_or_name
-        )
     label = item.alias_or_name
+    if not isinstance(item, exp.Subquery):
+        nodes = [node for node in walk(query) if getattr(node, "source", None) == source.id] if query else []
+        whole = query is None or any(isinstance(node, plan.Element) for node in nodes)
+        names = {node.name for node in nodes if isinstance(node, plan.Column)}
+        columns = source.columns or ()
+        shown = [column for column in columns if whole or column[0] in names] or columns[:1]
+        read = [part.reader(plan.Column(source.id, name, kind, span=source.span)) for name, kind in shown]
+        found = (column for node in (*read, *part.conditions) for column in node.find_all(exp.Column))
+        known = {column.name: column.copy() for column in found if column.table == label}  # without collations
+        rows = sql_builder.select(
+            list(known.values()), [item], sql_builder.conjunction(where), (), sql_builder.build_sql_no_limit()
+        )
+        item = sql_builder.derived(rows, label)
     item.set("this", add_sql_row_numbers(item.this, label))
     number = sql_builder.column(item.this.expressions[0].alias, label)
-    return FromItem((item,), part.reader, (number,), number, (sort_sql_by_row_number(label, number.name),))
+    return replace(part, items=(item,), order=(number,), witness_column=number)
 
 
 def _lower_derived_table(selects: FlatLowering, source: plan.QuerySource, scope: SqlScope, whole: bool) -> FromItem:

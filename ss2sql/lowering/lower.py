@@ -10,7 +10,7 @@ from sqlglot import exp
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, is_flag
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.flat import FlatLowering
+from ss2sql.lowering.flat import FlatLowering, can_sort_in_sql
 from ss2sql.lowering.materialize import MaterializedTables
 from ss2sql.lowering.search import EagerSearch
 from ss2sql.lowering.sql_builder import SQLITE, Dialect
@@ -69,16 +69,18 @@ def lower(
         )
         keys, orders = (), ()
     else:
-        flat = selects.lower_from_and_where(query, SqlScope())
-        order = selects.lower_order(query, flat)
+        is_sorted = can_sort_in_sql(query)
+        sorted_query = query if is_sorted else replace(query, order=())  # Python sorts what has its own order
+        flat = selects.lower_from_and_where(sorted_query, SqlScope())
+        order = selects.lower_order(sorted_query, flat)
         keys = query.group
-        orders = query.order if order is None else ()
+        orders = () if is_sorted else query.order
         outputs = selects.lower_columns(query, flat.scope, _name_sql_columns(query))
         outputs += [selects.expressions.lower_expr(key, flat.scope) for key in keys]
         outputs += [selects.expressions.lower_expr(key.expr, flat.scope) for key in orders]
-        is_sorted, is_limited = order is not None, order is not None and _can_limit_in_sql(query)
+        is_limited = is_sorted and _can_limit_in_sql(query)
         limits = needs.bind_limits(query) if is_limited else (None, None)
-        select = sql_builder.select(outputs, flat.items, sql_builder.conjunction(flat.terms), order or (), *limits)
+        select = sql_builder.select(outputs, flat.items, sql_builder.conjunction(flat.terms), order, *limits)
         if needs.worlds and "late" not in disabled and not keys and not orders:
             from ss2sql.vtables.reading import find_late_columns
 

@@ -51,8 +51,7 @@ def _if_output(test: Callable[[plan.Output], object]) -> FindPlaces:
 
 
 def _find_nested_order(query: plan.Query) -> Iterator[Span]:
-    from_queries = any(isinstance(source, plan.QuerySource) for source in query.sources)
-    return (key.expr.span for key in query.order if from_queries or not is_sortable(key.expr.type))
+    return (key.expr.span for key in query.order if not is_sortable(key.expr.type))
 
 
 def _find_nested_limit(query: plan.Query) -> Iterator[Span]:
