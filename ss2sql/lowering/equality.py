@@ -17,6 +17,7 @@ different classes are never compared natively.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 from sqlglot import exp
@@ -172,6 +173,8 @@ def _choose_point_encoding(kind: Type) -> PointSetEncoding | None:
 MAX_WRITTEN_MEMBERS = 30  # of a list that is written into the text
 GLOB_PATTERN = str.maketrans({"%": "*", "_": "?", "*": "[*]", "?": "[?]", "[": "[[]"})
 
+PLAIN_READS = (plan.Column, plan.Element, plan.State, plan.Variable, plan.Constant)
+
 LowerFunction: TypeAlias = "Callable[[ExpressionLowering, plan.Call, SqlScope], Node | None]"
 
 
@@ -246,12 +249,31 @@ def _lower_equality(lowering: ExpressionLowering, call: plan.Call, scope: SqlSco
     return sql_builder.binary(exp.EQ if equal else exp.NEQ, a, b)
 
 
+def _can_test_one_by_one(item: plan.Expr, items: plan.MakeList) -> bool:
+    """Whether nobody notices how often these are read, and SQLite's own equality is the language's."""
+    plain = all(isinstance(one, PLAIN_READS) for one in (item, *items.items))
+    return (
+        bool(items.items)
+        and plain
+        and all(have_same_storage_class(item.type, one.type, none=True) for one in items.items)
+    )
+
+
 def _lower_membership(lowering: ExpressionLowering, call: plan.Call, scope: SqlScope) -> Node | None:
     """`x IN [1, 2, 3]`, a list of the class of x: written out where it is short, else walked once by SQLite.
+
+    `x IN [a, b]` is `x = a OR x = b`.
 
     The list of a query is one of SQL: `x IN (SELECT e.b FROM ...)`.
     """
     item, items = call.arguments
+    if isinstance(items, plan.MakeList) and _can_test_one_by_one(item, items):
+        equal = replace(call.function, name="eq")
+        tests = [
+            lowering.lower_expr(replace(call, function=equal, arguments=(item, one)), scope) for one in items.items
+        ]
+        test = sql_builder.disjunction(tests)
+        return test if call.function.name == "in" else exp.Not(this=sql_builder.wrap_operand(test))
     known = items.type.element if items.type.kinds == Kind.LIST else None
     if known is None or not have_same_storage_class(item.type, known) or known.may_be(Kind.BOOL):
         return lower_membership(lowering, call, scope)

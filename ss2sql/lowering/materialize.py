@@ -42,7 +42,7 @@ class MaterializedTables:
     """The copies of one statement, by their names."""
 
     def __init__(self) -> None:
-        self.tables: dict[str, exp.Select] = {}
+        self.tables: dict[str, exp.Query] = {}
 
     def copy_item(
         self,
@@ -78,9 +78,24 @@ class MaterializedTables:
         label = item.alias_or_name
         return self.copy_item(item, label, [*columns, *computed], f"{label}_in_order", needs, order)
 
+    def split_rows_by_keys(
+        self, copied: str, label: str, keys: Sequence[Node], needs: StatementNeeds
+    ) -> tuple[str, str]:
+        """A copy of a copy that has each row once for each of its keys, in a column of its own; the names of both."""
+        columns = [sql_builder.column(column.alias_or_name, label) for column in self.tables[copied].selects]
+        key = choose_free_name("either", {column.name.lower() for column in columns})
+        item = sql_builder.table(copied, label)
+        made = [sql_builder.select([*columns, sql_builder.alias(one.copy(), key)], [item.copy()]) for one in keys]
+        union: exp.Query = made[0]
+        for select in made[1:]:
+            union = exp.Union(this=union, expression=select, distinct=True)
+        name = needs.choose_table_name(f"{label}_by_either")
+        self.tables[name] = union
+        return name, key
+
     def get_number_column(self, name: str) -> str:
         """The first column of a copy."""
-        return str(self.tables[name].expressions[0].alias_or_name)
+        return str(self.tables[name].selects[0].alias_or_name)
 
     def add_materialized_tables(self, *statement: exp.Query) -> list[exp.CTE]:
         """The copies as WITH of a statement, with the columns that its parts read."""
@@ -95,7 +110,7 @@ class MaterializedTables:
         return made
 
 
-def build_materialized_cte(name: str, select: exp.Select) -> exp.CTE:
+def build_materialized_cte(name: str, select: exp.Query) -> exp.CTE:
     """`name AS MATERIALIZED (SELECT ...)`."""
     return exp.CTE(this=select, alias=exp.TableAlias(this=sql_builder.identifier(name)), materialized=True)
 
@@ -156,7 +171,7 @@ def strip_affinity(conditions: list[Node], label: str, tables: Collection[str]) 
     With an affinity a text could equal a number, so SQLite uses no index of the list. What `=` compares here is of one
     kind. 20,000 rows of a table that look for theirs among 1,000 take 0.01 s, not 0.9 s.
     """
-    for key, other in _find_equalities(conditions):
+    for key, other in find_equalities(conditions):
         if (
             isinstance(key, exp.Column)
             and key.table == label
@@ -169,7 +184,7 @@ def strip_affinity(conditions: list[Node], label: str, tables: Collection[str]) 
 def find_equality_columns(conditions: Iterable[Node]) -> set[tuple[str, str, frozenset[str]]]:
     """The columns whose values conditions ask for by equality, as (label, name, the labels of what they must equal)."""
     found: set[tuple[str, str, frozenset[str]]] = set()
-    for left, other in _find_equalities(conditions):
+    for left, other in find_equalities(conditions):
         bare = left.unnest()
         side = bare.this if isinstance(bare, exp.Collate) else bare
         others = find_labels(other)
@@ -183,13 +198,13 @@ def find_labels(node: Node) -> frozenset[str]:
     return frozenset(column.table for column in node.find_all(exp.Column))
 
 
-def _find_equalities(conditions: Iterable[Node]) -> list[tuple[Node, Node]]:
+def find_equalities(conditions: Iterable[Node]) -> list[tuple[Node, Node]]:
     """Each side of the conditions that ask for equality, with the other one."""
     equal = [condition for condition in conditions if isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ))]
     return [sides for one in equal for sides in ((one.this, one.expression), (one.expression, one.this))]
 
 
-def _drop_labels(select: exp.Select) -> exp.Select:
+def _drop_labels(select: exp.Query) -> exp.Query:
     """What is copied, under whatever label."""
     bare = select.copy()
     for node in bare.find_all(exp.Table, exp.Column):
@@ -197,8 +212,15 @@ def _drop_labels(select: exp.Select) -> exp.Select:
     return bare
 
 
-def _prune_columns(copied: exp.Select, labels: Collection[str], readers: Sequence[exp.Expr]) -> None:
+def _prune_columns(copied: exp.Query, labels: Collection[str], readers: Sequence[exp.Expr]) -> None:
     """Keeps the columns that somebody reads who has the copy under these labels."""
     read = {column.name for one in readers for column in one.find_all(exp.Column) if column.table in labels}
-    kept = [column for column in copied.expressions if column.alias_or_name in read]
-    copied.set("expressions", kept or copied.expressions[:1])
+    kept = [place for place, column in enumerate(copied.selects) if column.alias_or_name in read] or [0]
+    while isinstance(copied, exp.Union):
+        _keep_columns(copied.expression, kept)
+        copied = copied.this
+    _keep_columns(copied, kept)
+
+
+def _keep_columns(select: exp.Expr, kept: Sequence[int]) -> None:
+    select.set("expressions", [select.expressions[place] for place in kept])

@@ -27,7 +27,9 @@ from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering
 from ss2sql.lowering.from_clause import FromItem, lower_sources
 from ss2sql.lowering.materialize import (
+    find_equalities,
     find_equality_columns,
+    find_labels,
     number_sql_rows,
     require_sql_index_order,
     sort_sql_by_row_number,
@@ -242,7 +244,8 @@ class RecursiveQuery:
         """The items of FROM, read so that their rows come in order under these conditions, which may become more."""
         conditions += number_sql_rows(items, conditions, self.selects.needs.materialized_ctes.values())
         labels = [item.alias_or_name for item in items]
-        return [self._order_item(item, conditions, labels[index:]) for index, item in enumerate(items)]
+        ordered = [self._order_item(item, conditions, labels[index:]) for index, item in enumerate(items)]
+        return [self._split_rows_by_keys(item, conditions, labels[index:]) for index, item in enumerate(ordered)]
 
     def keep_rows_in_order(self, items: list[Node], conditions: list[Node]) -> list[Node]:
         """What reads the positions of rows that SQLite may look up: it indexes copies that must equal something."""
@@ -283,6 +286,30 @@ class RecursiveQuery:
         if require_sql_index_order(item, source, compared):
             return item
         return self.copies.copy_table(item, source, needs)
+
+    def _split_rows_by_keys(self, item: Node, conditions: list[Node], unknown: list[str]) -> Node:
+        """An item of FROM; a copy with a row for each key where a condition asks one of them: `a = x OR b = x`.
+
+        The condition becomes `either = x`, for which SQLite makes an index.
+        """
+        label = item.alias_or_name
+        source = self.selects.tables.get(label)
+        if item.name not in self.copies.tables or (source is not None and source.texts_for_numbers):
+            return item
+        for index, condition in enumerate(conditions):
+            parts = list(condition.unnest().flatten()) if isinstance(condition.unnest(), exp.Or) else []
+            pairs = [
+                (key, other)
+                for key, other in find_equalities(parts)
+                if find_labels(key) == {label} and find_labels(other) and find_labels(other).isdisjoint(unknown)
+            ]
+            if parts and len(pairs) == len(parts) and len({other for _, other in pairs}) == 1:
+                keys, (other, *_) = zip(*pairs, strict=True)
+                name, key = self.copies.split_rows_by_keys(item.name, label, keys, self.selects.needs)
+                same = exp.EQ if all(isinstance(part, exp.EQ) for part in parts) else exp.NullSafeEQ
+                conditions[index] = sql_builder.binary(same, sql_builder.column(key, label), other.copy())
+                return sql_builder.table(name, label)
+        return item
 
     def _materialize_item(self, item: exp.Table, columns: Iterable[str], place: str) -> Node:
         """A list or a world's table that mentions no column is walked once; `place` numbers its rows.

@@ -9,43 +9,76 @@ that it raises again if the script comes there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from operator import itemgetter
 from typing import Any
 
 from ss2sql.errors import Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
+from ss2sql.language.kinds import Kind
 from ss2sql.runtime.python.codegen_context import ExpressionAnalysis
 from ss2sql.runtime.run.run_state import Run, pause_collector
 
 
 @dataclass(frozen=True, slots=True)
 class Lookup:
-    """`key == other`: what is read of the `source`, and what it must equal; where it is `sure`, neither raises."""
+    """`key == other`: what is read of the `source`, and what it must equal; where it is `sure`, neither raises.
+
+    With `members` one of these must equal it, of a `listed` key one of its elements: a row has several keys then.
+    """
 
     source: int
     key: plan.Expr
     other: plan.Expr
     sure: bool
+    members: tuple[plan.Expr, ...] = ()
+    listed: bool = False
+
+    @property
+    def several(self) -> bool:
+        return self.listed or bool(self.members)
 
 
 def find_index_lookups(part: plan.Expr, analysis: ExpressionAnalysis, operator: str = "eq") -> list[Lookup]:
     """The condition as lookups: one for each side that reads one source, and nothing else that changes in a run."""
+    facts = analysis.facts(part)
+    if not facts.steady:
+        return []
     match part:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name == operator:
-            facts = analysis.facts(part)
-            if not facts.steady:
-                return []
-            found: list[Lookup] = []
-            for key, other in ((left, right), (right, left)):
-                read = analysis.facts(key)
-                if len(read.sources) == 1 and not (read.states or read.groups):
-                    (source,) = read.sources
-                    if source not in analysis.facts(other).sources:
-                        found.append(Lookup(source, key, other, facts.total))
-            return found
-    return []
+            pairs = [(left, right, False), (right, left, False)]
+        case plan.Call(function=plan.Function(name="in", builtin=True), arguments=(item, container)) if (
+            operator == "eq" and container.type.is_only(Kind.LIST)
+        ):
+            pairs = [(container, item, True)]
+        case plan.Or(parts=parts) if operator == "eq":
+            ways = [[one for one in find_index_lookups(other, analysis) if not one.several] for other in parts]
+            return [lookup for one in ways[0] if (lookup := _join_lookups(part, one, ways, analysis))]
+        case _:
+            return []
+    found: list[Lookup] = []
+    for key, other, listed in pairs:
+        read = analysis.facts(key)
+        if len(read.sources) == 1 and not (read.states or read.groups):
+            (source,) = read.sources
+            if source not in analysis.facts(other).sources:
+                members = key.items if listed and isinstance(key, plan.MakeList) else ()
+                found.append(Lookup(source, key, other, facts.total, members, listed and not members))
+    return found
+
+
+def _join_lookups(
+    part: plan.Expr, first: Lookup, ways: Sequence[Sequence[Lookup]], analysis: ExpressionAnalysis
+) -> Lookup | None:
+    """The lookup of rows of which one of several keys equals the same: `a == x OR b == x`."""
+    same, members = analysis.facts(first.other).key, list[plan.Expr]()
+    for way in ways:
+        known = [one.key for one in way if one.source == first.source and analysis.facts(one.other).key == same]
+        members += known[:1]
+    if same is None or len(members) < len(ways):
+        return None
+    return Lookup(first.source, part, first.other, analysis.facts(part).total, tuple(members))
 
 
 class RowIndex(dict[Hashable, list[Any]]):
@@ -81,6 +114,25 @@ def index_rows(rows: list[Any], keys_of: Callable[[list[Any]], Iterable[Hashable
     except Exception:
         index.failed = True
         return index
+
+
+def index_rows_by_members(rows: list[Any], keys_of: Callable[[list[Any]], Iterable[Any]]) -> RowIndex:
+    """The same where a row has several keys: of each come what all have in common, and the rest of each."""
+
+    def list_keys() -> Iterator[tuple[Hashable, Any]]:
+        for (common, members), row in zip(keys_of(rows), rows, strict=True):
+            for member in dict.fromkeys(members):
+                yield (*common, member) if common else member, row
+
+    index = RowIndex(rows)
+    try:
+        pairs = list(list_keys())
+    except Stopped:
+        raise
+    except Exception:
+        index.failed = True
+        return index
+    return index.add_items(*zip(*pairs, strict=True)) if pairs else index
 
 
 def index_column(rows: list[Any], value: int, position: int) -> RowIndex:

@@ -25,6 +25,7 @@ from ss2sql.runtime.python.equality_index import (
     Lookup,
     index_column,
     index_rows,
+    index_rows_by_members,
     index_table_column,
 )
 from ss2sql.runtime.python.loop_helpers import (
@@ -233,7 +234,13 @@ class SourceLoops:
         correlated = bool(other.sources or other.states) and self.owner.find_home(facts)[0] is not self.owner
         if index == 0 and self.query.search is None and not correlated:
             return False
-        self.lookups.setdefault(source, []).append(condition)
+        known = self.lookups.setdefault(source, [])
+        if not condition.several:
+            known.insert(0, condition)
+        elif not any(one.several for one in known):
+            known.append(condition)
+        else:
+            return False
         return True
 
     def _has_noticeable_calls(self, key: plan.Expr) -> bool:
@@ -501,7 +508,8 @@ class SourceLoops:
 
     def _write_index(self, source: plan.Source, items: ast.expr, build: AstBuilder) -> ast.expr:
         """The index by keys that a function of its own computes."""
-        codegen, keys = self.builder.codegen, [one.key for one in self.lookups[source.id]]
+        codegen, lookups = self.builder.codegen, self.lookups[source.id]
+        keys = [one.key for one in lookups]
         name, before = codegen.new_name(source.name), codegen.names.get(source.id)
         rows = codegen.new_name("rows")
         body = PythonScope(codegen, codegen.new_name("keys_of"), [rows], codegen.root)
@@ -512,11 +520,24 @@ class SourceLoops:
         body.levels[source.id] = 1
         if has_array_calls(*keys):
             body = stages.add_calls(body, keys)
-        body.emit(build.run(build.yield_(self._write_key(keys, body, build))))
+        if lookups[-1].several:
+            make_index, key = index_rows_by_members, self._write_several_keys(lookups, body, build)
+        else:
+            make_index, key = index_rows, self._write_key(keys, body, build)
+        body.emit(build.run(build.yield_(key)))
         body.define_function()
         if before is not None:
             codegen.names[source.id] = before
-        return build.call(codegen.use(index_rows), items, build.name(stages.join_stages()))
+        return build.call(codegen.use(make_index), items, build.name(stages.join_stages()))
+
+    def _write_several_keys(self, lookups: Sequence[Lookup], body: PythonScope, build: AstBuilder) -> ast.expr:
+        """What the keys of a row have in common, and the rest of each: those of the last lookup."""
+        *common, last = lookups
+        known = build.pack(*(self._write_key([one.key], body, build) for one in common))
+        if last.listed:
+            made = generate_expression(self.builder, last.key, body)
+            return build.pack(known, build.call("map", build.name(self.builder.codegen.use(make_hashable)), made))
+        return build.pack(known, build.pack(*(self._write_key([one], body, build) for one in last.members)))
 
     def _write_column_index(self, source: plan.Source, items: ast.expr, build: AstBuilder) -> ast.expr:
         """The index of a source of which one column is wanted; without its rows, which nobody needs."""
