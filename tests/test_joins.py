@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import pytest
-from agreement import is_allowed, judged, outcome, reference_outcome, session_for
+from agreement import executor_outcome, is_allowed, judged, outcome, reference_outcome, session_for
 from hypothesis import given, seed
 from hypothesis import strategies as st
 from programs import ProgramCase
@@ -217,3 +217,18 @@ def test_indexes_with_strange_names(ss: ss2sql.Session, name: str) -> None:
         result = ss.run(script, engine="database")
         assert result.value == value
         assert f"INDEXED BY {quoted}" in str(result.sql)
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "SELECT n.this, e.a FROM n = [1, 2], e = es WHERE e.k == 1 AND abs(e.a) == n.this AS rows",
+        "SELECT a FROM es START WITH n = 1 CONNECT BY UNIQUE BY n, k == 1 AND (abs(a) == n OR b == n), n = b AS list",
+    ],
+)
+def test_a_key_that_cannot_be_computed_lets_no_row_pass_another_one(engine: str, script: str) -> None:
+    rows = [(1, 2, 1), (None, 0, 0), (2, 1, 1), (1, 1, 0)]
+    case = ProgramCase(script, {"es": [dict(zip("abk", row, strict=True)) for row in rows]})
+    found, expected = executor_outcome(case, engine), reference_outcome(case)
+    assert found == expected
+    assert expected.error is None

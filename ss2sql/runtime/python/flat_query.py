@@ -229,6 +229,7 @@ def place_conditions(
     elements, so that it would be evaluated anyway.
     """
     placed: dict[int, list[plan.Expr]] = defaultdict(list)
+    looked_up: list[tuple[int, plan.Expr]] = []  # what need not be tested, unless a key fails and all rows are found
     number = {source.id: index + 1 for index, source in enumerate(query.sources)}
     last, reached, guarded = len(query.sources), 0, None
     certain = steady = True  # of all parts so far
@@ -238,7 +239,10 @@ def place_conditions(
         if certain and any(map(loops.plan_lookup, find_index_lookups(part, builder.codegen.analysis))):
             reached = max(reached, level)
             if facts.total:
+                looked_up.append((max(level, loops.first_unnoticed), part))
                 continue
+            for known, sure in looked_up:
+                placed[known].append(sure)
         elif certain:
             loops.push_condition_to_world(part)
         level = max(level, loops.first_unnoticed)
