@@ -83,13 +83,13 @@ class MaterializedTables:
     ) -> tuple[str, str]:
         """A copy of a copy that has each row once for each of its keys, in a column of its own; the names of both."""
         columns = [sql_builder.column(column.alias_or_name, label) for column in self.tables[copied].selects]
-        key = choose_free_name("either", {column.name.lower() for column in columns})
+        key = choose_free_name("either" if len(keys) > 1 else "computed", {column.name.lower() for column in columns})
         item = sql_builder.table(copied, label)
         made = [sql_builder.select([*columns, sql_builder.alias(one.copy(), key)], [item.copy()]) for one in keys]
         union: exp.Query = made[0]
         for select in made[1:]:
             union = exp.Union(this=union, expression=select, distinct=True)
-        name = needs.choose_table_name(f"{label}_by_either")
+        name = needs.choose_table_name(f"{label}_by_{key}")
         self.tables[name] = union
         return name, key
 

@@ -288,23 +288,25 @@ class RecursiveQuery:
         return self.copies.copy_table(item, source, needs)
 
     def _split_rows_by_keys(self, item: Node, conditions: list[Node], unknown: list[str]) -> Node:
-        """An item of FROM; a copy with a row for each key where a condition asks one of them: `a = x OR b = x`.
+        """An item of FROM; a copy with a row for each key where a condition asks one of them: `a = x OR b - 1 = x`.
 
-        The condition becomes `either = x`, for which SQLite makes an index.
+        The condition becomes `either = x`, for which SQLite makes an index. It makes one for `a = x` by itself.
         """
         label = item.alias_or_name
         source = self.selects.tables.get(label)
         if item.name not in self.copies.tables or (source is not None and source.texts_for_numbers):
             return item
         for index, condition in enumerate(conditions):
-            parts = list(condition.unnest().flatten()) if isinstance(condition.unnest(), exp.Or) else []
+            parts = list(condition.unnest().flatten()) if isinstance(condition.unnest(), exp.Or) else [condition]
             pairs = [
                 (key, other)
                 for key, other in find_equalities(parts)
                 if find_labels(key) == {label} and find_labels(other) and find_labels(other).isdisjoint(unknown)
             ]
-            if parts and len(pairs) == len(parts) and len({other for _, other in pairs}) == 1:
+            if len(pairs) == len(parts) and len({other for _, other in pairs}) == 1:
                 keys, (other, *_) = zip(*pairs, strict=True)
+                if len(keys) == 1 and isinstance(keys[0], (exp.Column, exp.Collate)):
+                    continue
                 name, key = self.copies.split_rows_by_keys(item.name, label, keys, self.selects.needs)
                 same = exp.EQ if all(isinstance(part, exp.EQ) for part in parts) else exp.NullSafeEQ
                 conditions[index] = sql_builder.binary(same, sql_builder.column(key, label), other.copy())
