@@ -244,7 +244,7 @@ HAPPENS: dict[str, Callable[[ss2sql.Session, list[Any]], object]] = {
 def test_at_any_moment_of_a_run(tmp_path: Path, script: str, what: str, amount: int | None) -> None:
     file = tmp_path / "data.db" if script in ("memorize", "statements") else None
     dice, lines = Random(f"{WANTED} {script} {what}"), 0
-    for number in range((amount or 300) + 1):  # the first time nothing happens
+    for number in range(-1, (amount or 300) + 1):  # the first time loads modules, the second one counts lines
         ss = ss2sql.connect(file)
         ss.function("f", lambda x: x + 1, volatility="stable")
         ss.function("near", near)
@@ -258,19 +258,20 @@ def test_at_any_moment_of_a_run(tmp_path: Path, script: str, what: str, amount: 
             values.append(ss.run(RUNS[script], engine="native" if script == "native" else "auto").value)
 
         work()
-        moment = dice.randint(1, lines) if number else 0
+        quiet = number < 1
+        moment = 0 if quiet else dice.randint(1, lines)
         error, count = at_line(moment, work, lambda _, ss=ss, seen=seen: HAPPENS[what](ss, seen))  # type: ignore[misc]
-        lines = lines or count
-        if not number or what in ("use", "copy"):
+        lines = count if quiet else lines
+        if quiet or what in ("use", "copy"):
             assert error is None
         if error is not None:
             assert isinstance(error, ss2sql.Cancelled) or (what, code_of(ss.run, "1;")) == ("close", "S001"), error
-        if number and what == "use":  # before it has its turn and after that the run is not in the way
+        if not quiet and what == "use":  # before it has its turn and after that the run is not in the way
             assert len(seen) == 6
             assert {getattr(error, "code", error) for error in seen} <= {None, "S004"}
-        if number and what == "copy":
+        if not quiet and what == "copy":
             assert os.waitstatus_to_exitcode(os.waitpid(seen[0], 0)[1]) == 7
-        if not number or what != "close":
+        if quiet or what != "close":
             work()
             check_idle(ss)
             ss.close()

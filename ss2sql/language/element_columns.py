@@ -43,7 +43,8 @@ def read_column(element: Any, name: str, default: Any = _MISSING) -> Any:
             return convert_value(found, f"the attribute '{name}'", named=True)
     elif default is not _MISSING:
         return default
-    shown = getattr(owner, "__columns__", lambda: known)()
+    list_columns = getattr(type(owner), "__columns__", None)  # of a world; other objects are not touched
+    shown = known if list_columns is None else list_columns(owner)
     raise _build_missing_error(name, list(shown), format_value(element))
 
 
