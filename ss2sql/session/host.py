@@ -48,7 +48,7 @@ from ss2sql.session.variables import (
     TemporalStore,
     Triggers,
     Variables,
-    convert_variable_moment,
+    convert_clock_time,
 )
 from ss2sql.vtables import contract
 from ss2sql.vtables.contract import QueryCaches
@@ -482,11 +482,11 @@ class SessionHost:
         """The time of getTime(): the user's own, else that of the first world with a clock, else the computer's."""
         entry = self.functions.get("getTime")
         if entry:
-            return convert_variable_moment(entry.function(), "the function 'getTime'")
+            return convert_clock_time(entry.function(), "the function 'getTime'")
         for attached in self.names.worlds.values():
             moment = attached.read_time()
             if moment is not None:
-                return convert_variable_moment(moment, f"the clock of {attached.name}")
+                return convert_clock_time(moment, f"the clock of {attached.name}")
         return time.time()
 
     def read_temporal(self, name: str, when: Any) -> Any:

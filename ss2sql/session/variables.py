@@ -46,7 +46,7 @@ def convert_variable_seconds(value: Any, what: str) -> float:
     return value
 
 
-def convert_variable_moment(value: Any, giver: str) -> float:
+def convert_clock_time(value: Any, giver: str) -> float:
     """The seconds that a clock gives; raises ExecutionError X004 for what is no finite number."""
     try:
         moment = float(value)

@@ -188,7 +188,7 @@ class DuckSearch:
             depth += 1
             generated = search_run.stats.generated
             if isinstance(self.steps, SqlSteps):
-                self.steps.count_tries(going, self._count_matched(depth))
+                self.steps.count_tries(going, self._count_chosen_elements(depth))
             else:
                 self._expand_level(depth)
             kept = tables.add_rows(written.kept, before=steps, depth=depth, **self.steps.values)
@@ -199,7 +199,7 @@ class DuckSearch:
             if goals:
                 yield from self._read_goals(depth)
 
-    def _count_matched(self, depth: int) -> int | None:
+    def _count_chosen_elements(self, depth: int) -> int | None:
         """How many elements the states of a level have where FROM chooses them; None where each has all of them."""
         counted = self.steps.steps.counted
         if counted is None:

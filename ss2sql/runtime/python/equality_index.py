@@ -53,8 +53,8 @@ def find_index_lookups(part: plan.Expr, analysis: ExpressionAnalysis, operator: 
         ):
             pairs = [(container, item, True)]
         case plan.Or(parts=parts) if operator == "eq":
-            ways = [[one for one in find_index_lookups(other, analysis) if not one.several] for other in parts]
-            return [lookup for one in ways[0] if (lookup := _join_lookups(part, one, ways, analysis))]
+            alternatives = [[one for one in find_index_lookups(other, analysis) if not one.several] for other in parts]
+            return [lookup for one in alternatives[0] if (lookup := _join_lookups(part, one, alternatives, analysis))]
         case _:
             return []
     found: list[Lookup] = []
@@ -69,14 +69,14 @@ def find_index_lookups(part: plan.Expr, analysis: ExpressionAnalysis, operator: 
 
 
 def _join_lookups(
-    part: plan.Expr, first: Lookup, ways: Sequence[Sequence[Lookup]], analysis: ExpressionAnalysis
+    part: plan.Expr, first: Lookup, alternatives: Sequence[Sequence[Lookup]], analysis: ExpressionAnalysis
 ) -> Lookup | None:
     """The lookup of rows of which one of several keys equals the same: `a == x OR b == x`."""
     same, members = analysis.facts(first.other).key, list[plan.Expr]()
-    for way in ways:
-        known = [one.key for one in way if one.source == first.source and analysis.facts(one.other).key == same]
+    for alternative in alternatives:
+        known = [one.key for one in alternative if one.source == first.source and analysis.facts(one.other).key == same]
         members += known[:1]
-    if same is None or len(members) < len(ways):
+    if same is None or len(members) < len(alternatives):
         return None
     return Lookup(first.source, part, first.other, analysis.facts(part).total, tuple(members))
 

@@ -72,9 +72,9 @@ class CallStages:
             facts = self.codegen.analysis.facts(call)
             if facts.steady and facts.key is not None and facts.key not in self.called:
                 found.setdefault(facts.key, (call, []))[1].append(guards)
-        for meaning, (call, ways) in found.items():
+        for meaning, (call, guard_sets) in found.items():
             function, build = call.function, self.codegen.build_at(call.place)
-            arguments = self._write_arguments(body, call, ways, build)
+            arguments = self._write_arguments(body, call, guard_sets, build)
             self.codegen.page.note_call(call.place, function.name)
             body = self.begin_stage(body, build, build.name(self.codegen.name_function(function, build)), arguments)
             name = self.called[meaning] = body.known[-1][meaning] = self.codegen.new_name(function.name)
@@ -82,21 +82,21 @@ class CallStages:
             assert isinstance(loop, ast.For)
             loop.target = ast.Tuple([loop.target, ast.Name(name, ast.Store(), **build.at)], ast.Store(), **build.at)
             body.locals.append(name)
-            if () not in ways:
+            if () not in guard_sets:
                 self.guarded.append(meaning)
         return body
 
     def _write_arguments(
-        self, body: PythonScope, call: plan.Call, ways: Sequence[Guards], build: AstBuilder
+        self, body: PythonScope, call: plan.Call, guard_sets: Sequence[Guards], build: AstBuilder
     ) -> ast.expr:
         """The arguments of a call, or None for a row in which none of the conditions holds."""
-        certain = () in ways
+        certain = () in guard_sets
         with nullcontext() if certain else body.write_skippable():
             values = build.pack(*(generate_expression(self.builder, argument, body) for argument in call.arguments))
             if certain:
                 return values
             tests = []
-            for guards in ways:
+            for guards in guard_sets:
                 parts = [(generate_expression(self.builder, guard, body), truth) for guard, truth in guards]
                 tests.append([part if truth else build.negate(part) for part, truth in parts])
         ands = [test[0] if len(test) == 1 else build.join_conditions(ast.And(), test) for test in tests]

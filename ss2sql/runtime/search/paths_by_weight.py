@@ -101,7 +101,7 @@ class PathsByWeight:
         """
         graph, limited = self.graph, self.graph.bound is not None
         done: dict[int, list[tuple[Any, int]]] = {}
-        number = 0  # keeps ways from being compared
+        number = 0  # keeps paths from being compared
         queue: list[tuple[Any, bool, int, Any, int, int, Any]] = [(total, True, node, total, taken, 0, None)]
         while queue:
             _, goes_on, node, total, taken, _, remaining_path = heappop(queue)
