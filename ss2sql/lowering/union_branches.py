@@ -2,7 +2,8 @@
 
     SELECT this[1] FROM edges WHERE this[0] == 3        as if it were        SELECT dst FROM edges WHERE src == 3
 
-So `this[0]` costs no call of a function (0.2 us), and SQLite can look rows up by it. It is done where the lists are
+So `this[0]` costs no call of a function (0.2 us), and SQLite can look rows up by it, as by the parts of `x IN this`,
+which is `x IN [this[0], this[1]]`. It is done where the lists are
 known to have one length, for sources of searches, for those that stand alone, and in a join for those whose `this[0]`
 has to equal something: other lists are walked again and again, and a copy of the lists alone is the quickest to walk.
 
@@ -25,6 +26,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR, Kind, is_flag, type_of
 from ss2sql.language.plan_traversal import list_sources, rebuild_node, split_and, walk
 from ss2sql.lowering import sql_builder
+from ss2sql.lowering.rewrites.rewrite_context import make_call
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sqlite_expressions import ExpressionLowering, Reader, SqlScope
 
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 
 
 _ListSource = plan.ValueSource | plan.QuerySource
+MAX_MEMBERS = 8  # parts of a list that is asked for one of them
 
 
 def replace_elements_by_columns(query: plan.Query) -> tuple[plan.Query, Callable[[plan.Expr], plan.Expr] | None]:
@@ -50,9 +53,10 @@ def replace_elements_by_columns(query: plan.Query) -> tuple[plan.Query, Callable
     }
     used: dict[int, dict[int, plan.Call]] = {}
     for node in walk(query):
-        place = _find_list_element(node, sources)
-        if place is not None:
-            used.setdefault(place[0], {}).setdefault(place[1], node)
+        for read_of in (node, *_list_members(node, sources)):
+            place = _find_list_element(read_of, sources)
+            if place is not None:
+                used.setdefault(place[0], {}).setdefault(place[1], read_of)
     if not used:
         return query, None
     read = {(source, name_element_column(at)): n for source, places in used.items() for at, n in places.items()}
@@ -61,6 +65,10 @@ def replace_elements_by_columns(query: plan.Query) -> tuple[plan.Query, Callable
         place = _find_list_element(node, sources)
         if place is not None:
             return plan.Column(place[0], name_element_column(place[1]), node.type, span=node.span)
+        if members := _list_members(node, sources):
+            item, element = node.arguments
+            parts = plan.MakeList(members, element.type, span=element.span)
+            node = replace(node, arguments=(item, parts))
         node = rebuild_node(node, replace_source)
         if isinstance(node, _ListSource) and node.id in used:
             positions = node.element.positions or ()
@@ -108,6 +116,19 @@ def _find_list_element(node: Any, sources: dict[int, _ListSource]) -> tuple[int,
             size = len(sources[source].element.positions or ())
             return (source, index % size) if -size <= index < size else None
     return None
+
+
+def _list_members(node: Any, sources: dict[int, _ListSource]) -> tuple[plan.Call, ...]:
+    """`this[0]` and `this[1]` of `x IN this`, where lists have one short length."""
+    match node:
+        case plan.Call(
+            function=plan.Function(name="in" | "not_in", builtin=True),
+            arguments=(_, plan.Element(source=source) as this),
+        ) if source in sources:
+            size = len(sources[source].element.positions or ())
+            places = [plan.Constant(at, type_of(at), span=this.span) for at in range(size)]
+            return tuple(make_call("item", this, place, span=this.span) for place in places if size <= MAX_MEMBERS)
+    return ()
 
 
 # --- `arms`: a search over a list literal has a SELECT for each item, where else a list would be made for each state
