@@ -208,7 +208,7 @@ def test_the_engine_is_chosen(engine: str) -> None:
     assert good("run", "-e", script, "--engine", engine).splitlines()[-1] == f"2 paths, 2 rows, {engine}"
     if engine == "duckdb":
         message = bad(1, "run", "-e", script.replace("UNIQUE", "DEPTH FIRST"), "--engine", engine)
-        assert "error[U001]: DEPTH FIRST goes on from the last step" in message
+        assert "error[U001]: DEPTH FIRST does not go level by level" in message
 
 
 def test_the_stages() -> None:

@@ -228,7 +228,8 @@ def test_the_plan_of_sqlite(roads: ss2sql.Session, query: str, expected: list[st
 @pytest.mark.parametrize(
     ("options", "queue"),
     [("", "the deepest first"), ("BREADTH FIRST", "the oldest first"), ("PROBABILITY 0.5", "the likeliest first"),
-     ("COST 1 HEURISTIC 0", "the one with the least cost and estimate together first")],
+     ("COST 1 HEURISTIC 0", "the one with the least cost and estimate together first"),
+     ("HEURISTIC 3 - n", "the one with the smallest estimate first")],
 )  # fmt: skip
 def test_the_queue(roads: ss2sql.Session, options: str, queue: str) -> None:
     found = plan(roads, f"SELECT this FROM [1] START WITH n = 1 CONNECT BY {options} n = n + 1 STOP WITH n >= 3;")

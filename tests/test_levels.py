@@ -73,7 +73,7 @@ def test_a_step_that_fails(ss: ss2sql.Session, strategy: str) -> None:
     assert sum(alike) > len(alike) // 2
 
 
-DEPTH_FIRST = "DEPTH FIRST goes on from the last step"
+DEPTH_FIRST = "DEPTH FIRST does not go level by level"
 
 
 @pytest.mark.parametrize(

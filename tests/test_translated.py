@@ -14,7 +14,7 @@ from sqlglot.errors import TokenError
 from sqlglot.generator import Generator
 
 import ss2sql
-from ss2sql.cli import main
+from ss2sql.cli import main, script_commands
 from ss2sql.lowering.sql_builder import DIALECTS, DUCKDB
 from ss2sql.session.compiled_script import translate_script
 
@@ -153,3 +153,8 @@ def test_what_sqlglot_cannot_read_while_it_prints(cause: Exception | None, monke
     wanted = RecursionError if isinstance(cause, RecursionError) else TokenError
     with pytest.raises(wanted):
         DUCKDB.print_tree(exp.select("1"))
+
+
+def test_the_command_knows_the_dialects() -> None:
+    """It has their names by itself, since sqlglot takes long to load."""
+    assert tuple(DIALECTS) == script_commands.DIALECTS

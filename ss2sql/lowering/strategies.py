@@ -18,6 +18,8 @@ class Order:
     keyword: str
     queue: tuple[tuple[str, bool], ...]  # columns that sort the queue, True: descending; then the step's number
     promise: str  # what a user can rely on
+    next_step: str  # which one is taken next, in words
+    title: str  # its name in textbooks
     total: str | None = None  # the column with the total of the path, where steps have weights
 
 
@@ -38,12 +40,16 @@ DEPTH_FIRST = Order(
     "DEPTH FIRST",
     (("depth", True), ("step", False)),
     "Finds every path of a finite search; on an infinite one it may follow an endless path for ever.",
+    "the deepest first",
+    "depth first",
 )
 BREADTH_FIRST = Order(
     "breadth first",
     "BREADTH FIRST",
     (("step", False),),
     "Gives shorter paths before longer ones, and finds a path whenever there is one.",
+    "the oldest first",
+    "breadth first",
 )
 # Dijkstra 1959; with HEURISTIC, where a step waits at its cost plus the estimate, A* (Hart, Nilsson and Raphael 1968).
 UNIFORM_COST = Order(
@@ -51,6 +57,8 @@ UNIFORM_COST = Order(
     "COST",
     (("cost", False), ("step", False)),
     "Gives cheaper paths before more expensive ones; a heuristic that is a lower bound never changes the costs found.",
+    "the cheapest first",
+    "uniform cost",
     "cost",
 )
 MOST_LIKELY_FIRST = Order(
@@ -58,6 +66,8 @@ MOST_LIKELY_FIRST = Order(
     "PROBABILITY",
     (("likelihood", True), ("step", False)),
     "Gives likelier paths before less likely ones.",
+    "the likeliest first",
+    "most likely first",
     "likelihood",
 )
 GREEDY_BEST_FIRST = Order(
@@ -65,6 +75,8 @@ GREEDY_BEST_FIRST = Order(
     "HEURISTIC",
     (("rank", False), ("step", False)),
     "Goes on from the step with the smallest estimate; the paths that it finds need not be the cheapest.",
+    "the one with the smallest estimate first",
+    "greedy best-first",
 )
 
 TREE_SEARCH = RepeatRule("allowed", "", None, "enter", True, "Every path, cycles included.")

@@ -264,6 +264,7 @@ def _measure_prior_nesting(resolver: Resolver, tree: Any) -> int:
 
 # --- the options of CONNECT BY: their meaning for a search, and their contradictions
 ORDERS = tuple(order.upper() for order in get_args(plan.Order) if order != "greedy")
+WEIGHTS = ("COST", "PROBABILITY")
 REPEATS = ("NO CYCLE", "UNIQUE", "MEMORIZE")
 RULES: tuple[tuple[str, plan.Repeats], ...] = (("NO CYCLE", "no cycle"), ("UNIQUE", "unique"), ("MEMORIZE", "memorize"))
 
@@ -375,11 +376,11 @@ def _check_search_clauses(resolver: Resolver, options: dict[str, ast.Option]) ->
         for option in repeats[:-1]:
             reason = f"MEMORIZE already yields paths without a repeated row, so {option.keyword} does not go with it"
             _contradict(resolver, options["MEMORIZE"], option, reason, "keep one of them")
-        for word in ("DEPTH FIRST", "BREADTH FIRST"):
-            if word in options:
+        for word in ORDERS:
+            if word in options and word not in WEIGHTS:
                 reason = "MEMORIZE yields its paths shortest first, so it takes no order"
                 _contradict(resolver, options[word], options["MEMORIZE"], reason, f"leave {word} out")
-    for word in ("DEPTH FIRST", "BREADTH FIRST", "PROBABILITY", "MEMORIZE"):
+    for word in (*ORDERS, "MEMORIZE"):
         if "HEURISTIC" in options and "COST" not in options and word in options:
             reason = f"HEURISTIC without COST takes the smallest estimate first, so it does not go with {word}"
             hint = f"leave {word} out, or add COST expr, the cost of one step"

@@ -1,7 +1,7 @@
 """The table of operations: a row for each operator, built-in function and aggregate.
 
 The resolver reads types and arity, both engines and other databases read the forms, completion and documentation the
-texts. operation says what a row holds; argument_checks and intervals serve many rows; the rows stand in arithmetic,
+texts. operation says what a row holds and checks arguments; intervals serve many rows; the rows stand in arithmetic,
 comparison, numbers, strings, lists, dates, generic, aggregates, linked_paths and special_forms.
 """
 

@@ -10,7 +10,7 @@ from typing import Any
 from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.lowering.strategies import get_order, get_repeat_rule
+from ss2sql.lowering.strategies import BREADTH_FIRST, get_order, get_repeat_rule
 from ss2sql.results import count_words, cut_script
 
 
@@ -117,13 +117,6 @@ STAGES = {
     "shape": "rows become what AS asks for",
 }
 
-QUEUES = {
-    "depth first": "the deepest first",
-    "breadth first": "the oldest first",
-    "cost": "the cheapest first",
-    "probability": "the likeliest first",
-}
-
 
 def describe_search(query: plan.Query) -> dict[str, str]:
     """The strategy of a search: each of its keywords with its promise."""
@@ -139,7 +132,7 @@ def describe_search(query: plan.Query) -> dict[str, str]:
         found[guard.keyword] = f"{promise}, {'the cheapest' if search.order == 'cost' else 'the likeliest'} first"
     elif guard.keyword:
         found[guard.keyword] = _make_sentence_of_fact(guard.promise)
-    if search.heuristic is not None:
+    if search.heuristic is not None and search.order == "cost":
         found["HEURISTIC"] = "steps that seem closer to a goal are taken earlier (A*)"
     if search.maximum is not None:
         found["MAXIMUM"] = f"the search ends after so many results: {search.maximum.span.text or 'as given'}"
@@ -150,10 +143,10 @@ def describe_queue(query: plan.Query) -> str:
     """The step that is taken next from the queue."""
     search = query.search
     if search is None:
-        return "the oldest first"
-    if search.heuristic is not None:
+        return BREADTH_FIRST.next_step
+    if search.heuristic is not None and search.order == "cost":
         return "the one with the least cost and estimate together first"
-    return QUEUES[search.order]
+    return get_order(search).next_step
 
 
 def _make_sentence_of_fact(text: str) -> str:

@@ -11,6 +11,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.plan_traversal import find_growing_states
+from ss2sql.lowering.strategies import ORDERS
 from ss2sql.runtime.search.trace import Event, Trace
 
 if TYPE_CHECKING:
@@ -19,13 +20,7 @@ if TYPE_CHECKING:
 MOST_EVENTS = 10_000  # the default
 KEYWORDS = re.compile(r"\b(?:SELECT(?:\s+(?:LAST|DISTINCT))*|FROM|WHERE|START\s+WITH|STOP\s+WITH)\s*$", re.IGNORECASE)
 REPEATS = ("UNIQUE", "NO CYCLE", "MEMORIZE")
-STRATEGIES = {
-    "DEPTH FIRST": "depth first",
-    "BREADTH FIRST": "breadth first",
-    "COST": "uniform cost",
-    "PROBABILITY": "most likely first",
-    "HEURISTIC": "greedy best-first",
-}
+STRATEGIES = {order.keyword: order.title for order in ORDERS.values()}
 
 
 @dataclass(frozen=True, slots=True)

@@ -275,9 +275,9 @@ def _refuse_search(query: plan.Query, database: str) -> tuple[str, str, Span] | 
     if query.last or not search.plain:
         reason = "LAST, a condition, EACH, BY, ORDER SIBLINGS BY and greedy search go on from step to step"
         return reason, leave, query.span
-    if search.order == "depth first":
+    if search.order != "breadth first":
         return (
-            "DEPTH FIRST goes on from the last step",
+            f"{search.order.upper()} does not go level by level",
             "write BREADTH FIRST, or UNIQUE without DEPTH FIRST",
             query.span,
         )
