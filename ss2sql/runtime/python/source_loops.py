@@ -174,7 +174,6 @@ class SourceLoops:
         own_function = query.search is None and not inside and not owner.parameters
         self.alone = own_function and len(self.sources) == 1 and not any(self.lateral)
         self.items: dict[int, str] = {}  # by source: what is read once
-        self.ready: dict[int, ast.expr] = {}  # the same inside of other loops, where it has no name
         self.lookups: dict[int, list[Lookup]] = {}  # by source: what its loop looks up
         self.world_conditions: dict[int, list[WorldCondition]] = {}  # by source: what a world is told of conditions
         self.wanted: dict[int, str] = {}  # by source: the only column that is read of what its loop looks up
@@ -194,14 +193,11 @@ class SourceLoops:
     def read_constant_sources(self) -> None:
         """Reads what has to be read once."""
         for source, lateral in zip(self.sources, self.lateral, strict=True):
-            if not lateral:
-                if self.inside and isinstance(source, plan.TableSource):
+            if self.inside:  # it is read where its loop begins, after the conditions before it
+                if isinstance(source, plan.TableSource):
                     self.builder.codegen.tuples[source.id] = tuple(name for name, _ in source.columns)
-                    continue
+            elif not lateral:
                 build, items = self.builder.codegen.build_at(source.span), self._list_elements(source, self.owner)
-                if self.inside:
-                    self.ready[source.id] = items
-                    continue
                 name = self.items[source.id] = self.builder.codegen.new_name("items")
                 self.owner.emit(build.assign(name, items))
                 self.owner.locals.append(name)
@@ -319,7 +315,7 @@ class SourceLoops:
         elif isinstance(source, plan.TableSource) and self.inside and source.id in self.lookups:
             items = self._read_table(source, body)  # of which nothing but the index needs to stay
         else:
-            items = self.ready.get(source.id) or self._list_elements(source, body)
+            items = self._list_elements(source, body)
         if source.id in self.lookups:
             items = self._look_up_source(source, items, body)
         name = codegen.names[source.id] = codegen.new_name(source.name)
