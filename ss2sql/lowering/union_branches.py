@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 _ListSource = plan.ValueSource | plan.QuerySource
-MAX_MEMBERS = 8  # parts of a list that is asked for one of them
+MAX_MEMBERS = 8  # parts of a list of which one has to be equal
 
 
 def replace_elements_by_columns(query: plan.Query) -> tuple[plan.Query, Callable[[plan.Expr], plan.Expr] | None]:

@@ -222,7 +222,7 @@ class DuckSearch:
         self.search_run.flush()
 
     def _read_goals(self, depth: int) -> Iterator[Found]:
-        self.tables.run_statement(self.written.ways, depth=depth)
+        self.tables.run_statement(self.written.backpointers, depth=depth)
         for _, rows in groupby(self.tables.read_rows(self.written.paths), itemgetter(0)):
             path = [row[1:] for row in rows]
             (nth, *shown), before = path[-1], path[-2][1:] if len(path) > 1 else None

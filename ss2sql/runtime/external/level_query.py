@@ -132,15 +132,15 @@ class DuckLevelStatements(LevelStatements):
         """
         shown = join_column_names(*(f"steps.{name}" for name in self.shown))
         self.paths = f"""
-            SELECT ways.goal, steps.nth, {shown}
-            FROM ways
-            JOIN steps ON steps.step = ways.step
-            ORDER BY ways.goal, ways.distance DESC
+            SELECT backpointers.goal, steps.nth, {shown}
+            FROM backpointers
+            JOIN steps ON steps.step = backpointers.step
+            ORDER BY backpointers.goal, backpointers.distance DESC
         """
 
     # The steps on the paths from goals back to the start, by their numbers alone: rows may be large.
-    ways = """
-        CREATE OR REPLACE TABLE ways AS
+    backpointers = """
+        CREATE OR REPLACE TABLE backpointers AS
         WITH RECURSIVE walk(goal, step, previous, distance) AS (
           SELECT step, step, parent, 0 FROM steps WHERE depth = :depth AND goal
           UNION ALL
@@ -162,7 +162,7 @@ class DuckLevelStatements(LevelStatements):
     """
 
     def list_statements(self) -> Iterator[str]:
-        yield from (self.kept, self.counts, self.ways, self.paths)
+        yield from (self.kept, self.counts, self.backpointers, self.paths)
 
 
 class SparkLevelStatements(LevelStatements):

@@ -159,10 +159,10 @@ class FirstLevels:
 
     def trace_path(self, step: FirstStep, depth: int) -> list[FirstStep]:
         """The steps of the path to a step of a level."""
-        way = [step]
+        path = [step]
         for level in reversed(self.levels[: depth - 1]):
-            way.append(level[way[-1].place // MAX_ELEMENTS - 1])
-        return way[::-1]
+            path.append(level[path[-1].place // MAX_ELEMENTS - 1])
+        return path[::-1]
 
     def make_result(self, goal: FirstStep) -> Found:
         """The path to a goal that was just found, and the last part of its last step."""
@@ -213,9 +213,9 @@ class PythonSteps:
         """The columns that have the state after a step."""
         return {self.steps.own[-1]: self.list_known_values(begun)[-1]}
 
-    def collect_trail(self, way: Sequence[FirstStep]) -> list[Any]:
+    def collect_trail(self, path: Sequence[FirstStep]) -> list[Any]:
         """What NO CYCLE has of the rows of a path."""
-        keys = map(self.make_key, way)
+        keys = map(self.make_key, path)
         return [key if len(key) > 1 else key[0] for key in keys]
 
     def make_shown(self, begun: FirstStep) -> tuple[Any, ...]:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 TASKS_PER_CORE = 2  # of each level for each core where Python tries the steps, because some take longer than others
 TABLES = 16  # of rows, before they become one; to plan with each takes some milliseconds
 MAX_IN_ONE_PARTITION = 100_000  # steps of a level that are numbered in one partition, which takes a job less
-MAX_COLLECTED_GOALS = 10_000  # whose ways are looked up at once
+MAX_COLLECTED_GOALS = 10_000  # whose paths are looked up at once
 SECONDS = 0.1  # that a level may take here, where Spark takes about 0.3
 STEPS_PER_QUERY = 1_000  # steps that are looked up by naming them in a query
 
@@ -50,7 +50,7 @@ class SparkSearch:
         self.levels: dict[int, DataFrame] = {}
         self.met: DataFrame | None = None  # the rows of all levels, for UNIQUE
         self.tables = 0  # of which they are put together
-        # Steps on ways to goals, by level and number: their place, and what is shown of them.
+        # Steps on paths to goals, by level and number: their place, and what is shown of them.
         self.known: dict[tuple[int, int], tuple[int, Sequence[Any]]] = {}
 
     def find_results(self) -> Iterator[Found]:

@@ -62,7 +62,7 @@ NO_LIMITS = Limits()
 # --- the values of options and limits, checked when they are known
 _AT_LEAST = {
     "COST": "a negative cost would make longer paths ever cheaper",
-    "HEURISTIC": "what is left of the way costs at least 0, and HEURISTIC says no more than that",
+    "HEURISTIC": "what is left of the path costs at least 0, and HEURISTIC says no more than that",
 }
 
 

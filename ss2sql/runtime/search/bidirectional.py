@@ -63,7 +63,7 @@ def _build_regression(query: plan.Query) -> Regression:
     if is_volatile(query):
         raise _NotReversibleError("what it calls is volatile, so steps have to come in their order")
     if search.bound is None:
-        raise _NotReversibleError("MEMORIZE has no bound, so there is no half of the way")
+        raise _NotReversibleError("MEMORIZE has no bound, so there is no half of the path")
     steps = dict(search.connect)
     if len(steps) < len(search.connect):
         raise _NotReversibleError("CONNECT BY gives a variable two values")
@@ -248,7 +248,7 @@ class BackwardSearch:
         self.key = search_run.shapes.freeze_state
         self.depth = 0
         self.edges: dict[Hashable, list[tuple[int, int]]] = {}
-        self.met: set[Hashable] = set()  # on the way from the start
+        self.met: set[Hashable] = set()  # from the start
         goal = noted.goal(search_run.start)
         self.seen: set[Hashable] = {self.key(goal)}
         self.last: list[State] = [goal]

@@ -25,10 +25,10 @@ from ss2sql.runtime.search.search_run import UNREACHABLE, RowGraph
 
 CHECK_EVERY = 4096  # edges
 
-RemainingPath: TypeAlias = tuple[int, Any]  # an edge, and the way after it; None: it leads to a goal
+RemainingPath: TypeAlias = tuple[int, Any]  # an edge, and the path after it; None: it leads to a goal
 
-# Bound, path as edges, whether the path goes on; then its total, its last node, its place, and the way that is known to
-# give the bound. The first three differ always.
+# Bound, path as edges, whether the path goes on; then its total, its last node, its place, and the rest that is known
+# to give the bound. The first three differ always.
 QueueEntry: TypeAlias = tuple[Any, tuple[int, ...], bool, Any, int, KeyedBackpointer | None, RemainingPath | None]
 
 

@@ -256,7 +256,7 @@ class SearchState:
         return 0
 
     def closed(self, rank: Any, *row: Any) -> int:
-        """Whether the row was taken at a rank so good that no way through a step of this rank can be better."""
+        """Whether the row was taken at a rank so good that no path through a step of this rank can be better."""
         taken = self.taken.get(self._make_key(row))
         if taken is None or taken > rank:
             return 0
