@@ -169,9 +169,15 @@ class InlineCall:
         held = [operand.first for operand in self.operands if operand.first is not operand.again]
         names = {one.target.id for one in held if isinstance(one, ast.NamedExpr) and isinstance(one.target, ast.Name)}
         shared = any(isinstance(operand.first, ast.Name) and operand.first.id in names for operand in self.operands)
-        if order == sorted(order) or (len(held) < 2 and not shared):
+        # Where `type(x) is list and len(x) > i` ends early, i is still to be evaluated for the call.
+        head, joined, _ = test.partition(" and ")
+        skipped = bool(joined) and any(
+            operand.first is not operand.again and f"{{{index}}}" not in head
+            for index, operand in enumerate(self.operands)
+        )
+        if not skipped and (order == sorted(order) or (len(held) < 2 and not shared)):
             return []
-        early = self.operands[: max(order)]
+        early = self.operands if skipped else self.operands[: max(order)]
         return [self.build.compare(one.take_expr(), ast.Is(), one.again) for one in early if one.first is not one.again]
 
     # --- checks ----------------------------------------------------------------------------------------
