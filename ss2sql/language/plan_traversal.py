@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
+from itertools import chain
 from typing import Any, TypeAlias, TypeVar
 
 from ss2sql.errors import Span
@@ -144,6 +145,27 @@ def list_sources(node: Node) -> frozenset[int]:
 def list_inside(node: Node) -> frozenset[int]:
     """The numbers of the sources that the queries in a node bring along."""
     return frozenset(part.id for part in walk(node) if isinstance(part, plan.SOURCES))
+
+
+def reads_outside(query: plan.Query) -> bool:
+    """Whether a query reads rows or states around it."""
+    return bool(list_sources(query) - list_inside(query) or list_states(query))
+
+
+def list_columns_read(
+    nodes: Iterable[Node], source: int, columns: tuple[str, ...], whole: tuple[str, ...] | None = None
+) -> tuple[str, ...]:
+    """Those of a source's columns that the nodes read; `whole`, by default all, where they read its elements."""
+    read: set[str] = set()
+    for node in chain.from_iterable(map(walk, nodes)):
+        match node:
+            case plan.Eval():
+                return columns if whole is None else whole
+            case plan.Element(source=number) if number == source:
+                return columns if whole is None else whole
+            case plan.Column(source=number, name=name) if number == source:
+                read.add(name)
+    return tuple(name for name in columns if name in read)
 
 
 def list_states(node: Node) -> frozenset[tuple[int, str]]:

@@ -27,10 +27,10 @@ from ss2sql.language.plan_traversal import (
     can_fail,
     has_query,
     is_volatile,
-    list_inside,
     list_plan_functions,
     list_sources,
     list_states,
+    reads_outside,
     walk,
 )
 from ss2sql.lowering.sqlite_expressions import is_sql_constant
@@ -104,8 +104,7 @@ def is_worth_materializing(source: plan.Source, parts: Sequence[plan.Expr]) -> b
         case plan.ValueSource(value=value):
             return is_sql_constant(value) and (value.type.size or MIN_INDEXED_LENGTH) >= MIN_INDEXED_LENGTH
         case plan.QuerySource(query=query):  # of dicts SQL makes a table of its own
-            reads_others = not list_sources(query) <= list_inside(query) or list_states(query)
-            return query.representation.name != "dict" and not source.optional and not reads_others
+            return query.representation.name != "dict" and not source.optional and not reads_outside(query)
         case _:
             return False
 

@@ -12,7 +12,7 @@ from ss2sql.language.kinds import Kind, Type, is_flag
 from ss2sql.language.plan_traversal import can_fail, join_conditions, list_sources, list_states, split_and, walk_own
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import EvaluationOrder
-from ss2sql.lowering.from_clause import is_view, lower_numbered_rows, lower_sources
+from ss2sql.lowering.from_clause import FromItem, is_view, lower_numbered_rows, lower_sources
 from ss2sql.lowering.join import JoinBuilder
 from ss2sql.lowering.materialize import MaterializedTables, require_index
 from ss2sql.lowering.sql_builder import Node
@@ -63,30 +63,24 @@ class FlatLowering:
     def lower_from_and_where(self, query: plan.Query, scope: SqlScope, ordered: bool = True) -> JoinBuilder:
         """The product of the sources and its conditions; `ordered`: the order of the rows counts."""
         opened, inner = lower_sources(self, query.sources, scope)
-        if ordered and self._is_sorted_by_rows(query):
-            where = split_and(query.where)
-            for place, (part, source) in enumerate(zip(opened, query.sources, strict=True)):
-                if not part.order:
-                    own = _find_row_conditions(source, where)
-                    nodes = [self.expressions.lower_condition(condition, inner) for condition in own]
-                    opened[place] = lower_numbered_rows(part, source, query, nodes)
-                    where = tuple(condition for condition in where if condition not in own)
-            whole = join_conditions(plan.And, where, query.span) if where else None
-            query = replace(query, where=whole)
+        if ordered and _is_sorted_by_rows(query):
+            query = self._number_rows(query, opened, inner)
         tables = any(isinstance(source, plan.TableSource) for source in _find_all_sources(query))
         disabled = self.needs.disabled
         looks_up = self.copies is not None and "lookup" not in disabled
         levels = EvaluationOrder(query, "early" not in disabled, "hoist" not in disabled and not tables, looks_up)
         return JoinBuilder(self, query, opened, inner, levels)
 
-    def _is_sorted_by_rows(self, query: plan.Query) -> bool:
-        """Whether the numbers of rows are needed to sort a product: ties of ORDER BY, and tables found by an index.
-
-        A product of other sources is walked in its order.
-        """
-        sources = _find_all_sources(query)
-        found = len(sources) > 1 and any(isinstance(source, plan.TableSource) for source in sources)
-        return (bool(query.order) and not query.aggregated) or (found and (query.grouped or _is_sorted_product(query)))
+    def _number_rows(self, query: plan.Query, opened: list[FromItem], scope: SqlScope) -> plan.Query:
+        """Numbers the rows of those `opened` that nothing sorts; gives the query without conditions on these alone."""
+        where = split_and(query.where)
+        for place, (part, source) in enumerate(zip(opened, query.sources, strict=True)):
+            if not part.order:
+                own = _find_row_conditions(source, where)
+                nodes = [self.expressions.lower_condition(condition, scope) for condition in own]
+                opened[place] = lower_numbered_rows(part, source, query, nodes)
+                where = tuple(condition for condition in where if condition not in own)
+        return replace(query, where=join_conditions(plan.And, where, query.span) if where else None)
 
     def lower_order(self, query: plan.Query, flat: JoinBuilder) -> list[tuple[Node, bool]]:
         """The keys of ORDER BY, which SQL can sort, then those of the product's own order."""
@@ -271,6 +265,16 @@ class FlatLowering:
         for output, value in zip(query.columns, values, strict=True):
             arguments += [sql_builder.string(output.name), value]
         return sql_builder.call("collect_records", *arguments)
+
+
+def _is_sorted_by_rows(query: plan.Query) -> bool:
+    """Whether the numbers of rows are needed to sort a product: ties of ORDER BY, and tables found by an index.
+
+    A product of other sources is walked in its order.
+    """
+    sources = _find_all_sources(query)
+    found = len(sources) > 1 and any(isinstance(source, plan.TableSource) for source in sources)
+    return (bool(query.order) and not query.aggregated) or (found and (query.grouped or _is_sorted_product(query)))
 
 
 def _is_sorted_product(query: plan.Query) -> bool:

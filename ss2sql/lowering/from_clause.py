@@ -31,9 +31,10 @@ from ss2sql.language.plan_traversal import (
     can_fail,
     can_vary_with,
     has_query,
-    list_inside,
+    list_columns_read,
     list_sources,
     list_states,
+    reads_outside,
     walk,
 )
 from ss2sql.lowering import sql_builder
@@ -210,8 +211,7 @@ def lower_source(
                 return _lower_joined_query(selects, source, scope, siblings, search)
             lateral = can_vary_with(query, siblings, search)
             whole = search is not None
-            outside = list_sources(query) - list_inside(query) or list_states(query)
-            apart = not lateral and not (whole and outside)
+            apart = not lateral and not (whole and reads_outside(query))
             if apart and query.representation.name == "dict" and (not query.group or query.aggregated):
                 return _lower_derived_table(selects, source, scope, whole)
             return _lower_list_elements(
@@ -404,12 +404,10 @@ def lower_numbered_rows(
     (item,) = part.items
     label = item.alias_or_name
     if not isinstance(item, exp.Subquery):
-        nodes = [node for node in walk(query) if getattr(node, "source", None) == source.id] if query else []
-        whole = query is None or any(isinstance(node, plan.Element) for node in nodes)
-        names = {node.name for node in nodes if isinstance(node, plan.Column)}
-        columns = source.columns or ()
-        shown = [column for column in columns if whole or column[0] in names] or columns[:1]
-        read = [part.reader(plan.Column(source.id, name, kind, span=source.span)) for name, kind in shown]
+        kinds = dict(source.columns or ())
+        names = tuple(kinds) if query is None else list_columns_read((query,), source.id, tuple(kinds))
+        shown = names or tuple(kinds)[:1]
+        read = [part.reader(plan.Column(source.id, name, kinds[name], span=source.span)) for name in shown]
         found = (column for node in (*read, *part.conditions) for column in node.find_all(exp.Column))
         known = {column.name: column.copy() for column in found if column.table == label}  # without collations
         rows = sql_builder.select(

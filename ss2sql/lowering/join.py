@@ -23,7 +23,7 @@ from sqlglot import exp
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import can_fail, list_inside, list_parts, list_sources, list_states, split_and
+from ss2sql.language.plan_traversal import can_fail, list_parts, list_sources, reads_outside, split_and
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import (
     MIN_INDEXED_LENGTH,
@@ -107,8 +107,7 @@ class JoinBuilder:
         self.terms: list[Node] = []
         self.ordering: list[Node] = []  # terms that are there for the order of rows alone
         self.optional: set[str] = set()  # what is joined with LEFT JOIN
-        outside = list_sources(query) - list_inside(query) or list_states(query)
-        self.runs_again = bool(outside)  # for each row around the query
+        self.runs_again = reads_outside(query)  # for each row around it
         self.keeps = self.rows_sorted = False
         conditions = levels.split_where()
         if self._must_sort(conditions):

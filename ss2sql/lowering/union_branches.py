@@ -3,9 +3,9 @@
     SELECT this[1] FROM edges WHERE this[0] == 3        as if it were        SELECT dst FROM edges WHERE src == 3
 
 So `this[0]` costs no call of a function (0.2 us), and SQLite can look rows up by it, as by the parts of `x IN this`,
-which is `x IN [this[0], this[1]]`. It is done where the lists are
-known to have one length, for sources of searches, for those that stand alone, and in a join for those whose `this[0]`
-has to equal something: other lists are walked again and again, and a copy of the lists alone is the quickest to walk.
+which is `x IN [this[0], this[1]]`. It is done where the lists are known to have one length, for sources of searches,
+for those that stand alone, and in a join for those whose `this[0]` has to equal something: other lists are walked
+again and again, and a copy of the lists alone is the quickest to walk.
 
     SELECT this FROM [[a + 1, b], [a, b + 1]] ...      SELECT ..., search.a + 1, search.b FROM search WHERE ...
                                                        UNION ALL

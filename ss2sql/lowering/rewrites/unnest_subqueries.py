@@ -31,9 +31,8 @@ from ss2sql.language.plan_traversal import (
     is_column_query,
     is_exists,
     is_volatile,
-    list_inside,
     list_sources,
-    list_states,
+    reads_outside,
     rebuild_node,
     split_and,
     walk,
@@ -62,7 +61,7 @@ def unroll_rows(query: plan.Query, world: RewriteContext) -> list[plan.Expr] | N
     All elements and what is made of them must not fail: the query evaluates all, and what its rows are used
     for may stop early. A query that mentions nothing of the queries around it is left alone, for it is evaluated once.
     """
-    if not _is_plain_query(query) or not isinstance(query.sources[0], plan.ValueSource) or not _reads_outer_rows(query):
+    if not _is_plain_query(query) or not isinstance(query.sources[0], plan.ValueSource) or not reads_outside(query):
         return None
     source = query.sources[0]
     items = _list_elements(source.value, world)
@@ -183,7 +182,7 @@ def _rewrite_node(node: Any) -> Any:
         case plan.Call(
             function=plan.Function(name="in" | "not_in" as name, builtin=True),
             arguments=(item, plan.Subquery(query=inner)),
-        ) if is_column_query(inner) and _reads_outer_rows(inner) and not has_query(item) and not is_volatile(node):
+        ) if is_column_query(inner) and reads_outside(inner) and not has_query(item) and not is_volatile(node):
             column = inner.columns[0].expr
             equal = make_call("eq", column, item, span=node.span)
             found = replace(
@@ -199,7 +198,3 @@ def _rewrite_node(node: Any) -> Any:
             return make_call("ne" if name == "in" else "eq", question, make_constant(None, node.span), span=node.span)
         case _:
             return node
-
-
-def _reads_outer_rows(query: plan.Query) -> bool:
-    return bool(list_sources(query) - list_inside(query) or list_states(query))
