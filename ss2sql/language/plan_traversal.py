@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
 from itertools import chain
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeGuard, TypeVar
 
 from ss2sql.errors import Span
 from ss2sql.language import plan
@@ -231,6 +231,15 @@ def can_fail(node: Node) -> bool:
         or (isinstance(part, plan.Column) and not part.declared)
         for part in walk(node)
     )
+
+
+def is_array_call(node: Any) -> TypeGuard[plan.Call]:
+    return isinstance(node, plan.Call) and node.function.vectorized
+
+
+def has_array_calls(*nodes: Any) -> bool:
+    """Whether functions that take arrays are called in parts of a plan."""
+    return any(is_array_call(part) for node in nodes for part in walk(node))
 
 
 def list_plan_choices(call: plan.Call) -> tuple[plan.Expr, ...]:

@@ -10,19 +10,25 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeGuard, get_args
 
 import apsw
 
-from ss2sql.errors import Error, ExecutionError, SessionError, Stopped, UnsupportedError, require_package
+from ss2sql.errors import (
+    Error,
+    ExecutionError,
+    SessionError,
+    Stopped,
+    UnsupportedError,
+    note_place_on_exception,
+    require_package,
+)
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import can_move_world, walk
+from ss2sql.language.plan_traversal import can_move_world, has_array_calls, walk
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.lowering.sql_query import Parameter, Sql, SqlQuery
 from ss2sql.results.result import QueryResult, Status, explain_empty_result, explain_overestimates, find_notes
-from ss2sql.runtime.python import NativeQuery, compile_statement
 from ss2sql.runtime.representations.shape import PATH_FORMS, represent_starred_columns
-from ss2sql.runtime.run.array_calls import has_array_calls
 from ss2sql.runtime.run.option_checks import (
     check_count_value,
     check_option_word,
@@ -36,6 +42,7 @@ if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_query import DuckQuery
     from ss2sql.runtime.external.level_query import LevelQuery, TableEngine
     from ss2sql.runtime.external.predicate_pushdown import PredicatePushdown
+    from ss2sql.runtime.python import NativeQuery
     from ss2sql.session.host import SessionHost
 
 
@@ -96,6 +103,37 @@ def open_session_engine(name: str, session: Any = None, begun: Sequence[Run] = (
 
 
 _PACKAGES = {"duckdb": ("duckdb", "pyarrow"), "spark": ("pyspark", "pyarrow", "pandas")}
+
+
+# --- the Python engine, which is loaded when something asks for it: a query in SQLite does without
+def make_native_query(query: plan.Query, watched: bool = False) -> NativeQuery:
+    from ss2sql.runtime.python import NativeQuery
+
+    return NativeQuery(query, watched=watched)
+
+
+def compile_expression(
+    expr: plan.Expr, dispatch: Callable[[plan.Query], Callable[[Run], Any]] | None = None
+) -> Callable[[Run], Any]:
+    """A function of the run that computes an expression; `dispatch` gives those of the queries in it."""
+    match expr:
+        case plan.Constant(value=value):
+            return lambda run: value
+        case plan.Variable():
+            return partial(_read_variable, expr)
+    from ss2sql.runtime.python import compile_statement
+
+    return compile_statement(expr, dispatch)
+
+
+def _read_variable(variable: plan.Variable, run: Run) -> Any:
+    try:
+        return run.get_source(variable.name) if variable.frame else run.get_variable(variable.name)
+    except Error as error:
+        raise error.with_span(variable.span) from error.__cause__
+    except Exception as error:  # of an object of the user
+        note_place_on_exception(error, variable.name, [variable.span])
+        raise
 
 
 # --- one query that is ready to run on its engine
@@ -176,13 +214,13 @@ class CompiledQuery:
             self.refusal = error if self.required_engine or levels or sources else None
         self.lowering_seconds = time.perf_counter() - started
         if not (self.native or self.lowered or self.refusal):
-            self.native = NativeQuery(query)
+            self.native = make_native_query(query)
         self.bounded: SqlQuery | None = None
         self.by_value: SqlQuery | None = None
         self.plain = all(output.expr.type.is_only(SCALAR_KINDS) for output in query.columns)
         self.bindings: dict[int, tuple[plan.Expr, Callable[[Run], Any]]] = {}  # by the identities of the expressions
-        self.arguments = [compile_statement(expr) for expr in query.representation.arguments]
-        self.named = {name: compile_statement(expr) for name, expr in query.representation.named}
+        self.arguments = [compile_expression(expr) for expr in query.representation.arguments]
+        self.named = {name: compile_expression(expr) for name, expr in query.representation.named}
         self.moves = can_move_world(query)
         self.doubtful = any(_can_be_infinite(node) for node in walk(query) if isinstance(node, plan.TableSource))
         self.made = True
@@ -270,16 +308,16 @@ class CompiledQuery:
         if not (self.made and self.world.is_still_valid(run.get_source)):
             self._compile_query(run.get_source)
         if run.maximum is not None and self.lowered and self.wanted == "auto" and can_stop_early(self.query, True):
-            self.native, self.lowered, self.reason = NativeQuery(self.query), None, CUT_DEEP_DOWN
+            self.native, self.lowered, self.reason = make_native_query(self.query), None, CUT_DEEP_DOWN
         if run.maximum is not None and self.lowered and self.query.search and self.query.aggregated:
-            self.native, self.lowered, self.reason = NativeQuery(self.query), None, COUNTS_RESULTS
+            self.native, self.lowered, self.reason = make_native_query(self.query), None, COUNTS_RESULTS
         if self.refusal is not None:
             raise self.refusal
 
     def _read_native_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.native is not None
         if run.trace is not None:
-            return NativeQuery(self.query, watched=True).compute_rows(run, sink)
+            return make_native_query(self.query, watched=True).compute_rows(run, sink)
         return self.native.compute_rows(run, sink)
 
     def _read_database_rows(self, run: Run, sink: Rows) -> Rows:
@@ -337,7 +375,7 @@ class CompiledQuery:
         """SQL has given up: the native rows, or the native error. Calls that were made are not made again."""
         # The text of an exception is the user's own.
         reason = error.message if isinstance(error, Error) else f"a function raised {type(error).__name__}"
-        native = NativeQuery(self.query)
+        native = make_native_query(self.query)
         self.host.hand_over_calls(run)
         sink.clear_rows()
         if run.sink is not None:
@@ -351,7 +389,7 @@ class CompiledQuery:
         """What computes the value of a parameter; compiled once, 0.1 ms."""
         known = self.bindings.get(id(expr))
         if known is None:
-            known = self.bindings[id(expr)] = (expr, compile_statement(expr))
+            known = self.bindings[id(expr)] = (expr, compile_expression(expr))
         return known[1]
 
     def lower_for_run(self, run: Run | None) -> SqlQuery:

@@ -18,9 +18,8 @@ from ss2sql.language.kinds import ANY, NOTHING, Type, is_supertype, type_of
 from ss2sql.language.plan_traversal import list_plan_calls, walk
 from ss2sql.lowering.sql_query import Sql
 from ss2sql.results.result import OutlinedQuery, OutlinedStatement, Result, join_outlined_sql
-from ss2sql.runtime.python import compile_statement
 from ss2sql.runtime.run.run_state import Places, Run, Stats
-from ss2sql.session.compiled_query import OPTIONS, CompiledQuery, Engine, RunOptions
+from ss2sql.session.compiled_query import OPTIONS, CompiledQuery, Engine, RunOptions, compile_expression
 from ss2sql.session.variables import predict_variables
 
 if TYPE_CHECKING:
@@ -72,7 +71,7 @@ class CompiledStatement:
 
         if isinstance(expr, plan.Subquery):
             return compile_query(expr.query).find_located_answer, queries
-        return compile_statement(expr, lambda query: compile_query(query).compute_value), queries
+        return compile_expression(expr, lambda query: compile_query(query).compute_value), queries
 
     @property
     def is_query(self) -> bool:

@@ -30,7 +30,6 @@ from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.runtime import representations
 from ss2sql.runtime.representations.shape import Representations
-from ss2sql.runtime.run.call_memo import bind_function
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT
 from ss2sql.runtime.run.keyboard_interrupt import defer_keyboard_interrupt
 from ss2sql.runtime.run.option_checks import Limits
@@ -463,6 +462,8 @@ class SessionHost:
         if function.builtin:
             python = OPERATIONS[function.name].value or self.own.get_function(function.name)
             return run.sizes.wrap_function(function.name, python)
+        from ss2sql.runtime.run.call_memo import bind_function  # of the Python engine
+
         return bind_function(function, run, self._find_function, self.memo_limit)
 
     def hand_over_calls(self, run: Run) -> None:

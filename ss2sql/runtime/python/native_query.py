@@ -17,7 +17,7 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.cancellation import deepen_stack
 from ss2sql.language.kinds import ANY, SCALAR, Kind, Type
-from ss2sql.language.plan_traversal import has_constant_source, may_run_foreign_code, walk
+from ss2sql.language.plan_traversal import has_array_calls, has_constant_source, may_run_foreign_code, walk
 from ss2sql.language.rows import Rows, make_label
 from ss2sql.language.values import UNSET, format_value
 from ss2sql.runtime.python import flat_query
@@ -33,7 +33,6 @@ from ss2sql.runtime.python.codegen_context import (
 from ss2sql.runtime.python.python_expressions import generate_expression, get_group_key
 from ss2sql.runtime.python.query_execution import QueryExecution, get_value_function
 from ss2sql.runtime.python.source_loops import CallStages
-from ss2sql.runtime.run.array_calls import has_array_calls
 from ss2sql.runtime.run.call_memo import make_call_key, report_memo_counts
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, forget_older_half
 from ss2sql.runtime.run.error_locations import locate_in_script

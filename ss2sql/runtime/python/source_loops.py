@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, assert_never
 from ss2sql.errors import Stopped
 from ss2sql.language import plan
 from ss2sql.language.kinds import INT, Kind
-from ss2sql.language.plan_traversal import can_end_early, list_columns_read, split_and
+from ss2sql.language.plan_traversal import can_end_early, has_array_calls, list_columns_read, split_and
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.codegen_context import MAX_LOOPS, ExpressionFacts, PythonScope
@@ -37,7 +37,7 @@ from ss2sql.runtime.python.loop_helpers import (
 )
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
 from ss2sql.runtime.python.world_loops import WorldCondition, find_world_condition, generate_world_loop
-from ss2sql.runtime.run.array_calls import Guards, call_in_blocks, has_array_calls, list_guarded_calls
+from ss2sql.runtime.run.array_calls import Guards, call_in_blocks, list_guarded_calls
 from ss2sql.runtime.run.elements import list_elements_or_none, list_source_elements
 
 if TYPE_CHECKING:

@@ -43,6 +43,7 @@ from heapq import heappop, heappush
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language import plan
+from ss2sql.language.plan_traversal import has_array_calls
 from ss2sql.language.rows import Row
 from ss2sql.language.values import THAWERS, order_rows
 from ss2sql.runtime.python.ast_builder import generate_template, list_names_code_reads
@@ -58,7 +59,6 @@ from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions
 from ss2sql.runtime.python.step_clauses import StepClauses, StepForm
 from ss2sql.runtime.python.step_inlining import has_search_loop_code, inline_step_function
-from ss2sql.runtime.run.array_calls import has_array_calls
 from ss2sql.runtime.run.search_paths import (
     START,
     PathKeys,

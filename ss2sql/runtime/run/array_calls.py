@@ -14,13 +14,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice, starmap
 from marshal import dumps
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 from ss2sql.errors import Error, ExecutionError, Stopped
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
 from ss2sql.language.conversion import format_value
-from ss2sql.language.plan_traversal import list_parts, walk
+from ss2sql.language.plan_traversal import is_array_call, list_parts, walk
 from ss2sql.language.values import convert_value, copy_for_python
 from ss2sql.runtime.run.call_memory import FailedCall, forget_older_half
 from ss2sql.runtime.run.run_state import Run
@@ -41,15 +41,6 @@ T = TypeVar("T")
 
 
 # --- blocks --------------------------------------------------------------------------------------------
-
-
-def is_array_call(node: Any) -> TypeGuard[plan.Call]:
-    return isinstance(node, plan.Call) and node.function.vectorized
-
-
-def has_array_calls(*nodes: Any) -> bool:
-    """Whether functions that take arrays are called in parts of a plan."""
-    return any(is_array_call(part) for node in nodes for part in walk(node))
 
 
 def has_calls_without_arrays(*nodes: Any) -> bool:

@@ -27,7 +27,6 @@ from ss2sql.language.rows import Row, Rows, check_row_limit, iterate_limited_row
 from ss2sql.language.values import get_truth
 from ss2sql.lowering.sql_names import get_builtin_name
 from ss2sql.lowering.sql_query import BlobValue, Bookkeeping, ListTable, Parameter, SqlQuery
-from ss2sql.runtime.run.array_calls import make_row_call_function
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, CallMemo, forget_older_half
 from ss2sql.runtime.run.option_checks import check_cost, check_heuristic, check_probability
 from ss2sql.runtime.run.run_state import Run
@@ -213,6 +212,8 @@ class Database:
         """A function of the user; see function_callbacks.py."""
         memo = self.memos.setdefault(function.name, CallMemo(self.memo_limit))
         if function.vectorized:
+            from ss2sql.runtime.run.array_calls import make_row_call_function
+
             function = make_row_call_function(function)
         caller = self.sql_callbacks[function.name] = FunctionCallback(function, memo, self.stack)
         self.guard.add_scalar(sql_name, caller.call)
