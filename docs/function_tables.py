@@ -14,11 +14,9 @@ from ss2sql.language.operations import (
     OPERATOR_FUNCTIONS,
     Operation,
     aggregates,
-    dates,
     generic,
     lists,
     numbers,
-    special_forms,
     strings,
 )
 
@@ -28,9 +26,9 @@ GROUPS = {
     "aggregates": [row for row in (*lists.OPERATIONS, *aggregates.OPERATIONS) if row.group or row.collects],
     "numbers": numbers.OPERATIONS,
     "text": [row for row in strings.OPERATIONS if row.name not in OPERATOR_FUNCTIONS],
-    "anything": generic.OPERATIONS,
-    "dates": dates.OPERATIONS,
-    "session": special_forms.OPERATIONS,
+    "anything": generic.GENERIC,
+    "dates": generic.DATES,
+    "session": generic.SPECIAL_FORMS,
 }
 
 

@@ -26,7 +26,7 @@ from ss2sql.errors import Source, Span
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, type_of
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.operations.arithmetic import EXACT
+from ss2sql.language.operations.operators import EXACT
 from ss2sql.language.plan_traversal import can_fail, is_column_query, is_exists
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.sql_builder import Node

@@ -1,30 +1,19 @@
 """The table of operations: a row for each operator, built-in function and aggregate.
 
 The resolver reads types and arity, both engines and other databases read the forms, completion and documentation the
-texts. operation says what a row holds and checks arguments; intervals serve many rows; the rows stand in arithmetic,
-comparison, numbers, strings, lists, dates, generic, aggregates, linked_paths and special_forms.
+texts. operation says what a row holds and checks arguments; the rows stand in operators, numbers, strings, lists,
+generic and aggregates.
 """
 
 from __future__ import annotations
 
-from ss2sql.language.operations import (
-    aggregates,
-    arithmetic,
-    comparison,
-    dates,
-    generic,
-    linked_paths,
-    lists,
-    numbers,
-    special_forms,
-    strings,
-)
+from ss2sql.language.operations import aggregates, generic, lists, numbers, operators, strings
 from ss2sql.language.operations.operation import AggregateOperation as AggregateOperation
 from ss2sql.language.operations.operation import Check as Check
 from ss2sql.language.operations.operation import Form as Form
 from ss2sql.language.operations.operation import Operation as Operation
 
-MODULES = (arithmetic, comparison, lists, aggregates, numbers, strings, generic, dates, special_forms, linked_paths)
+MODULES = (operators, lists, aggregates, numbers, strings, generic)
 
 OPERATIONS: dict[str, Operation] = {row.name: row for page in MODULES for row in page.OPERATIONS}
 WRITTEN = {name: row for name, row in OPERATIONS.items() if " " not in name}  # the others are no names in scripts

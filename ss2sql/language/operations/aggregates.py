@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.language.cancellation import iterate_checked
 from ss2sql.language.conversion import CURES, check_arithmetic, format_value
-from ss2sql.language.kinds import FLOAT, NONE, NOTHING, Kind, Type, unite
-from ss2sql.language.operations.intervals import INTEGER, is_nonnegative
+from ss2sql.language.kinds import FLOAT, INTEGER, NONE, NOTHING, Kind, Type, Types, is_nonnegative, unite
 from ss2sql.language.operations.lists import LENGTH, are_not_lists, infer_length
 from ss2sql.language.operations.operation import (
     AggregateOperation,
     Check,
     Form,
     Operation,
-    Types,
     When,
     check_list,
     check_number,

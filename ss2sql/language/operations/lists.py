@@ -11,16 +11,27 @@ from ss2sql.errors import ExecutionError, suggest_names
 from ss2sql.language.cancellation import ITEMS_PER_CHECK, iterate_checked
 from ss2sql.language.conversion import format_value
 from ss2sql.language.element_columns import read_column
-from ss2sql.language.kinds import ANY, NONE, NOTHING, Kind, Type, make_list_type, unite
-from ss2sql.language.operations import intervals
-from ss2sql.language.operations.arithmetic import are_sql_integers
-from ss2sql.language.operations.intervals import INTEGER, are_comparable, bound_integers, make_numbers, make_text_type
+from ss2sql.language.kinds import (
+    ANY,
+    INTEGER,
+    NONE,
+    NOTHING,
+    Kind,
+    Type,
+    Types,
+    are_comparable,
+    bound_integers,
+    keep_lists,
+    make_list_type,
+    make_numbers,
+    make_text_type,
+    unite,
+)
 from ss2sql.language.operations.operation import (
     INTEGERS,
     AggregateOperation,
     Form,
     Operation,
-    Types,
     When,
     are_orderable,
     check_integer,
@@ -32,6 +43,7 @@ from ss2sql.language.operations.operation import (
     find_sql_class,
     misuse,
 )
+from ss2sql.language.operations.operators import are_sql_integers
 from ss2sql.language.values import (
     NUMBERS,
     SCALARS,
@@ -56,7 +68,7 @@ def are_not_lists(types: Types) -> bool:
 
 def keep_element_type(types: Types) -> Type:
     """The type of a list with the elements of the first argument."""
-    return intervals.keep_lists(types[0])
+    return keep_lists(types[0])
 
 
 # --- elements ------------------------------------------------------------------------------------------

@@ -9,22 +9,24 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import CURES, build_overflow_error, check_arithmetic, format_value
-from ss2sql.language.kinds import NOTHING, Kind, Type, unite
-from ss2sql.language.operations.arithmetic import FINITE, are_reals, are_sql_number_types, can_sign_fail, split_type
-from ss2sql.language.operations.intervals import (
+from ss2sql.language.kinds import (
     INTEGER,
+    NOTHING,
+    Kind,
+    Type,
+    Types,
     bound_floats,
-    fits,
+    fits_bounds,
     is_nonnegative,
     make_numbers,
     round_bounds,
+    unite,
 )
 from ss2sql.language.operations.operation import (
     INTEGERS,
     Check,
     Form,
     Operation,
-    Types,
     are_integers,
     are_numbers,
     are_orderable,
@@ -36,6 +38,7 @@ from ss2sql.language.operations.operation import (
     find_sql_class,
     misuse,
 )
+from ss2sql.language.operations.operators import FINITE, are_reals, are_sql_number_types, can_sign_fail, split_type
 from ss2sql.language.values import NUMBERS, compare_values
 
 HALF = 8e307  # the difference of two such numbers is finite
@@ -103,7 +106,7 @@ def infer_whole(kind: Type, compute: Callable[[float], int]) -> Type:
 
 
 def can_whole_fail(kind: Type, compute: Callable[[float], int]) -> bool:
-    return can_be_no_numbers([kind]) or not all(fits(Kind.INT, bounds) for bounds in round_bounds(kind, compute))
+    return can_be_no_numbers([kind]) or not all(fits_bounds(Kind.INT, bounds) for bounds in round_bounds(kind, compute))
 
 
 # --- roots, points -------------------------------------------------------------------------------------

@@ -25,7 +25,7 @@ from typing import Any, TypeAlias
 from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.conversion import format_value
-from ss2sql.language.kinds import ANY, NOTHING, Kind, Type, type_of, unite
+from ss2sql.language.kinds import ANY, NOTHING, Kind, Type, Types, type_of, unite
 from ss2sql.language.plan import Function, Volatility
 from ss2sql.language.values import NUMBERS
 
@@ -79,7 +79,6 @@ def check_string(function: str, value: Any) -> str:
 
 
 # --- a row of the table of operations
-Types: TypeAlias = Sequence[Type]
 When: TypeAlias = Callable[[Types], bool]
 
 

@@ -9,13 +9,11 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import format_value
-from ss2sql.language.kinds import BOOL, NOTHING, STR, UNENCODABLE, Kind, Type, unite
-from ss2sql.language.operations.intervals import make_text_type
+from ss2sql.language.kinds import BOOL, NOTHING, STR, UNENCODABLE, Kind, Type, Types, make_text_type, unite
 from ss2sql.language.operations.lists import LENGTH
 from ss2sql.language.operations.operation import (
     Form,
     Operation,
-    Types,
     check_list,
     check_string,
     declare,

@@ -21,8 +21,7 @@ from sqlglot import exp
 
 from ss2sql.errors import ExecutionError, SessionError
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type
-from ss2sql.language.operations.intervals import MAX, widen_number_type
+from ss2sql.language.kinds import INT_MAX, INT_MIN, MAX_FLOAT, Kind, Type, widen_number_type
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.portable.portable_expressions import write_cast
 from ss2sql.lowering.portable.pushdown import ExternalTable, choose_sql_number_column, quote_sql_identifier
@@ -116,7 +115,7 @@ class DuckColumn:
     @property
     def _limits(self) -> tuple[float, float]:
         """Between these are the numbers of the language."""
-        return (INT_MIN, INT_MAX) if self.holds is Kind.INT else (-MAX, MAX)
+        return (INT_MIN, INT_MAX) if self.holds is Kind.INT else (-MAX_FLOAT, MAX_FLOAT)
 
     def interpret_answers(self, rows: int, answers: Iterator[Any], reading: DuckTransaction) -> ColumnFacts:
         """What the answers say of the column in a table of so many rows."""

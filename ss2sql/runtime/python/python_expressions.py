@@ -27,7 +27,7 @@ from ss2sql.language.conversion import CURES, check_arithmetic
 from ss2sql.language.element_columns import read_column
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATIONS, PREDICATES, Check, Form
-from ss2sql.language.operations.arithmetic import SMALL
+from ss2sql.language.operations.operators import SMALL
 from ss2sql.language.plan_traversal import list_plan_choices
 from ss2sql.language.values import SCALARS, make_hashable
 from ss2sql.runtime.python.ast_builder import AstBuilder

@@ -19,8 +19,8 @@ from ss2sql.errors import ExecutionError
 from ss2sql.language.cancellation import ITEMS_PER_CHECK
 from ss2sql.language.conversion import DEPTH_LIMIT, build_depth_error
 from ss2sql.language.operations import OPERATIONS
-from ss2sql.language.operations.arithmetic import add_values
 from ss2sql.language.operations.lists import RANGE_LIMIT, make_range, zip_lists
+from ss2sql.language.operations.operators import add_values
 from ss2sql.language.operations.strings import join_list, replace_text
 from ss2sql.language.rows import build_row_limit_error
 

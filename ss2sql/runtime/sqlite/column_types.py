@@ -17,8 +17,7 @@ from typing import Any
 import apsw
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.kinds import Kind, Type
-from ss2sql.language.operations.intervals import widen_number_type
+from ss2sql.language.kinds import Kind, Type, widen_number_type
 
 _KINDS = {"null": Kind.NONE, "integer": Kind.INT, "real": Kind.FLOAT, "text": Kind.STR, "blob": Kind.OBJECT}
 NUMBER = Kind.INT | Kind.FLOAT

@@ -15,8 +15,7 @@ import numpy
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import convert_value
-from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type, type_of
-from ss2sql.language.operations.intervals import widen_number_type
+from ss2sql.language.kinds import INT_MAX, INT_MIN, Kind, Type, type_of, widen_number_type
 from ss2sql.vtables.frames import Column, Frame, name_frame_columns
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""`+ - * / % ^` and unary minus, of numbers; `+` joins strings and lists, too."""
+"""`+ - * / % ^` and unary minus, of numbers, where `+` joins strings and lists, too; comparisons and membership."""
 
 from __future__ import annotations
 
@@ -11,33 +11,41 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError
 from ss2sql.language.conversion import build_complex_error, build_overflow_error, check_arithmetic, format_value
-from ss2sql.language.kinds import INT_MIN, NOTHING, Kind, Type, unite
-from ss2sql.language.operations import intervals
-from ss2sql.language.operations.intervals import (
+from ss2sql.language.kinds import (
+    BOOL,
+    INT_MIN,
     INTEGER,
+    NOTHING,
+    Kind,
+    NumberOperation,
+    Type,
+    Types,
     apply_bounds,
+    are_comparable,
     bound_floats,
     bound_integers,
-    fits,
+    fits_bounds,
     is_nonnegative,
     keep_lists,
     make_numbers,
     make_text_type,
+    unite,
 )
 from ss2sql.language.operations.operation import (
     INTEGERS,
     Check,
     Form,
     Operation,
-    Types,
     When,
     are_integers,
     are_numbers,
+    are_orderable,
     declare,
     each,
     exactly,
+    have_one_sql_class,
 )
-from ss2sql.language.values import NUMBERS
+from ss2sql.language.values import NUMBERS, find_ordering_pair, has_dict_key, make_dict_key
 
 TIMES = (date, timedelta)
 EXACT = 2**53  # integers up to here are exact as floats
@@ -122,7 +130,7 @@ def _are_numbers(types: Types) -> bool:
 # --- sums and products ---------------------------------------------------------------------------------
 
 
-def _make_operator(name: str, symbol: str, compute: intervals.Operation, about: str, example: str) -> Operation:
+def _make_operator(name: str, symbol: str, compute: NumberOperation, about: str, example: str) -> Operation:
     """The row of an operator that is monotonic, so that its extremes lie at the ends of the intervals."""
 
     def infer_type(types: Types) -> Type:
@@ -130,7 +138,9 @@ def _make_operator(name: str, symbol: str, compute: intervals.Operation, about: 
         return unite((times, *(make_numbers(kind, corners) for kind, corners in apply_bounds(compute, types))))
 
     def can_fail(types: Types) -> bool:
-        return not _are_numbers(types) or not all(fits(kind, corners) for kind, corners in apply_bounds(compute, types))
+        return not _are_numbers(types) or not all(
+            fits_bounds(kind, corners) for kind, corners in apply_bounds(compute, types)
+        )
 
     text = f"{{0}} {symbol} {{1}}"
     return declare(
@@ -312,7 +322,7 @@ def _bound_powers(types: Types) -> list[tuple[Kind, list[float]]] | None:
 
 def _can_power_fail(types: Types) -> bool:
     bounds = _bound_powers(types) if _are_numbers(types) else None
-    return bounds is None or not all(fits(kind, corners) for kind, corners in bounds)
+    return bounds is None or not all(fits_bounds(kind, corners) for kind, corners in bounds)
 
 
 def _match_power(count: int, base: When) -> When:
@@ -328,7 +338,7 @@ def _write_product(count: int) -> str:
     return " * ".join(["{0}"] * count)
 
 
-OPERATIONS = (
+ARITHMETIC = (
     _declare_addition(),
     _make_operator("sub", "-", operator.sub, "a - b: the difference", "5 - 7"),
     _make_operator("mul", "*", operator.mul, "a * b: the product", "1.5 * 4"),
@@ -389,3 +399,87 @@ OPERATIONS = (
         portable=(Form("-{0}", are_sql_integers), Form("{0} * cast(-1 AS DOUBLE)", exactly(Kind.FLOAT))),
     ),
 )  # fmt: skip
+
+
+# --- comparisons and membership: `== != < <= > >= IN NOT IN`; all give a bool
+def _declare_equality(name: str, symbol: str, negated: str, about: str, example: str) -> Operation:
+    """The row of `==` or `!=`, for any two values; the SQL compiler has code of its own for handles and worlds."""
+    values: dict[str, Callable[[Any, Any], bool]] = {
+        "eq": lambda left, right: bool(left == right),
+        "ne": lambda left, right: not left == right,  # noqa: SIM201 - an object may have no !=
+    }
+    return declare(
+        name, 2, values[name], BOOL, False,
+        symbol=symbol, call=f"a {symbol} b", about=about, example=example, cheap=True, negated=negated,
+        python=(Form(f"{{0}} {symbol} {{1}}"),), by_hand=frozenset({"sqlite", "portable"}),
+    )  # fmt: skip
+
+
+def _make_order(name: str, symbol: str, compute: Callable[[Any, Any], bool], negated: str, example: str) -> Operation:
+    """The row of `< <= > >=`, within numbers, within strings and within lists."""
+
+    def compare_order(left: Any, right: Any) -> bool:
+        return compute(*find_ordering_pair(left, right, symbol))
+
+    compare_order.__name__ = name
+    text = f"{{0}} {symbol} {{1}}"
+    return declare(
+        name, 2, compare_order, BOOL, lambda types: not are_comparable(*types),
+        symbol=symbol, call=f"a {symbol} b", about=f"a {symbol} b", example=example, cheap=True,
+        negated=negated,
+        sqlite=(Form(text, have_one_sql_class, Check.NOT_NULL),),  # None has no order
+        python=(Form(text, are_orderable), Form(text, can_be_numbers, Check.NUMBERS)),
+        portable=(Form(text, _are_ordered_types),),
+    )  # fmt: skip
+
+
+def _are_ordered_types(types: Types) -> bool:
+    return any(exactly(kind)(types) for kind in (Kind.STR, Kind.INT, Kind.FLOAT)) or are_sql_number_types(types)
+
+
+def contains_element(item: Any, container: Any) -> bool:
+    """An element of a list, a key of a dict, a part of a string."""
+    kind = type(container)
+    if kind is list:
+        return item in container
+    if kind is dict:
+        return has_dict_key(container, make_dict_key(item))
+    if kind is str and type(item) is str:
+        return item in container
+    hint = "IN looks for a string in a string, an element in a list or a key in a dict"
+    raise ExecutionError("X001", f"cannot look for {format_value(item)} in {format_value(container)}", hints=(hint,))
+
+
+def _compute_not_in(item: Any, container: Any) -> bool:
+    return not contains_element(item, container)
+
+
+def _declare_membership(
+    name: str, symbol: str, value: Callable[..., bool], negated: str, text: str, **others: str
+) -> Operation:
+    return declare(
+        name, 2, value, BOOL, lambda types: not types[1].is_only(Kind.LIST | Kind.DICT) and not each(Kind.STR)(types),
+        symbol=symbol, call=f"a {symbol} b", negated=negated,
+        python=(Form(text, lambda types: types[1].is_only(Kind.LIST) or each(Kind.STR)(types)),),
+        by_hand=frozenset({"sqlite", "portable"}),  # lists are written out, walked or packed
+        **others,
+    )  # fmt: skip
+
+
+COMPARISONS = (
+    _make_order("lt", "<", operator.lt, "ge", "[1 < 2, 'a' < 'B', [1, 2] < [1, 3]]"),
+    _make_order("le", "<=", operator.le, "gt", "2 <= 2"),
+    _declare_equality("eq", "==", "ne", "a == b: whether the values are equal", "[1 == 1.0, [1] == [1.0], '1' == 1]"),
+    _declare_equality("ne", "!=", "eq", "a != b: whether the values differ", "None != 0"),
+    _make_order("ge", ">=", operator.ge, "lt", "1 >= 2"),
+    _make_order("gt", ">", operator.gt, "le", "'b' > 'a'"),
+    _declare_membership(
+        "in", "IN", contains_element, "not_in", "{0} in {1}",
+        about="a IN b: b is a list, a dict or a string", example="[2 IN [1, 2], 'b' IN 'abc']",
+    ),
+    _declare_membership(
+        "not_in", "NOT IN", _compute_not_in, "in", "{0} not in {1}", about="a NOT IN b", example="3 NOT IN [1, 2]"
+    ),
+)  # fmt: skip
+
+OPERATIONS = (*ARITHMETIC, *COMPARISONS)
