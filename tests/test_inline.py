@@ -14,8 +14,8 @@ from purity_samples import Load, load
 from sessions import both
 
 import ss2sql
-from ss2sql.frontend.inlining.function_bodies import translate_function_body
-from ss2sql.frontend.inlining.substitution import FunctionBody
+from ss2sql.frontend.inlining import translate_function_body
+from ss2sql.frontend.user_functions import FunctionBody
 
 __all__ = ["load"]  # the fixture
 WALL = 4

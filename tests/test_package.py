@@ -137,7 +137,7 @@ PARTS = {  # of what is loaded, and what nothing of it is needed for
     "sqlglot numpy sqlite3 hashlib difflib importlib.resources ss2sql.lowering.lower ss2sql.lowering.sql_builder": 2,
     "ss2sql.runtime.search ss2sql.runtime.python.search_compiler ss2sql.runtime.graph_cache": 4,
     "ss2sql.runtime.external ss2sql.bench ss2sql.scenes ss2sql.shell ss2sql.cli lark numpy": 4,
-    "ss2sql.frontend.volatility.inference ss2sql.frontend.inlining.function_bodies ss2sql.results.show": 4,
+    "ss2sql.frontend.volatility.inference ss2sql.frontend.inlining ss2sql.results.show": 4,
     "ss2sql.frontend.syntax.syntax_errors": 4,
     "ss2sql.vtables.reading ss2sql.vtables.schema ss2sql.vtables.attached_worlds": 4,
     "ss2sql.runtime.sqlite.virtual_table": 4,

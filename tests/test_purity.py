@@ -23,7 +23,7 @@ import pytest
 from purity_samples import Load, load
 from sessions import samples
 
-from ss2sql.frontend.volatility import Purity, infer_purity, name_bindings
+from ss2sql.frontend.volatility import Purity, function_names, infer_purity
 
 __all__ = ["load"]  # the fixture
 IMMUTABLE = samples("immutable")
@@ -180,8 +180,8 @@ def logged_length(value: list[object]) -> int:
 def test_what_was_replaced_before_it_was_looked_at_is_not_known() -> None:
     module = ModuleType("other")
     vars(module)["length"] = logged_length
-    name_bindings._declare_pure(module, "length")
-    assert name_bindings.find_known_pure(logged_length) is None
+    function_names._declare_pure(module, "length")
+    assert function_names.find_known_pure(logged_length) is None
 
 
 def test_what_is_replaced_is_noticed(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:

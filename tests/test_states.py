@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from programs.drawn import amount, drawn
 
 import ss2sql
-from ss2sql.frontend.resolve.state_types import STEPS
+from ss2sql.frontend.resolve.search_clauses import STEPS
 from ss2sql.language.kinds import Kind, Type, is_supertype, type_of
 from ss2sql.language.plan_traversal import format_type
 

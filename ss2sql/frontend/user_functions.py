@@ -7,17 +7,28 @@ by the function's name.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from inspect import isasyncgenfunction, iscoroutinefunction
 from typing import Any
 
 from ss2sql.errors import SessionError
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.frontend.inlining.substitution import FunctionBody
+from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.tokenizer import RESERVED as RESERVED_WORDS
 from ss2sql.language import plan
 from ss2sql.language.operations import OPERATIONS
+
+
+@dataclass(frozen=True, slots=True)
+class FunctionBody:
+    """A function as an expression of its parameters."""
+
+    parameters: tuple[str, ...]
+    defaults: Mapping[str, ast.Literal]  # values of parameters that a call may leave out
+    tree: ast.Expr
+    text: str  # the expression as Python writes it
+    uses: frozenset[str]  # the built-in functions in it
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +134,7 @@ def _find_inlinable_body(
         return "stands in for a built-in function"
     if has_inverse or vectorized:
         return "has an inverse" if has_inverse else "takes arrays"
-    from ss2sql.frontend.inlining.function_bodies import translate_function_body
+    from ss2sql.frontend.inlining import translate_function_body
 
     return translate_function_body(function)
 

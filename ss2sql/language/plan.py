@@ -133,7 +133,7 @@ class Function:
     raises: bool = True  # False only if the call cannot fail
     reason: str = field(default="", compare=False)  # explains the volatility
     parameters: tuple[str, ...] = field(default=(), compare=False)
-    body: Any = field(default=None, compare=False, repr=False)  # see frontend/inlining/function_bodies.py
+    body: Any = field(default=None, compare=False, repr=False)  # see frontend/inlining.py
     vectorized: bool = field(default=False, compare=False)  # takes arrays
     of_world: str = field(default="", compare=False)  # its name in scripts, if a world brings it
     has_inverse: bool = field(default=False, compare=False)  # was registered with an inverse

@@ -195,7 +195,7 @@ def _resolve_type_again(resolver: Resolver, expr: plan.Expr) -> plan.Expr:
         case plan.Call(function=function, arguments=arguments) if function.builtin:
             return resolver.make_call(function.name, arguments, expr.span, expr.place)
         case plan.Call():
-            return resolver.inliner.refine_type(expr)
+            return resolver.refine_call(expr)
         case plan.If():
             return replace(expr, type=unite((expr.then[-1].type, expr.otherwise[-1].type)))
         case plan.MakeList(items=items):

@@ -23,11 +23,11 @@ from ss2sql.frontend.resolve.scope import (
 )
 from ss2sql.frontend.resolve.search_clauses import (
     add_path_variables,
+    infer_state_types,
     resolve_outside,
     resolve_search_options,
     resolve_without_path,
 )
-from ss2sql.frontend.resolve.state_types import infer_state_types
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.tokenizer import shorten_text
 from ss2sql.frontend.syntax.tree_builder import OPERATORS

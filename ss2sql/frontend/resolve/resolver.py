@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any, assert_never
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names, suggest_similar
 from ss2sql.frontend.resolve.grouping import (
@@ -49,6 +50,9 @@ from ss2sql.language.kinds import ANY, BOOL, NONE, Kind, Type, make_list_type, t
 from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.language.plan_traversal import is_volatile, walk
 
+if TYPE_CHECKING:
+    from ss2sql.frontend.inlining import Inliner
+
 AGGREGATE_HINT = "it works on a list: {query}, or on the groups of a GROUP BY"
 
 
@@ -80,8 +84,6 @@ class Resolver:
     """The state of one resolution: the errors so far, and what the current statement relies on."""
 
     def __init__(self, catalog: Catalog, base: int = 0) -> None:
-        from ss2sql.frontend.inlining.substitution import Inliner  # which resolves bodies of functions
-
         self.catalog = catalog
         self.errors: list[ResolveError] = []
         self.parameters: dict[str, None] = {}
@@ -92,7 +94,21 @@ class Resolver:
         self.tables: dict[int, plan.TableSource | plan.WorldSource] = {}
         self.tentative = False
         self.numbers = base
-        self.inliner = Inliner()
+
+    @cached_property
+    def inliner(self) -> Inliner:
+        """What replaces calls of functions whose bodies are known; most scripts have none."""
+        from ss2sql.frontend.inlining import Inliner
+
+        return Inliner()
+
+    def refine_call(self, call: plan.Call, scope: Scope | None = None) -> plan.Call:
+        """The call with the type of the expression that its function computes, where that is known."""
+        if call.function.body is None:
+            return call
+        for level in scope.list_outwards() if scope else ():
+            self.inliner.sources.update((source.id, source) for source in level.sources)
+        return self.inliner.refine_type(call)
 
     def make_number(self) -> int:
         """A new number for a source or query, larger than all that are visible."""
@@ -401,9 +417,7 @@ class Resolver:
         if is_resolved_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may_be(Kind.LIST):
             hint = AGGREGATE_HINT.format(query=suggest_row_query(tree, scope))
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
-        for level in scope.list_outwards() if scope else ():
-            self.inliner.sources.update((source.id, source) for source in level.sources)
-        return self.inliner.refine_type(self.make_call(name, arguments, span, span))
+        return self.refine_call(self.make_call(name, arguments, span, span), scope)
 
     def resolve_element_call(self, name: str, source: plan.Source, scope: Scope | None, span: Span) -> plan.Expr | None:
         """`source.name`, where the elements are objects without columns, perhaps those of a world."""

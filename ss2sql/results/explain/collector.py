@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import apsw
 
-from ss2sql.frontend.inlining.substitution import FunctionBody, InlinedCall
-from ss2sql.frontend.user_functions import UserFunction
+from ss2sql.frontend.inlining import InlinedCall
+from ss2sql.frontend.user_functions import FunctionBody, UserFunction
 from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.plan_traversal import list_plan_functions, walk
