@@ -121,8 +121,7 @@ def substitute_element(expr: Any, source: int, item: plan.Expr, world: RewriteCo
 
 # --- `unnest`: a nested query over a known list, which only tests its elements, becomes conditions
 def unnest_subqueries(query: plan.Query, world: RewriteContext) -> plan.Query:
-    nested = any(isinstance(node, (plan.Subquery, plan.Eval)) for node in walk(query))
-    if not nested or not COMPARISONS.isdisjoint(world.replaced):
+    if not COMPARISONS.isdisjoint(world.replaced):
         return query
     rewritten = rewrite_bottom_up(query, lambda node: _unnest_node(node, world))
     if _can_assign(rewritten, {*world.lists, *world.types}):
