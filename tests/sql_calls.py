@@ -6,8 +6,7 @@ import re
 from typing import Any
 
 import ss2sql
-from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS
-from ss2sql.lowering.sql_query import Sql
+from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS, Sql
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.sqlite.executor import SqliteExecution, _encode_parameter
 

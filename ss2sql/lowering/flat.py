@@ -14,11 +14,10 @@ from ss2sql.lowering import sql_builder
 from ss2sql.lowering.evaluation_order import EvaluationOrder
 from ss2sql.lowering.from_clause import FromItem, is_view, lower_numbered_rows, lower_sources
 from ss2sql.lowering.join import JoinBuilder
-from ss2sql.lowering.materialize import MaterializedTables, require_index
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import choose_sql_names
+from ss2sql.lowering.sql_query import choose_sql_names
 from ss2sql.lowering.sqlite_expressions import ExpressionLowering, SqlScope
-from ss2sql.lowering.statement_needs import StatementNeeds
+from ss2sql.lowering.statement_needs import MaterializedTables, StatementNeeds, require_index
 
 COLLECTORS = {
     "list": "collect",

@@ -38,12 +38,11 @@ from ss2sql.language.plan_traversal import (
     walk,
 )
 from ss2sql.lowering import sql_builder
-from ss2sql.lowering.materialize import add_sql_row_numbers, build_materialized_cte, sort_sql_by_row_number
 from ss2sql.lowering.search_step import find_certain_parts
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import ROW_NUMBER, choose_free_name, choose_sql_names
-from ss2sql.lowering.sql_query import ElementCall, ListTable
+from ss2sql.lowering.sql_query import ROW_NUMBER, ElementCall, ListTable, choose_free_name, choose_sql_names
 from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
+from ss2sql.lowering.statement_needs import add_sql_row_numbers, build_materialized_cte, sort_sql_by_row_number
 
 if TYPE_CHECKING:
     from ss2sql.lowering.flat import FlatLowering

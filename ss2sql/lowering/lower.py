@@ -11,13 +11,12 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, is_flag
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering, can_sort_in_sql
-from ss2sql.lowering.materialize import MaterializedTables
 from ss2sql.lowering.search import EagerSearch
 from ss2sql.lowering.sql_builder import SQLITE, Dialect
 from ss2sql.lowering.sql_query import Bookkeeping, SqlQuery
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.sqlite_forms import strip_numeric_affinity
-from ss2sql.lowering.statement_needs import StatementNeeds
+from ss2sql.lowering.statement_needs import MaterializedTables, StatementNeeds
 from ss2sql.lowering.union_branches import replace_elements_by_columns
 from ss2sql.lowering.unsupported import check_supported
 

@@ -26,7 +26,10 @@ from ss2sql.language.plan_traversal import list_sources, rebuild_node, walk
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering
 from ss2sql.lowering.from_clause import FromItem, lower_sources
-from ss2sql.lowering.materialize import (
+from ss2sql.lowering.sql_builder import Node
+from ss2sql.lowering.sql_query import ROW_NUMBER, choose_free_name, choose_sql_names
+from ss2sql.lowering.sqlite_expressions import SqlScope
+from ss2sql.lowering.statement_needs import (
     find_equalities,
     find_equality_columns,
     find_labels,
@@ -34,9 +37,6 @@ from ss2sql.lowering.materialize import (
     require_sql_index_order,
     sort_sql_by_row_number,
 )
-from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import ROW_NUMBER, choose_free_name, choose_sql_names
-from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.strategies import get_order, get_repeat_rule
 from ss2sql.lowering.union_branches import find_union_branches, lower_parts_as_list
 

@@ -32,8 +32,7 @@ from ss2sql.lowering.search_step import (
     split_stop_conditions,
 )
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import choose_free_name
-from ss2sql.lowering.sql_query import Bookkeeping, StepCounting
+from ss2sql.lowering.sql_query import Bookkeeping, StepCounting, choose_free_name
 from ss2sql.lowering.sqlite_expressions import SqlScope
 
 MAX_WEIGHT = 2**40  # costs up to here do not add up to 64 bits: 2^23 steps on one path would be needed

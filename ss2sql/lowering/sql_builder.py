@@ -15,7 +15,7 @@ from sqlglot.generator import Generator
 
 from ss2sql.errors.exceptions import CONTROL_CHARACTERS
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS, strip_sql_unwritable
+from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS, strip_sql_unwritable
 
 Node: TypeAlias = exp.Expr
 

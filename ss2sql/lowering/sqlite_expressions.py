@@ -34,7 +34,7 @@ from ss2sql.language.plan_traversal import can_fail, has_constant_source, list_i
 from ss2sql.lowering import sql_builder, sqlite_forms
 from ss2sql.lowering.equality import SPECIAL_OPERATIONS
 from ss2sql.lowering.sql_builder import Node
-from ss2sql.lowering.sql_names import get_builtin_name
+from ss2sql.lowering.sql_query import get_builtin_name
 from ss2sql.lowering.statement_needs import StatementNeeds
 
 _EXTREMES: dict[str, type[exp.AggFunc]] = {"max": exp.Max, "min": exp.Min}

@@ -30,7 +30,7 @@ from ss2sql.language.operations.operation import find_sql_class
 from ss2sql.language.plan_traversal import is_volatile, list_plan_choices
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.sql_builder import Node, WithoutAffinity
-from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS
+from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS
 
 if TYPE_CHECKING:
     from ss2sql.lowering.sqlite_expressions import ExpressionLowering, SqlScope

@@ -20,8 +20,7 @@ from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering
 from ss2sql.lowering.from_clause import lower_sources
 from ss2sql.lowering.sql_builder import SQLITE
-from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS, can_be_literal
-from ss2sql.lowering.sql_query import Parameter
+from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS, Parameter, can_be_literal
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.sqlite_forms import strip_numeric_affinity
 from ss2sql.lowering.statement_needs import StatementNeeds

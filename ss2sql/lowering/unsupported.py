@@ -16,7 +16,7 @@ from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import GROUPS
 from ss2sql.language.plan_traversal import list_sources, list_states, walk, walk_own
 from ss2sql.lowering.flat import has_one_form, is_sortable
-from ss2sql.lowering.sql_names import can_be_literal
+from ss2sql.lowering.sql_query import can_be_literal
 from ss2sql.lowering.strategies import REPEAT_RULES
 
 LANGUAGE_REPRESENTATIONS = ("dict", "list", "rows", "value", "set", "void")

@@ -32,7 +32,7 @@ from ss2sql.lowering.portable.portable_expressions import (
     lower_constant,
     write_cast,
 )
-from ss2sql.lowering.sql_names import choose_free_name
+from ss2sql.lowering.sql_query import choose_free_name
 from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
 
 PLAIN_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")

@@ -25,8 +25,7 @@ from ss2sql.language.operations import PREDICATES
 from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row, Rows, check_row_limit, iterate_limited_rows
 from ss2sql.language.values import get_truth
-from ss2sql.lowering.sql_names import get_builtin_name
-from ss2sql.lowering.sql_query import BlobValue, Bookkeeping, ListTable, Parameter, SqlQuery
+from ss2sql.lowering.sql_query import BlobValue, Bookkeeping, ListTable, Parameter, SqlQuery, get_builtin_name
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, CallMemo, forget_older_half
 from ss2sql.runtime.run.option_checks import check_cost, check_heuristic, check_probability
 from ss2sql.runtime.run.run_state import Run

@@ -15,7 +15,7 @@ from ss2sql.errors import Error, Stopped, note_place_on_exception
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
 from ss2sql.language.operations import GROUPS, OPERATIONS
-from ss2sql.lowering.sql_names import SQLITE_FUNCTIONS
+from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS
 from ss2sql.runtime.run.call_memory import CallMemo, FailedCall
 from ss2sql.runtime.sqlite.interning import Interning, OtherFormError
 from ss2sql.runtime.sqlite.list_elements import ElementColumns, build_callback_columns

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import apsw
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.lowering.sql_names import choose_sql_names, quote_names
-from ss2sql.lowering.sql_query import ElementCall, ListTable
+from ss2sql.lowering.sql_query import ElementCall, ListTable, choose_sql_names, quote_names
 from ss2sql.runtime.run.call_memory import UNAMBIGUOUS_TYPES, forget_older_half
 
 if TYPE_CHECKING:

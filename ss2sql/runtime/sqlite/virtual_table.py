@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import apsw
 
 from ss2sql.language.kinds import Kind
-from ss2sql.lowering.sql_names import ROW_NUMBER, choose_sql_names, quote_names
+from ss2sql.lowering.sql_query import ROW_NUMBER, choose_sql_names, quote_names
 from ss2sql.runtime.sqlite.interning import Interning
 from ss2sql.vtables.reading import NOTHING, Reading
 from ss2sql.vtables.schema import world_error
