@@ -10,7 +10,7 @@ from typing import Any
 import lark
 from lark import Lark, Token, Tree
 
-from ss2sql.frontend.syntax.parse_table import GRAMMAR
+from ss2sql.frontend.syntax.parser import GRAMMAR
 
 NOTATION = Path(lark.__file__).parent / "grammars" / "lark.lark"  # lark's own syntax
 WIDTH = 96

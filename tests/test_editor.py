@@ -20,8 +20,7 @@ from ss2sql.editor.lexer import SelectScriptLexer
 from ss2sql.errors import ParseError, Source
 from ss2sql.frontend.syntax import ast, tokenizer
 from ss2sql.frontend.syntax.parse_failure import PAIRS
-from ss2sql.frontend.syntax.parse_table import GRAMMAR, load_parse_table
-from ss2sql.frontend.syntax.parser import run_automaton
+from ss2sql.frontend.syntax.parser import GRAMMAR, load_parse_table, run_automaton
 from ss2sql.frontend.syntax.tokenizer import CONTEXTUAL, RESERVED, Token
 from ss2sql.frontend.syntax.tree_builder import Builder
 

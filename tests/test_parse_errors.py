@@ -15,7 +15,7 @@ import pytest
 from sessions import wrong_scripts
 from trees import calls_of, check, failure, script
 
-from ss2sql.frontend.syntax import parse_table, tokenizer
+from ss2sql.frontend.syntax import parser, tokenizer
 
 # Code, words of the message and of the hints, and scripts that are not one line of visible text; all others stand in
 # `syntax.errors`. The place of the error stands between « and », the bracket that is open there between ‹ and ›.
@@ -150,13 +150,13 @@ def test_nested_calls_cost_what_they_are_long() -> None:
 
 
 def test_a_table_of_another_grammar_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shipped = parse_table.load_parse_table()
-    for content in (None, {"format": 0}, {"format": parse_table.FORMAT, "grammar": "of another time"}):
+    shipped = parser.load_parse_table()
+    for content in (None, {"format": 0}, {"format": parser.FORMAT, "grammar": "of another time"}):
         stale = tmp_path / "table.json"
         if content is not None:
             stale.write_text(json.dumps(content), encoding="utf-8")
-        monkeypatch.setattr(parse_table, "TABLE", stale)
-        assert parse_table.load_parse_table.__wrapped__() == shipped
+        monkeypatch.setattr(parser, "TABLE", stale)
+        assert parser.load_parse_table.__wrapped__() == shipped
 
 
 def test_the_module_writes_the_table_that_is_shipped(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -165,7 +165,7 @@ def test_the_module_writes_the_table_that_is_shipped(monkeypatch: pytest.MonkeyP
     monkeypatch.delitem(sys.modules, "ss2sql.frontend.syntax.parse_table")
     runpy.run_module("ss2sql.frontend.syntax.parse_table", run_name="__main__")
     monkeypatch.undo()
-    shipped = json.loads(parse_table.TABLE.read_text(encoding="utf-8"))
+    shipped = json.loads(parser.TABLE.read_text(encoding="utf-8"))
     # another release of lark may build the same table
     assert [json.loads(content) | {"lark": ""} for content in written] == [shipped | {"lark": ""}], (
         "run python -m ss2sql.frontend.syntax.parse_table"
@@ -175,7 +175,7 @@ def test_the_module_writes_the_table_that_is_shipped(monkeypatch: pytest.MonkeyP
 def test_the_scanner_knows_the_words_of_the_grammar() -> None:
     kinds = {
         kind
-        for row in parse_table.load_parse_table().rows
+        for row in parser.load_parse_table().rows
         for kind in row
         if not kind.islower() and not kind.startswith("_")
     }

@@ -18,8 +18,7 @@ from ss2sql.errors import ParseError, Source
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import tokenizer
 from ss2sql.frontend.syntax.parse_failure import ParseFailure
-from ss2sql.frontend.syntax.parse_table import load_parse_table
-from ss2sql.frontend.syntax.parser import run_automaton
+from ss2sql.frontend.syntax.parser import load_parse_table, run_automaton
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
 from ss2sql.frontend.syntax.tree_builder import Builder
 from ss2sql.shell.dot_commands import COMMANDS, SETTINGS

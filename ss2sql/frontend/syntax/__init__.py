@@ -1,5 +1,5 @@
 """From text to the syntax tree: `Source` in, `ast.Script` out, or a `ParseError` with a hint.
 
-In order of control flow: tokenizer, grammar.lark, grammar_table.json with parse_table, parser, tree_builder, ast. Where
-a text does not fit: parse_failure, syntax_errors, foreign_spellings.
+In order of control flow: tokenizer, parser, tree_builder, ast. The grammar: grammar.lark, grammar_table.json,
+parse_table. Where a text does not fit: parse_failure, syntax_errors, foreign_spellings.
 """

@@ -7,8 +7,7 @@ from collections.abc import Callable
 
 from ss2sql.errors import ParseError
 from ss2sql.frontend.syntax.parse_failure import AROUND, CLAUSES, VALUES, ParseFailure, spell
-from ss2sql.frontend.syntax.parse_table import END
-from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
+from ss2sql.frontend.syntax.tokenizer import CLOSING, END, OPENING, OPTIONS, Token
 from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT, COMPARISONS
 
 _FUNCTION = "functions are written in Python, and session.function(f) registers them"

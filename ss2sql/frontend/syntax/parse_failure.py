@@ -9,8 +9,8 @@ from typing import Any
 from ss2sql.errors import ParseError, Source, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import tokenizer
-from ss2sql.frontend.syntax.parse_table import END, Table
-from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
+from ss2sql.frontend.syntax.parser import Table
+from ss2sql.frontend.syntax.tokenizer import CLOSING, END, OPENING, OPTIONS, Token
 
 PAIRS = {
     "START": "WITH", "STOP": "WITH", "CONNECT": "BY", "GROUP": "BY", "ORDER": "BY", "DEPTH": "FIRST",

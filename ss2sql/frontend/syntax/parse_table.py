@@ -1,87 +1,20 @@
-"""The LALR table: lark compiles `grammar.lark`, the result ships as `grammar_table.json` and runs without lark.
+"""Makes the LALR table of the parser: lark compiles `grammar.lark`.
 
-Reading the file takes a tenth of the time that lark needs to build its parser, without importing lark. The file has a
-fingerprint of its grammar; when the grammar has changed since, the table is built anew in memory.
-`python -m ss2sql.frontend.syntax.parse_table` writes the file.
+`python -m ss2sql.frontend.syntax.parse_table` writes `grammar_table.json`, which ships and runs without lark.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from functools import cache
-from pathlib import Path
 from typing import Any
-from zlib import crc32
 
-from ss2sql.fast_dataclasses import dataclass
-
-GRAMMAR = Path(__file__).with_name("grammar.lark")
-TABLE = GRAMMAR.with_name("grammar_table.json")
-FORMAT = 2
-END = "$END"
-
-
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """One line of the grammar: `size` symbols are taken from the stack and replaced by `origin`.
-
-    `action` names the builder's method; it is "" for a rule that only collects children into a list, and None
-    for a rule that passes its one symbol on. `children` says which symbols are children: `i` for the i-th
-    symbol, `~i` for the i-th symbol's own children.
-    """
-
-    origin: str
-    size: int
-    action: str | None
-    children: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """The automaton. `rows[state][symbol]` is the next state, or `~r` where rule `r` is complete."""
-
-    rows: tuple[Mapping[str, int], ...]
-    rules: tuple[Rule, ...]
-    start: int
-    end: int
-
-
-@cache
-def load_parse_table() -> Table:
-    """The table of the installed grammar; the first call reads it."""
-    try:
-        data = json.loads(_read_grammar_file(TABLE))
-    except OSError:
-        data = {}
-    if data.get("format") != FORMAT or data.get("grammar") != _hash_grammar():
-        data = build_parse_table()
-    symbols = data["symbols"]
-    rows = [
-        dict(zip(map(symbols.__getitem__, found), targets, strict=True))
-        for found, targets in zip(data["found"], data["targets"], strict=True)
-    ]
-    rules = tuple(Rule(symbols[origin], size, action, tuple(kept)) for origin, size, action, kept in data["rules"])
-    return Table(tuple(map(rows.__getitem__, data["states"])), rules, data["start"], data["end"])
+from ss2sql.frontend.syntax.parser import FORMAT, TABLE, hash_grammar, read_grammar
 
 
 def write_parse_table() -> None:
     """Writes the table beside the grammar, with the same bytes on every machine."""
     TABLE.write_text(json.dumps(build_parse_table(), separators=(",", ":"), sort_keys=True) + "\n", encoding="utf-8")
-
-
-def _read_grammar_file(file: Path) -> bytes:
-    """A file of the package, also from a zip file; importlib.resources would take 6 ms to load."""
-    content: bytes = __loader__.get_data(str(file))  # type: ignore[name-defined]
-    return content
-
-
-def _read_grammar() -> str:
-    return _read_grammar_file(GRAMMAR).decode().replace("\r\n", "\n")
-
-
-def _hash_grammar() -> int:
-    return crc32(_read_grammar().encode())
 
 
 def build_parse_table() -> dict[str, Any]:
@@ -90,7 +23,7 @@ def build_parse_table() -> dict[str, Any]:
     from lark.grammar import Rule as LarkRule
     from lark.lexer import TerminalDef
 
-    compiled = lark.Lark(_read_grammar(), parser="lalr", start="script", maybe_placeholders=False)
+    compiled = lark.Lark(read_grammar(), parser="lalr", start="script", maybe_placeholders=False)
     data, memo = compiled.memo_serialize([TerminalDef, LarkRule])
     table = data["parser"]["parser"]
     words = {d["name"]: d["pattern"]["value"].upper() for d in memo.values() if d["__type__"] == "TerminalDef"}
@@ -105,7 +38,7 @@ def build_parse_table() -> dict[str, Any]:
         for row in (actions[state] for state in order)
     ]
     return _pack_parse_table(rows, rules, order[table["end_states"]["script"]]) | {
-        "format": FORMAT, "grammar": _hash_grammar(), "lark": lark.__version__,
+        "format": FORMAT, "grammar": hash_grammar(), "lark": lark.__version__,
     }  # fmt: skip
 
 

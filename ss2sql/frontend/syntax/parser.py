@@ -6,11 +6,16 @@ errors of several statements.
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
 from ss2sql.errors import ParseError, Source, Span, combine_errors
+from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast, tokenizer
-from ss2sql.frontend.syntax.parse_table import Rule, Table, load_parse_table
 from ss2sql.frontend.syntax.tokenizer import Token
 from ss2sql.frontend.syntax.tree_builder import Builder
 
@@ -135,3 +140,70 @@ def find_resume_point(failure: ParseFailure) -> int:
         outside += step
         depth = max(0, depth + step)
     return fallback if outside > 0 else len(tokens)
+
+
+# --- the table of the automaton
+# Reading the file takes a tenth of the time that lark needs to build its parser, without importing lark. The file has a
+# fingerprint of its grammar; when the grammar has changed since, the table is built anew in memory.
+GRAMMAR = Path(__file__).with_name("grammar.lark")
+TABLE = GRAMMAR.with_name("grammar_table.json")
+FORMAT = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One line of the grammar: `size` symbols are taken from the stack and replaced by `origin`.
+
+    `action` names the builder's method; it is "" for a rule that only collects children into a list, and None
+    for a rule that passes its one symbol on. `children` says which symbols are children: `i` for the i-th
+    symbol, `~i` for the i-th symbol's own children.
+    """
+
+    origin: str
+    size: int
+    action: str | None
+    children: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """The automaton. `rows[state][symbol]` is the next state, or `~r` where rule `r` is complete."""
+
+    rows: tuple[Mapping[str, int], ...]
+    rules: tuple[Rule, ...]
+    start: int
+    end: int
+
+
+@cache
+def load_parse_table() -> Table:
+    """The table of the installed grammar; the first call reads it."""
+    try:
+        data = json.loads(_read_grammar_file(TABLE))
+    except OSError:
+        data = {}
+    if data.get("format") != FORMAT or data.get("grammar") != hash_grammar():
+        from ss2sql.frontend.syntax.parse_table import build_parse_table
+
+        data = build_parse_table()
+    symbols = data["symbols"]
+    rows = [
+        dict(zip(map(symbols.__getitem__, found), targets, strict=True))
+        for found, targets in zip(data["found"], data["targets"], strict=True)
+    ]
+    rules = tuple(Rule(symbols[origin], size, action, tuple(kept)) for origin, size, action, kept in data["rules"])
+    return Table(tuple(map(rows.__getitem__, data["states"])), rules, data["start"], data["end"])
+
+
+def _read_grammar_file(file: Path) -> bytes:
+    """A file of the package, also from a zip file; importlib.resources would take 6 ms to load."""
+    content: bytes = __loader__.get_data(str(file))  # type: ignore[name-defined]
+    return content
+
+
+def read_grammar() -> str:
+    return _read_grammar_file(GRAMMAR).decode().replace("\r\n", "\n")
+
+
+def hash_grammar() -> int:
+    return crc32(read_grammar().encode())

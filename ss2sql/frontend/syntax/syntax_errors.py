@@ -12,8 +12,7 @@ from difflib import get_close_matches
 from ss2sql.errors import ParseError, Span
 from ss2sql.frontend.syntax import foreign_spellings, tokenizer
 from ss2sql.frontend.syntax.parse_failure import CLAUSES, PAIRS, VALUES, ParseFailure, join_expected_words, spell
-from ss2sql.frontend.syntax.parse_table import END
-from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, OPTIONS, Token
+from ss2sql.frontend.syntax.tokenizer import CLOSING, END, OPENING, OPTIONS, Token
 from ss2sql.frontend.syntax.tree_builder import CHAIN_HINT, COMPARISONS, ORDER
 
 # What a clause or a bracket expects, with an example.

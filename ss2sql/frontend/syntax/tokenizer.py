@@ -14,9 +14,9 @@ from typing import BinaryIO
 
 from ss2sql.errors import ParseError, Source, Span
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.frontend.syntax.parse_table import END
 
 MAX_BYTES = 256 * 1024
+END = "$END"  # the kind of the last token
 RESERVED = frozenset(("SELECT", "FROM", "AS", "IF", "AND", "OR", "XOR", "NOT", "IN", "TRUE", "FALSE", "NONE", "THIS"))
 CONTEXTUAL = frozenset((
     "WHERE", "START", "WITH", "CONNECT", "BY", "STOP", "GROUP", "HAVING", "ORDER", "ASC", "DESC", "LIMIT", "DEPTH",

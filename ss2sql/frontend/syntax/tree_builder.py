@@ -12,13 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, Generic, Protocol, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 from ss2sql.errors import ParseError, Source, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast, tokenizer
-from ss2sql.frontend.syntax.parse_table import Table
 from ss2sql.frontend.syntax.tokenizer import Token, shorten_text
+
+if TYPE_CHECKING:
+    from ss2sql.frontend.syntax.parser import Table
 
 MAX_DEPTH = 300
 OPERATORS = {
