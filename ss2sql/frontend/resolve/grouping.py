@@ -1,23 +1,21 @@
-"""GROUP BY, whose expressions are found by structural equality, whatever the numbers of sources; queries as values."""
+"""GROUP BY: group keys and aggregates in place of the expressions that mean them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ResolveError, Span
-from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type, make_list_type, type_of, unite
 from ss2sql.language.operations import GROUPS
 from ss2sql.language.plan_traversal import (
+    is_structurally_equal,
     is_volatile,
     list_parts,
     list_sources,
     list_states,
     rebuild_node,
-    walk,
     walk_own,
 )
 
@@ -25,37 +23,6 @@ if TYPE_CHECKING:
     from ss2sql.frontend.resolve.resolver import Resolver
 
 
-# --- structural equality of expressions, whatever the numbers of the queries and sources inside
-def is_structurally_equal(one: plan.Expr, other: plan.Expr) -> bool:
-    """Whether both are equal once the queries and sources inside have the same numbers."""
-    if type(one) is not type(other) or one == other:
-        return one == other
-    ones, others = _collect_structural_ids(one), _collect_structural_ids(other)
-    return 0 < len(ones) == len(others) and renumber_node(other, dict(zip(others, ones, strict=True))) == one
-
-
-def _collect_structural_ids(node: plan.Expr) -> list[int]:
-    """The numbers of the queries and sources inside, in the order of the plan; they are unique in a script."""
-    return [part.id for part in walk(node) if isinstance(part, (plan.Query, *plan.SOURCES))]
-
-
-def renumber_node(node: Any, numbers: Mapping[int, int]) -> Any:
-    """The node with the numbers of queries and sources replaced by `numbers`, as far as that names them."""
-    node = rebuild_node(node, lambda part: renumber_node(part, numbers))
-    match node:
-        case plan.Element(source=number) | plan.Column(source=number):
-            return replace(node, source=numbers.get(number, number))
-        case plan.State(query=number) | plan.GroupKey(query=number):
-            return replace(node, query=numbers.get(number, number))
-        case plan.Eval(sources=sources, states=states):
-            renamed = tuple((numbers.get(query, query), name) for query, name in states)
-            return replace(node, sources=tuple(numbers.get(each, each) for each in sources), states=renamed)
-        case _:
-            own = isinstance(node, (plan.Query, *plan.SOURCES)) and node.id in numbers
-            return replace(node, id=numbers[node.id]) if own else node
-
-
-# --- GROUP BY: group keys and aggregates in place of the expressions that mean them
 def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
     """The query with group keys and aggregates in the clauses that see groups.
 
@@ -95,16 +62,6 @@ def resolve_groups(resolver: Resolver, query: plan.Query) -> plan.Query:
 
 
 COUNT_TYPE = Type(Kind.INT, 0, 2**53)
-
-
-def is_row_count_syntax(columns: tuple[ast.Expr | ast.Named | ast.Star, ...]) -> bool:
-    """Whether SELECT without GROUP BY has `count(*)` or `count(DISTINCT x)`, outside of inner queries."""
-    own = (column for column in columns if not isinstance(column, ast.Query))
-    parts = (part for column in own for part in ast.walk_syntax(column, lambda part: isinstance(part, ast.Query)))
-    return any(
-        isinstance(part, ast.Call) and part.function == "count" and part.owner is None and (part.star or part.distinct)
-        for part in parts
-    )
 
 
 def resolve_count_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:
@@ -252,42 +209,3 @@ def _refuse_mixture(resolver: Resolver, query: plan.Query, columns: tuple[plan.O
     text = single.expr.span.text
     by = "add it to GROUP BY" if query.group else f"write GROUP BY {text}"
     resolver.errors.append(ResolveError("R008", message, single.expr.span, (f"{by}, or aggregate it: max({text})",)))
-
-
-# --- a query without AS among values
-def is_value_syntax(tree: ast.Expr) -> bool:
-    return isinstance(tree, ast.Query) and tree.representation is None
-
-
-def resolve_as_value(tree: ast.Expr) -> ast.Expr:
-    """An operand: a query without AS is the value of its single column, None without a row; two rows are an error.
-
-    Raises ResolveError where it has several columns, or is a search.
-    """
-    if not isinstance(tree, ast.Query) or tree.representation is not None:
-        return tree
-    if tree.searches and not tree.last:
-        message = "a value is meant here, and a search gives paths"
-        hint = "write SELECT LAST for the value of a last step, or add AS list to compare with whole paths"
-        raise ResolveError("R014", message, tree.span, (hint,))
-    if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
-        message = "a query that is one value has one column"
-        raise ResolveError("R014", message, tree.span, ("name one column, or write AS list for a list of all values",))
-    one = (is_row_count_syntax(tree.columns) and not tree.group) or tree.limit == ast.Literal(1, span=tree.span)
-    two = ast.Literal(2, span=tree.span) if tree.limit is None and not one else tree.limit
-    form = ast.Representation("value" if one else "list", (), (), span=tree.span)
-    return replace(tree, limit=two, representation=form)
-
-
-def resolve_as_list(tree: ast.Expr) -> ast.Expr:
-    """The right operand of IN: a query without AS is the list of its single column."""
-    if not isinstance(tree, ast.Query) or tree.representation is not None:
-        return tree
-    hint = "write AS list for a list of all values"
-    if tree.searches and not tree.last:
-        message = "right of IN stands a list of values, and a search gives paths"
-        hint = "write SELECT LAST for the values of the last steps, or add AS list to compare with whole paths"
-        raise ResolveError("R014", message, tree.span, (hint,))
-    if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
-        raise ResolveError("R014", "right of IN a query without AS has one column", tree.span, (hint,))
-    return replace(tree, representation=ast.Representation("list", (), (), span=tree.span))

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 
 from ss2sql.errors import ResolveError, Span, suggest_names, suggest_similar
 from ss2sql.frontend.resolve.from_clause import resolve_sources, resolve_value_source
-from ss2sql.frontend.resolve.grouping import is_row_count_syntax, resolve_as_list, resolve_groups
+from ss2sql.frontend.resolve.grouping import resolve_groups
+from ss2sql.frontend.resolve.resolver import resolve_as_list
 from ss2sql.frontend.resolve.scope import (
     Scope,
     is_function_of_this,
@@ -132,7 +133,7 @@ def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> p
     where = _resolve_conditions(joins, where) if search is None else where
     scope.enter_clause("GROUP BY")
     group = _resolve_group(resolver, tree, scope)
-    counted = is_row_count_syntax(tree.columns)
+    counted = ast.is_row_count_syntax(tree.columns)
     scope.grouped = bool(group) or counted
     scope.enter_clause("SELECT")
     columns = _resolve_columns(resolver, tree, scope)

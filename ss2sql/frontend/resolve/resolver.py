@@ -13,13 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names, suggest_similar
-from ss2sql.frontend.resolve.grouping import (
-    is_value_syntax,
-    resolve_as_list,
-    resolve_as_value,
-    resolve_count_distinct,
-    resolve_count_star,
-)
+from ss2sql.frontend.resolve.grouping import resolve_count_distinct, resolve_count_star
 from ss2sql.frontend.resolve.scope import (
     Catalog,
     Place,
@@ -486,3 +480,42 @@ def _mentions_source_syntax(tree: ast.Expr) -> bool:
     """Whether a list literal outside any query mentions `this` or `source.column`, outside of nested queries."""
     parts = ast.walk_syntax(tree, lambda part: isinstance(part, ast.Query))
     return any(isinstance(part, ast.This | ast.Attribute) for part in parts)
+
+
+# --- a query without AS among values
+def is_value_syntax(tree: ast.Expr) -> bool:
+    return isinstance(tree, ast.Query) and tree.representation is None
+
+
+def resolve_as_value(tree: ast.Expr) -> ast.Expr:
+    """An operand: a query without AS is the value of its single column, None without a row; two rows are an error.
+
+    Raises ResolveError where it has several columns, or is a search.
+    """
+    if not isinstance(tree, ast.Query) or tree.representation is not None:
+        return tree
+    if tree.searches and not tree.last:
+        message = "a value is meant here, and a search gives paths"
+        hint = "write SELECT LAST for the value of a last step, or add AS list to compare with whole paths"
+        raise ResolveError("R014", message, tree.span, (hint,))
+    if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
+        message = "a query that is one value has one column"
+        raise ResolveError("R014", message, tree.span, ("name one column, or write AS list for a list of all values",))
+    one = (ast.is_row_count_syntax(tree.columns) and not tree.group) or tree.limit == ast.Literal(1, span=tree.span)
+    two = ast.Literal(2, span=tree.span) if tree.limit is None and not one else tree.limit
+    form = ast.Representation("value" if one else "list", (), (), span=tree.span)
+    return replace(tree, limit=two, representation=form)
+
+
+def resolve_as_list(tree: ast.Expr) -> ast.Expr:
+    """The right operand of IN: a query without AS is the list of its single column."""
+    if not isinstance(tree, ast.Query) or tree.representation is not None:
+        return tree
+    hint = "write AS list for a list of all values"
+    if tree.searches and not tree.last:
+        message = "right of IN stands a list of values, and a search gives paths"
+        hint = "write SELECT LAST for the values of the last steps, or add AS list to compare with whole paths"
+        raise ResolveError("R014", message, tree.span, (hint,))
+    if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
+        raise ResolveError("R014", "right of IN a query without AS has one column", tree.span, (hint,))
+    return replace(tree, representation=ast.Representation("list", (), (), span=tree.span))

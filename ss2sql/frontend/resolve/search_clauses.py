@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 from ss2sql.errors import ResolveError, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.from_clause import resolve_sources
-from ss2sql.frontend.resolve.grouping import renumber_node
 from ss2sql.frontend.resolve.scope import Scope
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
@@ -32,6 +31,7 @@ from ss2sql.language.plan_traversal import (
     list_plan_functions,
     list_sources,
     rebuild_node,
+    renumber_node,
     walk,
 )
 from ss2sql.language.rows import make_unique_name

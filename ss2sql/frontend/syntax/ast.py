@@ -308,3 +308,13 @@ def collect_syntax_columns(*trees: Script | Expr) -> frozenset[str] | None:
             case Name(name=name) | Attribute(name=name):
                 names.add(name)
     return frozenset(names)
+
+
+def is_row_count_syntax(columns: tuple[Expr | Named | Star, ...]) -> bool:
+    """Whether SELECT without GROUP BY has `count(*)` or `count(DISTINCT x)`, outside of inner queries."""
+    own = (column for column in columns if not isinstance(column, Query))
+    parts = (part for column in own for part in walk_syntax(column, lambda part: isinstance(part, Query)))
+    return any(
+        isinstance(part, Call) and part.function == "count" and part.owner is None and (part.star or part.distinct)
+        for part in parts
+    )
