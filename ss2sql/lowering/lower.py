@@ -11,7 +11,6 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, is_flag
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering, can_sort_in_sql
-from ss2sql.lowering.search import EagerSearch
 from ss2sql.lowering.sql_builder import SQLITE, Dialect
 from ss2sql.lowering.sql_query import Bookkeeping, SqlQuery
 from ss2sql.lowering.sqlite_expressions import SqlScope
@@ -51,6 +50,8 @@ def lower(
     bookkeeping = Bookkeeping()
     shown_late: dict[plan.Column, sql_builder.Node] = {}
     if query.search is not None:
+        from ss2sql.lowering.search import EagerSearch
+
         cut = cut or query.search.maximum is not None or (query.limit is not None and not query.aggregated)
         search = EagerSearch(selects, query, cut)
         select = search.build_statement()
