@@ -6,6 +6,7 @@ note that names the line of the script. In order: codes, exceptions.
 
 from ss2sql.errors.codes import CODES as CODES
 from ss2sql.errors.codes import Code as Code
+from ss2sql.errors.exceptions import NOWHERE as NOWHERE
 from ss2sql.errors.exceptions import Cancelled as Cancelled
 from ss2sql.errors.exceptions import Error as Error
 from ss2sql.errors.exceptions import ExecutionError as ExecutionError

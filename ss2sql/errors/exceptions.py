@@ -82,6 +82,9 @@ class Span:
         return Span(self.source, self.start, max(self.end, other.end))
 
 
+NOWHERE = Span(Source(""), 0, 0)  # of what stands in no script
+
+
 # --- the text of an error, in the manner of rustc: code and sentence, place, source lines with marks, hints
 CONTROL_CHARACTERS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 

@@ -21,7 +21,7 @@ from dataclasses import replace
 from types import FunctionType
 from typing import Any
 
-from ss2sql.errors import Source, Span
+from ss2sql.errors import NOWHERE
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.resolver import Resolver
 from ss2sql.frontend.resolve.scope import Catalog, Scope
@@ -86,7 +86,7 @@ def translate_function_body(function: Callable[..., Any]) -> FunctionBody | str:
     """The function's body, or the reason why it cannot become part of a query. Nothing is called."""
     try:
         reader = _Translator(function, ())
-        tree = reader.translate_body({name: syntax.Name(name, span=NO_SPAN) for name in reader.names})
+        tree = reader.translate_body({name: syntax.Name(name, span=NOWHERE) for name in reader.names})
     except (NotTranslatable, Unproven) as refused:
         return str(refused)
     except RecursionError:
@@ -132,7 +132,7 @@ def _make_literal(value: Any) -> syntax.Literal:
     fits |= type(value) is float and math.isfinite(value)
     if not fits or type_of(value).may_be(Kind.OBJECT):
         raise NotTranslatable(f"uses a {type(value).__name__}, which the language does not have as a constant")
-    return syntax.Literal(value, span=NO_SPAN)
+    return syntax.Literal(value, span=NOWHERE)
 
 
 class _Translator:
@@ -184,14 +184,14 @@ class _Translator:
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 return self._make_call("neg", operand)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
-                return syntax.Not(self.translate(operand, test=True), span=NO_SPAN)
+                return syntax.Not(self.translate(operand, test=True), span=NOWHERE)
             case ast.BoolOp(op=op, values=values):
                 return self._translate_and_or(isinstance(op, ast.And), values, test)
             case ast.Compare():
                 return self._translate_comparison(node)
             case ast.IfExp(test=condition, body=body, orelse=orelse):
                 then, otherwise = self.translate(body, result, test), self.translate(orelse, result, test)
-                return syntax.If(self.translate(condition, test=True), (then,), (otherwise,), span=NO_SPAN)
+                return syntax.If(self.translate(condition, test=True), (then,), (otherwise,), span=NOWHERE)
             case ast.List(elts=items):
                 return self._make_list(items, result)
             case ast.Tuple(elts=items) if result:
@@ -209,17 +209,17 @@ class _Translator:
 
     def _make_builtin(self, name: str, *arguments: syntax.Expr) -> syntax.Expr:
         self.uses.add(name)
-        return syntax.Call(name, arguments, span=NO_SPAN)
+        return syntax.Call(name, arguments, span=NOWHERE)
 
     def _translate_and_or(self, both: bool, values: Sequence[ast.expr], test: bool) -> syntax.Expr:
         """Python's `and` or `or`: the operand that decides."""
         parts = [self.translate(value, test=test) for value in values]
         if test or all(map(_gives_bool, values)):
-            return (syntax.And if both else syntax.Or)(tuple(parts), span=NO_SPAN)
+            return (syntax.And if both else syntax.Or)(tuple(parts), span=NOWHERE)
         whole = parts[-1]
         for part in reversed(parts[:-1]):
             then, otherwise = (whole, part) if both else (part, whole)
-            whole = syntax.If(part, (then,), (otherwise,), span=NO_SPAN)
+            whole = syntax.If(part, (then,), (otherwise,), span=NOWHERE)
         return whole
 
     def _translate_name(self, node: ast.Name | ast.Attribute) -> syntax.Expr:
@@ -243,7 +243,7 @@ class _Translator:
             self._translate_link(left, op, right)
             for left, op, right in zip(operands, node.ops, operands[1:], strict=False)
         )
-        return links[0] if len(links) == 1 else syntax.And(links, span=NO_SPAN)
+        return links[0] if len(links) == 1 else syntax.And(links, span=NOWHERE)
 
     def _translate_link(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> syntax.Expr:
         if isinstance(op, ast.Is | ast.IsNot):
@@ -255,7 +255,7 @@ class _Translator:
         return self._make_call(_COMPARISONS[type(op)], left, right)
 
     def _make_list(self, items: Sequence[ast.expr], result: bool) -> syntax.Expr:
-        return syntax.ListLiteral(tuple(self.translate(item, result) for item in items), span=NO_SPAN)
+        return syntax.ListLiteral(tuple(self.translate(item, result) for item in items), span=NOWHERE)
 
     def _translate_sequence(self, node: ast.expr, result: bool = False) -> syntax.Expr:
         """A list; also a tuple that is only searched or indexed, for which a list is equal."""
@@ -264,7 +264,7 @@ class _Translator:
         if isinstance(node, ast.Name | ast.Attribute) and not self._is_local(node):
             value = self.frame.find_object(node)
             if type(value) is tuple:
-                return syntax.ListLiteral(tuple(map(_make_literal, value)), span=NO_SPAN)
+                return syntax.ListLiteral(tuple(map(_make_literal, value)), span=NOWHERE)
         return self.translate(node, result)
 
     def _translate_subscript(self, value: ast.expr, index: ast.expr, result: bool) -> syntax.Expr:
@@ -286,7 +286,7 @@ class _Translator:
             if target is function and least <= len(node.args) <= most:
                 return self._make_call(name, *node.args)
         if target is builtins.bool and len(node.args) == 1:
-            return syntax.Not(syntax.Not(self.translate(node.args[0], test=True), span=NO_SPAN), span=NO_SPAN)
+            return syntax.Not(syntax.Not(self.translate(node.args[0], test=True), span=NOWHERE), span=NOWHERE)
         raise NotTranslatable(f"calls {text}, which the language does not have")
 
     def _translate_helper(
@@ -333,7 +333,6 @@ def _gives_bool(node: ast.expr) -> bool:
 #
 # The resolver uses the types, so that it can prove as much of `x = move(x)` as of `x = x + 1`; the rewrite `inline`
 # uses the expressions.
-NO_SPAN = Span(Source(""), 0, 0)
 MOST_INLINED_NODES = 300
 # Operations that may be evaluated twice: a few machine instructions, in SQL too.
 _CHEAP = frozenset(name for name, row in OPERATIONS.items() if row.cheap)
@@ -380,9 +379,9 @@ class _BodyResolver(Resolver):
             return super().resolve_expr(tree, scope)
         if id(tree) not in self.known:
             expr = super().resolve_expr(tree, scope)
-            if isinstance(expr, plan.Call) and expr.span is NO_SPAN:
+            if isinstance(expr, plan.Call) and expr.span is NOWHERE:
                 expr = replace(self._check_call(expr), span=self.call.span, place=self.call.place)
-            elif not isinstance(expr, plan.Constant) and expr.span is NO_SPAN:
+            elif not isinstance(expr, plan.Constant) and expr.span is NOWHERE:
                 expr = replace(expr, span=self.call.span)
             self.known[id(tree)] = self._simplify(expr)
         return self.known[id(tree)]
@@ -436,7 +435,7 @@ class _BodyResolver(Resolver):
 
 
 def _make_constant(value: Any) -> plan.Constant:
-    return plan.Constant(value, type_of(value), span=NO_SPAN)
+    return plan.Constant(value, type_of(value), span=NOWHERE)
 
 
 def _is_plain_to_inline(kind: Type) -> bool:

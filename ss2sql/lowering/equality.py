@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from sqlglot import exp
 
-from ss2sql.errors import Source, Span
+from ss2sql.errors import NOWHERE
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, type_of
 from ss2sql.language.operations import OPERATIONS
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 
 MAX_SHOWN_BYTES = 16  # bytes that are written into the text
-NOWHERE = Span(Source(""), 0, 0)
 MAX_BOX_SIZE = 2**22  # 4 MB; a list of a few points that lie far apart is left to Python
 
 

@@ -39,11 +39,6 @@ def can_sort_in_sql(query: plan.Query) -> bool:
     return all(is_sortable(key.expr.type) for key in query.order)
 
 
-def has_one_form(kind: Type) -> bool:
-    """Whether equal values of the type are the same value, so that any member can stand for its group."""
-    return is_flag(kind) or any(kind.is_only(one | Kind.NONE) for one in (Kind.INT, Kind.FLOAT, Kind.STR))
-
-
 class FlatLowering:
     """Lowers flat queries of one statement, and queries nested in its expressions."""
 

@@ -11,7 +11,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, is_flag
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.flat import FlatLowering, can_sort_in_sql
-from ss2sql.lowering.sql_builder import SQLITE, Dialect
+from ss2sql.lowering.sql_builder import SQLITE
 from ss2sql.lowering.sql_query import Bookkeeping, SqlQuery
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.sqlite_forms import strip_numeric_affinity
@@ -25,7 +25,6 @@ SCALAR_KINDS = Kind.INT | Kind.FLOAT | Kind.STR | Kind.NONE
 def lower(
     query: plan.Query,
     function_names: Mapping[str, str],
-    dialect: Dialect = SQLITE,
     *,
     cut: bool = False,
     by_value: bool = False,
@@ -107,7 +106,7 @@ def lower(
     only_walked = _find_walked_sql_parameters(select, needs)
     return SqlQuery(
         query,
-        dialect.print_tree(select),
+        SQLITE.print_tree(select),
         tuple(needs.parameters.values()),
         _list_flags(columns),
         _list_flags(keys),

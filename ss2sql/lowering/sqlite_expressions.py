@@ -25,7 +25,7 @@ from typing import TypeAlias, TypeVar
 
 from sqlglot import exp
 
-from ss2sql.errors import Source, Span
+from ss2sql.errors import NOWHERE, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, is_flag
@@ -332,6 +332,5 @@ def _prints_exactly(value: float) -> bool:
     return len(digits.replace(".", "").strip("0")) <= 15 and (not power or abs(int(power)) <= 20)
 
 
-_NOWHERE = Span(Source(""), 0, 0)
-TRUE = plan.Constant(True, BOOL, span=_NOWHERE)
-FALSE = plan.Constant(False, BOOL, span=_NOWHERE)
+TRUE = plan.Constant(True, BOOL, span=NOWHERE)
+FALSE = plan.Constant(False, BOOL, span=NOWHERE)

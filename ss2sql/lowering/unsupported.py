@@ -14,8 +14,9 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import GROUPS
+from ss2sql.language.operations.lists import are_of_one_kind
 from ss2sql.language.plan_traversal import list_sources, list_states, walk, walk_own
-from ss2sql.lowering.flat import has_one_form, is_sortable
+from ss2sql.lowering.flat import is_sortable
 from ss2sql.lowering.sql_query import can_be_literal
 from ss2sql.lowering.strategies import REPEAT_RULES
 
@@ -95,7 +96,7 @@ def _find_unlowered_siblings(query: plan.Query) -> Iterator[Span]:
 
 def _find_unlowered_groups(query: plan.Query) -> Iterator[Span]:
     """SQL's groups have no first member: what stands for them must not depend on which member that is."""
-    return (key.span for key in query.group if query.aggregated and not has_one_form(key.type))
+    return (key.span for key in query.group if query.aggregated and not are_of_one_kind(key.type))
 
 
 def _find_unlowered_orders(query: plan.Query) -> Iterator[Span]:

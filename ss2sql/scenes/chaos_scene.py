@@ -88,6 +88,21 @@ class ParticleSource:
     def draw_force(self, mass: float) -> Vector:
         return self.draw_vector(mass * ACCELERATION)
 
+    def draw_splinters(
+        self, position: Vector, velocity: Vector, mass: float, spread: float
+    ) -> Iterator[tuple[Particle, int]]:
+        """The white splinters of a particle, with its mass and its movement, and for how many steps each lives."""
+        count, still = self.random.randint(6, 10), (0.0, 0.0, 0.0)
+        for _ in range(count):
+            away = self.draw_direction()
+            x, y, z = (max(0.1 - HALF, min(HALF - 0.1, p + spread * a)) for p, a in zip(position, away, strict=True))
+            speed = self.random.uniform(1.5, 3.5)
+            vx, vy, vz = (v + speed * a for v, a in zip(velocity, away, strict=True))
+            splinter = Particle(
+                self.name("particle"), SPLINTER, (x, y, z), still, (vx, vy, vz), still, mass / count, WHITE
+            )
+            yield splinter, self.random.randint(*SPLINTER_STEPS)
+
     def _draw_solid(self) -> tuple[Solid, str]:
         kind = self.random.choice(KINDS)
         a, b, c = (self.random.uniform(0.1, 0.5) for _ in range(3))
@@ -218,12 +233,16 @@ class Chaos(Scene):
         particle = self.draws.draw_particle(self.is_free)
         if particle is None:
             return None
+        body = self._add_particle(particle)
+        self.forces[body] = self.draws.draw_force(particle.mass)
+        return body
+
+    def _add_particle(self, particle: Particle) -> int:
         body = self.add(
             particle.name, particle.solid, particle.position, particle.colour, particle.mass, particle.turned
         )
         self._make_bouncy(body)
         self.client.resetBaseVelocity(body, particle.velocity, particle.spin)
-        self.forces[body] = self.draws.draw_force(particle.mass)
         return body
 
     def explode_body(self, body: int) -> None:
@@ -234,15 +253,8 @@ class Chaos(Scene):
         low, high = self.client.getAABB(body)
         spread = min(b - a for a, b in zip(low, high, strict=True)) / 3
         self.remove(body)
-        count = self.random.randint(6, 10)
-        for _ in range(count):
-            away = self.draws.draw_direction()
-            place = tuple(max(0.1 - HALF, min(HALF - 0.1, p + spread * a)) for p, a in zip(position, away, strict=True))
-            splinter = self.add(self.next_name("particle"), SPLINTER, place, WHITE, mass / count)
-            self._make_bouncy(splinter)
-            speed = self.random.uniform(1.5, 3.5)
-            self.client.resetBaseVelocity(splinter, [v + speed * a for v, a in zip(velocity, away, strict=True)])
-            self.ends[splinter] = self.steps + self.random.randint(*SPLINTER_STEPS)
+        for splinter, steps in self.draws.draw_splinters(position, velocity, mass, spread):
+            self.ends[self._add_particle(splinter)] = self.steps + steps
 
     def _explode_collided(self) -> None:
         hard: set[int] = set()

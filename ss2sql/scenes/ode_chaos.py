@@ -14,10 +14,7 @@ from ss2sql.scenes.chaos_scene import (  # fmt: skip
     FULL,
     HALF,
     PUSH_EVERY,
-    SPLINTER,
-    SPLINTER_STEPS,
     WALLS,
-    WHITE,
     Particle,
     ParticleSource,
     is_particle_outside,
@@ -102,19 +99,11 @@ class OdeChaos:
 
     def explode_geom(self, geom: Any) -> None:
         """Replaces a particle by white splinters with its mass and its movement."""
-        body, draws = geom.getBody(), self._draws
+        body = geom.getBody()
         position, velocity, mass = body.getPosition(), body.getLinearVel(), body.getMass().mass
         self.remove_geom(geom)
-        count = draws.random.randint(6, 10)
-        for _ in range(count):
-            away, speed = draws.draw_direction(), draws.random.uniform(1.5, 3.5)
-            x, y, z = (max(0.1 - HALF, min(HALF - 0.1, p + 0.1 * a)) for p, a in zip(position, away, strict=True))
-            vx, vy, vz = (v + speed * a for v, a in zip(velocity, away, strict=True))
-            still = (0.0, 0.0, 0.0)
-            splinter = Particle(
-                draws.name("particle"), SPLINTER, (x, y, z), still, (vx, vy, vz), still, mass / count, WHITE
-            )
-            self._ends[self._add_geom(splinter)] = self.steps + draws.random.randint(*SPLINTER_STEPS)
+        for splinter, steps in self._draws.draw_splinters(position, velocity, mass, 0.1):
+            self._ends[self._add_geom(splinter)] = self.steps + steps
 
     def _add_particle(self) -> None:
         taken = [(geom.getPosition(), _measure_particle_reach(geom)) for geom in self.particles]

@@ -69,12 +69,12 @@ class Shell:
         self.cancelled = False  # whether Ctrl-C has ended a statement
         self.reading = 0  # the depth of files that read each other
 
-    def run_text(self, text: str, name: str = TYPED, lines_before: int = 0) -> bool:
+    def run_text(self, text: str, name: str = TYPED) -> bool:
         """Runs the statements and commands of a text up to the first that fails; says whether none did.
 
         Raises Leave where one of them is `.exit`.
         """
-        return all(self.run_piece(piece, text, name, lines_before) for piece in split_statements(text))
+        return all(self.run_piece(piece, text, name) for piece in split_statements(text))
 
     def run_piece(self, piece: TypedPiece, text: str, name: str = TYPED, lines_before: int = 0) -> bool:
         """Runs one of them, and prints its result or its error."""

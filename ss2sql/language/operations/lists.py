@@ -33,6 +33,7 @@ from ss2sql.language.operations.operation import (
     Form,
     Operation,
     When,
+    are_numeric,
     are_orderable,
     check_integer,
     check_list,
@@ -240,7 +241,7 @@ def _declare_extreme(
         chosen = _list_extreme_types(types)
         if len(chosen) == 1:
             return chosen[0]
-        return _infer_extreme(chosen, smallest=sign < 0) if each(Kind.NUMBER)(chosen) else unite(chosen)
+        return _infer_extreme(chosen, smallest=sign < 0) if are_numeric(chosen) else unite(chosen)
 
     def can_fail(types: Types) -> bool:
         if len(types) == 1 and not types[0].is_only(Kind.LIST):

@@ -29,11 +29,11 @@ from ss2sql.language.operations.operation import (
     Operation,
     are_integers,
     are_numbers,
+    are_numeric,
     are_orderable,
     check_number,
     check_numbers,
     declare,
-    each,
     exactly,
     find_sql_class,
     misuse,
@@ -44,11 +44,6 @@ from ss2sql.language.values import NUMBERS, compare_values
 HALF = 8e307  # the difference of two such numbers is finite
 SMALL = 1e306  # of 16 such numbers even the sum is finite
 SAFE = 2**62
-_NUMBERS = each(Kind.NUMBER)
-
-
-def can_be_no_numbers(types: Types) -> bool:
-    return not each(Kind.NUMBER)(types)
 
 
 def _compute_absolute(value: Any) -> Any:
@@ -96,7 +91,7 @@ def _infer_rounded(types: Types) -> Type:
 def _can_rounding_fail(types: Types) -> bool:
     value, *digits = types
     if digits:
-        return can_be_no_numbers([value]) or not digits[0].is_only(INTEGER) or not is_nonnegative(digits[0])
+        return not are_numeric([value]) or not digits[0].is_only(INTEGER) or not is_nonnegative(digits[0])
     return can_whole_fail(value, round)
 
 
@@ -106,7 +101,7 @@ def infer_whole(kind: Type, compute: Callable[[float], int]) -> Type:
 
 
 def can_whole_fail(kind: Type, compute: Callable[[float], int]) -> bool:
-    return can_be_no_numbers([kind]) or not all(fits_bounds(Kind.INT, bounds) for bounds in round_bounds(kind, compute))
+    return not are_numeric([kind]) or not all(fits_bounds(Kind.INT, bounds) for bounds in round_bounds(kind, compute))
 
 
 # --- roots, points -------------------------------------------------------------------------------------
@@ -159,14 +154,14 @@ def _infer_size(types: Types) -> Type:
 def _can_size_fail(types: Types) -> bool:
     if all(kind.is_only(Kind.LIST) and kind.positions is not None for kind in types):
         return _can_vector_size_fail([kind.positions or () for kind in types])
-    if can_be_no_numbers(types):
+    if not are_numeric(types):
         return True
     return len(types) > 1 and not all(-HALF <= bound <= HALF for kind in types for bound in bound_floats(kind))
 
 
 def _can_vector_size_fail(vectors: Sequence[tuple[Type, ...]]) -> bool:
     coordinates = list(chain.from_iterable(vectors))
-    if can_be_no_numbers(coordinates) or len(set(map(len, vectors))) > 1:
+    if not are_numeric(coordinates) or len(set(map(len, vectors))) > 1:
         return True
     return not all(-SMALL <= bound <= SMALL for part in coordinates for bound in bound_floats(part))
 
@@ -175,7 +170,7 @@ def _are_points(types: Types) -> bool:
     vectors = [kind.positions or () for kind in types if kind.is_only(Kind.LIST)]
     if len(vectors) < len(types) or len(set(map(len, vectors))) != 1:
         return False
-    return bool(vectors[0]) and not can_be_no_numbers(list(chain.from_iterable(vectors)))
+    return bool(vectors[0]) and are_numeric(list(chain.from_iterable(vectors)))
 
 
 # --- functions of one number ---------------------------------------------------------------------------
@@ -195,7 +190,7 @@ def _make_round(name: str, compute: Callable[[float], int], about: str, example:
             Form("{0}", lambda types: find_sql_class(types[0]) is not None and are_integers(types)),
             Form(f"cast({name}({{0}}) AS INTEGER)", are_numbers, f"{{0}} BETWEEN {-SAFE} AND {SAFE}"),
         ),
-        python=(Form(compute, _NUMBERS, Check.SIZE),),
+        python=(Form(compute, are_numeric, Check.SIZE),),
         portable=(
             Form("{0}", lambda types: are_sql_number_types(types) and exactly(Kind.INT)(types)),
             Form(f"cast({name}({{0}}) AS BIGINT)", exactly(Kind.FLOAT)),
@@ -225,8 +220,8 @@ def _make_angle(
     compute_angle.__name__ = name
     return declare(
         name, known, compute_angle, lambda types: Type(Kind.FLOAT, *bounds) if not _has_no_numbers(types) else NOTHING,
-        lambda types: can_be_no_numbers(types) or not safe, call=call, about=about, example=example,
-        python=(Form(compute, _NUMBERS),),
+        lambda types: not are_numeric(types) or not safe, call=call, about=about, example=example,
+        python=(Form(compute, are_numeric),),
     )  # fmt: skip
 
 
@@ -317,7 +312,7 @@ OPERATIONS = (
             Form("abs({0})", lambda types: find_sql_class(types[0]) is not None and are_integers(types)),
             Form("abs({0}) + 0", are_numbers, "{0} >= -9223372036854775807"),
         ),
-        python=(Form("abs({0})", _NUMBERS, Check.SIZE),),
+        python=(Form("abs({0})", are_numeric, Check.SIZE),),
         portable=(Form("abs({0})", lambda types: are_sql_number_types(types) or exactly(Kind.FLOAT)(types)),),
     ),
     declare(  # no form in SQL: databases round the last place by other rules
@@ -325,9 +320,9 @@ OPERATIONS = (
         about="the nearest number of so many digits", example="[round(2.567), round(2.567, 1)]",
     ),
     declare(  # IEEE 754 demands the nearest float of a root, so all roots are the same
-        "sqrt", 1, _compute_root, _infer_root, lambda types: can_be_no_numbers(types) or bound_floats(types[0])[0] < 0,
+        "sqrt", 1, _compute_root, _infer_root, lambda types: not are_numeric(types) or bound_floats(types[0])[0] < 0,
         call="sqrt(x)", about="the square root", example="sqrt(2.25)",
-        sqlite=(Form("sqrt({0})", are_numbers, "{0} >= 0"),), python=(Form(math.sqrt, _NUMBERS, "{0} >= 0"),),
+        sqlite=(Form("sqrt({0})", are_numbers, "{0} >= 0"),), python=(Form(math.sqrt, are_numeric, "{0} >= 0"),),
         portable=(Form("sqrt({0})", are_reals),),
     ),
     declare(
@@ -337,13 +332,13 @@ OPERATIONS = (
             Form("{0}", lambda types: find_sql_class(types[0]) is not None and are_integers(types)),
             Form("cast({0} AS INTEGER)", are_numbers, f"{{0}} BETWEEN {-SAFE} AND {SAFE}"),
         ),
-        python=(Form("int({0})", _NUMBERS, Check.SIZE),),
+        python=(Form("int({0})", are_numeric, Check.SIZE),),
     ),
     declare(
-        "float", 1, _convert_to_float, _infer_float, can_be_no_numbers,
+        "float", 1, _convert_to_float, _infer_float, lambda types: not are_numeric(types),
         call="float(x)", about="text or a number as a float", example="[float('1e3'), float(2)]",
         sqlite=(Form("{0}", exactly(Kind.FLOAT)), Form("cast({0} AS REAL)", are_numbers)),
-        python=(Form("float({0})", _NUMBERS),),
+        python=(Form("float({0})", are_numeric),),
     ),
     declare(
         "distance", 2, _measure_distance, _infer_size, _can_size_fail, call="distance(a, b)",

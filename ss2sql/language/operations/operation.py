@@ -259,9 +259,12 @@ def exactly(kind: Kind) -> When:
     return lambda types: all(one.kinds == kind for one in types)
 
 
+are_numeric = each(Kind.NUMBER)
+
+
 def are_orderable(types: Types) -> bool:
     """Tests that all are numbers, or all are strings."""
-    return each(Kind.NUMBER)(types) or each(Kind.STR)(types)
+    return are_numeric(types) or each(Kind.STR)(types)
 
 
 def find_sql_class(kind: Type, none: bool = False) -> str | None:

@@ -39,6 +39,7 @@ from ss2sql.language.operations.operation import (
     When,
     are_integers,
     are_numbers,
+    are_numeric,
     are_orderable,
     declare,
     each,
@@ -123,10 +124,6 @@ def can_be_numbers(types: Types) -> bool:
     return all(kind.may_be(Kind.INT | Kind.FLOAT) for kind in types)
 
 
-def _are_numbers(types: Types) -> bool:
-    return each(Kind.NUMBER)(types)
-
-
 # --- sums and products ---------------------------------------------------------------------------------
 
 
@@ -138,7 +135,7 @@ def _make_operator(name: str, symbol: str, compute: NumberOperation, about: str,
         return unite((times, *(make_numbers(kind, corners) for kind, corners in apply_bounds(compute, types))))
 
     def can_fail(types: Types) -> bool:
-        return not _are_numbers(types) or not all(
+        return not are_numeric(types) or not all(
             fits_bounds(kind, corners) for kind, corners in apply_bounds(compute, types)
         )
 
@@ -147,7 +144,7 @@ def _make_operator(name: str, symbol: str, compute: NumberOperation, about: str,
         name, 2, _declare_number_operator(name, symbol, compute), infer_type, can_fail,
         symbol=symbol, call=f"a {symbol} b", about=about, example=example, cheap=True,
         sqlite=(Form(text, are_numbers, Check.SIZE),),
-        python=(Form(text, _are_numbers, Check.SIZE), Form(text, can_be_numbers, Check.NUMBERS)),
+        python=(Form(text, are_numeric, Check.SIZE), Form(text, can_be_numbers, Check.NUMBERS)),
         portable=(Form(text, are_sql_number_types),),
     )  # fmt: skip
 
@@ -196,7 +193,7 @@ def _infer_negated(types: Types) -> Type:
 
 def can_sign_fail(types: Types) -> bool:
     """Whether unary minus or `abs` can fail: there is one integer more below zero than above."""
-    return not _are_numbers(types) or any(kind is Kind.INT and low == INT_MIN for kind, low, _ in split_type(types[0]))
+    return not are_numeric(types) or any(kind is Kind.INT and low == INT_MIN for kind, low, _ in split_type(types[0]))
 
 
 def split_type(t: Type) -> list[tuple[Kind, float, float]]:
@@ -227,7 +224,7 @@ def _infer_quotient(types: Types) -> Type:
 
 
 def _can_division_fail(types: Types) -> bool:
-    return not _are_numbers(types) or not _keeps_from_zero(types[1])
+    return not are_numeric(types) or not _keeps_from_zero(types[1])
 
 
 def _infer_remainder(types: Types) -> Type:
@@ -321,7 +318,7 @@ def _bound_powers(types: Types) -> list[tuple[Kind, list[float]]] | None:
 
 
 def _can_power_fail(types: Types) -> bool:
-    bounds = _bound_powers(types) if _are_numbers(types) else None
+    bounds = _bound_powers(types) if are_numeric(types) else None
     return bounds is None or not all(fits_bounds(kind, corners) for kind, corners in bounds)
 
 
@@ -352,7 +349,7 @@ ARITHMETIC = (
         ),
         python=(
             Form("{0} / {1}", _WHOLE, "{1}"),  # a quotient of integers is finite
-            Form("{0} / {1}", _are_numbers, f"{{1}} and {FINITE}"),
+            Form("{0} / {1}", are_numeric, f"{{1}} and {FINITE}"),
         ),
         portable=(Form("cast({0} AS DOUBLE) / {1}", are_reals),),
     ),
@@ -367,7 +364,7 @@ ARITHMETIC = (
             Form("({0} % {1} + {1}) % {1}", are_integers,
                  only="{1} BETWEEN 1 AND 4611686018427387904 AND {0} IS NOT NULL"),
         ),
-        python=(Form("{0} % {1}", _are_numbers, "{1}"),),
+        python=(Form("{0} % {1}", are_numeric, "{1}"),),
         portable=(
             Form("{0} % {1}", lambda types: are_sql_integers(types) and _are_nonnegative_types(types)),
             Form("({0} % {1} + {1}) % {1}", lambda types: are_sql_integers(types) and types[1].is_bounded(2**61)),
@@ -383,7 +380,7 @@ ARITHMETIC = (
         ),
         python=(
             Form("{0} * {0}", _match_power(2, _WHOLE), f"{-SMALL} < {{0}} < {SMALL}"),  # a third of the time
-            Form("{0} ** {1}", _are_numbers),
+            Form("{0} ** {1}", are_numeric),
         ),
         portable=tuple(Form(_write_product(n), _match_power(n, are_sql_integers)) for n in range(1, MOST_FACTORS + 1)),
     ),
@@ -395,7 +392,7 @@ ARITHMETIC = (
             Form("-{0}", lambda types: are_integers(types) and not types[0].may_be(Kind.NONE)),
             Form("{0} * -1", are_numbers, Check.SIZE),
         ),
-        python=(Form("-{0}", _are_numbers, Check.SIZE),),
+        python=(Form("-{0}", are_numeric, Check.SIZE),),
         portable=(Form("-{0}", are_sql_integers), Form("{0} * cast(-1 AS DOUBLE)", exactly(Kind.FLOAT))),
     ),
 )  # fmt: skip
