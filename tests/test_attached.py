@@ -11,7 +11,7 @@ import pytest
 from sessions import both, code_of, write
 
 import ss2sql
-from ss2sql.language.file_sources import READ_IN_PYTHON
+from ss2sql.frontend.resolve.from_clause import READ_IN_PYTHON
 
 # --- values --------------------------------------------------------------------------------------------
 

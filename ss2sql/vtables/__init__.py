@@ -17,7 +17,7 @@ from types import NoneType
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import ExecutionError, SessionError
-from ss2sql.language.file_sources import ATTACHED, find_file_ending, suggest_source
+from ss2sql.frontend.resolve.from_clause import ATTACHED, find_file_ending, suggest_source
 from ss2sql.vtables.contract import Column as Column
 from ss2sql.vtables.contract import Element as Element
 from ss2sql.vtables.contract import Gone as Gone

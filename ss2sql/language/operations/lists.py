@@ -9,8 +9,7 @@ from typing import Any
 
 from ss2sql.errors import ExecutionError, suggest_names
 from ss2sql.language.cancellation import ITEMS_PER_CHECK, iterate_checked
-from ss2sql.language.conversion import format_value
-from ss2sql.language.element_columns import read_column
+from ss2sql.language.conversion import format_value, read_column
 from ss2sql.language.kinds import (
     ANY,
     INTEGER,

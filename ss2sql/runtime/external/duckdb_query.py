@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, ExecutionError, UnsupportedError
 from ss2sql.language import plan
-from ss2sql.language.element_columns import read_column
+from ss2sql.language.conversion import read_column
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row, Rows, iterate_limited_rows

@@ -13,7 +13,7 @@ from operator import length_hint
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.language import plan
-from ss2sql.language.element_columns import read_column
+from ss2sql.language.conversion import read_column
 from ss2sql.runtime.run.call_memo import make_call_key
 from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.run.run_state import Run

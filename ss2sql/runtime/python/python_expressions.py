@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard, assert_never
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.conversion import CURES, check_arithmetic
-from ss2sql.language.element_columns import read_column
+from ss2sql.language.conversion import CURES, check_arithmetic, read_column
 from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import OPERATIONS, PREDICATES, Check, Form
 from ss2sql.language.operations.operators import SMALL

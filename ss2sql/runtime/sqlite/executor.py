@@ -20,7 +20,7 @@ import apsw
 from ss2sql.errors import Error, Span, Stopped
 from ss2sql.frontend.user_functions import UserFunction
 from ss2sql.language import plan
-from ss2sql.language.element_columns import read_column
+from ss2sql.language.conversion import read_column
 from ss2sql.language.operations import PREDICATES
 from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row, Rows, check_row_limit, iterate_limited_rows

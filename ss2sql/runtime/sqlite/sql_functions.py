@@ -6,7 +6,7 @@ from collections.abc import Callable
 from operator import itemgetter
 from typing import Any
 
-from ss2sql.language.element_columns import read_column
+from ss2sql.language.conversion import read_column
 from ss2sql.language.kinds import Kind
 from ss2sql.language.operations import GROUPS
 from ss2sql.language.rows import Table
