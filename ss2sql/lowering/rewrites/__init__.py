@@ -7,6 +7,7 @@ the registry, for both engines; rewrite_context is what they share. Some are abo
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from typing import Any
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
@@ -23,14 +24,14 @@ from ss2sql.lowering.rewrites.unnest_subqueries import search_for_members, unnes
 class Rewrite:
     """The `purpose` of a rewrite and what it has `done` to a query, both in words, and the function that applies it.
 
-    It is asked about queries with a node of one of the types `nodes`: others have nothing for it. Without them lowering
-    applies it, and reads the switch.
+    A query without a node that it `looks_for` has nothing for it. Where there is no function lowering applies it, and
+    reads the switch.
     """
 
     purpose: str
     done: str
     apply: Callable[[plan.Query, RewriteContext], plan.Query] | None = None
-    nodes: frozenset[type] = frozenset()
+    looks_for: Callable[[Any], bool] = lambda node: False
 
 
 REWRITES: dict[str, Rewrite] = {
@@ -38,49 +39,49 @@ REWRITES: dict[str, Rewrite] = {
         "puts the expression that a function returns in the place of its call",
         "calls of Python functions became the expressions that they compute",
         inline_functions,
-        frozenset({plan.Call}),
+        lambda node: isinstance(node, plan.Call) and node.function.body is not None,
     ),
     "columns": Rewrite(
         'reads this["a"] of rows that have it as the column a',
         "keys of rows are read as columns",
         read_keys_as_columns,
-        frozenset({plan.Call}),
+        lambda node: isinstance(node, plan.Call) and node.function.name == "item",
     ),
     "fold": Rewrite(
         "computes what is made of constants before the query runs",
         "what is made of constants alone was computed beforehand",
         fold_constants,
-        frozenset({plan.Call, plan.Constant, plan.MakeList}),
+        lambda node: isinstance(node, plan.Call | plan.Constant | plan.MakeList),
     ),
     "unnest": Rewrite(
         "makes conditions of a nested query over a known list, and reads constant texts for eval",
         "a nested query over a list that is known became plain conditions",
         unnest_subqueries,
-        frozenset({plan.Subquery, plan.Eval}),
+        lambda node: isinstance(node, plan.Subquery | plan.Eval),
     ),
     "exists": Rewrite(
         "asks of x IN (SELECT ...) whether a row equals x, where the query reads the row around it",
         "membership in what a query finds for a row is looked up",
         search_for_members,
-        frozenset({plan.Subquery}),
+        lambda node: isinstance(node, plan.Subquery),
     ),
     "split": Rewrite(
         "flattens AND and OR, moves NOT inwards, drops repeated parts",
         "conditions were taken apart, so that each is evaluated as early as possible",
         normalize_conditions,
-        frozenset({plan.And, plan.Or, plan.Not}),
+        lambda node: isinstance(node, plan.And | plan.Or | plan.Not),
     ),
     "rows": Rewrite(
         "reads a query in FROM that gives a list of one column as rows",
         "rows of a query in FROM are joined, not collected in a list",
         read_lists_as_rows,
-        frozenset({plan.QuerySource}),
+        lambda node: isinstance(node, plan.QuerySource),
     ),
     "near": Rewrite(
         "queries a world only for the box around a point where distance(this, point) <= 1",
         "a distance became ranges of coordinates, which the world is queried for",
         limit_distances,
-        frozenset({plan.WorldSource}),
+        lambda node: isinstance(node, plan.WorldSource),
     ),
     "early": Rewrite(
         "evaluates conditions that can fail as soon as their sources are bound",
@@ -122,12 +123,12 @@ def optimise(
     """The query after all rewrites that are not disabled, in the order of the registry, and their names."""
     world = world or RewriteContext()
     changed: list[str] = []
-    nodes = set(map(type, walk(query)))
+    nodes = list(walk(query))
     for name, rewrite in REWRITES.items():
-        if rewrite.apply is None or name in disabled or nodes.isdisjoint(rewrite.nodes):
+        if rewrite.apply is None or name in disabled or not any(map(rewrite.looks_for, nodes)):
             continue
         before, query = query, rewrite.apply(query, world)
         if query is not before:
             changed.append(name)
-            nodes = set(map(type, walk(query)))
+            nodes = list(walk(query))
     return query, tuple(changed)

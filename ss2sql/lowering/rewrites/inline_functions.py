@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.frontend.resolve.scope import resolve_source_column
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind, Type
-from ss2sql.language.plan_traversal import can_fail, is_column_query, list_plan_functions, walk
+from ss2sql.language.plan_traversal import can_fail, is_column_query, walk
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext, rewrite_bottom_up
 
 if TYPE_CHECKING:
@@ -40,16 +40,12 @@ if TYPE_CHECKING:
 
 
 def inline_functions(query: plan.Query, world: RewriteContext) -> plan.Query:
-    return _inline_calls(query)[0] if _calls_known_bodies(query) else query
+    return _inline_calls(query)[0]
 
 
 def list_calls_to_rewrite(query: plan.Query) -> list[InlinedCall]:
     """What `inline_functions` does with the calls of functions whose bodies are known, in their order."""
-    return _inline_calls(query)[1] if _calls_known_bodies(query) else []
-
-
-def _calls_known_bodies(query: plan.Query) -> bool:
-    return any(function.body is not None for function in list_plan_functions(query))
+    return _inline_calls(query)[1]
 
 
 def _inline_calls(query: plan.Query) -> tuple[plan.Query, list[InlinedCall]]:
