@@ -74,7 +74,7 @@ class Answer:
 def compare_answers(own: Answer, other: Answer, unnamed: Sequence[str]) -> Verdict:
     """How a strategy's answer differs from that of the script's own strategy.
 
-    `unnamed` is what other clauses read beside SELECT, see ss2sql/language/step_identity.py: with any of it the
+    `unnamed` is what other clauses read beside SELECT, see `find_unnamed`: with any of it the
     language promises nothing for MEMORIZE, nor which rows UNIQUE reaches.
     """
     if own.paths == other.paths:
@@ -149,7 +149,7 @@ class Comparer:
     def __init__(self, query: plan.Query | None, own: str) -> None:
         self.own = own  # the strategy of the script as written
         self.variation = None if query is None else find_reason_answers_differ(query)
-        # What clauses read beside the rows, see ss2sql/language/step_identity.py.
+        # What clauses read beside the rows, see `find_unnamed`.
         self.unnamed = () if query is None or query.search is None else describe_unnamed(query)
         self.reference: FinishedRun | None = None
         self._by_strategy: dict[str, FinishedRun] = {}
