@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import fields, is_dataclass
 from difflib import get_close_matches
 from importlib import import_module
 from itertools import takewhile
@@ -239,16 +238,8 @@ class NotebookNames:
             self.session.detach(name)
 
 
-def _find_functions_in_cell(tree: Any) -> Iterator[str]:
-    stack = [tree]
-    while stack:
-        node = stack.pop()
-        if isinstance(node, ast.Call) and node.owner is None:
-            yield node.function
-        if isinstance(node, tuple):
-            stack.extend(node)
-        elif is_dataclass(node) and type(node).__module__ == ast.__name__:
-            stack.extend(getattr(node, field.name) for field in fields(node))
+def _find_functions_in_cell(tree: ast.Script) -> Iterator[str]:
+    return (node.function for node in ast.walk_syntax(tree) if isinstance(node, ast.Call) and node.owner is None)
 
 
 _display: Any = import_module("IPython.display").display  # it has no types
