@@ -6,10 +6,14 @@ import random
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import pandas
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from sessions import ENGINES, both
 
 import ss2sql
+from ss2sql.runtime.search.edge_walk import walk_edges
 
 Row = tuple[Any, ...]
 
@@ -318,3 +322,51 @@ def test_numbers_come_as_arrays_in_the_order_of_the_table(table: str, monkeypatc
     found = session.run(script).paths
     assert [[row[0] for row in path] for path in found] == [path for _, path in queue[1:]]
     assert len(read) == 1
+
+
+# --- edges that are walked over arrays, see runtime/search/edge_walk.py ----------------------------------
+
+NODES = [0, 1, 2, 3, 4, 5, FAR, -FAR - 1]  # as many as fit close together, and others
+NODE_PAIRS = st.tuples(*[st.sampled_from(NODES)] * 2)
+ENDINGS = ["", "WHERE dst == goal", "WHERE goal == dst", "WHERE dst == 3"]
+OPTIONS = ["", "MAXIMUM 1", "MAXIMUM 2"]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(NODE_PAIRS, min_size=1, max_size=20).map(lambda pairs: sorted(pairs, key=str)),
+    st.sampled_from(NODES[:6]),
+    st.sampled_from([*NODES, 9]),
+    st.sampled_from(ENDINGS),
+    st.sampled_from(OPTIONS),
+    st.booleans(),
+)
+def test_a_walk_over_arrays_finds_the_same_paths(
+    edges: list[tuple[int, int]], start: int, goal: int, ending: str, option: str, framed: bool
+) -> None:
+    session = ss2sql.connect()
+    if framed:
+        session.attach("edges", pandas.DataFrame(edges, columns=["src", "dst"]))
+    else:
+        session.host.connection.execute("CREATE TABLE edges(src INTEGER, dst INTEGER)")
+        session.host.connection.executemany("INSERT INTO edges VALUES (?, ?)", edges)
+    script = f"""SELECT dst FROM (SELECT * FROM edges WHERE src == node) {ending}
+        START WITH node = {start} CONNECT BY UNIQUE {option} node = dst"""
+    walked: list[object] = []
+
+    def walk(*given: Any) -> Any:
+        walked.append(given)
+        return walk_edges(*given)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ss2sql.runtime.sqlite.database_tables.MANY_ROWS", 1)
+        patch.setattr("ss2sql.runtime.python.edge_search.MANY_ROWS", 1)
+        patch.setattr("ss2sql.runtime.search.edge_walk.walk_edges", walk)
+        found = session.run(script, engine="native", goal=goal)
+    assert walked
+    for engine in ("native", "database"):
+        other = session.run(script, engine=engine, goal=goal)
+        assert found.paths == other.paths
+        for count in ("generated", "expanded", "pruned"):
+            assert getattr(found.stats, count) == getattr(other.stats, count), (engine, count)
+    assert len(walked) == 1

@@ -507,5 +507,5 @@ class SessionHost:
         run.doubtful = True
         return self.tables.read_unreadable_rows(source)
 
-    def read_integer_columns(self, source: plan.TableSource, *places: int) -> list[Any] | None:
-        return self.tables.read_integer_columns(source, *places)
+    def read_integer_columns(self, source: plan.TableSource, *columns: str) -> list[Any] | None:
+        return self.tables.read_integer_columns(source, *columns)

@@ -190,7 +190,11 @@ def names_of(query: ast.Query) -> dict[str, ast.Expr]:
     found: dict[str, ast.Expr] = {}
     for column in query.columns:
         match column:
-            case ast.Named(expr=expr, name=name) | ast.Call(function="to", arguments=(expr, ast.Name(name=name))):
+            case (
+                ast.Named(expr=expr, name=name)
+                | ast.Call(function="to", arguments=(expr, ast.Name(name=name)))
+                | ast.Call(function="to", arguments=(expr, ast.Literal(value=str(name))))
+            ):
                 found.setdefault(name, expr)
     return found
 

@@ -238,7 +238,7 @@ class _ExecutorHost:
         places = [columns.index(column) for column in source.columns]
         return [tuple([row[place] for place in places]) for row in rows]
 
-    def read_integer_columns(self, source: plan.TableSource, *places: int) -> None:
+    def read_integer_columns(self, source: plan.TableSource, *columns: str) -> None:
         return None
 
     def _refuse_call(self, *arguments: Any) -> Any:

@@ -142,7 +142,7 @@ def index_column(rows: list[Any], value: int, position: int) -> RowIndex:
 
 def index_table_column(run: Run, table: plan.TableSource, value: int, position: int) -> dict[Hashable, list[Any]]:
     """The same of a table whose two columns hold whole numbers."""
-    found = run.host.read_integer_columns(table, position, value)
+    found = run.host.read_integer_columns(table, table.columns[position][0], table.columns[value][0])
     if found is None:
         return index_column(run.host.read_table_rows(table, run), value, position)
     import numpy as np

@@ -23,12 +23,14 @@ from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ss2sql.errors import Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR
 from ss2sql.language.plan_traversal import find_direct_assignments, walk
 from ss2sql.language.values import FREEZERS, THAWERS, UNSET, FrozenShapes, Shape, State, freeze_any
 from ss2sql.runtime.python.codegen_context import OWN_GROUP, ExpressionFacts, PythonScope
+from ss2sql.runtime.python.edge_search import EdgeSearch, find_edge_search, make_edge_walk
 from ss2sql.runtime.python.flat_query import list_key_expressions
 from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.step_clauses import StepForm, choose_state_shapes, name_frozen_variables
@@ -287,7 +289,10 @@ def compile_search(
     inlined = None
     if INLINE_STEPS and not (remembered or watched or led) and (search.plain or not memorizes):
         inlined = step.write_search(add_graph_level if memorizes else choose_search(search))
-    function = inlined or step.write_function()
+    edges = find_edge_search(query) if inlined and codegen.analysis.roots[0] is query and not keys else None
+    function = step.write_function() if inlined is None else inlined
+    if edges is not None:
+        function = _write_edge_walk(builder, edges, body, function, query.span)
     if inlined is None or memorizes:
         body.emit(
             build.add_to(codegen.name_counter("expanded", body), -1)
@@ -311,6 +316,20 @@ def compile_search(
     known = FrozenShapes(tuple(shapes.values()), tuple(step.columns))
     chooses = step.has_list_elements and inlined is not None
     return body.name, SearchForm(known, inlined is not None, chooses, remembered, watched)
+
+
+def _write_edge_walk(builder: QueryCompiler, edges: EdgeSearch, body: PythonScope, others: str, span: Span) -> str:
+    """The search over arrays in place of a loop; gives its name."""
+    codegen = builder.codegen
+    build, name = codegen.build_at(span), codegen.new_name("search")
+    goal = build.constant(None)
+    if edges.goal is not None:
+        goal = build.defer(generate_expression(builder, edges.goal, body))
+    search = build.name(codegen.embed(edges, "edges"))
+    body.emit(
+        build.assign(name, build.call(codegen.use(make_edge_walk), build.name("run"), search, goal, build.name(others)))
+    )
+    return name
 
 
 def join_first_steps(first: Expand, others: Expand) -> Expand:

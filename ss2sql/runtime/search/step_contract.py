@@ -224,8 +224,8 @@ class Elements(Notes):
 
 # --- steps that are evaluated once for each state, where a search may come to a state again and calls are expensive
 class KnownSteps(NamedTuple):
-    """All steps of a state: those that leave a trace, the keys of the others as a list and as a set, which knows their
-    hashes, and the number of its elements.
+    """All steps of a state: those that leave a trace, the keys of the others, the keys of all, and the number of its
+    elements.
     """
 
     steps: list[Step]
@@ -262,12 +262,11 @@ class MemoizedSteps:
         return self._choose_open(known, closed) if self._compares else known.steps
 
     def _choose_open(self, known: KnownSteps, closed: AbstractSet[Any]) -> list[Step]:
-        steps = [step for step in known.steps if step[1] not in closed]
-        pruned = len(known.steps) - len(steps)
-        if not closed.isdisjoint(known.keys):
-            pruned += sum(key in closed for key in known.dropped)
-        if pruned:
-            self._prune(pruned)
+        met = known.keys & closed
+        if not met:
+            return known.steps
+        steps = [step for step in known.steps if step[1] not in met]
+        self._prune(len(known.steps) - len(steps) + sum(map(known.dropped.count, met)))
         return steps
 
     def _draw_steps(self, key: bytes, state: State, dropped: list[Any] | None) -> Iterator[Step]:
@@ -283,7 +282,8 @@ class MemoizedSteps:
             yield step
         if len(self._known) >= self._most:
             self._known.clear()
-        self._known[key] = KnownSteps(steps, dropped or [], frozenset(dropped or ()), elements)
+        keys = frozenset(() if dropped is None else [*dropped, *(step[1] for step in steps)])
+        self._known[key] = KnownSteps(steps, dropped or [], keys, elements)
 
     def _draw_open(self, key: bytes, state: State, closed: AbstractSet[Any]) -> Iterator[Step]:
         """The same without steps to rows on the path; one may fail, which the written order does not evaluate."""

@@ -254,7 +254,7 @@ class Tables:
         names = [quote_sqlite_name(name) for name, _ in source.columns]
         return self._fetch_rows(_write_sqlite_select(source, names, wanted), wanted.values if wanted else ())
 
-    def read_integer_columns(self, source: plan.TableSource, *places: int) -> list[Any] | None:
+    def read_integer_columns(self, source: plan.TableSource, *columns: str) -> list[Any] | None:
         """Columns of whole numbers as arrays, in the order of the table; None where rows are as good.
 
         A million pairs take 0.2 s, as rows 0.5. Of a smaller table it would be the import of NumPy that takes long.
@@ -265,7 +265,7 @@ class Tables:
             return None
         import numpy as np
 
-        names = [quote_sqlite_name(source.columns[place][0]) for place in places]
+        names = list(map(quote_sqlite_name, columns))
         shown = ", ".join(f"group_concat({name})" for name in names)
         (texts,) = self._fetch_rows(f"SELECT {shown} FROM ({_write_sqlite_select(source, names)})")
         return [np.fromstring(text, np.int64, sep=",") for text in texts]
