@@ -29,6 +29,7 @@ from ss2sql.runtime.python.equality_index import (
     index_table_column,
 )
 from ss2sql.runtime.python.loop_helpers import (
+    TURNS_PER_CHECK,
     iterate_with_checks,
     list_elements_with_keys,
     loop_over_dict_columns,
@@ -285,11 +286,13 @@ class SourceLoops:
             body = self._stage_calls(self._test_conditions(body, conditions.get(index, ())), read)
             if body.level == MAX_LOOPS:
                 body = self._start_inner_function(body)
-            body = self._open_loop(body, source)
-            innermost = index + 1 == len(self.sources)
-            # The loop around these counts what comes to their end.
-            if not self.alone and not (self.inside and innermost and not conditions.get(index + 1)):
-                self._count_turns(body, innermost)
+            counted = self._are_turns_counted(index + 1 == len(self.sources), bool(conditions.get(index + 1)))
+            at_once = counted and source.id in self.items and source.id not in self.lookups
+            if at_once:
+                self._count_turn(body)
+            body = self._open_loop(body, source, at_once)
+            if counted and not at_once:
+                self._count_turn(body)
         body = self._stage_calls(self._test_conditions(body, conditions.get(len(self.sources), ())), rest)
         if self.stages is not None and self.query.aggregated:  # groups are collected in the last function
             body = self.stages.begin_stage(body, self.builder.codegen.build)
@@ -299,7 +302,8 @@ class SourceLoops:
         """The function that goes on to evaluate the parts."""
         return body if self.stages is None or not body.level else self.stages.add_calls(body, parts)
 
-    def _open_loop(self, body: PythonScope, source: plan.Source) -> PythonScope:
+    def _open_loop(self, body: PythonScope, source: plan.Source, checked: bool) -> PythonScope:
+        """Opens a loop; a `checked` one, whose items are read once, looks at the clock itself where they are many."""
         from ss2sql.runtime.python.flat_query import open_inner_loops
 
         codegen = self.builder.codegen
@@ -320,16 +324,22 @@ class SourceLoops:
             items = self._look_up_source(source, items, body)
         name = codegen.names[source.id] = codegen.new_name(source.name)
         names = (name, codegen.keys.get(source.id))
-        if self.alone and body.level == 0:
-            items = build.call(codegen.use(iterate_with_checks), build.name("run"), items)
+        if (self.alone and body.level == 0) or checked:
+            parts = build.call(codegen.use(iterate_with_checks), build.name("run"), items)
+            few = build.compare(build.call("len", items), ast.LtE(), build.constant(TURNS_PER_CHECK))
+            items = build.if_else(few, items, parts) if checked else parts
         body.open_loop([word for word in names if word is not None], items, build)
         body.levels[source.id] = body.level
         if source.id in self.items and self.stages is not None:
             self.stages.spent.add(self.items[source.id])
         return body
 
-    def _count_turns(self, body: PythonScope, innermost: bool) -> None:
-        """Counts the turns, and looks at the clock now and then."""
+    def _are_turns_counted(self, innermost: bool, tested: bool) -> bool:
+        """Whether a loop counts its turns: the loop around an inner query counts what comes to the end of its loops."""
+        return not self.alone and not (self.inside and innermost and not tested)
+
+    def _count_turn(self, body: PythonScope) -> None:
+        """Counts a turn, or a loop of few turns, and looks at the clock now and then."""
         codegen = self.builder.codegen
         build = codegen.build
         counter, due = codegen.name_counter("ticks", body), codegen.name_counter("due_tick", body)

@@ -136,9 +136,8 @@ def sort_step_siblings(elements: Iterable[tuple[Any, Row]], descending: tuple[bo
 class StepLoops(SourceLoops):
     """The loops over the sources of a search; the step function counts the iterations of the innermost one."""
 
-    def _count_turns(self, body: PythonScope, innermost: bool) -> None:
-        if not innermost:
-            super()._count_turns(body, innermost)
+    def _are_turns_counted(self, innermost: bool, tested: bool) -> bool:
+        return not innermost and super()._are_turns_counted(innermost, tested)
 
 
 class StepFunction(StepClauses):
