@@ -264,7 +264,7 @@ def percentile(values: Any, part: Any) -> Any:
 
 
 def end(place: int) -> Callable[..., Any]:
-    return lambda values: a_list(values)[place] if values else None
+    return lambda values: (a_list(values) or [None])[place]
 
 
 def type_name(value: Any) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
@@ -380,26 +380,28 @@ class Sources:
         return not mixed
 
 
-def known_columns(ref: Reference, expr: ast.Expr) -> frozenset[str]:
-    """The columns of what stands in FROM, as far as the run is not needed to know them."""
+def known_columns(ref: Reference, expr: ast.Expr) -> dict[str, None]:
+    """The columns of what stands in FROM in their order, as far as the run is not needed to know them."""
     match expr:
         case ast.Name(name=name):
             value = ref.variables.get(name, ref.tables.get(name))
-            return frozenset(columns_of(elements_of(value)))
+            # A dict of columns has them where it has no rows, too.
+            without_rows = isinstance(value, dict) and not elements_of(value)
+            return dict.fromkeys(value if without_rows else columns_of(elements_of(value)))
         case ast.Query(connect=(), made=None, group=()) if representation_of(expr) == "dict":
-            return frozenset().union(*(shown_columns(ref, expr, column) for column in expr.columns))
+            return dict.fromkeys(name for column in expr.columns for name in shown_columns(ref, expr, column))
         case _:
-            return frozenset()
+            return {}
 
 
-def shown_columns(ref: Reference, query: ast.Query, column: ast.Expr | ast.Named | ast.Star) -> frozenset[str]:
+def shown_columns(ref: Reference, query: ast.Query, column: ast.Expr | ast.Named | ast.Star) -> Iterable[str]:
     match column:
         case ast.Star():
-            return frozenset().union(*(known_columns(ref, source.expr) for source in query.sources))
+            return [name for source in query.sources for name in known_columns(ref, source.expr)]
         case ast.Call(function="to", arguments=(_, name)) if not isinstance(name, (ast.Name, ast.Literal)):
-            return frozenset()
+            return ()
         case _:
-            return frozenset((column_name(ref, column, Frame(None)),))
+            return (column_name(ref, column, Frame(None)),)
 
 
 # Order and limits

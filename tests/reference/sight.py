@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
@@ -149,7 +149,7 @@ class Own:
     this: bool
     elsewhere: Callable[[str], bool]  # whether a bare name means something outside of the query
     late: Callable[[str], LateList | None]
-    columns: Callable[[ast.Expr], frozenset[str]]  # those of what stands in FROM, as far as they are known
+    columns: Callable[[ast.Expr], Iterable[str]]  # those of what stands in FROM, as far as they are known
     free: Callable[[Any, Own], bool] = lambda node, own: False  # parts that do not count where they stand
     asks: Callable[[Any], bool] = lambda node: False  # whether a call asks for the path of a step
 
@@ -204,7 +204,7 @@ def query_mentions(query: ast.Query, own: Own) -> bool:
     for number, source in enumerate(query.sources):
         if mentions(source.expr, _without(own, names, hidden if number else frozenset(), number == 0)):
             return True
-        names |= own.columns(source.expr)
+        names = names.union(own.columns(source.expr))
     rest = (query.columns, query.where, query.options, query.connect, query.stop, query.group, query.having)
     more = (query.first, query.made, query.siblings, query.order)
     return mentions((*rest, *more), _without(own, names, hidden, False))
