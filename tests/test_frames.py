@@ -350,3 +350,8 @@ def test_names_of_an_index_and_of_several_levels(ss: ss2sql.Session) -> None:
     ss.attach("t", pandas.DataFrame([[1, 2]], columns=["x", "x"]))
     with pytest.raises(ss2sql.ExecutionError, match="two columns called 'x'"):
         ss.run("SELECT x FROM t;")
+
+
+def test_columns_of_a_frame_that_is_no_table_are_explained(ss: ss2sql.Session) -> None:
+    with pytest.raises(ss2sql.ResolveError, match=re.escape("attach('log', ...) gives the rows of a data frame")):
+        ss.run("SELECT x FROM log WHERE x > 1;", log=pandas.DataFrame({"x": [1, 2]}))

@@ -470,11 +470,22 @@ def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequenc
     else:
         cure = f"assign it before, or give it from Python: run(script, {name}=...)"
         hints = suggest_names(name, known)
-        if place.operand and not suggest_similar(name, known):
+        objects = [source.name for source in place.sources if _is_object_variable(source)]
+        hints += tuple(f"'{one}' is one object: attach('{one}', ...) gives the rows of a data frame" for one in objects)
+        if place.operand and not objects and not suggest_similar(name, known):
             hints += (f"a text stands in quotes: '{name}'",)
-        if place.operand or not hints:
+        if not objects and (place.operand or not hints):
             hints += (cure,)
     return ResolveError("R001", f"unknown name '{name}'", span, hints)
+
+
+def _is_object_variable(source: plan.Source) -> bool:
+    """Whether a source is a variable that holds an object of Python, which stands in FROM as one row."""
+    match source:
+        case plan.ValueSource(value=plan.Variable(type=kind)):
+            return kind.is_only(Kind.OBJECT)
+        case _:
+            return False
 
 
 def read_leading_name(span: Span, name: str) -> Span:
