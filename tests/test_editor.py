@@ -42,7 +42,7 @@ def read_tokens(script: str) -> list[Token] | None:
         tokens = tokenizer.tokenize(source)
     except ParseError:
         return None
-    outcome = run_automaton(load_parse_table(), Builder(source), tokens, 0, len(tokens))
+    outcome = run_automaton(Builder(source), tokens, 0, len(tokens))
     return tokens[:-1] if isinstance(outcome, ast.Script) else None
 
 

@@ -136,7 +136,7 @@ def mark_keywords(script: str) -> list[Token]:
         return tokens[:-1]
     position = 0
     while position < len(tokens):
-        outcome = run_automaton(load_parse_table(), Builder(source), tokens, position, len(tokens))
+        outcome = run_automaton(Builder(source), tokens, position, len(tokens))
         if isinstance(outcome, ast.Script):
             break
         after = find_resume_point(outcome)

@@ -18,7 +18,7 @@ from ss2sql.errors import ParseError, Source
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import tokenizer
 from ss2sql.frontend.syntax.parse_failure import ParseFailure
-from ss2sql.frontend.syntax.parser import load_parse_table, run_automaton
+from ss2sql.frontend.syntax.parser import run_automaton
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
 from ss2sql.frontend.syntax.tree_builder import Builder
 from ss2sql.shell.dot_commands import COMMANDS, SETTINGS
@@ -83,7 +83,7 @@ def _find_completable_tokens(found: CompletionContext, before: str) -> None:
         tokens = tokenizer.tokenize(source)
     except ParseError:
         return
-    outcome = run_automaton(load_parse_table(), Builder(source), tokens, 0, len(tokens) - 1)
+    outcome = run_automaton(Builder(source), tokens, 0, len(tokens) - 1)
     if isinstance(outcome, ParseFailure) and outcome.index == len(tokens) - 1:
         found.expected, found.clause = outcome.expected, outcome.clause
 

@@ -36,12 +36,11 @@ def parse(source: Source) -> ast.Script:
             "P008", "there is no statement in this script", Span(source, 0, 0),
             ["write an expression or a query, for instance SELECT this FROM [1, 2, 3] AS list;"],
         )  # fmt: skip
-    table = load_parse_table()
     builder = Builder(source)
     errors: list[ParseError] = []
     position = 0
     while position < len(tokens) and len(errors) < MAX_ERRORS:
-        outcome = run_automaton(table, builder, tokens, position, len(tokens))
+        outcome = run_automaton(builder, tokens, position, len(tokens))
         if isinstance(outcome, ast.Script):
             errors += builder.list_errors()
             if not errors:
@@ -49,7 +48,7 @@ def parse(source: Source) -> ast.Script:
             break
         # Before the parser refuses a token it completes rules that only other tokens could follow. A second run
         # that halts in front of the token keeps what belongs to it apart.
-        failure = run_automaton(table, Builder(source), tokens, position, outcome.index)
+        failure = run_automaton(Builder(source), tokens, position, outcome.index)
         assert not isinstance(failure, ast.Script)
         # The rest of a statement whose query does not end is misread: that is no second error.
         if not builder.has_unended_query(max(tokens[position].start, failure.statement_start)):
@@ -62,11 +61,9 @@ def parse(source: Source) -> ast.Script:
     raise combine_errors(sorted(errors, key=lambda error: error.span.start if error.span else 0)[:MAX_ERRORS])
 
 
-def run_automaton(
-    table: Table, builder: Builder, tokens: list[Token], position: int, halt: int
-) -> ast.Script | ParseFailure:
+def run_automaton(builder: Builder, tokens: list[Token], position: int, halt: int) -> ast.Script | ParseFailure:
     """Parses `tokens[position:halt]`; gives the script, or the state before the first token that does not fit."""
-    source = builder.script_source
+    source, table = builder.script_source, load_parse_table()
     rows, end_state = table.rows, table.end
     rules = list(zip(table.rules, builder.list_actions(table), strict=True))
     states, values, starts = [table.start], list[Any](), list[int]()
