@@ -9,9 +9,15 @@ from __future__ import annotations
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.language.area_arguments import check_area_cells, check_number, check_numbers, refuse_argument
 from ss2sql.language.cancellation import Check
-from ss2sql.language.rows import Table, request_hidden_columns
+from ss2sql.language.rows import (
+    Table,
+    check_area_cells,
+    check_number,
+    check_numbers,
+    refuse_argument,
+    request_hidden_columns,
+)
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
 

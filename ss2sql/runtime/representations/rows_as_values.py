@@ -13,9 +13,8 @@ from math import isfinite
 from typing import Any
 
 from ss2sql.errors import RepresentationError
-from ss2sql.language.area_arguments import refuse_argument
 from ss2sql.language.plan import FactColumn
-from ss2sql.language.rows import Table, request_hidden_columns
+from ss2sql.language.rows import Table, refuse_argument, request_hidden_columns
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
 

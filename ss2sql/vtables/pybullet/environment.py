@@ -24,10 +24,9 @@ from typing import Any, NoReturn
 import numpy as np
 
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.language.area_arguments import check_area_cells, check_number, check_numbers, refuse_argument
 from ss2sql.language.area_grid import Grid
 from ss2sql.language.cancellation import ITEMS_PER_CHECK, Check
-from ss2sql.language.rows import Table
+from ss2sql.language.rows import Table, check_area_cells, check_number, check_numbers, refuse_argument
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
 from ss2sql.vtables.pybullet.bodies import (
