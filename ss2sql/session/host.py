@@ -54,7 +54,7 @@ from ss2sql.vtables.contract import QueryCaches
 from ss2sql.vtables.frames import Reader
 
 if TYPE_CHECKING:
-    from ss2sql.lowering.table_filter import TableFilter
+    from ss2sql.lowering.flat import TableFilter
     from ss2sql.runtime.external.level_query import TableEngine
     from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
     from ss2sql.runtime.graph_cache.graph_store import GraphStore

@@ -20,7 +20,7 @@ from ss2sql.runtime.run.run_state import Run
 from ss2sql.vtables.frames import Frame
 
 if TYPE_CHECKING:
-    from ss2sql.lowering.table_filter import TableFilter
+    from ss2sql.lowering.flat import TableFilter
 
 QUICK, SLOW = 0.002, 0.01  # seconds between two looks: below the one there may be more turns, above the other fewer
 MAX_TURNS = 128

@@ -42,7 +42,7 @@ from ss2sql.runtime.run.array_calls import Guards, call_in_blocks, list_guarded_
 from ss2sql.runtime.run.elements import list_elements_or_none, list_source_elements
 
 if TYPE_CHECKING:
-    from ss2sql.lowering.table_filter import TableFilter
+    from ss2sql.lowering.flat import TableFilter
     from ss2sql.runtime.python.native_query import QueryCompiler
 
 
@@ -454,7 +454,7 @@ class SourceLoops:
             enough = sum(values) if len(values) == 2 and min(values) >= 0 else None
         if not own and enough is None:
             return None
-        from ss2sql.lowering.table_filter import lower_table_filter  # which takes 60 ms to load
+        from ss2sql.lowering.flat import lower_table_filter  # which takes 60 ms to load
 
         return lower_table_filter(source, own, enough)
 

@@ -23,8 +23,8 @@ from ss2sql.vtables.contract import QueryCaches
 from ss2sql.vtables.frames import Frame
 
 if TYPE_CHECKING:
+    from ss2sql.lowering.flat import TableFilter
     from ss2sql.lowering.sql_query import SqlQuery
-    from ss2sql.lowering.table_filter import TableFilter
     from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
     from ss2sql.runtime.representations.shape import Representations
 

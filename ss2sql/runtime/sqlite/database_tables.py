@@ -30,7 +30,7 @@ from ss2sql.runtime.sqlite.file_locks import attach_file, close_file, detach_fil
 if TYPE_CHECKING:
     import sqlite3
 
-    from ss2sql.lowering.table_filter import TableFilter
+    from ss2sql.lowering.flat import TableFilter
     from ss2sql.runtime.graph_cache.graph_store import GraphStore
     from ss2sql.runtime.sqlite.copied_databases import CopiedDatabase
 
