@@ -27,7 +27,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import BOOL, Kind, Type, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.operations.operators import EXACT
-from ss2sql.language.plan_traversal import can_fail, is_column_query, is_exists
+from ss2sql.language.plan_traversal import can_fail, is_column_query, is_exists, walk
 from ss2sql.lowering import sql_builder
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_query import EqualValueEncoding, ListEncoding, PointSetEncoding
@@ -250,10 +250,14 @@ def _lower_equality(lowering: ExpressionLowering, call: plan.Call, scope: SqlSco
 
 def _can_test_one_by_one(item: plan.Expr, items: plan.MakeList) -> bool:
     """Whether nobody notices how often these are read, and SQLite's own equality is the language's."""
-    plain = all(isinstance(one, PLAIN_READS) for one in (item, *items.items))
+    called = any(
+        isinstance(node, plan.Subquery) or (isinstance(node, plan.Call) and not node.function.builtin)
+        for node in walk(items)
+    )
     return (
         bool(items.items)
-        and plain
+        and isinstance(item, PLAIN_READS)
+        and not called
         and all(have_same_storage_class(item.type, one.type, none=True) for one in items.items)
     )
 

@@ -38,6 +38,7 @@ from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_query import choose_free_name, choose_sql_names
 from ss2sql.lowering.sqlite_expressions import Reader, SqlScope
 from ss2sql.lowering.statement_needs import (
+    find_alternatives,
     find_equality_columns,
     find_labels,
     number_sql_rows,
@@ -224,7 +225,11 @@ class JoinBuilder:
             for source, item in zip(sources, map(self.translate_outward, part.items), strict=True):
                 later.discard(item.alias_or_name)
                 known = [c for c in (*conditions_here, *filters) if later.isdisjoint(find_labels(c))]
+                written = list(known)
                 found = self._look_up_source(source, item, known, self.terms)
+                changed = {id(old): new for old, new in zip(written, known, strict=True) if old is not new}
+                terms = [(step, changed.get(id(node), node)) for step, node in terms]
+                filters = [changed.get(id(node), node) for node in filters]
                 if found is None and self.copies:
                     found = self._materialize_source(source, item)
                 self.items.append(found or item)
@@ -377,14 +382,16 @@ class JoinBuilder:
         label = item.alias_or_name
         keys = {column for table, column, others in find_equality_columns(conditions) if table == label and others}
         computed = [self._write_key_column(key, name) for key, name in self.keys.get(source.id, {}).items()]
-        if not keys and not computed:
+        asked = find_alternatives(conditions, label, lambda labels: bool(labels) and label not in labels)
+        several = asked is not None and len(asked.keys) > 1 and _can_split_rows(source, asked.keys)
+        if not keys and not computed and not several:
             return None
         position = "rowid"
         match source:
             case plan.TableSource():
                 if computed:
                     strip_affinity(conditions, label, self.selects.tables)
-                elif all(isinstance(one, plan.TableSource) for one in self.query.sources):
+                elif not several and all(isinstance(one, plan.TableSource) for one in self.query.sources):
                     # SQLite uses any index, and makes one for a join, but none for a query that runs again and again.
                     if not self.runs_again or any(first in keys for (first, *_), _ in source.indexes):
                         return None
@@ -408,11 +415,23 @@ class JoinBuilder:
                 found = copies.copy_item(walked, label, [*shown, *computed], f"{label}_once", needs)
             case _:
                 return None
+        if asked is not None and several:
+            found = copies.split_rows_by_keys(found, conditions, asked, needs)
         ordered = sort_sql_by_row_number(label, position)
         self.ordering.append(ordered)
         terms.append(ordered)
         needs.applied["lookup"] = None
         return found
+
+
+def _can_split_rows(source: plan.Source, keys: Sequence[Node]) -> bool:
+    """Whether rows may come once for each key: texts and numbers are as they are, and SQLite has no indexes for it."""
+    if not isinstance(source, plan.TableSource):
+        return True
+    indexed = {first for (first, *_), _ in source.indexes}
+    if all(isinstance(key, exp.Column) and key.name in indexed for key in keys):
+        return False
+    return not (source.texts_for_numbers or source.collated)
 
 
 def _walks_same_list(item: Node) -> TypeGuard[exp.Table]:

@@ -30,9 +30,8 @@ from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_query import ROW_NUMBER, choose_free_name, choose_sql_names
 from ss2sql.lowering.sqlite_expressions import SqlScope
 from ss2sql.lowering.statement_needs import (
-    find_equalities,
+    find_alternatives,
     find_equality_columns,
-    find_labels,
     number_sql_rows,
     require_sql_index_order,
     sort_sql_by_row_number,
@@ -288,30 +287,17 @@ class RecursiveQuery:
         return self.copies.copy_table(item, source, needs)
 
     def _split_rows_by_keys(self, item: Node, conditions: list[Node], unknown: list[str]) -> Node:
-        """An item of FROM; a copy with a row for each key where a condition asks one of them: `a = x OR b - 1 = x`.
-
-        The condition becomes `either = x`, for which SQLite makes an index. It makes one for `a = x` by itself.
-        """
-        label = item.alias_or_name
-        source = self.selects.tables.get(label)
+        """An item of FROM; a copy with a row for each of its keys where a condition asks one of several."""
+        source = self.selects.tables.get(item.alias_or_name)
         if item.name not in self.copies.tables or (source is not None and source.texts_for_numbers):
             return item
-        for index, condition in enumerate(conditions):
-            parts = list(condition.unnest().flatten()) if isinstance(condition.unnest(), exp.Or) else [condition]
-            pairs = [
-                (key, other)
-                for key, other in find_equalities(parts)
-                if find_labels(key) == {label} and find_labels(other) and find_labels(other).isdisjoint(unknown)
-            ]
-            if len(pairs) == len(parts) and len({other for _, other in pairs}) == 1:
-                keys, (other, *_) = zip(*pairs, strict=True)
-                if len(keys) == 1 and isinstance(keys[0], (exp.Column, exp.Collate)):
-                    continue
-                name, key = self.copies.split_rows_by_keys(item.name, label, keys, self.selects.needs)
-                same = exp.EQ if all(isinstance(part, exp.EQ) for part in parts) else exp.NullSafeEQ
-                conditions[index] = sql_builder.binary(same, sql_builder.column(key, label), other.copy())
-                return sql_builder.table(name, label)
-        return item
+        assert isinstance(item, exp.Table)
+
+        def is_known(labels: frozenset[str]) -> bool:
+            return bool(labels) and labels.isdisjoint(unknown)
+
+        asked = find_alternatives(conditions, item.alias_or_name, is_known)
+        return item if asked is None else self.copies.split_rows_by_keys(item, conditions, asked, self.selects.needs)
 
     def _materialize_item(self, item: exp.Table, columns: Iterable[str], place: str) -> Node:
         """A list or a world's table that mentions no column is walked once; `place` numbers its rows.

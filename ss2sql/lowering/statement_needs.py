@@ -187,19 +187,26 @@ class MaterializedTables:
         return self.copy_item(item, label, [*columns, *computed], f"{label}_in_order", needs, order)
 
     def split_rows_by_keys(
-        self, copied: str, label: str, keys: Sequence[Node], needs: StatementNeeds
-    ) -> tuple[str, str]:
-        """A copy of a copy that has each row once for each of its keys, in a column of its own; the names of both."""
-        columns = [sql_builder.column(column.alias_or_name, label) for column in self.tables[copied].selects]
-        key = choose_free_name("either" if len(keys) > 1 else "computed", {column.name.lower() for column in columns})
-        item = sql_builder.table(copied, label)
-        made = [sql_builder.select([*columns, sql_builder.alias(one.copy(), key)], [item.copy()]) for one in keys]
+        self, copied: exp.Table, conditions: list[Node], asked: Alternatives, needs: StatementNeeds
+    ) -> exp.Table:
+        """A copy of a copy that has each row once for each key of which a condition asks one: `a = x OR b - 1 = x`.
+
+        The condition becomes `either = x`, for which SQLite makes an index.
+        """
+        label = copied.alias_or_name
+        columns = [sql_builder.column(column.alias_or_name, label) for column in self.tables[copied.name].selects]
+        several = len(asked.keys) > 1
+        key = choose_free_name("either" if several else "computed", {column.name.lower() for column in columns})
+        made = [
+            sql_builder.select([*columns, sql_builder.alias(one.copy(), key)], [copied.copy()]) for one in asked.keys
+        ]
         union: exp.Query = made[0]
         for select in made[1:]:
             union = exp.Union(this=union, expression=select, distinct=True)
         name = needs.choose_table_name(f"{label}_by_{key}")
         self.tables[name] = union
-        return name, key
+        conditions[asked.number] = sql_builder.binary(asked.same, sql_builder.column(key, label), asked.other.copy())
+        return sql_builder.table(name, label)
 
     def get_number_column(self, name: str) -> str:
         """The first column of a copy."""
@@ -306,6 +313,36 @@ def find_labels(node: Node) -> frozenset[str]:
     return frozenset(column.table for column in node.find_all(exp.Column))
 
 
+@dataclass(frozen=True, slots=True)
+class Alternatives:
+    """The condition with this number asks that one of the keys equals the other side: `a = x OR b - 1 = x`."""
+
+    number: int
+    keys: tuple[Node, ...]
+    other: Node
+    same: type[exp.Binary]
+
+
+def find_alternatives(
+    conditions: Sequence[Node], label: str, is_known: Callable[[frozenset[str]], bool]
+) -> Alternatives | None:
+    """The first such condition on an item; `is_known` tells whether the other side is, by the labels that it reads.
+
+    `a = x` is none, for SQLite makes an index for it by itself.
+    """
+    for number, condition in enumerate(conditions):
+        whole = condition.unnest()
+        parts = list(whole.flatten()) if isinstance(whole, exp.Or) else [condition]
+        sides = [(k, o) for k, o in find_equalities(parts) if find_labels(k) == {label} and is_known(find_labels(o))]
+        if len(sides) != len(parts) or len({other for _, other in sides}) != 1:
+            continue
+        keys, (other, *_) = zip(*sides, strict=True)
+        if len(keys) > 1 or not isinstance(keys[0], (exp.Column, exp.Collate)):
+            same = exp.EQ if all(isinstance(part, exp.EQ) for part in parts) else exp.NullSafeEQ
+            return Alternatives(number, keys, other, same)
+    return None
+
+
 def find_equalities(conditions: Iterable[Node]) -> list[tuple[Node, Node]]:
     """Each side of the conditions that ask for equality, with the other one."""
     equal = [condition for condition in conditions if isinstance(condition, (exp.EQ, exp.Is, exp.NullSafeEQ))]
@@ -324,6 +361,8 @@ def _prune_columns(copied: exp.Query, labels: Collection[str], readers: Sequence
     """Keeps the columns that somebody reads who has the copy under these labels."""
     read = {column.name for one in readers for column in one.find_all(exp.Column) if column.table in labels}
     kept = [place for place, column in enumerate(copied.selects) if column.alias_or_name in read] or [0]
+    if isinstance(copied, exp.Union) and 0 not in kept:
+        kept.insert(0, 0)  # the number tells equal rows apart
     while isinstance(copied, exp.Union):
         _keep_columns(copied.expression, kept)
         copied = copied.this
