@@ -4,8 +4,6 @@ Texts grow from the golden cases and `corpus/`, by changes of their tokens and t
 bytes (libFuzzer's own); Atheris keeps those that reach new code. `fuzz_judge` says what has to hold for each. What
 breaks it is written to out/fuzz/found/, one file for each place in the code that it breaks at, and the run goes on; a
 crash of the interpreter, more than 1.5 GiB, or a minute for one text end it. The exit code is 1 if anything was found.
-
-`--keep` writes those texts of the last run to `corpus/` that reach what no case and no text there reaches.
 """
 
 from __future__ import annotations
@@ -29,7 +27,6 @@ FOUND, GROWN, SEEDS = OUT / "found", OUT / "grown", OUT / "seeds"
 SECONDS = int(os.environ.get("SS2SQL_FUZZ_SECONDS", "1200"))
 CHILD = "SS2SQL_FUZZ_CHILD"  # set where libFuzzer runs, which starts itself again with arguments of its own
 LONGEST = 8192  # bytes of a text
-SHORT = 120  # bytes of a text that is kept
 SESSION = 500  # texts before a new session is made, so that a session's memory is no growth
 COMPILER = ["ss2sql.frontend", "ss2sql.lowering", "ss2sql.errors", "ss2sql.runtime.python"]  # what is instrumented
 LIMITS = ["-rss_limit_mb=1536", "-malloc_limit_mb=1024", "-timeout=60", "-report_slow_units=60", f"-max_len={LONGEST}"]
@@ -129,31 +126,10 @@ def fuzz() -> int:
     return 1 if found or code else 0
 
 
-def keep() -> int:
-    """Writes to the corpus, of short texts that the last run has found, those that reach what nothing else reaches."""
-    short = OUT / "short"
-    merged = OUT / "merged"
-    for folder in (short, merged):
-        shutil.rmtree(folder, ignore_errors=True)
-    write(merged, seeds())
-    before = {path.name for path in merged.iterdir()}
-    write(short, [t for path in GROWN.iterdir() if len(t := path.read_bytes().decode("utf-8", "replace")) <= SHORT])
-    command = [sys.executable, str(Path(__file__)), *LIMITS, "-merge=1", str(merged), str(short)]
-    code = subprocess.run(command, env=os.environ | {CHILD: "1"}, check=False).returncode
-    CORPUS.mkdir(exist_ok=True)
-    new = [path for path in merged.iterdir() if path.name not in before]
-    for path in new:
-        write(CORPUS, [path.read_bytes().decode("utf-8", "replace")])
-    print(f"keep: {len(new)} texts of {sum(path.stat().st_size for path in new)} bytes")
-    return code
-
-
 if __name__ == "__main__":
     match sys.argv[1:]:
         case arguments if CHILD in os.environ:
             child(arguments)
-        case ["--keep"]:
-            sys.exit(keep())
         case []:
             sys.exit(fuzz())
         case _:

@@ -4,7 +4,7 @@
 the tests of `make test` in PROCESSES processes, to learn which of them reach which line; files of tests that are as
 they were keep what was learned of them (out/reached). Then it goes over the mutants: for each a fork of this process
 puts the changed function in place and runs tests that reach the line, quick ones first, until one fails that passes in
-a fork without it. With `--slow` those that live on are tried by what `make test-slow` has besides, which is said apart.
+a fork without it.
 A mutant that lives on needs a test, or a row in mutants_justified.toml that says why no test can see it. More than
 LIVING in a hundred that `make test` lets live fail.
 """
@@ -65,12 +65,6 @@ PATIENCE = 15
 
 SCRIPTS = ("tests/test_sheets.py", "tests/test_cases.py")
 
-PROGRAMS = 1000
-"""How many programs tests draw, as in `make test-slow`."""
-
-SLOW_SECONDS = 300.0
-"""What slow tests of one mutant may take together."""
-
 MEMORY = 4 << 30
 """More than it has now a fork may not take. What all tests have loaded is 5 GB of addresses by itself."""
 
@@ -101,8 +95,7 @@ class Mutating:
         drawn = self.draw()
         print(f"{len(drawn)} mutants, {len(session.items)} tests", file=self.out, flush=True)
         started = time.monotonic()
-        slow = [item for item in session.items if is_slow(item)]
-        items = {item.nodeid: item for item in session.items if not is_slow(item)}
+        items = {item.nodeid: item for item in session.items}
         reached, usual = known(sorted({mutant.file for mutant in drawn}), items)
         self.seconds.update(usual)
         places = functions()
@@ -131,26 +124,13 @@ class Mutating:
                 print(f"-- {number} of {len(drawn)} in {seconds:.0f} s, {lived} live on", file=self.out, flush=True)
         KILLERS.write_text(json.dumps(dict(killers.most_common())), encoding="utf-8")
         LIVED_BEFORE.write_text("".join(f"{mutant.name}\n" for mutant in self.lived), encoding="utf-8")
-        later = f", of which make test-slow kills {self.killed_by(slow, places)}" if self.given.slow else ""
         taken = time.monotonic() - started
         print(
             f"score: {len(drawn)} mutants, {self.counts[KILLED]} killed, {self.counts[SLOW]} timed out, "
-            f"{self.counts[LIVED]} survived make test{later}; {taken:.0f} seconds (seed {self.given.seed})",
+            f"{self.counts[LIVED]} survived make test; {taken:.0f} seconds (seed {self.given.seed})",
             file=self.out,
         )
         return True
-
-    def killed_by(self, slow: Sequence[pytest.Item], places: Places) -> int:
-        """How many mutants that live on a slow test kills."""
-
-        def judge(mutant: Mutant) -> tuple[str, str]:
-            return self.verdict(mutant, slow, places, SLOW_SECONDS)
-
-        killed = 0
-        for mutant, (verdict, killer) in in_parallel(self.lived, judge):
-            killed += verdict == KILLED
-            print(f"by slow tests {verdict}: {mutant.name}  {killer}", file=self.out, flush=True)
-        return killed
 
     # --- choosing --------------------------------------------------------------------------------------
 
@@ -206,13 +186,8 @@ class Mutating:
             verdict, killer = self.verdict(mutant, [items[one] for one in names], places)
         return verdict, killer, len(tried)
 
-    def verdict(
-        self, mutant: Mutant, tests: Sequence[pytest.Item], places: Places, seconds: float | None = None
-    ) -> tuple[str, str]:
-        """What becomes of a mutant, and the test that kills it.
-
-        With `seconds` tests run in turn until these are over, however long each takes.
-        """
+    def verdict(self, mutant: Mutant, tests: Sequence[pytest.Item], places: Places) -> tuple[str, str]:
+        """What becomes of a mutant, and the test that kills it."""
         site, code = mutants_made.mutated(PACKAGE / mutant.file, mutant)
 
         def tried(some: Sequence[pytest.Item]) -> tuple[str, bool]:
@@ -221,10 +196,9 @@ class Mutating:
                     function.__code__ = code
                 for cache in self.caches:  # what is kept in them was found without the mutant
                     cache.cache_clear()
-                run_until_one_fails(some, begin, seconds or math.inf)
+                run_until_one_fails(some, begin)
 
-            usual = 10 + 4 * sum(self.seconds[one.nodeid] for one in some)
-            return forked(run, 2 * seconds if seconds else usual)
+            return forked(run, 10 + 4 * sum(self.seconds[one.nodeid] for one in some))
 
         left = list(tests)
         while True:
@@ -275,11 +249,6 @@ def in_parallel(mutants: Sequence[Mutant], judge: Callable[[Mutant], tuple[Any, 
                 os.wait()
 
 
-def is_slow(item: pytest.Item) -> bool:
-    """Whether a test is one of `make test-slow`, which draws more programs than `make test`."""
-    return any(item.get_closest_marker(name) for name in ("slow", "drawn"))
-
-
 def forked(action: Callable[[Callable[[str], object]], None], seconds: float) -> tuple[str, bool]:
     """The last line that an action says in a fork of this process, and whether it ended within seconds of a processor.
 
@@ -291,8 +260,7 @@ def forked(action: Callable[[Callable[[str], object]], None], seconds: float) ->
         os.setpgid(0, 0)
         most = virtual_size() + MEMORY
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
-        if seconds < math.inf:
-            resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(seconds), math.ceil(seconds) + 5))
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(seconds), math.ceil(seconds) + 5))
         try:
             action(lambda line: os.write(writing, f"{line}\n".encode()))
         finally:
@@ -309,7 +277,7 @@ def forked(action: Callable[[Callable[[str], object]], None], seconds: float) ->
 def heard(reading: int, seconds: float) -> tuple[str, bool]:
     """The last line that a fork writes, and whether it ended in time."""
     text, deadline = b"", time.monotonic() + seconds
-    while select.select([reading], [], [], None if seconds == math.inf else max(deadline - time.monotonic(), 0))[0]:
+    while select.select([reading], [], [], max(deadline - time.monotonic(), 0))[0]:
         read = os.read(reading, 1 << 16)
         text = (text + read)[-1 << 16 :]
         if not read or text.endswith(f"\n{PASSED}\n".encode()):
@@ -326,10 +294,9 @@ def virtual_size() -> int:
     return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
 
 
-def run_until_one_fails(tests: Sequence[pytest.Item], begin: Callable[[str], object], most: float = math.inf) -> None:
-    """Runs tests until one fails, or so many seconds are over; says which begins, and in the end that all passed."""
+def run_until_one_fails(tests: Sequence[pytest.Item], begin: Callable[[str], object]) -> None:
+    """Runs tests until one fails; says which begins, and in the end that all passed."""
     failed: list[str] = []
-    begun = time.monotonic()
 
     class Noted:
         @pytest.hookimpl
@@ -339,8 +306,6 @@ def run_until_one_fails(tests: Sequence[pytest.Item], begin: Callable[[str], obj
 
     noted = Noted()
     for item, following in zip_longest(tests, tests[1:]):
-        if time.monotonic() - begun >= most:
-            break
         begin(item.nodeid)
         item.config.pluginmanager.register(noted)
         item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
@@ -388,24 +353,21 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=SECONDS, help="tests of a mutant, in seconds")
     parser.add_argument("--anew", action="store_true", help="learns of every file of tests what it reaches")
     parser.add_argument("--lived", action="store_true", help="those that lived last time, instead")
-    parser.add_argument("--slow", action="store_true", help="tries those that live by slow tests: minutes each")
     parser.add_argument("--verbose", action="store_true", help="says what killed each")
     given = parser.parse_args()
     with os.fdopen(os.dup(sys.stdout.fileno()), "w") as out:
-        if given.slow:
-            os.environ.setdefault("SS2SQL_PROGRAMS", str(PROGRAMS))
         files = [str(path) for path in sorted(TESTS_FOLDER.rglob("test_*.py"))]
         files = [file for file in files if not any(word in file for word in ELSEWHERE)]
         options = ["-q", "--no-header", "--no-summary", "--timeout=0", "-p", "no:cacheprovider", "-p", "no:randomly"]
+        options += ["-m", "not slow and not drawn"]
         if changed := stale(files, given.anew):
             print(f"learning what the tests of {len(changed)} files reach", file=out, flush=True)
             begun = time.monotonic()
-            parallel = [
-                "--timeout=120", "-n", str(PROCESSES), "--dist", "loadfile", "-m", "not slow and not drawn", "-p",
-                "reached",
-            ]  # fmt: skip
+            parallel = ["--timeout=120", "-n", str(PROCESSES), "--dist", "loadfile", "-p", "reached"]
             learning = [sys.executable, "-m", "pytest", *options, *parallel, *changed]
-            if subprocess.run(learning, check=False, stdout=out).returncode not in (0, 1):  # tests may fail
+            path = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}  # where `reached` is
+            done = subprocess.run(learning, check=False, stdout=out, env=os.environ | path)
+            if done.returncode not in (0, 1):  # tests may fail
                 sys.exit("learning broke off; begin again, it goes on where it ended")
             print(f"learned in {time.monotonic() - begun:.0f} s", file=out, flush=True)
             for file in written_off(changed):

@@ -11,7 +11,7 @@ from functools import partial
 from itertools import islice, zip_longest
 from pathlib import Path
 from types import CodeType
-from typing import cast
+from typing import Any, cast
 
 COMPARED: dict[type[ast.cmpop], type[ast.cmpop]] = {
     ast.Eq: ast.NotEq, ast.NotEq: ast.Eq, ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt,
@@ -149,8 +149,7 @@ def below(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:
 def of_node(node: ast.expr | ast.stmt) -> Iterator[tuple[int, str, Edit]]:
     """What may be changed of one node: the line that tests have to reach, the change in words, and what makes it."""
     before = short(node)
-    for make in expressions(node) if isinstance(node, ast.expr) else statements(node):
-        new = make(copy.deepcopy(node))
+    for new in expressions(node) if isinstance(node, ast.expr) else statements(node):
         if isinstance(node, ast.Match):
             yield *arms(node, cast(ast.Match, new)), partial(replace, node, new)
         elif short(new) != before:
@@ -180,66 +179,86 @@ def replace(node: ast.AST, new: ast.AST) -> None:
     node.__dict__.update(new.__dict__)
 
 
-Make = Callable[..., ast.AST]
-
-
-def expressions(node: ast.expr) -> Iterator[Make]:
-    """What can be made of a copy of an expression."""
+def expressions(node: ast.expr) -> Iterator[ast.AST]:
+    """What can be made of an expression."""
     match node:
         case ast.Compare(ops=ops):
             for index, op in enumerate(ops):
-                yield lambda new, index=index, op=op: compared(new, index, COMPARED[type(op)])
-        case ast.BoolOp(values=values):
-            yield swapped_word
+                new = copied(node)
+                new.ops[index] = COMPARED[type(op)]()
+                yield new
+        case ast.BoolOp(op=op, values=values):
+            new = copied(node)
+            new.op = ast.Or() if isinstance(op, ast.And) else ast.And()
+            yield new
             for index in range(len(values)):
-                yield lambda new, index=index: without(new, index)
+                new = copied(node)
+                del new.values[index]
+                yield new if len(new.values) > 1 else new.values[0]
         case ast.UnaryOp(op=ast.Not()):
-            yield lambda new: new.operand
+            yield copied(node).operand
         case ast.BinOp(op=op) if type(op) in COMPUTED:
-            yield lambda new: computed(new, COMPUTED[type(new.op)])
+            new = copied(node)
+            new.op = COMPUTED[type(op)]()
+            yield new
         case ast.IfExp():
-            yield lambda new: new.body
-            yield lambda new: new.orelse
+            yield copied(node).body
+            yield copied(node).orelse
         case ast.Constant(value=value) if other(value) is not None:
-            yield lambda new: ast.Constant(other(new.value))
+            yield ast.Constant(other(value))
         case ast.Call():
             yield from calls(node)
         case ast.ListComp() | ast.SetComp() | ast.GeneratorExp() | ast.DictComp():
             for index, generator in enumerate(node.generators):
                 for place in range(len(generator.ifs)):
-                    yield lambda new, index=index, place=place: unfiltered(new, index, place)
+                    new = copied(node)
+                    del new.generators[index].ifs[place]
+                    yield new
 
 
-def calls(node: ast.Call) -> Iterator[Make]:
+def calls(node: ast.Call) -> Iterator[ast.AST]:
     """Calls with a named argument less, or with two in each other's place; without a positional one most only break."""
     for index, one in enumerate(node.keywords):
         if one.arg not in (None, "strict"):
-            yield lambda new, index=index: fewer(new, index)
+            new = copied(node)
+            del new.keywords[index]
+            yield new
     if len(node.args) > 1 and not any(isinstance(one, ast.Starred) for one in node.args[:2]):
-        yield exchanged
+        new = copied(node)
+        new.args[:2] = new.args[1::-1]
+        yield new
 
 
-def statements(node: ast.stmt) -> Iterator[Make]:
-    """What can be made of a copy of a statement."""
+def statements(node: ast.stmt) -> Iterator[ast.AST]:
+    """What can be made of a statement."""
     match node:
         case ast.If(test=test) | ast.While(test=test) if not isinstance(test, ast.UnaryOp):
-            yield negated
+            new = copied(node)
+            new.test = ast.UnaryOp(ast.Not(), new.test)
+            yield new
         case ast.Return(value=ast.expr() as value) if ast.unparse(value) not in ("None", "False"):
-            yield lambda new: ast.Return(ast.Constant(None))
-        case ast.Expr() | ast.Assign() | ast.AugAssign() | ast.Raise() | ast.Delete():
-            yield lambda _: ast.Pass()
-        case ast.AnnAssign(value=ast.expr()):
-            yield lambda _: ast.Pass()
+            yield ast.Return(ast.Constant(None))
+        case ast.Expr() | ast.Assign() | ast.AugAssign() | ast.Raise() | ast.Delete() | ast.AnnAssign(value=ast.expr()):
+            yield ast.Pass()
         case ast.Continue():
-            yield lambda _: ast.Break()
+            yield ast.Break()
         case ast.Break():
-            yield lambda _: ast.Continue()
+            yield ast.Continue()
         case ast.Match(cases=cases):
             for index, case in enumerate(cases):
                 if case.guard is not None:
-                    yield lambda new, index=index: unguarded(new, index)
+                    new = copied(node)
+                    new.cases[index].guard = None
+                    yield new
                 if len(cases) > 1:
-                    yield lambda new, index=index: armless(new, index)
+                    new = copied(node)
+                    del new.cases[index]
+                    yield new
+
+
+def copied(node: ast.AST) -> Any:
+    """A copy of a node, to be changed."""
+    return copy.deepcopy(node)
 
 
 def other(value: object) -> bool | int | float | str | None:
@@ -253,53 +272,3 @@ def other(value: object) -> bool | int | float | str | None:
             return f"{value[: len(value) // 2]}XX{value[len(value) // 2 :]}"  # a test of a part sees it
         case _:
             return None
-
-
-def compared(new: ast.Compare, index: int, op: type[ast.cmpop]) -> ast.AST:
-    new.ops[index] = op()
-    return new
-
-
-def swapped_word(new: ast.BoolOp) -> ast.AST:
-    new.op = ast.Or() if isinstance(new.op, ast.And) else ast.And()
-    return new
-
-
-def without(new: ast.BoolOp, index: int) -> ast.AST:
-    del new.values[index]
-    return new if len(new.values) > 1 else new.values[0]
-
-
-def computed(new: ast.BinOp, op: type[ast.operator]) -> ast.AST:
-    new.op = op()
-    return new
-
-
-def unfiltered(new: ast.ListComp, index: int, place: int) -> ast.AST:
-    del new.generators[index].ifs[place]
-    return new
-
-
-def fewer(new: ast.Call, index: int) -> ast.AST:
-    del new.keywords[index]
-    return new
-
-
-def exchanged(new: ast.Call) -> ast.AST:
-    new.args[0], new.args[1] = new.args[1], new.args[0]
-    return new
-
-
-def negated(new: ast.If | ast.While) -> ast.AST:
-    new.test = ast.UnaryOp(ast.Not(), new.test)
-    return new
-
-
-def unguarded(new: ast.Match, index: int) -> ast.AST:
-    new.cases[index].guard = None
-    return new
-
-
-def armless(new: ast.Match, index: int) -> ast.AST:
-    del new.cases[index]
-    return new

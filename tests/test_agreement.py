@@ -14,11 +14,11 @@ import pytest
 from agreement import Outcome, exact, executor_outcome, is_allowed, reference_outcome, session_for, trial
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
-from programs import ProgramCase, features, programs
+from programs import ProgramCase, programs
 from programs.drawn import SEED, amount, drawn
 from reference import Reference
 from replay import Replay, search_of
-from sessions import ENGINES, both
+from sessions import ENGINES
 
 import ss2sql
 from ss2sql.errors import Source
@@ -67,24 +67,6 @@ def test_paths_of_random_searches_replay() -> None:
     assert replayed > 0
 
 
-STOPPING = "SELECT f(a.this) FROM a = [0, 1] WHERE a.this > 0 START WITH n = 0 CONNECT BY n = 1 STOP WITH n == 0"
-
-
-@pytest.mark.parametrize(
-    ("text", "f", "path", "leads"),
-    [
-        *(("SELECT a.this, f(a.this) FROM a = [1, 2] START WITH n = 0 CONNECT BY MAXIMUM 1 n = n + a.this AS list",
-           lambda n: 1 // (2 - n), row, row == (1, 1)) for row in ((1, 1), (2, 1), (1, 2))),
-        (STOPPING, lambda n: 1 // n, (1,), True),  # its first element stops before SELECT would fail
-    ],
-)  # fmt: skip
-def test_a_path_is_replayed_up_to_an_element_that_fails(text: str, f: Any, path: tuple[int, ...], leads: bool) -> None:
-    script = parse(Source(text))
-    search = search_of(script)
-    assert search is not None
-    assert Replay(Reference({"f": f}, {}, {}, {}), script, search).leads_to_a_goal([path]) is leads
-
-
 def test_a_search_from_both_ends_asks_nothing_of_steps_that_lead_to_no_goal() -> None:
     search = "START WITH n = 0 CONNECT BY COST -1 MEMORIZE 1 n = n + this AS list"
     asked = trial(ProgramCase(f"SELECT n + this FROM [1] WHERE n + this > 4 {search}"))
@@ -100,10 +82,6 @@ def test_what_has_no_hash_is_no_member_of_a_set(shown: str) -> None:
     tried = trial(ProgramCase(f"SELECT {shown} FROM [1, 2] AS set", uses=("box", "pair")))
     assert tried.expected.error == "V001"
     assert tried.differences == []
-
-
-def test_every_feature_is_named() -> None:
-    assert "UNIQUE" in " ".join(features("SELECT this FROM a START WITH b = 1 CONNECT BY UNIQUE b = this;")).upper()
 
 
 # --- rewrites change how a query is evaluated, never what it gives --------------------------------------
@@ -178,7 +156,6 @@ def test_a_query_inside_means_the_same_in_every_clause(query: str) -> None:
             assert is_allowed(executor_outcome(case, engine), expected, engine), (case.script, engine)
 
 
-@both
 def test_two_rows_are_enough_to_see_that_a_value_has_several(ss: ss2sql.Session, engine: Any) -> None:
     called: list[int] = []
     ss.function("noted", lambda x: called.append(x) or x, volatility="stable")

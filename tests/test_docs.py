@@ -4,7 +4,6 @@ import doctest
 import importlib
 import pkgutil
 import re
-from pathlib import Path
 
 import pytest
 from pages import PAGES, ROOT, differences
@@ -85,8 +84,3 @@ def test_the_pages_about_errors_are_what_the_code_says(monkeypatch):
 
 def test_examples_in_docstrings_hold():
     assert [name for name in MODULES if doctest.testmod(importlib.import_module(name)).failed] == []
-
-
-def test_every_module_says_what_it_is_for():
-    paths = Path(ss2sql.__path__[0]).rglob("*.py")
-    assert [str(path) for path in paths if not path.read_text("utf-8").startswith('"""')] == []

@@ -10,7 +10,6 @@ import pytest
 from agreement import executor_outcome
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
-from mutated_scripts import is_no_program
 from programs import ProgramCase, features, programs
 from programs.choices import Choices
 from programs.drawn import drawn
@@ -20,7 +19,7 @@ from programs.library import LIBRARY
 from programs.machines import MACHINES, Machine
 from programs.scripts import DECISIONS, program
 from reference import Failure, Reference
-from test_program_laws import limited_outcome
+from test_program_laws import is_no_program, limited_outcome
 
 Paths = list[tuple[Any, ...]]
 BYTES = st.binary(min_size=40, max_size=40)
@@ -84,14 +83,6 @@ def test_of_programs_that_may_fail_half_do_and_most_run_in_the_database() -> Non
     failing = [n for n in legal if outcomes[n].error is not None]
     assert len(legal) / 4 < len(failing) < 3 * len(legal) / 4
     assert sum(limited_outcome(cases[n], "database") is not None for n in legal) > len(legal) / 2
-
-
-@settings(max_examples=50, database=None, deadline=None)
-@given(programs())
-def test_a_case_can_be_pasted(case: ProgramCase) -> None:
-    pasted = eval(repr(case), {"ProgramCase": ProgramCase})
-    assert pasted == case
-    assert outcome(pasted)[1] == outcome(case)[1]
 
 
 # Laws between options
