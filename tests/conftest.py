@@ -23,7 +23,6 @@ settings.load_profile("ss2sql")
 # Of these tests, which take long, `make test` runs the first of so many cases, and `make test-slow` the others.
 SAMPLED = {
     "test_a_built_in_function_asks_every_few_thousand_values": 12,
-    "test_a_timeout_ends_a_built_in_function": 6,
     "test_the_paths_are_those_of_brute_force_whenever_care_begins": 8,
     "test_rows_come_in_the_order_of_the_table_whatever_its_indexes": 3,
     "test_random_queries": 4,
@@ -42,7 +41,6 @@ SAMPLED = {
     "test_steps_are_bounded": 2, "test_random_queries_give_what_copies_give": 3,
     "test_three_evaluators_agree_on_searches_over_edges": 3, "test_duckdb_aggregates_alike": 4,
     "test_types_of_several_values_cover_the_value": 3,
-    "test_the_loop_with_the_function_put_in_does_what_the_loop_does": 2,
     "test_same_paths_of_random_graphs": 3,
     "test_whatever_the_points_are": 3, "test_whatever_the_index_and_the_list_are": 3,
     "test_cells_come_in_order_whatever_index_finds_them": 2, "test_random_queries_one_after_the_other": 2,

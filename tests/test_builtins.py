@@ -7,9 +7,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from random_values import NUMBERS, same
 from sessions import failure
 
 from ss2sql.errors import ExecutionError
@@ -22,14 +19,6 @@ def call(name: str, *arguments: Any) -> Any:
     python = OPERATIONS[name].value
     assert python is not None
     return python(*arguments)
-
-
-def attempt(name: str, *arguments: Any) -> tuple[Any, ExecutionError | None]:
-    """The result, or the error."""
-    try:
-        return call(name, *arguments), None
-    except ExecutionError as error:
-        return None, error
 
 
 # --- errors --------------------------------------------------------------------------------------------
@@ -47,17 +36,6 @@ def test_hints_name_the_cure() -> None:
     assert "-1" in failure(call, "item", [1, 2], 5).hints[0]
     assert "None" in failure(call, "mul", None, 2).hints[0]
     assert "WHERE" in failure(call, "sum", [None]).hints[0]
-
-
-@given(st.lists(NUMBERS, max_size=6), st.randoms())
-def test_the_order_of_a_sum_does_not_matter(numbers: list[Any], random: Any) -> None:
-    shuffled = random.sample(numbers, len(numbers))
-    for name in ("sum", "average"):
-        expected, error = attempt(name, numbers)
-        result, other = attempt(name, shuffled)
-        assert same(result, expected) or result == expected == 0
-        assert (error is None) is (other is None)
-        assert error is None or other is None or error.code == other.code
 
 
 # --- types ---------------------------------------------------------------------------------------------

@@ -74,7 +74,6 @@ def test_other_calls_stay_where_they_are(script: str) -> None:
         assert ss.run(script, engine="database").paths == ss.run(script, engine="native").paths
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 def test_a_call_that_fails_in_the_middle_is_not_made_again(engine: Any) -> None:
     """The calls before it are handed over where Python begins anew."""
 
@@ -104,7 +103,6 @@ def test_values_of_all_kinds_come_back_as_they_were() -> None:
     assert len(paths[0]) == len(given)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 def test_a_function_in_from_is_called_once_for_its_arguments(engine: Any) -> None:
     """Whatever it gives, and though a condition calls it, too."""
     ends: list[Any] = [[1, 2], [[1], {"a": 2}, None, True, 1.0], (3, 4), None, 5, "ab", {"a": [6, 7]}, []]
@@ -127,13 +125,6 @@ def test_a_function_in_from_is_called_once_for_its_arguments(engine: Any) -> Non
         found = ss.run(search.format("STOP WITH look(n, 1) == 5"), engine=engine)
         assert [path[-1] for path in found.paths] == [(1, 3), (1, 4)] * 5  # by each element of look(0, 1)
         assert calls == [(n, 1) for n in range(4)]
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_what_a_call_may_not_give_is_refused_with_its_name(engine: Any) -> None:
-    calls = Calls(lambda move, n: float("nan"))
-    with session(calls, [1]) as ss, pytest.raises(ss2sql.ExecutionError, match=r"X004.*'next' returned NaN"):
-        ss.run(SEARCH.format("UNIQUE"), engine=engine)
 
 
 def test_functions_that_change_their_argument_get_fresh_ones() -> None:
@@ -163,25 +154,6 @@ def test_a_table_of_the_same_name_and_columns_called_otherwise() -> None:
             script = f"SELECT {call} FROM moves START WITH n = 1 CONNECT BY n = {call} STOP WITH n > 3 AS list;"
             assert ss.run(script, engine="database").value == ss.run(script, engine="native").value
         assert ss.run("SELECT d.move, d.with FROM d = dicts AS rows;", engine="database").value == [(2, 1)]
-
-
-def test_a_function_may_run_a_search_that_calls_it_in_turn() -> None:
-    with ss2sql.connect() as ss:
-        depth = 0
-
-        def grow(this: int, n: int) -> int:
-            nonlocal depth
-            depth += 1
-            if depth == 1:
-                assert len(ss.run(script, engine="database").paths) == 2
-            depth -= 1
-            return n + this
-
-        ss.function("grow", grow, volatility="immutable")
-        script = "SELECT grow(this, n) FROM [1, 2] START WITH n = 0 CONNECT BY n = grow(this, n) STOP WITH n > 0;"
-        result = ss.run(script, engine="database")
-        assert len(result.paths) == 2
-        assert (result.stats.generated, result.stats.expanded) == (6, 2)  # not those of the search inside
 
 
 @pytest.mark.parametrize("option", ["", "NO CYCLE", "UNIQUE", "BREADTH FIRST", "COST 1"])

@@ -206,9 +206,8 @@ def test_histories_that_were_not_written_here(file: Path, row: str) -> None:
         ss.run("v{1000.0} = 1;")
     write(file, f"INSERT INTO ss2sql_temporal VALUES ({row})")
     before = handles()
-    with pytest.raises(ss2sql.SessionError, match="ss2sql_temporal") as caught:
+    with pytest.raises(ss2sql.SessionError, match=r"S002.*ss2sql_temporal"):
         ss2sql.connect(file)
-    assert caught.value.code == "S002"
     assert handles() == before
 
 
@@ -311,7 +310,7 @@ def test_locked_files(
         check(ss, right, changed=False)
         assert WRITES["farther"](ss).value == right["farther"]
     else:
-        assert code_of(READS["walk"], ss) == "X009"
+        assert code_of(READS["walk"], ss) == code_of(READS["walk natively"], ss) == "X009"
         with pytest.raises(ss2sql.SessionError, match="locked") as caught:
             ss2sql.connect(file)
         assert "another program is writing" in caught.value.hints[0]

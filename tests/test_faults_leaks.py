@@ -95,20 +95,6 @@ def test_sessions_leave_nothing(file: Path, amount: int | None) -> None:
     assert len(left) == 0
 
 
-@pytest.mark.xfail(
-    strict=True, reason="apsw holds the functions of a connection where Python's collector of cycles does not see them"
-)
-def test_sessions_that_nobody_closes() -> None:
-    left: weakref.WeakSet[Any] = weakref.WeakSet()
-    for _ in range(3):
-        ss = ss2sql.connect()
-        ss.run("1;")
-        left.add(ss.host)
-    del ss
-    gc.collect()
-    assert len(left) == 0
-
-
 @amounts(40, 400)
 def test_what_was_attached_leaves_nothing(ss: ss2sql.Session, file: Path, amount: int | None) -> None:
     write(file, "CREATE TABLE t(x); INSERT INTO t VALUES (1), (2)")

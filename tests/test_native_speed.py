@@ -5,23 +5,12 @@ from __future__ import annotations
 import gc
 from collections import Counter
 from collections.abc import Callable
-from functools import wraps
 from typing import Any
 
 import pytest
 
 import ss2sql
-from ss2sql.runtime.python import single_calls
 from ss2sql.runtime.run.run_state import Run
-
-
-def test_equal_arguments_of_other_kinds_are_other_arguments(ss: ss2sql.Session, engine: Any) -> None:
-    given = [1, 1.0, True, [1], [1.0], [True], 0.0, -0.0, None, "1", 1, True, [1.0]]
-    ss.function("told", lambda *values: repr(values), volatility="immutable")
-    script = "SELECT told(this), told(g.this), told(this, [0]) FROM g = given AS rows"
-    result = ss.run(script, engine=engine, given=given)
-    assert result.value == [(repr((value,)), repr((value,)), repr((value, [0]))) for value in given]
-    assert result.stats.calls["told"] == 2 * 10
 
 
 def test_the_garbage_collector_pauses_for_a_second_where_no_foreign_code_runs(
@@ -153,26 +142,6 @@ def test_a_function_that_is_called_elsewhere_too(more: str) -> None:
 SEARCH = script("UNIQUE")
 
 
-@pytest.fixture
-def forgotten(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
-    """How many calls of each function are made without a memory."""
-    counts: Counter[str] = Counter()
-
-    @wraps(single_calls.make_single_call_variants)
-    def ways_to_call(run: Run, function: Any, *given: Any) -> Any:
-        once, remembered, count = made(run, function, *given)
-
-        def noted(*arguments: Any) -> Any:
-            counts[function.name] += 1
-            return once(*arguments)
-
-        return noted if once is not remembered else once, remembered, count
-
-    made = single_calls.make_single_call_variants
-    monkeypatch.setattr(single_calls, "make_single_call_variants", ways_to_call)
-    return counts
-
-
 @pytest.mark.parametrize(
     "query",
     [
@@ -187,15 +156,8 @@ def forgotten(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
         SEARCH.replace("FROM [1, 2, 7]", "FROM a = [1, 2], b = [3]").replace("this", "a.this"),
     ],
 )
-def test_searches_whose_calls_are_not_all_new_ones(query: str, forgotten: Counter[str]) -> None:
+def test_searches_whose_calls_are_not_all_new_ones(query: str) -> None:
     Steps().run(query)
-    assert not forgotten
-
-
-@pytest.mark.parametrize("options", OPTIONS)
-def test_searches_whose_calls_are_all_new_ones(options: str, forgotten: Counter[str]) -> None:
-    Steps().run(script(options))
-    assert forgotten["go"] == 3 * (STATES - 1)  # the start may be a row, too
 
 
 @pytest.mark.parametrize("options", OPTIONS)
