@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from sessions import ENGINES
+from golden import each_row
 
 import ss2sql
 
@@ -66,41 +66,9 @@ def test_the_shortest_way_of_the_jugs_is_that_of_a_loop() -> None:
     assert "CASE" not in found.sql  # no jug holds more than it does, so no sum leaves 64 bits
 
 
-SCRIPTS = {
-    "scalars": """SELECT this, n FROM [n + 1, n * 2] WHERE this == 10
-        START WITH n = 1 CONNECT BY n = this STOP WITH this > 10;""",
-    "all results": """SELECT this FROM [[n + 2, 1], [n + 1, 2]]
-        START WITH n = 0 CONNECT BY n = this[0] STOP WITH this[0] > 3;""",
-    "strings and None": """SELECT this, this[1] FROM [[w + "a", None], [w + "b", 1.5]] WHERE len(this[0]) == 3
-        START WITH w = "" CONNECT BY UNIQUE w = this[0] STOP WITH len(this[0]) > 3 AS rows;""",
-    "equal in another form": """SELECT this FROM [[n, 1], [n * 1.0, 1], [n + 1, True]] START WITH n = 0
-        CONNECT BY UNIQUE n = this[0] STOP WITH this[0] > 4 AS list;""",
-    "bools": """SELECT this FROM [[n + 1, n > 2], [n, True]] WHERE this[1] START WITH n = 0
-        CONNECT BY NO CYCLE n = this[0] STOP WITH n > 4 AS list;""",
-    "beyond 64 bits": """SELECT this FROM [[n * n, 0], [n + 1, 1]] WHERE this[0] > 4000000000 START WITH n = 2
-        CONNECT BY BREADTH FIRST MAXIMUM 1 n = this[0] AS list;""",
-    "group and order": """SELECT this FROM [[n + 1, 0], [n + 2, 1]] WHERE this[0] == 6 START WITH n = 0
-        CONNECT BY n = this[0] STOP WITH this[0] > 6 GROUP BY this[1] ORDER BY this AS list;""",
-    "parts alone": """SELECT this[0] FROM [[n + 1, 0], [n + 2, 1]]
-        START WITH n = 0 CONNECT BY n = this[0] STOP WITH n > 3;""",
-    "condition": """SELECT this FROM [[x + 1, y], [x, y + 1], [x - 1, y], [x, y - 1]] START WITH x = 0, y = 0
-        CONNECT BY UNIQUE, this[0] BETWEEN 0 AND 3 AND this[1] BETWEEN 0 AND 2, x = this[0], y = this[1] AS list;""",
-    "condition that guards": """SELECT this FROM [n - 1, n - 2] START WITH n = 4
-        CONNECT BY this != 0 AND 12 / this > 3, n = this STOP WITH 6 / this == 6 AS list;""",
-    "first condition": """SELECT this FROM [n + 1, n + 2]
-        START WITH this == 1, n = 0 CONNECT BY n < 3, n = this AS list;""",
-    "last": """SELECT LAST this, n FROM [[n + 1, 1], [n + 2, 2]] START WITH n = 0
-        CONNECT BY UNIQUE n = this[0] STOP WITH n > 4 AS rows;""",
-    "last in order": """SELECT LAST this[1], n FROM [[n + 1, 1], [n + 2, 2]] START WITH n = 0
-        CONNECT BY n = this[0] STOP WITH n > 2 ORDER BY n DESC, this[1] LIMIT 5 AS rows;""",
-    "a later step": """SELECT this FROM [[m, n], [n, m + 1]] WHERE m == 3 START WITH n = 0, m = 0
-        CONNECT BY BREADTH FIRST UNIQUE n = this[0], m = this[1] STOP WITH m > 3 AS rows;""",
-}
-
-
-@pytest.mark.parametrize("name", SCRIPTS)
-def test_other_lists(name: str) -> None:
-    assert same(SCRIPTS[name], counted="condition" not in name).value
+@each_row("search/lists-made-anew", "script", "told")
+def test_other_lists(script: str, told: str) -> None:
+    assert same(script, counted=told == "the value and the counts").value
 
 
 @pytest.mark.parametrize(
@@ -122,7 +90,6 @@ def test_lists_that_are_made_all_the_same(script: str) -> None:
         assert result.paths == ss.run(script, engine="native").paths
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 def test_max_steps_counts_each_item(engine: Any) -> None:
     script = "SELECT this FROM [n + 1, n + 2, n + 3] START WITH n = 0 CONNECT BY UNIQUE n = this STOP WITH n > 90000;"
     with ss2sql.connect(max_steps=50_000) as ss, pytest.raises(ss2sql.Error, match="T004"):

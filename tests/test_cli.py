@@ -381,23 +381,9 @@ def test_a_reader_that_has_enough(form: str, unbuffered: str) -> None:
     answer.stdin.close()
 
 
-@pytest.mark.parametrize(
-    ("script", "expected"),
-    [
-        ("SELECT this, this / 2 FROM [1, 2];", [{"this": 1, "this / 2": 0.5}, {"this": 2, "this / 2": 1.0}]),
-        ("SELECT this FROM [2, 1, 2] AS set;", [1, 2]),
-        ("SELECT this, 1 FROM [2] AS rows;", [[2, 1]]),
-        ("SELECT this FROM [1, 2, 3] GROUP BY this % 2 AS list;", {"1": [1, 3], "0": [2]}),
-        ("SELECT this FROM [1, 2] GROUP BY this > 1, [this] AS list;", {"[false, [1]]": [1], "[true, [2]]": [2]}),
-        ("SELECT this FROM [1] AS void;", None),
-        ("SELECT this FROM [[1, None], True, 1.0, 'ä\\u2028'] AS list;", [[1, None], True, 1.0, "ä\u2028"]),
-        ("SELECT this FROM [1, 2] WHERE n < 2 START WITH n = 0 CONNECT BY n = 1 STOP WITH n == 1 AS list;",
-         [[1], [1, 1], [1, 2], [2], [2, 1], [2, 2]]),
-        ("[Body(1)];", ["Body(mass=1)"]),  # what JSON has no form for
-        ("lone();", "\ud800"),
-    ],
-)  # fmt: skip
-def test_json(script: str, expected: Any) -> None:
+@each_row("command_line/json", "script", "told")
+def test_json(script: str, told: str) -> None:
+    expected = ast.literal_eval(told)
     answer = call("run", "-e", script, "--functions", "functions.py", "--format", "json")
     assert (json.loads(answer.stdout), answer.stderr) == (expected, "loading\n")
 
@@ -482,7 +468,6 @@ def broken_off(*arguments: str) -> tuple[Any, str]:
 
 
 @pytest.mark.usefixtures("few")
-@pytest.mark.parametrize("engine", ["database", "native"])
 @pytest.mark.parametrize(
     ("form", "first"), [(" AS list", [1]), ("", [{"this": 1}]), (" AS rows", [[1]]), (" AS set", [{"this": 1}])]
 )

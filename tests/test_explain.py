@@ -201,27 +201,9 @@ def plan(ss: ss2sql.Session, script: str) -> list[str]:
     return ["  " * line["depth"] + line["words"] for line in query["plan"]]
 
 
-@pytest.mark.parametrize(
-    ("query", "expected"),
-    [
-        ("SELECT src FROM edge", ["reads every row of edge"]),
-        ("SELECT src FROM e = edge ORDER BY src",
-         ["reads every row of e in the order of its index start_index"]),
-        ("SELECT src FROM edge ORDER BY len, src", ["reads every row of edge", "sorts the rows for ORDER BY"]),
-        ("SELECT dst FROM edge WHERE src == 1", ["looks up src=? in the index start_index of edge"]),
-        ("SELECT t.name FROM e = edge, t = town WHERE t.id == e.dst",
-         ["reads every row of e", "for each of them, looks up rowid=? in t by its primary key"]),
-        ("SELECT a.this, m.dst FROM a = range(3), m = moves",
-         ["walks the elements of range(3) (as a)", "for each of them, walks the elements of moves (as m)"]),
-        ("""SELECT e.dst, e.len FROM e = (SELECT * FROM edge WHERE src == at) START WITH at = 1
-            CONNECT BY COST e.len UNIQUE at = e.dst""",
-         ["searches step by step:", "  the start:", "    makes a row of what is known", "  the steps:",
-          "    takes the steps that wait in a queue one by one, the cheapest first",
-          "    for each of them, looks up src=? in the index start_index of edge",
-          "gives the results as the search finds them"]),
-    ],
-)  # fmt: skip
-def test_the_plan_of_sqlite(roads: ss2sql.Session, query: str, expected: list[str]) -> None:
+@each_row("queries/plans", "query", "told")
+def test_the_plan_of_sqlite(roads: ss2sql.Session, query: str, told: str) -> None:
+    expected = ast.literal_eval(told)
     assert plan(roads, f"{query};") == expected
 
 
@@ -304,11 +286,6 @@ def test_an_explanation_is_a_text_and_data(ss: ss2sql.Session) -> None:
     (function,) = query["functions"]
     assert (function["name"], function["volatility"], function["calls"]) == ("inc", "immutable", 0)
     assert ss.compile("SELECT 1 FROM [1];").explain().as_dict()["run"] is None
-
-
-def test_the_graph_of_memorize_by_level(ss: ss2sql.Session) -> None:
-    result = ss.run("SELECT n FROM [1] START WITH n = 0 CONNECT BY MEMORIZE 4 n = n + 1;")
-    assert "the graph of MEMORIZE:" in result.explain().splitlines()
 
 
 def test_a_result_that_is_no_search_says_nothing_of_levels(ss: ss2sql.Session) -> None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import ast
 import math
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 import pytest
+from golden import each_row
 from random_values import Thing, Unhashable
-from sessions import both, code_of
+from sessions import code_of
 
 import ss2sql
 
@@ -145,23 +147,9 @@ def test_all_arguments_count(ss: ss2sql.Session, engine: Any, arguments: tuple[A
     assert result.stats.calls == {"f": 2}
 
 
-# How far f can be relied on, a script, its value, and the arguments of the calls of f in their order.
-CALLS: list[tuple[Any, str, list[Any], list[Any]]] = [
-    ("stable", "SELECT f(1) FROM [1, 2, 3] AS list;", [1, 1, 1], [1]),
-    # every occurrence of a volatile function, as written
-    ("volatile", "SELECT f(this), f(0), f(this) FROM [1, 2, 3] WHERE f(this) > 1 AND f(5) AS list;",
-     [2, 0, 2, 3, 0, 3], [1, 2, 5, 2, 0, 2, 3, 5, 3, 0, 3]),
-    # what the left side decides is not called
-    ("volatile", "SELECT this FROM [1, 2, 3] WHERE this > 1 AND f(this) > 2 OR this == 1 OR f(10) AS list;",
-     [1, 2, 3], [2, 10, 3]),
-    ("volatile", "SELECT IF(this > 1; f(this); f(-this)) FROM [1, 2] AS list;", [-1, 2], [-1, 2]),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("volatility", "script", "value", "seen"), CALLS)
-def test_calls_of_each_run(
-    ss: ss2sql.Session, engine: Any, volatility: Any, script: str, value: list[Any], seen: list[Any]
-) -> None:
+@each_row("queries/calls-of-each-run", "script", "told")
+def test_calls_of_each_run(ss: ss2sql.Session, engine: Any, told: str, script: str) -> None:
+    volatility, value, seen = ast.literal_eval(told)
     f = ss.function("f", Counted(), volatility=volatility)
     query = ss.compile(script)
     for _ in range(2):
@@ -243,7 +231,6 @@ def test_the_database_refuses_volatile_calls_out_of_the_written_order(ss: ss2sql
         assert ss.run(script).engine == "native"
 
 
-@both
 def test_an_aggregate_of_the_users_gets_the_values_of_a_group(engine: Any) -> None:
     with ss2sql.connect() as ss:
         ss.host.connection.execute("CREATE TABLE t(k, x)")

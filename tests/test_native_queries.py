@@ -43,19 +43,9 @@ def test_a_list_that_changes_while_it_is_read() -> None:
 # --- the order of evaluation ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("script", "seen"),
-    [
-        ("SELECT note('s', this) FROM [1] WHERE note('w', 1) GROUP BY note('g', 1) ORDER BY note('o', 1)", "wsgo"),
-        # Arguments are evaluated before keys, and all rows before any group.
-        ("SELECT sum(note('s', a.this)) FROM a = [1, 2] GROUP BY note('g', 1) HAVING max(note('h', a.this)) == 2",
-         "shgshg"),
-        ("SELECT sum(note('s', this)) FROM [1, 2] GROUP BY note('k', 0) HAVING note('h', count(*)) == 2", "skskh"),
-        # A query in FROM that can fail is read before its rows are used.
-        ("SELECT note('r', p.c) FROM n = [6], p = (SELECT to(n.this / m.this, c) FROM m = [1, 2, 0]) AS list", ""),
-    ],
-)  # fmt: skip
-def test_order_of_evaluation(script: str, seen: str) -> None:
+@each_row("queries/order-of-evaluation", "script", "told")
+def test_order_of_evaluation(script: str, told: str) -> None:
+    seen = ast.literal_eval(told)
     words: list[str] = []
 
     def note(word: str, value: Any) -> Any:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 from click.testing import CliRunner
+from golden import each_row
 
 import ss2sql
 from ss2sql.cli import main
@@ -157,7 +158,6 @@ FAR = {"A": 7, "B": 5, "C": 7, "D": 0}
 PAID = [["A", "B", 4], ["A", "C", 1], ["C", "B", 2], ["B", "D", 5], ["C", "D", 8]]
 
 
-@pytest.mark.parametrize("engine", ["native", "database"])
 @pytest.mark.parametrize("option", ["", "UNIQUE", "NO CYCLE", "UNIQUE BY town", "MAXIMUM 1"])
 def test_an_estimate_above_the_real_cost(session, engine, option) -> None:
     session.set("paid", PAID)
@@ -173,7 +173,6 @@ def test_an_estimate_above_the_real_cost(session, engine, option) -> None:
     assert "note: HEURISTIC" in str(wrong)
 
 
-@pytest.mark.parametrize("engine", ["native", "database"])
 @pytest.mark.parametrize("option", ["UNIQUE", "UNIQUE BY town"])
 def test_a_cheaper_path_to_a_goal_that_was_given_out(session, engine, option) -> None:
     """UNIQUE gives D once, by A-D for 9; the search goes on and meets A-B-D for 7."""
@@ -187,16 +186,7 @@ def test_a_cheaper_path_to_a_goal_that_was_given_out(session, engine, option) ->
     assert result.notes[0].startswith("HEURISTIC far[this[1]] was more than what remained")
 
 
-@pytest.mark.parametrize(
-    ("query", "cure"),
-    [
-        ("CONNECT BY n = n + this", "bound the search with MAXIMUM or UNIQUE BY n or STOP WITH"),
-        ("CONNECT BY MAXIMUM 2 n = n + this", "bound the search with UNIQUE BY n or STOP WITH"),
-        ("CONNECT BY MAXIMUM 2 UNIQUE BY n, n = n + this", "bound n by a condition in CONNECT BY, such as n < 1000"),
-        ("CONNECT BY MAXIMUM 2 UNIQUE BY n, COST 1, n = n + this STOP WITH n < -1", "estimate what remains: COST ..."),
-        ("CONNECT BY MAXIMUM 2 UNIQUE BY n, n = n + this STOP WITH n < -1", "let a condition in CONNECT BY drop steps"),
-    ],
-)
+@each_row("search/cures-of-timeouts", "query", "cure")
 def test_a_timeout_names_what_the_search_lacks(session, query, cure) -> None:
     with pytest.raises(ss2sql.Timeout) as caught:
         session.run(f"SELECT this FROM [1, 2] WHERE n == -1 START WITH n = 0 {query}", timeout=0.1)

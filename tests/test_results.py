@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
+import ast
 import html
 import io
 import re
 from typing import Any
 
 import pytest
+from golden import each_row
 from hypothesis import given
 from hypothesis import strategies as st
-from listings import MOVES, move
 from programs.drawn import FEWEST, drawn
 from random_values import VALUES
 from rich.cells import cell_len
 from rich.console import Console
-from sessions import ENGINES, both
+from sessions import ENGINES
 
 import ss2sql
 from ss2sql.runtime.run.search_paths import SearchPaths
@@ -26,7 +27,6 @@ GOALS = "SELECT this FROM [1, 2] WHERE n < 2 START WITH n = 0 CONNECT BY n = n +
 WALK = "SELECT {} FROM [1, 2] WHERE n >= {} START WITH n = 1 CONNECT BY n = n + 1 STOP WITH n >= {};"
 
 
-@both
 def test_representations_of_the_user(ss: ss2sql.Session, engine: Any) -> None:
     @ss.representation("Grid")
     def grid(table, scale, offset=0):
@@ -44,7 +44,6 @@ def test_representations_of_the_user(ss: ss2sql.Session, engine: Any) -> None:
         assert caught.value.span is not None
 
 
-@both
 def test_what_the_user_made_goes_on_in_the_script(ss: ss2sql.Session, engine: Any) -> None:
     class Map:
         __hash__ = None  # type: ignore[assignment]
@@ -74,7 +73,6 @@ def test_a_representation_gets_values_of_its_own(ss: ss2sql.Session) -> None:
     assert (items, ss.get("x")) == ([[1], [2]], [5])
 
 
-@both
 def test_the_value_is_the_callers_own(ss: ss2sql.Session, engine: Any) -> None:
     query = ss.compile("SELECT this FROM [[1], [2]] AS list;")
     first = query.run(engine=engine)
@@ -87,34 +85,12 @@ def test_the_value_is_the_callers_own(ss: ss2sql.Session, engine: Any) -> None:
     assert search.paths[0] == [([1],)]
 
 
-@both
-@pytest.mark.parametrize(
-    ("script", "value", "columns", "rows"),
-    [
-        ("SELECT this, this * 2, to(this, 'x y') FROM [1, 2.5] AS value;", 1, ("this", "this * 2", "x y"),
-         [(1, 2, 1), (2.5, 5.0, 2.5)]),
-        ("SELECT this % 2, count(*) FROM [1, 2, 3] GROUP BY this % 2 AS rows;", [(1, 2), (0, 1)],
-         ("this % 2", "count"), [(1, 2), (0, 1)]),
-        ("SELECT this FROM [1, 2, 3] GROUP BY this % 2 AS value;", {1: 1, 0: 2}, ("this",), [(1,), (2,), (3,)]),
-        ("x = SELECT this FROM [1, 2] AS list;", [1, 2], ("this",), [(1,), (2,)]),
-    ],
-)  # fmt: skip
-def test_rows_of_a_query(
-    ss: ss2sql.Session, engine: Any, script: str, value: Any, columns: tuple[str, ...], rows: list[Any]
-) -> None:
+@each_row("queries/rows-of-results", "script", "told")
+def test_rows_of_a_query(ss: ss2sql.Session, engine: Any, script: str, told: str) -> None:
+    value, columns, rows = ast.literal_eval(told)
     result = ss.run(script, engine=engine)
     assert (result.value, result.columns, list(result), result.engine) == (value, columns, rows, engine)
     assert (len(result), result.paths) == (len(rows), [])
-
-
-@both
-def test_rows_of_a_search(ss: ss2sql.Session, engine: Any) -> None:
-    result = ss.run(GOALS + ";", engine=engine)
-    assert result.columns == ("path", "step", "this")
-    assert list(result)[:5] == [(1, 1, 1), (2, 1, 1), (2, 2, 1), (3, 1, 1), (3, 2, 2)]
-    assert len(result) == len(list(result)) == 10
-    assert result.paths == [[(1,)], [(1,), (1,)], [(1,), (2,)], [(2,)], [(2,), (1,)], [(2,), (2,)]]
-    assert ss.run(f"{GOALS} GROUP BY [this] AS list;", engine=engine).paths == result.paths
 
 
 @pytest.mark.parametrize("script", ["1 + 1;", "[1, 2];", "'text';", "x = None;", "len(SELECT this FROM [1, 2]);"])
@@ -124,7 +100,6 @@ def test_any_other_value_is_a_table_of_one(ss: ss2sql.Session, script: str) -> N
     assert (len(result), result.paths, result.status) == (1, [], "complete")
 
 
-@both
 def test_names_of_columns(ss: ss2sql.Session, engine: Any) -> None:
     ss.attach("t", [{"a": 1}])
     ss.function("mass", lambda row: 7)
@@ -136,7 +111,6 @@ def test_names_of_columns(ss: ss2sql.Session, engine: Any) -> None:
     assert ss.run(labels, engine="auto" if engine == "database" else engine).columns == ("c1", "c1_2")
 
 
-@both
 def test_the_status_says_whether_maximum_ended_the_search(ss: ss2sql.Session, engine: Any) -> None:
     assert ss.run(GOALS + ";", engine=engine).status == "complete"
     for maximum, status in ((1, "maximum"), (6, "maximum"), (7, "complete")):
@@ -145,32 +119,6 @@ def test_the_status_says_whether_maximum_ended_the_search(ss: ss2sql.Session, en
         assert (len(result.paths), result.status) == (min(maximum, 6), status)
         assert result.paths == ss.run(GOALS + ";", engine=engine).paths[:maximum]
     assert ss.run("SELECT this FROM [1, 2] LIMIT 1;", engine=engine).status == "complete"
-
-
-HANOI = """SELECT this, tower FROM moves WHERE [[], [], [3, 2, 1]] == move(this, tower)
-START WITH tower = [[3, 2, 1], [], []], level = 1
-CONNECT BY {} tower = move(this, tower), level = level + 1
-STOP WITH level == 7 OR [] == move(this, tower);"""
-
-
-@pytest.mark.parametrize(
-    "option", ["", "BREADTH FIRST", "NO CYCLE", "UNIQUE", "DEPTH FIRST UNIQUE", "BREADTH FIRST NO CYCLE"]
-)
-def test_both_engines_count_the_same_in_complete_searches(ss: ss2sql.Session, option: str) -> None:
-    """Every step that goes on has six children, as has the start, and every tower is moved in six ways."""
-    ss.attach("moves", MOVES)
-    ss.function("move", move)
-    one, other = (ss.run(HANOI.format(option), engine=engine) for engine in ("database", "native"))
-    assert one.paths == other.paths
-    assert len(one.paths) == 1 or option == "DEPTH FIRST UNIQUE"  # whose first ways to the towers are too long
-    for stats in (one.stats, other.stats):
-        assert {"compile", "lower", "run"} <= set(stats.seconds)
-        assert stats.generated == 6 * (stats.expanded + 1)
-        assert stats.calls["move"] % 6 == 0
-        assert (stats.pruned > 0) == ("NO CYCLE" in option or "UNIQUE" in option)
-        assert stats.generated == 3462 or option not in ("", "BREADTH FIRST")
-    assert (one.stats.expanded, one.stats.pruned) == (other.stats.expanded, other.stats.pruned)
-    assert one.stats.calls == other.stats.calls
 
 
 def test_sql_holds_the_parameters_of_the_run_or_says_why_there_is_none(ss: ss2sql.Session) -> None:

@@ -57,19 +57,9 @@ def test_inner_calls_of_the_paper_are_evaluated_once_per_prefix() -> None:
     assert asked(TOWERS, of="move") == (path, sum(6**level for level in range(1, 8)))
 
 
-@pytest.mark.parametrize(
-    ("columns", "times"),
-    [
-        ("[f(a.this), b.this]", 2),  # a part of a list is certain, so it is evaluated once for each element of a
-        ("NOT f(a.this), b.this", 2),
-        ("IF(f(a.this) > 1; 1; 2), b.this", 2),
-        ("f(a.this) XOR b.this", 2),
-        ("IF(b.this > 1; f(a.this); 2)", 4),  # one that may be skipped waits for the row
-        ("b.this > 1 AND f(a.this)", 4),
-        ("(SELECT f(this) FROM [a.this] AS list), b.this", 2),  # so is a query of early sources
-    ],
-)
-def test_which_parts_are_evaluated_ahead(columns: str, times: int) -> None:
+@each_row("rewrites/evaluated-ahead", "columns", "told")
+def test_which_parts_are_evaluated_ahead(columns: str, told: str) -> None:
+    times = ast.literal_eval(told)
     script = f"SELECT {columns} FROM a = [1, 2], b = xs AS list"
     assert asked(script) == (session()[0].run(script, engine="native").value, times)
 
@@ -93,35 +83,20 @@ def test_only_what_the_written_order_evaluates(engine: Any, script: str, calls: 
 
 
 @pytest.mark.parametrize("disable", [(), ("hoist",)])
-@pytest.mark.parametrize(
-    ("script", "value"),
-    [
-        ("SELECT k, f(v), b.this FROM a = rows, b = [1, 2] WHERE f(k) != b.this ORDER BY b.this DESC AS rows",
-         [(1, "y", 2), (2, "x", 1)]),
-        ("SELECT k, count(*) FROM a = rows, b = [1, 2, 2] WHERE f(k) == b.this GROUP BY k AS rows", [(2, 2), (1, 1)]),
-        ("SELECT f(a.this), g(f(a.this), b.this), c.this FROM a = [1, 2], b = [5, 6], c = [7, 8] LIMIT 3 AS rows",
-         [(1, [1, 5], 7), (1, [1, 5], 8), (1, [1, 6], 7)]),
-    ],
-)  # fmt: skip
+@each_row("rewrites/hoisted-values", "script", "told")
 def test_hoisted_values_in_sorted_grouped_and_cut_queries(
-    engine: Any, disable: tuple[str, ...], script: str, value: Any
+    engine: Any, disable: tuple[str, ...], script: str, told: str
 ) -> None:
+    value = ast.literal_eval(told)
     assert session(*disable)[0].run(script, engine=engine).value == value
 
 
 # --- early ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("where", "times"),
-    [
-        ("f(a.this) == 5 AND f(b.this) == 6 AND f(c.this) == 7", 60),
-        ("a.this == 5 AND f(b.this) == 6 AND c.this == 7", 20),
-        ("f(a.this) == 5 AND a.this != b.this AND b.this == 6 AND f(c.this) == 7", 40),
-        ("a.this == 5 AND b.this == 6 AND f(c.this) == 7", 20),
-    ],
-)
-def test_a_condition_is_asked_as_soon_as_its_sources_are_bound(where: str, times: int) -> None:
+@each_row("rewrites/asked-early", "where", "told")
+def test_a_condition_is_asked_as_soon_as_its_sources_are_bound(where: str, told: str) -> None:
+    times = ast.literal_eval(told)
     script = f"SELECT b.this, c.this FROM a = range(20), b = range(20), c = range(20) WHERE {where} AS rows"
     assert asked(script, "hoist") == ([(6, 7)], times)
     value, without = asked(script, "hoist", "early")

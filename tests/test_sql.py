@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import ast
 import sqlite3
-from typing import Any
 
 import apsw
 import pytest
+from golden import each_row
 from listings import HANOI, MOVES, move
 from sql_calls import python_calls, run_shown_sql
 from trees import calls_of
 
 import ss2sql
 from ss2sql.language.plan_traversal import format_plan
-from ss2sql.runtime.sqlite.interning import Interning
 
 
 def double(x):
@@ -111,15 +111,9 @@ def test_hostile_text_in_literals_cannot_leave_its_place(staff: ss2sql.Session) 
     assert staff.eval("SELECT count(*) FROM staff GROUP BY 1 AS value;") == 4
 
 
-@pytest.mark.parametrize(
-    ("script", "value"),
-    [
-        ("SELECT where, left(Group), to(group, table) FROM order;", [{"where": 1, "left": 2, "table": 3}]),
-        ("SELECT rowids.rowid, rowids.RowID FROM rowids AS rows", [(5, 6), (3, 4)]),
-        ("SELECT f(this), F(this), keep(this), count(this) FROM [0] AS list;", [1, 10, 100, 1000]),
-    ],
-)
-def test_names_that_sqlite_has_or_takes_for_the_same(ss: ss2sql.Session, script: str, value: Any) -> None:
+@each_row("queries/names-in-sqlite", "script", "told")
+def test_names_that_sqlite_has_or_takes_for_the_same(ss: ss2sql.Session, script: str, told: str) -> None:
+    value = ast.literal_eval(told)
     for name, more in {"left": 0, "f": 1, "F": 10, "keep": 100, "count": 1000}.items():
         ss.function(name, lambda x, more=more: x + more)
     ss.attach("order", [{"where": 1, "Group": 2, "group": 3}])
@@ -176,13 +170,3 @@ def test_what_is_lowered_twice_is_not_lowered_anew_at_each_depth(ss: ss2sql.Sess
 
     compile_powers(1)
     assert calls_of(lambda: compile_powers(12)) < 8 * calls_of(lambda: compile_powers(4))
-
-
-def test_a_list_that_is_only_walked_is_no_value_as_a_whole(ss: ss2sql.Session, monkeypatch: Any) -> None:
-    encoded, encode = list[Any](), Interning.encode
-    monkeypatch.setattr(Interning, "encode", lambda pool, value: encoded.append(value) or encode(pool, value))
-    rows = [{"a": number} for number in range(3)]
-    assert ss.run("SELECT a FROM rows AS list", engine="database", rows=rows).value == [0, 1, 2]
-    assert rows not in encoded
-    assert ss.run("SELECT a FROM rows WHERE rows == [] AS list", engine="database", rows=rows).value == []
-    assert rows in encoded

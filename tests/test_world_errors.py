@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from golden import each_row
 
 import ss2sql
 
@@ -69,14 +71,9 @@ def place(error: ss2sql.Error) -> str:
 # --- what has gone -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("script", "where"),
-    [("SELECT mass FROM space WHERE id == 0;", "space"), ("SELECT number FROM space.links;", "space.links"),
-     ("SELECT n.id FROM a = [1, 2], n = space.near([a.this, 0], 1);", "space.near([a.this, 0], 1)"),
-     ("SELECT id FROM space AS environment;", "space"), ("move(0, [1, 2]);", "move(0, [1, 2])"),
-     ("mass(kept[0]);", "mass(kept[0])"), ("SELECT space.collision(0, this) FROM [[1, 2]] AS list;", "")],
-)  # fmt: skip
-def test_a_disconnected_client(cut_off: ss2sql.Session, engine: Any, script: str, where: str) -> None:
+@each_row("worlds/disconnected", "script", "told")
+def test_a_disconnected_client(cut_off: ss2sql.Session, engine: Any, script: str, told: str) -> None:
+    where = ast.literal_eval(told)
     error = refused(cut_off, script, engine)
     assert (error.code, error.message) == ("X011", "the PyBullet client is disconnected")
     assert error.hints == ("connect anew, and attach the new client",)

@@ -16,6 +16,7 @@ from typing import Any
 
 import fake_openravepy as fake
 import pytest
+from golden import each_row
 from programs.drawn import amount
 from sessions import ENGINES, answers
 from simulators import ARGUMENTS, SIMULATORS, Stage, Things, agree
@@ -172,19 +173,7 @@ def test_bodies_are_tried_out_and_moved(simulator: Any, room: Stage, ss: ss2sql.
 
 
 @with_a_room
-@pytest.mark.parametrize(
-    ("script", "message"),
-    [("move('bal', [1, 2]);", "no body is called 'bal'"), ("move('ball', [1]);", r"a place \[x, y\]"),
-     ("move('ball', [1, 2, 3, 0, 0, 0, 0]);", "a turn whose four numbers are not all 0"),
-     ("collision('ball', [1]);", r"a place \[x, y\]"),
-     ("SELECT linearVelocity(this, 3) FROM space;", "an axis 0, 1 or 2"),
-     ("SELECT name FROM space WHERE within(this, [1, 2]);", "a box"),
-     ("SELECT name FROM space WHERE distance(this, [1]) < 1;", "two or three numbers"),
-     ("distance('ball');", "'distance' takes 2 arguments, not 1"),
-     ("SELECT distance(this) FROM space;", "'distance' takes 2 arguments, not 1"),
-     ("space.distance(1);", "'distance' takes 2 arguments, not 1"),
-     ("SELECT distance FROM space.closest(1, 2);", "lacks distance")],
-)  # fmt: skip
+@each_row("worlds/wrong-use", "script", "message")
 def test_wrong_use_is_told(room: Stage, ss: ss2sql.Session, engine: Any, script: str, message: str) -> None:
     with pytest.raises(ss2sql.Error, match=message) as caught:
         ss.run(script, engine=engine)

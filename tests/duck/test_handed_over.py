@@ -70,7 +70,6 @@ def as_without_tables(ss: ss2sql.Session, script: str, value: Any) -> None:
 # --- which rows are read -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("engine", ["database", "native"])
 def test_functions_of_python_are_asked_of_few_rows(ss: ss2sql.Session, read: list[int], engine: Any) -> None:
     script = "SELECT id, last(id) FROM sales WHERE kind == most AND price > 20 AND last(id) > 4 AS rows"
     result = ss.run(script, engine=engine, most=3)
@@ -108,7 +107,6 @@ def test_a_query_in_a_text_reads_rows_of_its_own(ss: ss2sql.Session, engine: Any
 # --- joins -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("engine", ["database", "native"])
 def test_the_rows_of_the_product_come_in_its_order(ss: ss2sql.Session, engine: Any) -> None:
     script = "SELECT here, name, turned(there) FROM towns, roads WHERE id == there AND here > 3 AND turned(id) != '51'"
     result = ss.run(f"{script} AS rows", engine=engine)
