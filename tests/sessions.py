@@ -20,7 +20,6 @@ STAFF = """
     INSERT INTO staff VALUES (1, NULL, 'Ada'), (2, 1, 'Bob'), (3, 1, 'Cy'), (4, 2, 'Di');
     CREATE VIEW chiefs AS SELECT name FROM staff WHERE boss IS NULL;
 """
-both = pytest.mark.parametrize("engine", ENGINES)
 
 
 def code_of(call: Any, *arguments: Any, **named: Any) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sessions import both, code_of, write
+from sessions import code_of, write
 
 import ss2sql
 from ss2sql.frontend.resolve.from_clause import READ_IN_PYTHON
@@ -22,7 +22,6 @@ class Body:
     mass: float
 
 
-@both
 def test_a_list_is_read_when_the_script_runs_and_kept_until_it_ends(ss: ss2sql.Session, engine: Any) -> None:
     numbers: list[Any] = [3, 1]
     ss.attach("numbers", numbers)
@@ -39,7 +38,6 @@ def test_a_list_is_read_when_the_script_runs_and_kept_until_it_ends(ss: ss2sql.S
     assert query.run(engine=engine).value == []
 
 
-@both
 @pytest.mark.parametrize(
     "script", ["x = xs", "x = [xs]", "x = xs[0]", "x = (SELECT this FROM xs AS list)", "x = (SELECT this FROM xs)"]
 )
@@ -83,7 +81,6 @@ def test_a_result_stays_as_it_was(ss: ss2sql.Session, script: str) -> None:
     assert results[0] == results[1]
 
 
-@both
 def test_fields_of_objects_are_columns_as_they_are_now(ss: ss2sql.Session, engine: Any) -> None:
     bodies = [Body("ball", 1.5), Body("box", 80.0)]
     ss.attach("bodies", bodies)
@@ -94,7 +91,6 @@ def test_fields_of_objects_are_columns_as_they_are_now(ss: ss2sql.Session, engin
     assert ss.run("SELECT name FROM bodies WHERE mass > 50 AS list;", engine=engine).value == ["ball", "box"]
 
 
-@both
 @pytest.mark.parametrize(
     ("value", "elements"),
     [(7, [7]), ("text", ["text"]), (None, [None]), (True, [True]), ((1, 2), [1, 2]), (np.array([1.5]), [1.5]), ([], []),
@@ -140,7 +136,6 @@ def db(ss: ss2sql.Session, file: Path) -> ss2sql.Session:
     return ss
 
 
-@both
 def test_tables_and_views(db: ss2sql.Session, engine: Any) -> None:
     assert {script: db.run(script, engine=engine).value for script in ROWS} == ROWS
     with pytest.raises(ss2sql.ResolveError, match=r"unknown source 'db\.nothing'"):

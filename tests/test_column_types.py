@@ -10,7 +10,7 @@ import apsw
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sessions import both, code_of, write
+from sessions import code_of, write
 
 import ss2sql
 from ss2sql.errors import Source
@@ -69,7 +69,6 @@ def test_a_view_without_an_end(ss: ss2sql.Session, file: Path, view: str) -> Non
     assert ss.eval("SELECT a FROM t AS list;") == [1]
 
 
-@both
 def test_the_first_rows_of_a_view_without_an_end(ss: ss2sql.Session, file: Path, engine: Any) -> None:
     write(file, f"CREATE VIEW v AS {ENDLESS}")
     script = "SELECT n + 1 FROM v WHERE n > 4 LIMIT 3 AS list;"
@@ -208,7 +207,6 @@ def test_names_that_may_be_columns(script: str, read: set[str] | None) -> None:
     assert collect_syntax_columns(parse(Source(script))) == read
 
 
-@both
 def test_columns_that_only_a_list_or_a_text_reads(ss: ss2sql.Session, engine: Any) -> None:
     ss.host.connection.execute("CREATE TABLE t(a, b); INSERT INTO t VALUES (1, 2)")
     ss.run("late = [t.a + t.b]; word = 'b + a';")

@@ -11,12 +11,11 @@ from typing import Any
 import pytest
 from balls import BallWorld, Box
 from random_values import label
-from sessions import both, code_of, write
+from sessions import code_of, write
 
 import ss2sql
 
 
-@both
 def test_unknown_names_of_a_compiled_script_are_its_parameters(ss: ss2sql.Session, engine: Any) -> None:
     query = ss.compile("SELECT this FROM [1, 2, 3, 4] WHERE this > least AND this < most AS list;")
     assert query.parameters == ("least", "most")
@@ -31,7 +30,6 @@ def test_unknown_names_of_a_compiled_script_are_its_parameters(ss: ss2sql.Sessio
     assert query.run(least=1, engine=engine).value == [2]
 
 
-@both
 def test_a_source_may_be_a_parameter(ss: ss2sql.Session, engine: Any) -> None:
     query = ss.compile("SELECT name FROM people WHERE age > least AS list;")
     assert query.parameters == ("people",)  # the other names may be columns of it
@@ -54,7 +52,6 @@ def test_compile_without_a_session() -> None:
     assert query.run(factor=2.5).value == [2.5, 5.0]
 
 
-@both
 def test_variables_of_a_search_do_not_leak(ss: ss2sql.Session, engine: Any) -> None:
     ss.set("n", "mine")
     script = "SELECT this FROM [1] START WITH n = 0, m = n CONNECT BY n = n + 1 STOP WITH n == 2;"
@@ -78,7 +75,6 @@ def test_a_query_is_resolved_again_when_the_columns_of_a_list_change(ss: ss2sql.
     assert some.run().value == ["text"]
 
 
-@both
 def test_a_query_is_compiled_again_when_values_are_of_other_kinds(ss: ss2sql.Session, engine: Any) -> None:
     items: list[Any] = [1, 2]
     ss.attach("items", items)
@@ -115,7 +111,6 @@ def test_a_query_that_the_database_refused_is_compiled_again(ss: ss2sql.Session)
     assert code_of(refused.run) == "R009"
 
 
-@both
 @pytest.mark.parametrize("home", ["", "db."])
 def test_a_query_is_compiled_again_when_a_table_becomes_another_one(staff: Path, engine: Any, home: str) -> None:
     with ss2sql.connect(None if home else staff) as ss:
@@ -132,7 +127,6 @@ def test_a_query_is_compiled_again_when_a_table_becomes_another_one(staff: Path,
         assert query.run(engine=engine).value == [7]
 
 
-@both
 def test_a_query_is_compiled_again_when_what_it_calls_is_replaced(ss: ss2sql.Session, engine: Any) -> None:
     ss.representation("form")(lambda table: table.columns)
     ss.function("f", lambda x: x + 1)
@@ -148,7 +142,6 @@ def test_a_query_is_compiled_again_when_what_it_calls_is_replaced(ss: ss2sql.Ses
     assert query.run(engine=engine).value == [1, 2]
 
 
-@both
 def test_names_of_all_statements_are_resolved_before_the_first_one_runs(ss: ss2sql.Session, engine: Any) -> None:
     calls: list[int] = []
     ss.function("noted", lambda: calls.append(1) or 1, volatility="volatile")
@@ -169,7 +162,6 @@ def test_names_of_all_statements_are_resolved_before_the_first_one_runs(ss: ss2s
     assert (calls, ss.get("x")) == ([1, 1], 1)
 
 
-@both
 def test_what_is_refused_later_is_refused_before_anything_runs(ss: ss2sql.Session, engine: Any) -> None:
     query = ss.compile("x = 1; SELECT name FROM people WHERE age > x AS list;")
     assert query.parameters == ("people",)

@@ -18,7 +18,7 @@ from faulty_worlds import LONG, SCRIPTS, Inhabitant, Lives, Mishaps
 from interrupting import at_line
 from level_searches import ended
 from remembering import MAZE, near
-from sessions import both, code_of
+from sessions import code_of
 
 import ss2sql
 
@@ -34,7 +34,6 @@ def test_faults_of_functions(clause: str, engine: Any, volatility: Any, amount: 
 
 
 @amounts(2, 12)  # 25 ms each
-@both
 @pytest.mark.parametrize(("site", "script"), [(site, script) for site in SCRIPTS for script in SCRIPTS[site]])
 def test_faults_of_worlds(site: str, script: str, engine: Any, amount: int | None) -> None:
     moves = "push" in script or site == "time"  # which the database alone leaves to Python
@@ -46,9 +45,8 @@ def test_faults_of_worlds(site: str, script: str, engine: Any, amount: int | Non
 def test_a_function_registered_anew_by_itself(ss: ss2sql.Session) -> None:
     def first(x: int) -> int:
         ss.function("f", second, volatility="stable")
-        with pytest.raises(ss2sql.SessionError, match="registered anew while a query runs") as caught:
+        with pytest.raises(ss2sql.SessionError, match=r"S004.*registered anew while a query runs"):
             ss.run("SELECT f(this) FROM [1, 2] AS list;", engine="database")
-        assert caught.value.code == "S004"
         return x
 
     def second(x: int) -> int:
@@ -82,7 +80,6 @@ def raising(error: Exception) -> Callable[[Any], Any]:
     return fail
 
 
-@both
 @pytest.mark.parametrize(
     ("site", "script", "value", "code", "words"),
     [("keys", "SELECT n FROM things AS list;", [[1]], "X011", "which cannot be hashed"),
@@ -114,7 +111,6 @@ def test_garbage_of_worlds(
             ss.run("v{5.0} = 1;", engine=engine)
 
 
-@both
 @pytest.mark.parametrize(
     ("site", "script"),
     [("keys", "SELECT n FROM things;"), ("near", "SELECT n FROM things.near(1);"),
@@ -151,7 +147,6 @@ class MuteError(Exception):
         raise ValueError
 
 
-@both
 @pytest.mark.parametrize(
     ("raised", "words"),
     [
@@ -280,7 +275,6 @@ def test_at_any_moment_of_a_run(tmp_path: Path, script: str, what: str, amount: 
         assert file is None or is_whole(file)
 
 
-@both
 def test_in_a_function_other_threads_may_only_close(ss: ss2sql.Session, engine: Any) -> None:
     seen: list[Any] = []
 

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from programs.drawn import amount, drawn
-from sessions import ENGINES, both
+from sessions import ENGINES
 
 import ss2sql
 from ss2sql.vtables import frames
@@ -55,7 +55,6 @@ def outcome(ss: ss2sql.Session, query: str, engine: Any) -> str:
         return error.code
 
 
-@both
 @every
 def test_a_frame_gives_its_rows(ss: ss2sql.Session, make: Any, engine: Any) -> None:
     """Elsewhere it is a dict of columns."""
@@ -140,7 +139,6 @@ def test_random_frames_are_the_same_as_lists_of_dicts(given: Any, query: str, en
             assert outcome(ss, query, engine) == wanted, library
 
 
-@both
 @every
 def test_an_empty_frame_has_columns_and_no_rows(ss: ss2sql.Session, make: Any, engine: Any) -> None:
     source = make()
@@ -152,7 +150,6 @@ def test_an_empty_frame_has_columns_and_no_rows(ss: ss2sql.Session, make: Any, e
     assert ss.run("SELECT * FROM t;", engine=engine).columns == ("x", "y", "name", "ok")
 
 
-@both
 def test_a_frame_without_columns_and_with_new_ones(ss: ss2sql.Session, engine: Any) -> None:
     ss.attach("nothing", pandas.DataFrame())
     ss.attach("rows", pandas.DataFrame(index=range(2)))
@@ -182,7 +179,6 @@ def fill(source: Any, name: str, values: list[int]) -> None:
             source[name][row] = value
 
 
-@both
 @pytest.mark.parametrize("library", ["pandas", "NumPy", "Polars"])
 def test_each_run_sees_the_frame_as_it_is_and_keeps_what_it_read(ss: ss2sql.Session, library: str, engine: Any) -> None:
     source: Any = MAKERS[library]()
@@ -213,7 +209,6 @@ def made(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     return count
 
 
-@both
 @every
 def test_columns_are_converted_once_per_run(ss: ss2sql.Session, make: Any, engine: Any, made: SimpleNamespace) -> None:
     source = make()
@@ -302,7 +297,6 @@ def test_missing_values_small_numbers_and_plain_arrays(ss: ss2sql.Session) -> No
     assert ss.eval("SELECT this[1] FROM grid AS list;") == [2, 4]
 
 
-@both
 @pytest.mark.parametrize(
     ("column", "words"),
     [(numpy.array([1, 2**63], "u8"), "9223372036854775808 at [1]"), (numpy.array([1.0, 2.0, math.inf]), "inf at [2]"),
@@ -328,7 +322,6 @@ def test_parts_of_frames_are_refused_with_the_cure(ss: ss2sql.Session, source: A
 # --- what columns are called ---------------------------------------------------------------------------
 
 
-@both
 def test_columns_may_have_any_name_even_rowid(ss: ss2sql.Session, engine: Any) -> None:
     names = ("odd name", "from", "X", "x", "this", "rowid", 7)
     ss.attach("t", pandas.DataFrame({name: [number] for number, name in enumerate(names)}))

@@ -82,7 +82,6 @@ def work(script: str, size: int, engine: Engine, monkeypatch: pytest.MonkeyPatch
     return counted
 
 
-@pytest.mark.parametrize("engine", ["database", "native"])
 @each_row("queries/growth", "script", "power")
 def test_the_work_grows_with_the_size(script: str, power: str, engine: Engine, monkeypatch: pytest.MonkeyPatch) -> None:
     small, large = (work(script, size, engine, monkeypatch) for size in (SMALL, LARGE))
@@ -90,7 +89,6 @@ def test_the_work_grows_with_the_size(script: str, power: str, engine: Engine, m
 
 
 @each_row("queries/growth", "script", "power")
-@pytest.mark.parametrize("engine", ["database", "native"])
 def test_the_values_are_those_of_trying_all(script: str, power: str, engine: Engine) -> None:
     case = make_case(script, 40)
     assert executor_outcome(case, engine) == reference_outcome(case)

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 from agreement import exact
 from purity_samples import Load, load
-from sessions import both
 
 import ss2sql
 from ss2sql.frontend.inlining import translate_function_body
@@ -132,7 +131,6 @@ INLINED: list[tuple[Callable[..., Any], str, list[Any], list[Any]]] = [
 ]  # fmt: skip
 
 
-@both
 @pytest.mark.parametrize("disable", [(), ("unnest",)])
 @pytest.mark.parametrize(("function", "arguments", "first", "second"), INLINED)
 def test_what_is_inlined_gives_what_the_function_gives(
@@ -217,7 +215,6 @@ def outcome(script: str, engine: Any, disable: tuple[str, ...] = (), **functions
         return exact(result.value), {name: times for name, times in result.stats.calls.items() if times}
 
 
-@both
 @pytest.mark.parametrize(
     ("function", "arguments", "values", "calls"),
     [
@@ -272,7 +269,6 @@ def test_an_inlined_call_gives_fails_and_prints_as_the_call_does(
     assert counted == calls if isinstance(calls, dict) else issubclass(value[0], calls)
 
 
-@both
 def test_a_row_of_a_table_is_made_once(table: ss2sql.Session, engine: Any) -> None:
     table.function("once", lambda row: row is None)
     table.function("twice", lambda row: [row is None, row is not None])
@@ -280,7 +276,6 @@ def test_a_row_of_a_table_is_made_once(table: ss2sql.Session, engine: Any) -> No
     assert (result.value, result.stats.calls) == ([False, [False, True]] * 2, {"twice": 2})
 
 
-@both
 @pytest.mark.parametrize(
     ("options", "calls"),
     [
@@ -298,7 +293,6 @@ def test_what_is_declared_to_be_more_than_its_body_is_called(options: Any, calls
         assert ss.run("SELECT f(this), g(this) FROM [1, 2] AS list;", engine=engine).stats.calls == calls
 
 
-@both
 def test_functions_and_operators_that_are_replaced(engine: Any) -> None:
     with ss2sql.connect() as ss:
         ss.function("f", inc)
@@ -314,7 +308,6 @@ def test_functions_and_operators_that_are_replaced(engine: Any) -> None:
         assert query.run(engine=engine).stats.calls == {"f": 2, "add": 2}
 
 
-@both
 def test_functions_of_functions(engine: Any) -> None:
     script = "SELECT f(g(f(this)), h(this)) FROM [1, 2, -3] WHERE g(this) > -3 AS list;"
     value, calls = outcome(script, engine, f=lambda a, b=2: a * b - b, g=inc, h=lambda a: [a, 1][0] + 1)
@@ -343,7 +336,6 @@ def table() -> Iterator[ss2sql.Session]:
         yield ss
 
 
-@both
 def test_a_function_of_a_row_reads_its_columns(table: ss2sql.Session, engine: Any) -> None:
     table.function("cheap", lambda row: row["price"] < 2 and row["name"] == "a")
     table.function("root", lambda row: row["parent"] is None)
@@ -361,7 +353,6 @@ def test_a_function_of_a_row_reads_its_columns(table: ss2sql.Session, engine: An
             table.run(script, engine=engine)
 
 
-@both
 def test_rows_and_lists_that_would_be_made_again_go_to_the_function(table: ss2sql.Session, engine: Any) -> None:
     table.attach("rows", [{"a": 1}, {"a": 2}])
     table.function("equal", lambda row, other: row == other)
@@ -378,7 +369,6 @@ def test_rows_and_lists_that_would_be_made_again_go_to_the_function(table: ss2sq
         assert (result.value, sum(result.stats.calls.values())) == (value, len(value))
 
 
-@both
 def test_large_numbers_are_left_to_the_function(table: ss2sql.Session, engine: Any) -> None:
     table.function("f", lambda n: n * 3 + 1)
     script = "SELECT f(id) FROM t AS list;"
@@ -391,7 +381,6 @@ def test_large_numbers_are_left_to_the_function(table: ss2sql.Session, engine: A
         table.run(script, engine=engine)
 
 
-@both
 def test_counting_and_moving_in_a_search(engine: Any) -> None:
     script = """SELECT place FROM [[1, 0], [0, 1]] WHERE level == 3 AND inside(place, 3)
         START WITH place = [0, 0], level = 0

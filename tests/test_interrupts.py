@@ -17,7 +17,7 @@ from typing import Any
 import interrupting
 import pytest
 from interrupting import KINDS, NumberWorld, check_session, press_at
-from sessions import both, write
+from sessions import write
 
 import ss2sql
 from ss2sql.runtime.run import keyboard_interrupt
@@ -60,7 +60,6 @@ LITTLE = {
 
 
 @pytest.mark.parametrize("presses", [3, pytest.param(20, marks=SLOW)])
-@both
 @pytest.mark.parametrize("name", LITTLE)
 def test_at_any_line(file: Path, engine: Any, name: str, presses: int) -> None:
     if (name, engine) == ("memorize", "database"):
@@ -99,7 +98,6 @@ def test_a_compiled_script_that_was_being_made_anew(ss: ss2sql.Session) -> None:
         assert query.run().value == [1.5, 5, 6]
 
 
-@both
 @pytest.mark.parametrize("answer", ["none", "go on", "raise"])
 def test_a_function_cannot_hold_the_run_up(ss: ss2sql.Session, engine: Any, answer: str) -> None:
     """It ends at once; where it catches Ctrl-C, its call is the last one."""
@@ -144,7 +142,6 @@ def in_the_collector() -> None:
         gc.callbacks.remove(callback)
 
 
-@both
 @pytest.mark.parametrize("moment", [Pressing, in_the_collector])
 def test_where_python_forgets_errors_none_is_raised(ss: ss2sql.Session, engine: Any, moment: Any) -> None:
     @ss.function(volatility="stable")
@@ -176,7 +173,6 @@ def test_no_generator_is_left_for_python_to_close(ss: ss2sql.Session) -> None:
     assert [value for frame in frames for value in frame.f_locals.values() if inspect.isgenerator(value)] == []
 
 
-@both
 def test_runs_inside_of_runs_end_together(ss: ss2sql.Session, engine: Any) -> None:
     other = ss2sql.connect()
     other.function("press", press, volatility="stable")

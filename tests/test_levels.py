@@ -108,9 +108,8 @@ def test_aggregates_over_paths_and_objects_are_refused(ss: ss2sql.Session) -> No
 @pytest.mark.parametrize(("engine", "package"), [("duckdb", "duckdb"), ("spark", "pyspark")])
 def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch, engine: Any, package: str) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(ss2sql.SessionError, match=f"pip install {package}") as caught:
+    with pytest.raises(ss2sql.SessionError, match=rf"S003[\s\S]*pip install {package}"):
         ss2sql.connect(engine=engine)
-    assert caught.value.code == "S003"
 
 
 @pytest.mark.filterwarnings("ignore:PySpark does not yet fully support pandas:FutureWarning")
@@ -119,9 +118,8 @@ def test_a_session_of_spark_that_cannot_be(monkeypatch: pytest.MonkeyPatch, tmp_
     with pytest.raises(ss2sql.SessionError, match="is a SparkSession, not int"):
         ss2sql.connect(engine="spark", session=3)
     monkeypatch.setenv("JAVA_HOME", str(tmp_path))
-    with pytest.raises(ss2sql.SessionError, match="needs Java 17 or newer") as caught:
+    with pytest.raises(ss2sql.SessionError, match=r"S003.*needs Java 17 or newer"):
         ss2sql.connect(engine="spark")
-    assert caught.value.code == "S003"
 
 
 # --- the session and its database ----------------------------------------------------------------------------
@@ -156,9 +154,8 @@ def test_a_connection_of_the_user_is_left_as_it_was() -> None:
         threading.Timer(0.3, ss.interrupt).start()
         with pytest.raises(ss2sql.Cancelled):
             ss.run(script.replace("MAXIMUM 9", ""))
-        with pytest.raises(ss2sql.ExecutionError) as caught:
+        with pytest.raises(ss2sql.ExecutionError, match="X002"):
             ss.run(GROWING.format(" ORDER BY 1 / (this - 2)"))
-        assert caught.value.code == "X002"
         assert databases() == before
     assert databases() == before
     assert own.execute("FROM steps").fetchall() == [(1,)]
@@ -190,9 +187,8 @@ def test_what_fits_nowhere_is_an_error_of_ours() -> None:
     own = duckdb.connect(config={"memory_limit": "4MB", "temp_directory": "", "threads": 1})
     with ss2sql.connect(engine="duckdb", session=own) as ss:
         ss.function("wide", lambda n: f"{n + 1:0100000}", volatility="immutable")
-        with pytest.raises(ss2sql.ExecutionError, match="duckdb: Out of Memory") as caught:
+        with pytest.raises(ss2sql.ExecutionError, match=r"X009.*duckdb: Out of Memory"):
             ss.run("SELECT wide(n) FROM [0] START WITH n = 0 CONNECT BY UNIQUE n = n + 1 STOP WITH n > 300;")
-        assert caught.value.code == "X009"
         assert ss.run(GROWING.format(" AS list")).value == [[1], [2]]
 
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from sessions import ENGINES, Clock
+from sessions import Clock
 
 import ss2sql
 from ss2sql.language.rows import Rows
@@ -111,7 +111,6 @@ def shown(script: str = SEARCH, engine: Any = "native", **options: Any) -> None:
         ss.run(script, engine=engine)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize(
     "script",
     [

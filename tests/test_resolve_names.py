@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from listings import MOVES
-from sessions import both, wrong_scripts
+from sessions import wrong_scripts
 
 import ss2sql
 from ss2sql.language import plan
@@ -131,7 +131,6 @@ def test_a_users_function_called_count_takes_no_star(ss: ss2sql.Session) -> None
     assert errors(ss, "SELECT count(*) FROM t GROUP BY a") == [("R008", "count(*)")]
 
 
-@both
 def test_of_equal_sums_the_one_that_is_asked_first_fails(ss: ss2sql.Session, engine: Any) -> None:
     ss.attach("large", [{"x": 2**62}, {"x": 2**62}])
     for script in (
@@ -174,14 +173,12 @@ def test_types_of_expressions(ss: ss2sql.Session) -> None:
     assert {text: format_type(found) for text, found in columns.items()} == EXPRESSIONS
 
 
-@both
 def test_a_replaced_operator_promises_nothing(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("add", lambda a, b: f"{a}{b}")
     script = "SELECT level FROM [1] START WITH level = 1 CONNECT BY level = level + 1 STOP WITH level == '111' AS list;"
     assert ss.run(script, engine=engine).value == [[1], [1, "11"]]
 
 
-@both
 def test_types_of_variables_that_a_function_changes(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("change", lambda x: ss.set("x", x), volatility="volatile")
     script = "x = 1; change(y); SELECT x + x FROM [1] AS list;"

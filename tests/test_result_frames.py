@@ -92,7 +92,6 @@ def test_whatever_pandas_gets_is_equal(ss: ss2sql.Session, values: list[Any]) ->
         assert repr(polar.to_list()) == repr(values)
 
 
-@pytest.mark.parametrize("engine", ["database", "native"])
 @pytest.mark.parametrize(
     ("values", "dtype", "kind", "arrow"),
     [

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 from golden import each_row
-from sessions import both
 
 import ss2sql
 
@@ -45,7 +44,6 @@ def test_what_the_sql_asks(written: str, where: str) -> None:
         assert (where in str(ss.compile(script).sql)) == ("SELECT" not in condition and "(" not in condition)
 
 
-@both
 @pytest.mark.parametrize(
     "expression",
     [
@@ -105,7 +103,6 @@ CHANGES: list[tuple[list[Any], list[int]]] = [
 ]  # fmt: skip
 
 
-@both
 def test_the_query_is_made_anew_when_the_list_has_changed(ss: ss2sql.Session, engine: Any) -> None:
     parameter = ss.compile(WITHOUT)
     assert parameter.parameters == ("banned",)

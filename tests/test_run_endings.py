@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 import pytest
-from sessions import both, code_of, leaping
+from sessions import code_of, leaping
 
 import ss2sql
 
@@ -41,7 +41,6 @@ SLOW = {
 }
 
 
-@both
 @pytest.mark.parametrize("script", SLOW.values(), ids=SLOW)
 def test_a_timeout_ends_every_kind_of_run(ss: ss2sql.Session, engine: Any, script: str) -> None:
     ss.function("slow", lambda x: (time.sleep(0.005), x)[1], volatility="immutable")
@@ -56,7 +55,6 @@ def test_a_timeout_ends_every_kind_of_run(ss: ss2sql.Session, engine: Any, scrip
     assert ss.run("SELECT this FROM [1] AS list;", engine=engine).value == [1]
 
 
-@both
 def test_the_partial_result_has_what_was_found(
     ss: ss2sql.Session, engine: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -77,7 +75,6 @@ def test_the_partial_result_has_what_was_found(
     assert error.partial.stats.calls["slow"] >= len(error.partial)
 
 
-@both
 def test_a_timeout_of_the_session_holds_for_every_run(engine: Any) -> None:
     with ss2sql.connect(timeout=0.2) as ss:
         assert elapsed(lambda: ss.run(ENDLESS, engine=engine), ss2sql.Timeout)[0] < 5
@@ -87,7 +84,6 @@ def test_a_timeout_of_the_session_holds_for_every_run(engine: Any) -> None:
         assert ss.run("1 + 1;").value == 2
 
 
-@both
 @pytest.mark.parametrize("script", [ENDLESS, PRODUCT])
 def test_a_run_can_be_interrupted_from_another_thread(ss: ss2sql.Session, engine: Any, script: str) -> None:
     ss.interrupt()  # nothing runs, nothing happens
@@ -103,7 +99,6 @@ def test_a_run_can_be_interrupted_from_another_thread(ss: ss2sql.Session, engine
     assert ss.run("SELECT this FROM [1] AS list;", engine=engine).value == [1]
 
 
-@both
 def test_an_interrupt_that_a_function_raises_ends_a_run(ss: ss2sql.Session, engine: Any) -> None:
     def press(x):
         raise KeyboardInterrupt
@@ -114,7 +109,6 @@ def test_an_interrupt_that_a_function_raises_ends_a_run(ss: ss2sql.Session, engi
     assert ss.run("SELECT this FROM [1] AS list;", engine=engine).value == [1]
 
 
-@both
 def test_an_inner_run_ends_with_the_outer_one(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("inner", lambda x: ss.run(ENDLESS, engine=engine).value, volatility="stable")
     script = "SELECT inner(this) FROM [1, 2];"
@@ -127,7 +121,6 @@ def test_an_inner_run_ends_with_the_outer_one(ss: ss2sql.Session, engine: Any) -
     assert error.partial is None  # it has ended before any query
 
 
-@both
 def test_maximum_bounds_the_results_of_a_search(ss: ss2sql.Session, engine: Any) -> None:
     result = ss.run(ENDLESS, engine=engine, maximum=3)
     assert (len(result.paths), result.status) == (3, "maximum")
@@ -145,7 +138,6 @@ def test_maximum_bounds_the_results_of_a_search(ss: ss2sql.Session, engine: Any)
         assert code_of(ss.run, ENDLESS, engine=engine, maximum=wrong) == "S002"
 
 
-@both
 def test_max_rows_is_a_limit_that_must_not_be_passed(ss: ss2sql.Session, engine: Any) -> None:
     assert len(ss.run("SELECT this FROM [1, 2];", engine=engine, max_rows=2)) == 2
     assert len(ss.run("SELECT this FROM [1, 2, 3] LIMIT 2;", engine=engine, max_rows=2)) == 2

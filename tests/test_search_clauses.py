@@ -21,7 +21,6 @@ import ss2sql
 FLIGHTS = for_reference(["flights"])["tables"]["flights"]
 STAFF = for_reference(["employees"])["tables"]["employees"]
 TASKS = for_reference(["tasks"])["tables"]["tasks"]
-both = pytest.mark.parametrize("engine", ["native", "database"])
 
 
 # --- golden cases against loops ------------------------------------------------------------------------
@@ -158,7 +157,6 @@ LOOPS: dict[str, tuple[Callable[[], Any], Callable[[Any], Any]]] = {
 }  # fmt: skip
 
 
-@both
 @pytest.mark.parametrize("name", LOOPS)
 def test_a_golden_case_gives_what_a_loop_gives(name: str, engine: Any) -> None:
     (case,) = [case for case in cases() if case.name == f"hierarchies/{name}"]
@@ -177,7 +175,6 @@ EDGES = [{"src": src, "dst": dst, "km": km} for src, dst, km in [(0, 1, 4), (0, 
 QUERY = "SELECT {shown} FROM edges START WITH town = 0 CONNECT BY {options}, src == town, town = dst{stop} AS rows"
 
 
-@both
 def test_laws_between_options(engine: Any) -> None:
     with ss2sql.connect() as ss:
         ss.set("edges", EDGES)
@@ -206,7 +203,6 @@ def test_memorize_counts_paths_without_a_column_of_the_step() -> None:
         assert ss.run(f"{script} GROUP BY level() AS rows", e=[{"a": 0, "b": 1}] * 2).value == [(1, 2)]
 
 
-@both
 def test_a_star_takes_the_smaller_estimate_first(engine: Any) -> None:
     moves = [{"dx": dx, "dy": dy} for dx, dy in ((1, 0), (0, 1), (-1, 0), (0, -1))]
     with ss2sql.connect() as ss:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sessions import both
 
 import ss2sql
 
@@ -35,7 +34,6 @@ def in_form(form: str) -> ss2sql.Session:
     return session
 
 
-@both
 @pytest.mark.parametrize("option", ["", "BREADTH FIRST", "COST 1", "NO CYCLE", "BREADTH FIRST MAXIMUM 20"])
 @forms
 def test_a_goal_is_found_in_any_form(form: str, option: str, engine: Any) -> None:
@@ -49,7 +47,6 @@ def test_a_goal_is_found_in_any_form(form: str, option: str, engine: Any) -> Non
     assert [[row[1] for row in path] for path in paths] == [[2]]
 
 
-@both
 @pytest.mark.parametrize("option", ["", "BREADTH FIRST", "COST 1", "NO CYCLE"])
 @forms
 def test_a_stop_is_found_in_any_form(form: str, option: str, engine: Any) -> None:
@@ -67,7 +64,6 @@ def test_a_stop_is_found_in_any_form(form: str, option: str, engine: Any) -> Non
         assert len(result.paths) == len(wanted)
 
 
-@both
 @forms
 def test_another_form_is_no_reason_to_call_again(form: str, engine: Any) -> None:
     """The statement is run again when one turns up, with the calls that were made."""
@@ -88,7 +84,6 @@ def test_another_form_is_no_reason_to_call_again(form: str, engine: Any) -> None
     assert len(seen) == len(set(seen)) == result.stats.calls["go"]
 
 
-@both
 @pytest.mark.parametrize("order", ["", "DEPTH FIRST", "COST 1", "PROBABILITY 0.5"])
 @forms
 def test_rows_are_the_same_in_any_form(form: str, order: str, engine: Any) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from programs.drawn import amount
 from reference import Reference
-from sessions import ENGINES, both
+from sessions import ENGINES
 
 import ss2sql
 
@@ -224,7 +224,6 @@ def test_a_function_that_fails_is_called_once_and_fails_no_search_that_has_a_val
 # --- rows that repeat ----------------------------------------------------------------------------------
 
 
-@both
 def test_every_edge_is_looked_at_once(ss: ss2sql.Session, engine: Any) -> None:
     edges = [(0, 1), (0, 2), (1, 3), (2, 3), (3, 0), (3, 4), (4, 4), (2, 4), (2, 3)]
     ss.host.connection.execute("CREATE TABLE edges(src, dst)")

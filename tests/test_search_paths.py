@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 from reference import Reference
-from sessions import both
 
 import ss2sql
 from ss2sql.runtime.sqlite.interning import Interning
@@ -44,7 +43,6 @@ def check_lazy(paths: Any, wanted: list[Any]) -> None:
     assert list(paths) == wanted
 
 
-@both
 @pytest.mark.parametrize("option", ["", "BREADTH FIRST", "COST 1", "BREADTH FIRST NO CYCLE", "PROBABILITY 0.5 UNIQUE"])
 @pytest.mark.parametrize("kind", list(GOALS))
 def test_paths_may_be_read_in_any_way(ss: ss2sql.Session, kind: str, option: str, engine: Any) -> None:
@@ -79,7 +77,6 @@ def pools() -> int:
     return sum(isinstance(known, Interning) for known in gc.get_objects())
 
 
-@both
 @pytest.mark.parametrize("option", ["", "BREADTH FIRST", "NO CYCLE", "COST 1"])
 def test_what_a_search_kept_is_given_back_with_its_result(option: str, engine: Any) -> None:
     before = pools()

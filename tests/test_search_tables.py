@@ -10,7 +10,7 @@ import pandas
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sessions import ENGINES, both
+from sessions import ENGINES
 
 import ss2sql
 from ss2sql.runtime.search.edge_walk import walk_edges
@@ -138,7 +138,6 @@ def test_an_index_of_the_user_finds_the_rows(table: str, wanted: str, search: st
     assert f"USING {wanted} (src=?)" in plan_of(session, result)
 
 
-@both
 def test_indexes_that_come_and_go_between_runs(engine: Any) -> None:
     session, rows = filled("no index")
     query = session.compile(SEARCHES["stop"].format(option="", start=0))
@@ -286,9 +285,8 @@ def test_a_cell_that_is_far_away_comes_later() -> None:
     session.host.connection.execute(f"INSERT INTO cells VALUES ({2**63 - 1}, 0, 'farther')")
     session.set("moves", [*MOVES, {"dx": 2**63 - 1, "dy": 0}])
     for work in (query.run, lambda: session.run(script)):
-        with pytest.raises(ss2sql.ExecutionError) as caught:  # the next step from there adds 1
+        with pytest.raises(ss2sql.ExecutionError, match="X004"):  # the next step from there adds 1
             work()
-        assert caught.value.code == "X004"
 
 
 # --- many whole numbers, which come as arrays ------------------------------------------------------------

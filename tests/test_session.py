@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sessions import both, code_of, write
+from sessions import code_of, write
 
 import ss2sql
 
@@ -48,7 +48,6 @@ def test_a_closed_session_says_so() -> None:
 # --- running -------------------------------------------------------------------------------------------
 
 
-@both
 def test_values_given_to_one_run_end_with_it(ss: ss2sql.Session, engine: Any) -> None:
     ss.set("x", 1)
     assert ss.run("SELECT this + x FROM [0] AS list;", engine=engine, x=10).value == [10]
@@ -81,9 +80,8 @@ def test_the_engine_can_be_chosen(ss: ss2sql.Session) -> None:
     assert ss.run(flat, engine="database").engine == "database"
     assert ss.run(flat, engine="native").engine == "native"
     assert ss.run(memorize).engine == "native"
-    with pytest.raises(ss2sql.UnsupportedError, match="MEMORIZE") as caught:
+    with pytest.raises(ss2sql.UnsupportedError, match=r"U001.*MEMORIZE"):
         ss.run(memorize, engine="database")
-    assert caught.value.code == "U001"
     query = ss.compile(flat, engine="native")
     assert query.run().engine == "native"
     assert query.run(engine="database").engine == "database"
@@ -97,7 +95,6 @@ def test_the_engine_can_be_chosen(ss: ss2sql.Session) -> None:
 # --- functions that run scripts ------------------------------------------------------------------------
 
 
-@both
 @pytest.mark.parametrize("inner", ["database", "native"])
 def test_a_function_may_run_a_script_of_the_same_session(ss: ss2sql.Session, engine: Any, inner: Any) -> None:
     @ss.function(volatility="stable")
@@ -110,7 +107,6 @@ def test_a_function_may_run_a_script_of_the_same_session(ss: ss2sql.Session, eng
     assert result.stats.calls == {"neighbours": 3}
 
 
-@both
 def test_an_error_of_an_inner_script_leaves_both_usable(ss: ss2sql.Session, engine: Any) -> None:
     ss.function("inner", lambda x: ss.run("SELECT 1 / this FROM [x];", engine=engine, x=x).value, volatility="stable")
     script = "SELECT inner(this) FROM [1, 0, 2] AS list;"
@@ -122,7 +118,6 @@ def test_an_error_of_an_inner_script_leaves_both_usable(ss: ss2sql.Session, engi
     assert ss.run("SELECT inner(this) FROM [1] AS list;", engine=engine).value == [[{"1 / this": 1.0}]]
 
 
-@both
 def test_an_error_that_is_kept_does_not_lock_the_file(staff: Path, engine: Any) -> None:
     with ss2sql.connect(staff) as ss:
         with pytest.raises(ss2sql.ExecutionError) as caught:
@@ -168,9 +163,8 @@ def test_variables_of_scripts_are_those_of_python(ss: ss2sql.Session) -> None:
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 2**63, 1j, [float("nan")], np.array([np.nan])])
 def test_what_is_no_value_is_refused_by_name(ss: ss2sql.Session, value: Any) -> None:
-    with pytest.raises(ss2sql.ExecutionError, match="the variable 'x'") as caught:
+    with pytest.raises(ss2sql.ExecutionError, match=r"X004.*the variable 'x'"):
         ss.set("x", value)
-    assert caught.value.code == "X004"
     ss.attach("x", value)
     assert code_of(ss.run, "SELECT this FROM x;") == "X004"
     assert code_of(ss.run, "x;", x=value) == "X004"

@@ -126,7 +126,6 @@ def test_a_run_that_is_broken_off_shows_what_it_found(shell: Shell, capsys) -> N
     assert said(shell, "1 + 1;", capsys) == ("2\n", "")
 
 
-@pytest.mark.parametrize("engine", ["database", "native"])
 def test_ctrl_c_ends_the_run_only(engine: str, shell: Shell, capsys) -> None:
     shell.settings.engine = engine
     begun = threading.Event()

@@ -7,12 +7,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import apsw
 import pytest
 from golden import each_row
 from hypothesis import given
 from hypothesis import strategies as st
-from sessions import both, write
+from sessions import write
 
 import ss2sql
 from ss2sql.runtime.sqlite.database_tables import Tables
@@ -27,7 +26,6 @@ def ss(file: Path) -> Iterator[ss2sql.Session]:
 # --- names ---------------------------------------------------------------------------------------------
 
 
-@both
 @pytest.mark.parametrize("name", ["my table", 'say "x"', "größe", "order", "t.u", "x'; --"])
 def test_odd_names_of_tables_and_columns(ss: ss2sql.Session, file: Path, engine: Any, name: str) -> None:
     quoted = '"' + name.replace('"', '""') + '"'
@@ -44,7 +42,6 @@ def test_odd_names_of_tables_and_columns(ss: ss2sql.Session, file: Path, engine:
         assert ss.run(f"SELECT {name} FROM plain AS list;", engine=engine).value == [1]
 
 
-@both
 @each_row("tables/missing", "script", "told")
 def test_what_is_not_there(ss: ss2sql.Session, file: Path, engine: Any, script: str, told: str) -> None:
     """Nor is what is SQLite's own."""
@@ -57,7 +54,6 @@ def test_what_is_not_there(ss: ss2sql.Session, file: Path, engine: Any, script: 
         ss.run(script, engine=engine)
 
 
-@both
 def test_the_same_name_in_two_files(ss: ss2sql.Session, file: Path, engine: Any) -> None:
     write(file, "CREATE TABLE t(a); INSERT INTO t VALUES ('main')")
     other = file.with_name("other.db")
@@ -77,7 +73,6 @@ def test_the_same_name_in_two_files(ss: ss2sql.Session, file: Path, engine: Any)
     assert ss.run(script, engine=engine).value == [[("other", 0)], [("other", 0), ("other", 1)]]
 
 
-@both
 def test_rows_of_a_table_without_numbers_come_by_its_key(ss: ss2sql.Session, file: Path, engine: Any) -> None:
     """Rising, also where the key is declared to fall."""
     write(file, "CREATE TABLE w(a, b, PRIMARY KEY (b DESC, a)) WITHOUT ROWID")
@@ -102,22 +97,6 @@ def test_a_view_that_cannot_be_read(ss: ss2sql.Session, file: Path) -> None:
         assert caught.value.span is not None
         assert caught.value.span.text == "v"
     assert ss.eval("1 + 1;") == 2
-
-
-@both
-def test_a_file_that_somebody_writes(ss: ss2sql.Session, file: Path, engine: Any) -> None:
-    write(file, "CREATE TABLE t(a); INSERT INTO t VALUES (1)")
-    ss.host.connection.set_busy_timeout(10)
-    query = ss.compile("SELECT a FROM t AS list;")
-    assert query.run(engine=engine).value == [1]
-    writer = apsw.Connection(str(file))
-    writer.execute("BEGIN EXCLUSIVE; UPDATE t SET a = 2")
-    for call in (lambda: query.run(engine=engine), lambda: ss.run("SELECT a FROM t;", engine=engine)):
-        with pytest.raises(ss2sql.ExecutionError, match=r"X009.*database is locked"):
-            call()
-    writer.execute("COMMIT")
-    writer.close()
-    assert query.run(engine=engine).value == [2]
 
 
 # --- bounds of the numbers in columns: what they are, and that they are never stale --------------------------
@@ -172,7 +151,6 @@ LARGE = 2**53 + 1  # no float; a third of it is one
 THIRDS = "SELECT a / 3 FROM t AS list;"
 
 
-@both
 def test_bounds_are_never_stale(ss: ss2sql.Session, file: Path, tmp_path: Path, engine: Any) -> None:
     """SQLite divides floats, which is right for small integers only."""
     write(file, "CREATE TABLE t(a INTEGER); INSERT INTO t VALUES (6)")
@@ -264,7 +242,6 @@ STAFF = """
 TOTALS = "(SELECT dept, sum(sum) AS s FROM pay GROUP BY dept)"
 
 
-@both
 @pytest.mark.parametrize(
     ("script", "value"),
     [

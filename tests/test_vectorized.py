@@ -16,7 +16,6 @@ from agreement import exact
 from golden import each_row
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sessions import both
 
 import ss2sql
 from ss2sql.runtime.run.array_calls import FIRST
@@ -234,7 +233,7 @@ def mixed(x: Any, y: Any) -> Any:
     return [x, type(y).__name__] if isinstance(y, list) else y if x else [x, y][:1]
 
 
-@both
+@pytest.mark.parametrize("engine", ["database", "native"])
 @given(rows=st.lists(st.tuples(VALUES, VALUES), max_size=6), script=st.sampled_from(SCRIPTS))
 @settings(max_examples=60, deadline=None)
 def test_values_are_those_of_calls_row_by_row(engine: Any, rows: Any, script: str) -> None:

@@ -27,7 +27,6 @@ pytestmark = pytest.mark.slow
 
 CASES = golden.level_searches()[:: 1 if os.environ.get("SS2SQL_SPARK") == "all" else 3]
 TRIALS = max(4, PROGRAMS // 250)
-STRATEGIES = ("BREADTH FIRST MAXIMUM 7", "UNIQUE", "BREADTH FIRST NO CYCLE MAXIMUM 9")
 
 
 def test_what_the_sheet_says(ss: ss2sql.Session) -> None:
