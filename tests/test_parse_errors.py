@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from golden import each_row
 from sessions import wrong_scripts
 from trees import calls_of, check, failure, script
 
@@ -49,18 +50,7 @@ def places(source: str) -> list[tuple[str, str]]:
     return [(error.code, error.span.place.split(":", 1)[1]) for error in failure(source).errors if error.span]
 
 
-@pytest.mark.parametrize(
-    ("source", "found"),
-    [
-        ("x = ;\ny = 3 +;\nz = 4;\nSELECT a FORM b;\nw = (1", "P001 1:5, P001 2:8, P001 4:10, P002 5:7"),
-        ("x = 'abc;\ny = 3 3;\nz = 1 $ 2 $ 3; u = -'\\x';", "P003 1:5, P001 2:7, P003 3:7, P003 3:22"),
-        ("x = 1e999; y = ; z = SELECT a FROM SELECT b FROM c; w = 1 2;", "P007 1:5, P001 1:16, P009 1:36, P001 1:59"),
-        # an open bracket ends with its statement
-        ("x = (1 + 2;\ny = 3 3;", "P001 1:11, P001 2:7"),
-        ("x = f(1, [2;\nIF(a; b; c);\ny = 3 3;", "P001 1:12, P001 3:7"),
-    ],
-    ids=ascii,
-)
+@each_row("errors/statement-by-statement", "source", "found")
 def test_each_statement_has_its_error(source: str, found: str) -> None:
     assert ", ".join(map(" ".join, places(source))) == found
 

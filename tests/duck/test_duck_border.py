@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from sessions import code_of
+from sessions import code_of, wrong_scripts
 
 import ss2sql
 
@@ -17,33 +18,25 @@ pytest.importorskip("duckdb")
 # --- what runs where -------------------------------------------------------------------------------------
 
 
-def test_what_duckdb_cannot_do_is_refused(ss: ss2sql.Session, own: Any) -> None:
+@pytest.mark.parametrize(("code", "words", "marked"), [*wrong_scripts("duckdb")])
+def test_what_duckdb_cannot_do_is_refused(
+    ss: ss2sql.Session, own: Any, code: str, words: list[str], marked: str
+) -> None:
     own.execute("CREATE TABLE days AS SELECT TIME '12:00:01' AS at")
     ss.host.connection.execute("CREATE TABLE stored(a INTEGER); INSERT INTO stored VALUES (1)")
     ss.set("nothing", [None])
     ss.function("own", lambda n: n, volatility="volatile")
-    for script, place, reason in (
-        ("SELECT int(this) FROM ['1'] AS list", "int(this)", "int is not known to other databases"),
-        ("SELECT own(this) FROM [1] AS list", "own(this)", "own is a Python function"),
-        ("SELECT this / (this - 1) FROM [2, 3, -1] AS list", "/", "this may fail"),
-        ("SELECT this FROM [1, 'a'] AS list", "[1, 'a']", "the kind of this is not known"),
-        ("SELECT a.this FROM a = [1], b = [1, 1 / a.this] AS list", "b = [1, 1 / a.this]", "what stands in FROM"),
-        ("SELECT 1 FROM [1], b = [int(text)] AS list", "b = [int(text)]", "the sources before decide"),
-        ("SELECT this FROM ['a\\nb'] AS list", "['a\\nb']", "other databases cannot be given this value"),
-        ("SELECT this FROM nothing AS list", "this", "the kind of nothing is not known"),
-        ("SELECT to(this, 'a' + 'b') FROM [1]", "this", "the names of these columns are not known"),
-        ("SELECT a FROM stored AS list", "stored", "stored is a table of SQLite"),
-        ("SELECT at FROM days AS list", "at", "the values of days.at are made in Python"),
-        ("SELECT this FROM [1, 2] WHERE (n = this) > 1 AS list", "n = this", "this is not SQL that every database has"),
-        ("x = (SELECT int(this) FROM ['1'] AS list); 1", "int(this)", "int is not known to other databases"),
-    ):
-        with pytest.raises(ss2sql.UnsupportedError, match="engine='native'") as caught:
-            ss.run(script, text="5")
-        assert caught.value.message.startswith(reason)
-        assert caught.value.span is not None
-        assert caught.value.span.text == place
-        assert ss.run(script, engine="native", text="5").engine == "native"
-    assert ss.eval("n = int('5'); [n, 'a']") == [5, "a"]  # there is no query
+    before, wrong, behind = re.split("[«»]", marked)
+    with pytest.raises(ss2sql.UnsupportedError, match=rf"{code}[\s\S]*engine='native'") as caught:
+        ss.run(before + wrong + behind, text="5")
+    assert caught.value.message.startswith(words[0])
+    assert caught.value.span is not None
+    assert (caught.value.span.start, caught.value.span.text) == (len(before), wrong)
+    assert ss.run(before + wrong + behind, engine="native", text="5").engine == "native"
+
+
+def test_what_is_no_query_needs_no_engine(ss: ss2sql.Session) -> None:
+    assert ss.eval("n = int('5'); [n, 'a']") == [5, "a"]
 
 
 def test_what_runs_here_is_explained(ss: ss2sql.Session, own: Any) -> None:
