@@ -53,7 +53,7 @@ MUTATED = (
 # Ctrl-C, which may find coverage holding a lock.
 ELSEWHERE = (
     *("spark/", "notebook", "workers", "interrupts", "test_shell.py", "faults", "crashes"),
-    *("determinism", "package", "mutants"),
+    *("determinism", "package"),
 )
 
 MUTANTS = 300
@@ -136,8 +136,10 @@ class Mutating:
 
     def draw(self) -> list[Mutant]:
         """The mutants of this seed, by the hash of their names: an edit elsewhere does not draw others."""
-        known = justified()
-        among = [one for one in every() if one.name not in known and self.given.only in one.name]
+        known, found = justified(), every()
+        gone = known.keys() - {one.name for one in found}
+        assert not gone, f"the code has changed: look at these again in {JUSTIFIED.name}: {gone}"
+        among = [one for one in found if one.name not in known and self.given.only in one.name]
         if self.given.lived:
             before = LIVED_BEFORE.read_text(encoding="utf-8").splitlines()
             return [one for one in among if one.name in before]
