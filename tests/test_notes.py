@@ -20,6 +20,9 @@ COUNT = (
 )
 
 
+GO = "SELECT {} FROM roads WHERE dst == '{}' START WITH town = '{}' CONNECT BY {} src == town, town = dst"
+
+
 @pytest.fixture(scope="module")
 def session() -> Iterator[ss2sql.Session]:
     with ss2sql.connect() as ss:
@@ -46,7 +49,7 @@ def walk(columns: str, goal: str, option: str = "UNIQUE", stop: str = "src != to
         ("dst", "dst == goal AND NOT town != src", "NOT (src == town) OR dst == goal", "", ""),
         ("dst", "town == goal", "src != town", "STOP WITH and WHERE read", "src and town"),
         ("dst", "town == goal AND src == town", "src != town", "WHERE reads", "town"),
-        ("src", "dst == goal AND src == town", "src != town", "WHERE and CONNECT BY read", ""),
+        ("src", "dst == goal AND src == town", "src != town", "WHERE and CONNECT BY read", "dst"),
     ],
 )
 def test_state_that_rows_do_not_tell(session, engine, option, columns, goal, stop, clauses, names) -> None:
@@ -81,8 +84,25 @@ def count(
          ["nothing was found before next(n) <= 3 in CONNECT BY ends a path"]),
         (count(stop="False", option="n < 3,", where="WHERE n == 2"), []),
         (count(where="WHERE n == 2"), []),
-        (count(stop="this == 1 OR this == 2"), []),
-        (count(stop="this > 0", option="MEMORIZE 3"), []),  # it cannot go on
+        (count(stop="this == 1 OR this == 2"), ["after START WITH n = 0 STOP WITH this == 1 OR this == 2 ends each"]),
+        (count(stop="this > 0", option="MEMORIZE 3"), ["after START WITH n = 0 STOP WITH this > 0 ends each first"]),
+        (GO.format("dst", "B", "A", "") + " STOP WITH dst != 'B'", []),
+        (GO.format("dst", "D", "A", "") + " STOP WITH True", ["after START WITH town = 'A' each first step fails src"]),
+        (GO.format("dst", "D", "Z", ""), ["after START WITH town = 'Z' no element meets src == town, so no path"]),
+        (GO.format("dst", "Z", "A", "UNIQUE,"), []),
+        (GO.format("dst", "B", "B", "UNIQUE BY town,"), ["UNIQUE BY town counts the start as visited, and WHERE asks"]),
+        (GO.format("dst", "B", "B", "UNIQUE BY dst,"), []),
+        (GO.format("'go'", "D", "A", "UNIQUE,"), ["UNIQUE compares rows, and WHERE and CONNECT BY read dst, which"]),
+        (GO.format("'go'", "D", "A", "MEMORIZE 6,"), ["MEMORIZE compares rows, and WHERE and CONNECT BY read dst"]),
+        (GO.format("src", "C", "A", "UNIQUE,"), ["UNIQUE compares rows, and WHERE and CONNECT BY read dst, which"]),
+        ("SELECT 1 FROM roads START WITH src == 'A' CONNECT BY UNIQUE, PRIOR dst == src",
+         ["UNIQUE compares rows, and CONNECT BY reads dst, which SELECT does not name"]),
+        ("SELECT dst FROM roads START WITH PRIOR dst == 'A' CONNECT BY UNIQUE, PRIOR dst == src",
+         ["in first steps prior(dst) is None, and nothing was found with it in the condition of START WITH"]),
+        ("SELECT dst FROM (SELECT * FROM roads WHERE src == town) START WITH town = 'Z' CONNECT BY UNIQUE, town = dst",
+         ["after START WITH town = 'Z' FROM has no element, so no path begins; begin with a value that has"]),
+        ("SELECT len((SELECT LAST dst FROM roads START WITH t = r.dst CONNECT BY UNIQUE, src == t, t = dst)) "
+         "FROM r = roads", []),
         (count(columns="this, n", option="MEMORIZE 3", stop="n < 0"), ["MEMORIZE 3 ended paths before any reached"]),
         (count(columns="this, n", option="MEMORIZE (1 + 2)", stop="n < 0"), ["MEMORIZE 1 + 2 ended paths before"]),
         (count(columns="this, n", option="MEMORIZE 12", stop="n < 0"), []),

@@ -437,12 +437,13 @@ def find_unnamed(query: plan.Query) -> UnnamedRead:
 
     Steps that stop and are no goals leave no trace. For all others more is known than their rows: the condition of
     CONNECT BY is true; without WHERE no goal stops; with `src != town` in STOP WITH and `src == town` in WHERE, `town`
-    is `src`. The variables that a search carries for `level()` and its like are left out.
+    is `src`. The variables that a search carries for `level()` and its like are left out, but for a `prior` that
+    decides which steps there are.
     """
     search = query.search
     assert search is not None
-    substitute = list(_split_condition(search.made, True)) if search.first is None else []
-    going, goals = [*substitute, *_split_condition(search.stop, False)], list(_split_condition(query.where, True))
+    substitute = list(split_condition(search.made, True)) if search.first is None else []
+    going, goals = [*substitute, *split_condition(search.stop, False)], list(split_condition(query.where, True))
     tests = {_normalize_plan_condition(*goal) for goal in (*goals, *substitute)}
     sure = going if query.where is None else [one for one in going if _normalize_plan_condition(*one) in tests]
     known = {_normalize_plan_condition(*one) for one in sure}
@@ -458,8 +459,9 @@ def find_unnamed(query: plan.Query) -> UnnamedRead:
         "WHERE", (expr for expr, truth in goals if _normalize_plan_condition(expr, truth) not in known), known_values
     )
     known_values = _add_equal_values(known_values, going)  # a step that stops has no next state
+    asked = {state for part in split_and(search.made) for state in list_states(part) if state[1].startswith("prior(")}
     for name, expr in search.connect:
-        if name.isidentifier():
+        if name.isidentifier() or (query.id, name) in asked:
             reader.collect_reads("CONNECT BY", [expr], known_values)
         reader.moved.discard(name)  # later assignments see its new value, which has been read
     return {expr: tuple(clauses) for expr, clauses in reader.found.items()}
@@ -492,7 +494,7 @@ def find_growing_states(query: plan.Query, evenly: bool = False) -> frozenset[st
 def split_stop_conditions(query: plan.Query) -> Iterator[plan.Expr]:
     """The conditions in STOP WITH that each end a path."""
     assert query.search is not None
-    return (expr for expr, truth in _split_condition(query.search.stop, False) if not truth)
+    return (expr for expr, truth in split_condition(query.search.stop, False) if not truth)
 
 
 class _StepIdentityReads:
@@ -529,19 +531,19 @@ class _StepIdentityReads:
                     yield from self._find_missing(part, known_values)
 
 
-def _split_condition(condition: plan.Expr | None, truth: bool) -> Iterator[Condition]:
+def split_condition(condition: plan.Expr | None, truth: bool) -> Iterator[Condition]:
     """The conditions that all hold where this one has that truth; none for a missing condition."""
     match condition:
         case None:
             return
         case plan.Not(operand=operand):
-            yield from _split_condition(operand, not truth)
+            yield from split_condition(operand, not truth)
         case plan.And(parts=several) if truth:
             for part in several:
-                yield from _split_condition(part, True)
+                yield from split_condition(part, True)
         case plan.Or(parts=several) if not truth:
             for part in several:
-                yield from _split_condition(part, False)
+                yield from split_condition(part, False)
         case _:
             yield condition, truth
 
@@ -573,12 +575,7 @@ def _list_told_values(columns: Iterable[plan.Expr]) -> list[plan.Expr]:
 
 def _add_equal_values(known_values: list[plan.Expr], conditions: Sequence[Condition]) -> list[plan.Expr]:
     """`known_values`, and what equals one of them or a constant where the conditions hold."""
-    known, pairs = list(known_values), list[tuple[plan.Expr, plan.Expr]]()
-    for condition, truth in conditions:
-        match condition:
-            case plan.Call(function=plan.Function(name="eq" | "ne" as name, builtin=True), arguments=(left, right)):
-                if truth == (name == "eq") and not is_volatile(condition):
-                    pairs += [(left, right), (right, left)]
+    known, pairs = list(known_values), list_equal_sides(conditions)
     size = -1
     while size < len(known):
         size = len(known)
@@ -586,3 +583,14 @@ def _add_equal_values(known_values: list[plan.Expr], conditions: Sequence[Condit
             if other not in known and (one in known or isinstance(one, plan.Constant)):
                 known.append(other)
     return known
+
+
+def list_equal_sides(conditions: Iterable[Condition]) -> list[tuple[plan.Expr, plan.Expr]]:
+    """What is equal where the conditions hold, each pair in both orders."""
+    pairs: list[tuple[plan.Expr, plan.Expr]] = []
+    for condition, truth in conditions:
+        match condition:
+            case plan.Call(function=plan.Function(name="eq" | "ne" as name, builtin=True), arguments=(left, right)):
+                if truth == (name == "eq") and not is_volatile(condition):
+                    pairs += [(left, right), (right, left)]
+    return pairs

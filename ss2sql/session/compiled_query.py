@@ -27,7 +27,14 @@ from ss2sql.language.plan_traversal import can_move_world, has_array_calls, walk
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.lowering.sql_query import Parameter, Sql, SqlQuery
-from ss2sql.results.result import QueryResult, Status, explain_empty_result, explain_overestimates, find_notes
+from ss2sql.results.result import (
+    QueryResult,
+    Status,
+    explain_empty_result,
+    explain_overestimates,
+    find_notes,
+    has_dropped_steps,
+)
 from ss2sql.runtime.representations.shape import PATH_FORMS, represent_starred_columns
 from ss2sql.runtime.run.option_checks import (
     check_count_value,
@@ -242,6 +249,11 @@ class CompiledQuery:
         """What a person should know of the query whatever it finds."""
         return find_notes(self.written)
 
+    @cached_property
+    def notes_on_dropped_steps(self) -> tuple[str, ...]:
+        """The same where a search has dropped steps as repeated."""
+        return find_notes(self.written, dropped=True)
+
     def compute_value(self, run: Run) -> Any:
         """Runs the query; its answer becomes the run's last one, its value is one of the language."""
         shapes, form = self.host.shapes, self.query.representation
@@ -274,7 +286,7 @@ class CompiledQuery:
         sink = Rows(columns, None if paths else [], [] if paths else None, plain=self.plain, hidden=form.hidden)
         run.sink = ResultSink(sink, self.engine, query)
         run.notes |= dict.fromkeys(self.notes)
-        before = run.stats.generated
+        before = run.stats.steps
         outer = run.handed  # of a query whose clauses ask for this one
         own = {name: cache(partial(handed.read_table, run)) for name, handed in self.handed.items()}
         run.handed = {**outer, **own}
@@ -292,7 +304,9 @@ class CompiledQuery:
             run.handed = outer
         arguments = tuple([argument(run) for argument in self.arguments])  # a generator changes StopIteration
         named = {name: argument(run) for name, argument in self.named.items()}
-        run.notes |= dict.fromkeys(explain_empty_result(self.written, rows, run.stats, before))
+        if has_dropped_steps(query, run.stats, before[-1]):
+            run.notes |= dict.fromkeys(self.notes_on_dropped_steps)
+        run.notes |= dict.fromkeys(explain_empty_result(self.written, rows, run.stats, before, run.get_variable))
         if run.overestimated:
             run.notes |= dict.fromkeys(explain_overestimates(self.written))
             run.overestimated = False

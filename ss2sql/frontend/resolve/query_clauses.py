@@ -31,7 +31,7 @@ from ss2sql.frontend.resolve.search_clauses import (
 )
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.tokenizer import shorten_text
-from ss2sql.frontend.syntax.tree_builder import OPERATORS
+from ss2sql.frontend.syntax.tree_builder import OPERATORS, VALUED_OPTIONS
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, NONE, Kind, Type, limit_type_depth, make_list_type, unite
 from ss2sql.language.plan_traversal import is_volatile, join_conditions, list_sources, list_states, split_and, walk
@@ -251,9 +251,8 @@ def _resolve_start(
         if item.name in scope.states:
             message = f"START WITH sets '{item.name}' twice"
             resolver.errors.append(ResolveError("R013", message, item.name_span, ("keep one of them",)))
-        value = resolver.record_errors(
-            resolver.resolve_expr, resolve_as_list(item.values) if isinstance(item, ast.Each) else item.value, scope
-        )
+        tree_of_value = resolve_as_list(item.values) if isinstance(item, ast.Each) else item.value
+        (value,) = resolver.resolve_operands((tree_of_value,), scope)
         if isinstance(item, ast.Each):
             source = resolve_value_source(resolver, item.name, value, item.span)
             each.append(source)
@@ -275,9 +274,17 @@ def _make_clause_error(assign: ast.Assign, tree: ast.Query, scope: Scope) -> Res
     """The error for such an assignment, perhaps meant as a comparison."""
     name = assign.name
     message = f"CONNECT BY sets '{name}', which START WITH does not"
+    value = shorten_text(assign.value.span.text)
     hints = suggest_names(name, [item.name for item in tree.start]) or (f"add START WITH {name} = ...",)
+    if name.upper() in VALUED_OPTIONS:
+        hints = (f"write {name.upper()} {value}", "an option stands in front of the assignments, and takes no =")
+    for part in tree.first.parts if isinstance(tree.first, ast.And) else (tree.first,):
+        match part:
+            case ast.Operator(function="eq" | "in" as test, operands=(ast.Name(name=tested), first)) if tested == name:
+                start = f"{name} = " if test == "eq" else f"EACH {name} IN "
+                hints = (f"write START WITH {start}{shorten_text(first.span.text)}",)
     if any(name == column for source in scope.sources for column, _ in source.columns or ()):
-        hints = (f"write {name} == {shorten_text(assign.value.span.text)} to compare",)
+        hints = (f"write {name} == {value} to compare",)
     return ResolveError("R001", message, assign.name_span, hints)
 
 

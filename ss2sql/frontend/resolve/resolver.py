@@ -37,7 +37,7 @@ from ss2sql.frontend.resolve.scope import (
     suggest_row_query,
 )
 from ss2sql.frontend.resolve.search_clauses import FUNCTIONS as PATH_FUNCTIONS
-from ss2sql.frontend.resolve.search_clauses import is_path_function, resolve_path_function
+from ss2sql.frontend.resolve.search_clauses import RESULT_CLAUSES, is_path_function, resolve_path_function
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, BOOL, NONE, Kind, Type, make_list_type, type_of, unite
@@ -410,6 +410,8 @@ class Resolver:
         of_a_list = len(arguments) == 1 or (function.collects and arguments)
         if is_resolved_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may_be(Kind.LIST):
             hint = AGGREGATE_HINT.format(query=suggest_row_query(tree, scope))
+            if scope is not None and scope.path_functions and scope.path_functions.clause in RESULT_CLAUSES:
+                hint = f"write {name}(path({tree.arguments[0].span.text})) for the steps of the path"
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))
         return self.refine_call(self.make_call(name, arguments, span, span), scope)
 

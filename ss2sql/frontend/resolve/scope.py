@@ -359,6 +359,7 @@ FOREIGN_FUNCTIONS: dict[str, str] = {
     "gcd": "session.function('gcd', math.gcd) registers Python's", "current_date": "write date(now())",
     "enumerate": "write zip(range(len({0})), {0})",
 }  # fmt: skip
+CHOOSE_LEAVES = "SELECT * FROM (SELECT LAST ..., leaf() AS end ...) WHERE end"
 # Names of Oracle.
 _ORACLE = {
     "LEVEL": "level()", "CONNECT_BY_ISLEAF": "leaf()", "CONNECT_BY_ISCYCLE": "cycle({key})",
@@ -462,6 +463,7 @@ def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequenc
         hints = (f"'{name}' is a source: write {name}.this",)
     elif name.upper() in _ORACLE:
         hints = (f"write {_ORACLE[name.upper()]}".format(key=place.key),)
+        hints += (f"to choose by it write {CHOOSE_LEAVES}",) if name.upper() == "CONNECT_BY_ISLEAF" else ()
     elif name.upper() in ("NULL", "NIL"):
         hints = ("write None",)
     elif catalog.unknown == "missing":

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 from ss2sql.errors import ResolveError, Span
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.resolve.from_clause import resolve_sources
-from ss2sql.frontend.resolve.scope import Scope
+from ss2sql.frontend.resolve.scope import CHOOSE_LEAVES, Scope
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, BOOL, Kind, Type, drop_bounds, is_supertype, make_list_type, unite
@@ -201,7 +201,7 @@ def _check_path_clause(tree: ast.Call, said: PathFunctions) -> None:
         return
     where = f"the key after {clause}" if clause == "BY" else clause if clause != "CONNECT BY" else "an assignment"
     hints = {
-        "leaf": "write it in SELECT, GROUP BY, HAVING or ORDER BY",
+        "leaf": f"write {CHOOSE_LEAVES}",
         "next": "write it in a condition, or in SELECT",
         "cycle": "write it in a condition, or in SELECT",
     }

@@ -109,6 +109,7 @@ _POSTFIX_HINTS = {
     "NULLS": "leave it out: None comes first, with DESC last",
     "INTO": "assign the query: name = SELECT ...",
     "CYCLE": "write NO CYCLE BY {y}, right after CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
+    "FOR": "leave it out: a script only reads",
     "ASCENDING": "write ASC", "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
 }  # fmt: skip
 # Words that were read as a name before something that does not fit.
@@ -336,6 +337,10 @@ def _explain_missing_as(t: ParseFailure) -> ParseError | None:
     if t.clause != "SELECT" or "FROM" not in t.expected or "," not in t.expected:
         return None
     if t.found.kind == "NAME" and not t.found.keyword and t.next.kind in (",", "FROM"):
+        distinct_on = re.match(r"DISTINCT\s+ON\s*\((.*)\)\Z", t.read_column(), re.IGNORECASE | re.DOTALL)
+        if distinct_on:
+            cure = f"write GROUP BY {distinct_on[1]}, and first(x) for other columns"
+            return t.explain("P006", "there is no DISTINCT ON in SelectScript", cure)
         return t.explain("P006", f"expected ',' or FROM between {spell(t.peek())} and {spell(t.found)}",
                        f"write {t.read_column()} AS {t.found.text} to name a column")  # fmt: skip
     return None

@@ -32,6 +32,7 @@ LOGIC = frozenset(("AND", "OR", "XOR"))
 COMMENT_HINT = "write a blank after it, or # before a comment"
 MEMORIZE_HINT = "MEMORIZE takes a whole number"
 CHAIN_HINT = "write a < b AND b < c"
+VALUED_OPTIONS = ("COST", "HEURISTIC", "PROBABILITY", "MAXIMUM")
 END_HINT = ("end it with AS, for instance AS list, or put it in parentheses",)
 
 _N = TypeVar("_N")
@@ -379,6 +380,10 @@ class Builder(ExpressionBuilder):
             ordered = ordered and self._check_order(clause, seen)
             seen.setdefault(clause.keyword, clause)
             fields |= clause.fields
+        unset = {item.name for item in fields.get("start", ())} - {item.name for item in fields.get("connect", ())}
+        for keyword, field in (("START WITH", "first"), ("CONNECT BY", "made")):
+            if field in fields:
+                fields[field] = self._find_only_condition(fields[field], keyword, unset)
         node = ast.Query(**fields, span=span)
         return self._make_part(node, *clauses, query=node)
 
@@ -436,9 +441,7 @@ class Builder(ExpressionBuilder):
 
     def start(self, span: Span, *parts: Part[Any]) -> Clause:
         start = tuple(node for node in self._list_nodes(parts) if isinstance(node, ast.Assign | ast.Each))
-        return self._make_clause(
-            "START WITH", span, parts, start=start, first=self._find_only_condition(parts, "START WITH")
-        )
+        return self._make_clause("START WITH", span, parts, start=start, first=parts)
 
     def each(self, span: Span, name: Token, values: Expr) -> Part[ast.Each]:
         (node,) = self._list_nodes((values,))
@@ -455,12 +458,12 @@ class Builder(ExpressionBuilder):
         fields = {
             "options": tuple(node for node in nodes if isinstance(node, ast.Option)),
             "connect": tuple(node for node in nodes if isinstance(node, ast.Assign)),
-            "made": self._find_only_condition(parts, "CONNECT BY"),
+            "made": parts,
         }
         return self._make_clause("CONNECT BY", span, parts, **fields)
 
-    def _find_only_condition(self, parts: Sequence[Part[Any]], keyword: str) -> ast.Expr | None:
-        """The condition among the assignments and options of a clause."""
+    def _find_only_condition(self, parts: Sequence[Part[Any]], keyword: str, unset: set[str]) -> ast.Expr | None:
+        """The condition among the assignments and options of a clause; nothing sets the variables in `unset`."""
         found = [part.node for part in parts if not isinstance(part.node, ast.Assign | ast.Each | ast.Option)]
         each = next((part.node for part in parts if isinstance(part.node, ast.Each)), None)
         if each and found and all(isinstance(node, ast.Literal) for node in found):
@@ -471,7 +474,14 @@ class Builder(ExpressionBuilder):
             text = f"{found[0].span.text} AND {other.span.text}"
             if isinstance(found[0], ast.Name | ast.Attribute):
                 text = _write_forgotten_by([part.node for part in parts], found[0]) or text
-            error = self._make_error("P001", f"{keyword} has two conditions", other.span, f"write {shorten_text(text)}")
+            cure = f"write {shorten_text(text)}"
+            for node in found if keyword == "CONNECT BY" else ():
+                match node:
+                    case ast.Name(name=name) if name.upper() in VALUED_OPTIONS:
+                        cure = f"{name} needs a value, for instance {name} 1"
+                    case ast.Operator(function="eq", operands=(ast.Name(name=name), value)) if name in unset:
+                        cure = f"write {name} = {shorten_text(value.span.text)}"
+            error = self._make_error("P001", f"{keyword} has two conditions", other.span, cure)
             error.related = ((found[0].span, "the first one"),)
         return found[0] if found else None
 

@@ -215,6 +215,7 @@ def _build_keyed_graph(search_run: SearchRun) -> KeyedGraph:
                     raise build_graph_limit_error(query, most)
                 if goal is None:
                     row, goal, goes_on = first_steps[key]
+                    search_run.stats.pruned += 1
                 elif key in nodes:
                     if problem.outdated:
                         problem.outdated(after, None)
