@@ -268,6 +268,9 @@ class _CallingCursor(_Cursor):
         self.length, self.columns = self.columns_for(arguments)
         self.position = 0
 
+    def Column(self, number: int) -> SqlValue:  # noqa: N802
+        return self.columns[number][self.position]  # all that are read are there
+
     def Close(self) -> None:  # noqa: N802
         super().Close()
         self.columns_for = None
