@@ -309,7 +309,7 @@ class SqliteElementCalls:
         again: dict[Arguments | bytes, tuple[int, tuple[int, Found]]] = {}  # what is wanted again, its calls first
 
         def read_columns(arguments: Arguments) -> tuple[int, Found]:
-            # What is kept by itself has no numbers, so that no other arguments equal it; to make a key takes 0.2 us more.
+            # What is kept as it is has no numbers, so no other arguments equal it; to make a key takes 0.2 us more.
             known = again.get(arguments) or (again.get(_make_sqlite_call_key(arguments)) if again else None)
             if known is not None:
                 calls_saved, found = known
