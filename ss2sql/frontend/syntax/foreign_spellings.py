@@ -24,15 +24,6 @@ _FIRST = {
 }  # fmt: skip
 
 
-def explain_python(t: ParseFailure) -> ParseError | None:
-    """The error for a known spelling of a programming language; None for anything else."""
-    checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _explain_python_for, _explain_from_first, _explain_lambda, _explain_comprehension, _explain_item_assignment,
-        _explain_inner_quote,
-    )  # fmt: skip
-    return next((error for check in checks if (error := check(t))), None)
-
-
 def _explain_python_for(t: ParseFailure) -> ParseError | None:
     """`for x in nums: ...`, `let x = 5`, `import math`."""
     word = t.peek()
@@ -133,17 +124,6 @@ _SIGNS = {
     ">>": "write int({x} / 2 ^ n)", "<<": "write {x} * 2 ^ n",
     "::": "write int({x}), float({x}) or str({x})",
 }  # fmt: skip
-
-
-def explain_sql(t: ParseFailure) -> ParseError | None:
-    """The error for a known foreign spelling; None for anything else."""
-    checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _explain_comment, _explain_sign, _explain_concatenation, _explain_is, _explain_cast,
-        _explain_set_operation, _explain_option, _explain_each, _explain_unpacking, _explain_assignment,
-        _explain_modifier, _explain_missing_as, _explain_after_as, _explain_statement,
-        _explain_word, _explain_star, _explain_dot, _explain_list,
-    )  # fmt: skip
-    return next((error for check in checks if (error := check(t))), None)
 
 
 def _explain_comment(t: ParseFailure) -> ParseError | None:
@@ -469,3 +449,13 @@ def _spell_list(t: ParseFailure) -> str:
         if depth < 0 and t.bracket is not None and token.start - t.bracket.end <= 40:
             return t.source.text[t.bracket.end : token.start].strip().rstrip(",")
     return f"{t.read_operand()}, ..."
+
+
+# The errors for known spellings, None for anything else; the first that fits counts.
+CHECKS: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
+    _explain_python_for, _explain_from_first, _explain_lambda, _explain_comprehension, _explain_item_assignment,
+    _explain_inner_quote, _explain_comment, _explain_sign, _explain_concatenation, _explain_is, _explain_cast,
+    _explain_set_operation, _explain_option, _explain_each, _explain_unpacking, _explain_assignment,
+    _explain_modifier, _explain_missing_as, _explain_after_as, _explain_statement, _explain_word, _explain_star,
+    _explain_dot, _explain_list,
+)  # fmt: skip

@@ -49,9 +49,9 @@ def explain_parse_failure(t: ParseFailure) -> ParseError:
     if error := tokenizer.explain_unreadable(t.source, t.found):
         return error
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
-        _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, foreign_spellings.explain_python,
-        foreign_spellings.explain_sql, _explain_misspelling, _explain_closing_bracket, _explain_search_clause,
-        _explain_missing, _explain_chain, _explain_missing_from, _open_bracket, _explain_clause, _explain_descending,
+        _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, *foreign_spellings.CHECKS,
+        _explain_misspelling, _explain_closing_bracket, _explain_search_clause, _explain_missing, _explain_chain,
+        _explain_missing_from, _open_bracket, _explain_clause, _explain_descending,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None) or _explain_surplus(t)
 
