@@ -274,8 +274,7 @@ def _measure_prior_nesting(resolver: Resolver, tree: Any) -> int:
 # --- the options of CONNECT BY: their meaning for a search, and their contradictions
 ORDERS = tuple(order.upper() for order in get_args(plan.Order) if order != "greedy")
 WEIGHTS = ("COST", "PROBABILITY")
-REPEATS = ("NO CYCLE", "UNIQUE", "MEMORIZE")
-RULES: tuple[tuple[str, plan.Repeats], ...] = (("NO CYCLE", "no cycle"), ("UNIQUE", "unique"), ("MEMORIZE", "memorize"))
+REPEATS = tuple(rule.upper() for rule in get_args(plan.Repeats) if rule != "allowed")
 
 
 def resolve_search_options(
@@ -307,9 +306,9 @@ def resolve_search_options(
             order = candidate
     repeats: plan.Repeats = "allowed"
     by: tuple[ast.Expr, ...] = ()
-    for word, rule in RULES:
-        if word in options:
-            repeats, by = rule, options[word].by
+    for rule in get_args(plan.Repeats):
+        if rule.upper() in options:
+            repeats, by = rule, options[rule.upper()].by
     scope.enter_clause("BY")
     key = tuple(resolver.record_errors(resolver.resolve_expr, part, scope) for part in by)
     own = {source.id for source in scope.sources}
@@ -342,7 +341,7 @@ def resolve_without_path(resolver: Resolver, tree: ast.Query, query: plan.Query)
     pairs = zip(tree.columns, query.columns, strict=True)  # a star stands alone
     left = tuple(output.expr for column, output in pairs if not calls_path_function(resolver, column))
     if not left:
-        word = next(word for word, rule in RULES if rule == search.repeats)
+        word = search.repeats.upper()
         names = [name for name, _ in search.start if name.isidentifier()]
         columns = [name for source in query.sources for name, _ in source.columns or ()]
         by = (names or columns or ["x"])[0]
