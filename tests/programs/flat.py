@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from .choices import Choices
@@ -79,6 +79,7 @@ class Origin:
     kind: str
     columns: dict[str, str] = field(default_factory=dict)
     known: bool = True  # whether its columns are known before the run
+    optional: bool = False  # joined with LEFT JOIN
 
 
 class Flat(Expressions):
@@ -208,11 +209,12 @@ class Flat(Expressions):
         for kind, texts in outer.texts.items():
             own.texts[kind].extend(texts)
         text = origins[0].text
-        for origin in origins[1:]:
+        for number, origin in enumerate(origins[1:], 1):
             join = self.choices.weighted((70, ","), (15, " JOIN"), (15, " LEFT JOIN"))
+            origins[number] = replace(origin, optional=join == " LEFT JOIN")
             text += f"{join} {origin.text}"
             if join != ",":  # sees the sources up to it
-                seen = self.see(origins[: origins.index(origin) + 1])
+                seen = self.see(origins[: number + 1])
                 text += f" ON {self.leaf('int', seen)} {self.choices.pick(('==', '!='))} {self.leaf('int', seen)}"
         return text, own, origins
 
@@ -306,7 +308,8 @@ class Flat(Expressions):
 
     def select_list(self, sight: Sight, origins: list[Origin]) -> str:
         choices = self.choices
-        if choices.chance(21):
+        # Which columns a row without a match has depends on all other rows, where they are not known before.
+        if choices.chance(21) and not any(origin.optional and not origin.known for origin in origins):
             return "*"
         if choices.chance(5) and origins[0].kind == "int":
             names = choices.some(("half", "even", "near"), 1, 2)
