@@ -35,12 +35,14 @@ ENDINGS = ("", "", "", " ORDER BY dst DESC", " LIMIT 2", " ORDER BY level(), dst
 
 def hierarchy(c: Choices) -> tuple[str, list[dict[str, Any]]]:
     """A query over the source `edges`, and these."""
+    guard, order = c.pick(GUARDS), c.pick(ORDERS)
+    memorizes = guard.startswith("MEMORIZE")
     nodes = c.pick(NODES)[: 2 + c.below(4)]
+    if memorizes:  # keeps one form of equal states, 1 or 1.0, and nothing says which
+        nodes = tuple(dict.fromkeys(nodes))
     edges = [
         {"src": c.pick(nodes), "dst": c.pick(nodes), "km": c.pick((1, 1, 2, 0, 3, 0.5))} for _ in range(1 + c.below(8))
     ]
-    guard, order = c.pick(GUARDS), c.pick(ORDERS)
-    memorizes = guard.startswith("MEMORIZE")
     if memorizes and order in ("BREADTH FIRST", "DEPTH FIRST", "HEURISTIC"):
         order = ""
     if order.endswith("HEURISTIC"):
