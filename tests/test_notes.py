@@ -101,6 +101,10 @@ def count(
          ["in first steps prior(dst) is None, and nothing was found with it in the condition of START WITH"]),
         ("SELECT dst FROM (SELECT * FROM roads WHERE src == town) START WITH town = 'Z' CONNECT BY UNIQUE, town = dst",
          ["after START WITH town = 'Z' FROM has no element, so no path begins; begin with a value that has"]),
+        ("SELECT (SELECT count(*) FROM roads) FROM [1]",
+         ["SELECT count(*) FROM roads gives a list of one row; with AS value it gives the value in it"]),
+        ("SELECT (SELECT count(*) FROM roads AS dict), (SELECT count(*) FROM roads AS value) FROM [1]", []),
+        (GO.format("dst", "D", "Z", "level() < 5 AND"), ["after START WITH town = 'Z' no element meets level() < 5"]),
         ("SELECT len((SELECT LAST dst FROM roads START WITH t = r.dst CONNECT BY UNIQUE, src == t, t = dst)) "
          "FROM r = roads", []),
         (count(columns="this, n", option="MEMORIZE 3", stop="n < 0"), ["MEMORIZE 3 ended paths before any reached"]),

@@ -27,14 +27,8 @@ from ss2sql.language.plan_traversal import can_move_world, has_array_calls, walk
 from ss2sql.language.rows import Rows
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.lowering.sql_query import Parameter, Sql, SqlQuery
-from ss2sql.results.result import (
-    QueryResult,
-    Status,
-    explain_empty_result,
-    explain_overestimates,
-    find_notes,
-    has_dropped_steps,
-)
+from ss2sql.results.notes import explain_empty_result, explain_overestimates, find_notes, has_dropped_steps
+from ss2sql.results.result import QueryResult, Status
 from ss2sql.runtime.representations.shape import PATH_FORMS, represent_starred_columns
 from ss2sql.runtime.run.option_checks import (
     check_count_value,

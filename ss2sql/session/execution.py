@@ -20,7 +20,8 @@ from ss2sql.errors import Cancelled, SessionError, Stopped, Timeout
 from ss2sql.language.cancellation import install_cancellation_check
 from ss2sql.language.values import copy_for_python
 from ss2sql.results import count_words
-from ss2sql.results.result import QueryResult, Result, Status, suggest_timeout_cure
+from ss2sql.results.notes import suggest_timeout_cure
+from ss2sql.results.result import QueryResult, Result, Status
 from ss2sql.runtime.parallel import IN_WORKER
 from ss2sql.runtime.run.keyboard_interrupt import close_frames, defer_keyboard_interrupt
 from ss2sql.runtime.run.run_state import Run, Stats, measure_memory, translate_memory_error

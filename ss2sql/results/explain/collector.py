@@ -33,7 +33,8 @@ from ss2sql.results.explain.explanation import (
     describe_queue,
     describe_search,
 )
-from ss2sql.results.result import OutlinedQuery, OutlinedStatement, find_notes
+from ss2sql.results.notes import find_notes
+from ss2sql.results.result import OutlinedQuery, OutlinedStatement
 from ss2sql.runtime.external.level_query import WORDS, LevelStatements
 from ss2sql.runtime.graph_cache.cached_steps import do_steps_call_user
 from ss2sql.runtime.run.run_state import Stats

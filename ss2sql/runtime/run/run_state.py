@@ -189,7 +189,7 @@ class Run:
 
     host: Host
     stats: Stats = field(default_factory=Stats)
-    notes: dict[str, None] = field(default_factory=dict)  # for a reader of the result, in order, see results/result.py
+    notes: dict[str, None] = field(default_factory=dict)  # for a reader of the result, in order, see results/notes.py
     overestimated: bool = False  # A* has found a path that costs less than HEURISTIC expected
     bounds: RunBounds = field(default_factory=RunBounds)
     steps_left: int | None = None  # bounds the steps of all searches

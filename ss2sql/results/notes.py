@@ -1,0 +1,255 @@
+"""Notes: what a person should know of a result, why a search may have found too little, and the cure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+from ss2sql.frontend.resolve.search_clauses import FUNCTIONS
+from ss2sql.language import plan
+from ss2sql.language.plan_traversal import (
+    find_direct_assignments,
+    find_growing_states,
+    find_unnamed,
+    list_equal_sides,
+    list_inside,
+    list_sources,
+    list_states,
+    split_and,
+    split_condition,
+    split_stop_conditions,
+    walk,
+    write_in_script,
+)
+from ss2sql.language.rows import Rows
+from ss2sql.language.values import make_hashable
+from ss2sql.runtime.run.run_state import Stats
+
+REPEAT_KEYWORDS = {"unique": "UNIQUE", "no cycle": "NO CYCLE", "memorize": "MEMORIZE"}
+
+
+def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
+    """What can be said of a query, and of those inside of it. `dropped`: it ran, and dropped steps as repeated."""
+    searches = [node for node in walk(query) if isinstance(node, plan.Query) and node.search is not None]
+    notes = [note for each in searches for note in _note_undetermined_states(each, dropped)]
+    calls = (node.function for each in searches for node in walk(each) if isinstance(node, plan.Call))
+    queries = (node for node in walk(query) if isinstance(node, plan.Query))
+    notes += [
+        f"{write_in_script(output.expr)} gives a list of one row; with AS value it gives the value in it"
+        for each in queries
+        for output in each.columns
+        if _is_query_of_one_value(output.expr)
+    ]
+    notes += [
+        f"{call.name} is the function that was registered under this name; give it another name to ask for the path"
+        for call in calls
+        if call.name in FUNCTIONS and not call.builtin
+    ]
+    return tuple(dict.fromkeys(notes))
+
+
+def _is_query_of_one_value(expr: plan.Expr) -> bool:
+    """Whether it is a query without AS that gives one row with one column."""
+    if not isinstance(expr, plan.Subquery) or expr.query.representation.span is not None:
+        return False
+    query = expr.query
+    return query.aggregated and not query.group and len(query.columns) == 1 and query.representation.name == "dict"
+
+
+def explain_empty_result(
+    query: plan.Query, rows: Rows, stats: Stats, before: tuple[int, int, int], get_variable: Callable[[str], Any]
+) -> Iterator[str]:
+    """Why a query has found nothing, where its search may be the reason.
+
+    `before` it ran so many steps had been generated, expanded and pruned.
+    """
+    search = query.search
+    if search is None or rows.rows or rows.paths or rows.groups:
+        return
+    generated, expanded, pruned = (now - then for now, then in zip(stats.steps, before, strict=True))
+    clause, condition = _get_condition_of_first_steps(search)
+    read_first = [name for part in condition for _, name in sorted(list_states(part))]
+    prior = next((name for name in read_first if name.startswith("prior(")), None)
+    if prior is not None and not expanded:
+        form = "may have a condition of its own" if clause == "CONNECT BY" else "asks for columns of the first step"
+        yield (
+            f"in first steps {prior} is None, and nothing was found with it in the condition of {clause}; "
+            f"START WITH {form}, for instance START WITH boss == None"
+        )
+        return
+    yield from _note_closed_start(query, get_variable)
+    if rows.ended and search.maximum is not None and query.having is not None:
+        most, having = write_in_script(search.maximum), write_in_script(query.having)
+        cure = _note_larger_bound("MAXIMUM")
+        yield f"MAXIMUM {most} ended the search, and HAVING {having} dropped what it had found; {cure}"
+    if search.bound is not None and _is_graph_bounded(query, stats):
+        cure = _note_larger_bound("MEMORIZE")
+        yield f"MEMORIZE {write_in_script(search.bound)} ended paths before any reached its goal; {cure}"
+        return
+    grown = {(query.id, name) for name in find_growing_states(query)}
+    bounds = [("STOP WITH {}", stop) for stop in split_stop_conditions(query)]
+    bounds += [("{} in CONNECT BY", part) for part in split_and(search.made) if expanded]
+    narrow = []
+    for place, bound in bounds if generated else ():
+        read = {state for state in list_states(bound) if state[0] == query.id}
+        if read and read <= grown:
+            narrow.append(place.format(write_in_script(bound)))
+    for words in narrow:
+        yield f"nothing was found before {words} ends a path; a wider bound in it may let paths go on"
+    if not (narrow or expanded or pruned):
+        yield from _note_ended_first_steps(query, generated)
+
+
+def has_dropped_steps(query: plan.Query, stats: Stats, pruned: int) -> bool:
+    """Whether a search has met rows or keys again; `pruned` steps were dropped before."""
+    memorizes = query.search is not None and query.search.repeats == "memorize"
+    return stats.pruned > pruned or (memorizes and any(level.repeated for level in stats.levels))
+
+
+def explain_overestimates(query: plan.Query) -> Iterator[str]:
+    """That A* has found a path which costs less than its estimate of what remained."""
+    for node in walk(query):
+        if isinstance(node, plan.Query) and node.search and node.search.heuristic and node.search.weight:
+            estimate = write_in_script(node.search.heuristic)
+            yield (
+                f"HEURISTIC {estimate} was more than what remained to be paid on a path, so others may be cheaper than "
+                "the first that came; the least costs need an estimate that is never too high, or COST alone"
+            )
+
+
+def suggest_timeout_cure(query: plan.Query | None) -> str:
+    """What a query lacks that took longer than its timeout: no option that it has already."""
+    searches = [(node, node.search) for node in walk(query) if isinstance(node, plan.Query) and node.search]
+    if not searches:
+        return "raise timeout=, or narrow the query with WHERE or LIMIT"
+    owner, search = searches[0]
+    grown = sorted(find_growing_states(owner))
+    variables = [name for name, _ in search.start if name.isidentifier()]
+    if variables and not any(name.isidentifier() for name, _ in search.connect):
+        return f"raise timeout=, or let CONNECT BY change the state: {variables[0]} = ..."
+    lacks = ["MAXIMUM"] if search.maximum is None else []
+    state = next((name for name, _ in search.connect if name.isidentifier()), "")
+    lacks += [f"UNIQUE BY {state}" if state else "UNIQUE"] if search.repeats == "allowed" else []
+    lacks += ["STOP WITH"] if search.stop is None and search.bound is None else []
+    if grown and search.repeats != "allowed" and search.stop is None and search.made is None and search.bound is None:
+        return f"raise timeout=, or bound {grown[0]} by a condition in CONNECT BY, such as {grown[0]} < 1000"
+    if lacks:
+        return f"raise timeout=, or bound the search with {' or '.join(lacks)}"
+    if search.order == "cost" and search.heuristic is None:
+        return "raise timeout=, or estimate what remains: COST ... HEURISTIC ..."
+    return "raise timeout=, or let a condition in CONNECT BY drop steps that cannot lead to a goal"
+
+
+def _get_condition_of_first_steps(search: plan.Search) -> tuple[str, tuple[plan.Expr, ...]]:
+    """The clause that has it, and its parts."""
+    return ("CONNECT BY", split_and(search.made)) if search.first is None else ("START WITH", split_and(search.first))
+
+
+def _note_ended_first_steps(query: plan.Query, generated: int) -> Iterator[str]:
+    """That no path goes beyond its first step, because of the start or STOP WITH."""
+    search = query.search
+    assert search is not None
+    if query.offset or query.having or (query.limit and not generated) or search.order == "probability":
+        return  # that may be why there is nothing
+    if search.each or list_sources(query) - list_inside(query) or any(n != query.id for n, _ in list_states(query)):
+        return  # there are several starts, or it runs for each row around it
+    values = [f"{name} = {write_in_script(value)}" for name, value in search.start if name.isidentifier()]
+    start = f"after START WITH {', '.join(values)} " if values else ""
+    parts = _get_condition_of_first_steps(search)[1]
+    condition = " AND ".join(map(write_in_script, parts))
+    if search.stop is not None and (condition or generated):
+        stop = f"STOP WITH {write_in_script(search.stop)}"
+        how = f"each first step fails {condition} or {stop} ends it" if condition else f"{stop} ends each first step"
+        yield f"{start}{how}, and none is a goal; WHERE True shows the steps that end"
+    elif search.stop is None and any(map(list_states, (*parts, *query.sources))):
+        what = f"no element meets {condition}" if condition else "FROM has no element"
+        yield f"{start}{what}, so no path begins; begin with a value that has first steps"
+
+
+def _note_closed_start(query: plan.Query, get_variable: Callable[[str], Any]) -> Iterator[str]:
+    """That WHERE asks for the state of the start, which counts as visited with a key of the state."""
+    search = query.search
+    assert search is not None
+    if search.by != "state":
+        return
+
+    def read_value(expr: plan.Expr) -> Any:
+        match expr:
+            case plan.Constant(value=value):
+                return make_hashable(value)
+            case plan.Variable(name=name):
+                return make_hashable(get_variable(name))
+            case _:
+                return expr
+
+    reached, start = find_direct_assignments(query), dict(search.start)
+    equal = list_equal_sides(split_condition(query.where, True))
+    after = list[plan.Expr]()
+    for key in search.key:
+        if not isinstance(key, plan.State) or key.name not in reached:
+            return
+        sides = [other for one, other in equal if one == reached[key.name]]
+        if not any(read_value(side) == read_value(start[key.name]) for side in sides):
+            return
+        after.append(reached[key.name])
+    if any(map(list_sources, after)):
+        word = REPEAT_KEYWORDS[search.repeats]
+        yield (
+            f"{word} BY {_join_keys(search.key)} counts the start as visited, and WHERE asks for the start; "
+            f"{word} BY {_join_keys(after)} lets a path come back to it"
+        )
+
+
+def _join_keys(keys: Sequence[plan.Expr]) -> str:
+    written = ", ".join(map(write_in_script, keys))
+    return f"({written})" if len(keys) > 1 else written
+
+
+def _note_larger_bound(word: str) -> str:
+    return f"a larger bound in {word} lets it go on"
+
+
+def _is_graph_bounded(query: plan.Query, stats: Stats) -> bool:
+    """Whether the graph of MEMORIZE could have grown further."""
+    inner = [node for node in walk(query) if isinstance(node, plan.Query) and node.search is not None]
+    levels = [*stats.levels, *stats.backward]
+    return len(inner) == 1 and bool(levels) and levels[-1].rows > 0
+
+
+def _note_undetermined_states(query: plan.Query, dropped: bool) -> Iterator[str]:
+    """That a search compares rows which do not tell the state that its clauses read."""
+    search = query.search
+    assert search is not None
+    if search.repeats == "allowed" or search.by != "row":
+        return
+    found = find_unnamed(query)
+    counted = find_growing_states(query, evenly=True)
+    read = {expr: clauses for expr, clauses in found.items() if not _is_step_count(expr, clauses, counted, search)}
+    # Columns of an element often follow from each other, as a name and its key; then hardly a step is dropped.
+    if not (read if dropped else any(isinstance(expr, plan.State) for expr in read)):
+        return
+    word, names = REPEAT_KEYWORDS[search.repeats], _join_note_words(list(dict.fromkeys(map(write_in_script, read))))
+    clauses = _join_note_words(list(dict.fromkeys(clause for several in read.values() for clause in several)))
+    verb = "read" if " and " in clauses else "reads"
+    lengths = all(isinstance(expr, plan.State) and expr.name in counted for expr in read)
+    bounded = search.repeats == "memorize" and lengths
+    cure = f"let MEMORIZE bound the paths in place of {names}" if bounded else f"name {names} in SELECT"
+    yield (
+        f"{word} compares rows, and {clauses} {verb} {names}, which SELECT does not name, "
+        f"so paths may be missing or end elsewhere; {cure}"
+    )
+
+
+def _is_step_count(expr: plan.Expr, clauses: tuple[str, ...], counted: frozenset[str], search: plan.Search) -> bool:
+    """Whether it only counts steps, where a row that comes again later is not worth more.
+
+    So it is on a path with NO CYCLE, and in STOP WITH where UNIQUE reaches each row by the fewest steps.
+    """
+    if not isinstance(expr, plan.State) or expr.name not in counted:
+        return False
+    fewest = search.repeats == "unique" and search.order == "breadth first" and "WHERE" not in clauses
+    return search.repeats == "no cycle" or fewest
+
+
+def _join_note_words(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
