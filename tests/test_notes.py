@@ -92,6 +92,7 @@ def count(
         (GO.format("dst", "Z", "A", "UNIQUE,"), []),
         (GO.format("dst", "B", "B", "UNIQUE BY town,"), ["UNIQUE BY town counts the start as visited, and WHERE asks"]),
         (GO.format("dst", "B", "B", "UNIQUE BY dst,"), []),
+        (GO.format("dst", "D", "A", "UNIQUE,").replace(", town = dst", ""), ["CONNECT BY sets nothing, so every step"]),
         (GO.format("'go'", "D", "A", "UNIQUE,"), ["UNIQUE compares rows, and WHERE and CONNECT BY read dst, which"]),
         (GO.format("'go'", "D", "A", "MEMORIZE 6,"), ["MEMORIZE compares rows, and WHERE and CONNECT BY read dst"]),
         (GO.format("src", "C", "A", "UNIQUE,"), ["UNIQUE compares rows, and WHERE and CONNECT BY read dst, which"]),

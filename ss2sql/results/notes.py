@@ -77,6 +77,10 @@ def explain_empty_result(
             f"START WITH {form}, for instance START WITH boss == None"
         )
         return
+    constant = _find_constant_state(search)
+    if constant:
+        yield f"CONNECT BY sets nothing, so every step leads back to where it began; set {constant} = ... in it"
+        return
     yield from _note_closed_start(query, get_variable)
     if rows.ended and search.maximum is not None and query.having is not None:
         most, having = write_in_script(search.maximum), write_in_script(query.having)
@@ -124,9 +128,9 @@ def suggest_timeout_cure(query: plan.Query | None) -> str:
         return "raise timeout=, or narrow the query with WHERE or LIMIT"
     owner, search = searches[0]
     grown = sorted(find_growing_states(owner))
-    variables = [name for name, _ in search.start if name.isidentifier()]
-    if variables and not any(name.isidentifier() for name, _ in search.connect):
-        return f"raise timeout=, or let CONNECT BY change the state: {variables[0]} = ..."
+    constant = _find_constant_state(search)
+    if constant:
+        return f"raise timeout=, or let CONNECT BY change the state: {constant} = ..."
     lacks = ["MAXIMUM"] if search.maximum is None else []
     state = next((name for name, _ in search.connect if name.isidentifier()), "")
     lacks += [f"UNIQUE BY {state}" if state else "UNIQUE"] if search.repeats == "allowed" else []
@@ -138,6 +142,12 @@ def suggest_timeout_cure(query: plan.Query | None) -> str:
     if search.order == "cost" and search.heuristic is None:
         return "raise timeout=, or estimate what remains: COST ... HEURISTIC ..."
     return "raise timeout=, or let a condition in CONNECT BY drop steps that cannot lead to a goal"
+
+
+def _find_constant_state(search: plan.Search) -> str:
+    """A variable of START WITH that the condition of CONNECT BY reads, where no step changes anything."""
+    read = {name for part in split_and(search.made) for _, name in list_states(part)}
+    return "" if search.connect else next((name for name, _ in search.start if name in read), "")
 
 
 def _get_condition_of_first_steps(search: plan.Search) -> tuple[str, tuple[plan.Expr, ...]]:
@@ -156,7 +166,9 @@ def _note_ended_first_steps(query: plan.Query, generated: int) -> Iterator[str]:
     values = [f"{name} = {write_in_script(value)}" for name, value in search.start if name.isidentifier()]
     start = f"after START WITH {', '.join(values)} " if values else ""
     parts = _get_condition_of_first_steps(search)[1]
-    condition = " AND ".join(map(write_in_script, parts))
+    condition = " AND ".join(
+        f"({write_in_script(part)})" if isinstance(part, plan.Or) else write_in_script(part) for part in parts
+    )
     if search.stop is not None and (condition or generated):
         stop = f"STOP WITH {write_in_script(search.stop)}"
         how = f"each first step fails {condition} or {stop} ends it" if condition else f"{stop} ends each first step"
