@@ -2,10 +2,12 @@
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 from golden import each_row
+from sessions import write
 
 import ss2sql
 from ss2sql.cli import main
@@ -226,3 +228,27 @@ def test_a_function_with_the_name_of_one_of_paths() -> None:
     assert result.notes == (
         "level is the function that was registered under this name; give it another name to ask for the path",
     )
+
+
+def test_a_column_in_from_that_has_the_name_of_a_table(tmp_path: Path) -> None:
+    write(
+        tmp_path / "staff.db",
+        "CREATE TABLE people(name, dept); INSERT INTO people VALUES ('Ann', 'x'), ('Bob', 'y');"
+        "CREATE TABLE dept(code, city); INSERT INTO dept VALUES ('x', 'Rome'), ('y', 'Oslo');",
+    )
+    with ss2sql.connect(tmp_path / "staff.db") as ss:
+        ss.attach("people_too", [{"name": "Ann", "teams": "x"}])
+        ss.attach("teams", [{"code": "x"}, {"code": "y"}])
+        counted = "{}SELECT (SELECT count(*) FROM {} AS value) AS n FROM {} AS list"
+        for table, people, number in (("dept", "people", 2), ("teams", "people_too", 1)):
+            found = ss.run(counted.format("", table, people))
+            assert found.value == [1] * number
+            (note,) = found.notes
+            assert note.startswith(f"FROM {table} reads the column of this name; for the table write ")
+            before, _, other = note.partition(" write ")[2].rpartition("FROM ")
+            cured = ss.run(counted.format(before.removesuffix("before it, and "), other, people))
+            assert (cured.value, cured.notes) == ([2] * number, ())
+        with pytest.raises(ss2sql.Error, match=r"write FROM main\.dept"):
+            ss.run("SELECT name FROM people, dept WHERE people.dept == dept.code")
+        with pytest.raises(ss2sql.Error, match=r"write FROM main\.dept"):
+            ss.run("SELECT name, city FROM people, dept")

@@ -49,7 +49,8 @@ class ValueSource(Node):
     """The elements of a value, which may mention earlier sources, the search's state and outer queries.
 
     `columns` is None where they are known only at run time. `lateral`: as written it reads an earlier source or the
-    state, so it is evaluated again for each; rewrites may have removed the dependency since.
+    state, so it is evaluated again for each; rewrites may have removed the dependency since. `hides`: what is said of a
+    table that the name in FROM does not mean, because a column has it, too.
     """
 
     id: int
@@ -58,6 +59,7 @@ class ValueSource(Node):
     element: Type
     columns: tuple[tuple[str, Type], ...] | None
     lateral: bool = False
+    hides: str = ""
 
 
 @dataclass(frozen=True, slots=True)

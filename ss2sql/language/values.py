@@ -382,6 +382,8 @@ def _build_order_error(left: Any, right: Any, first: Any, second: Any, symbol: s
         hint = _suggest_none_cure(first, second, symbol)
     elif str in kinds and kinds & NUMBERS:
         hint = "make both of one kind with int(...), float(...) or str(...)"
+    elif any(issubclass(kind, date) for kind in kinds):
+        hint = "date('2024-05-31') makes a date of a text, datetime('2024-05-31') a time; date(x) is the day of a time"
     elif kinds == {dict}:
         hint = "rows have no order of their own: ask for one column, as in max(SELECT ... AS list), or write ORDER BY"
     else:

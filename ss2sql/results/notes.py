@@ -45,6 +45,7 @@ def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
         for call in calls
         if call.name in FUNCTIONS and not call.builtin
     ]
+    notes += [node.hides for node in walk(query) if isinstance(node, plan.ValueSource) and node.hides]
     return tuple(dict.fromkeys(notes))
 
 

@@ -530,7 +530,8 @@ class SessionFunctions:
         if entry is None:
             return OPERATIONS[name].call
         try:
-            return f"{name}({', '.join(signature(entry.function).parameters)})"
+            parameters = signature(entry.function).parameters.values()
+            return f"{name}({', '.join(str(one.replace(annotation=one.empty)) for one in parameters)})"
         except (TypeError, ValueError):  # functions in C may have no signature
             return name
 

@@ -144,10 +144,12 @@ class WorldFunctions:
         def dispatch_call(*arguments: Any) -> Any:
             return self.call_function(name, arguments, worlds)
 
-        documented = next((w.functions[name][0].__doc__ for w in self.worlds.values() if name in w.functions), None)
-        dispatch_call.__doc__ = documented or next(
-            iter(self._list_column_texts(name)), f"the column {name} of an element"
-        )
+        method = next((world.functions[name][0] for world in worlds if name in world.functions), None)
+        text = next(self._list_column_texts(name), f"the column {name} of an element")
+        dispatch_call.__doc__ = method.__doc__ if method is not None and method.__doc__ else text
+        element = inspect.Parameter("this", inspect.Parameter.POSITIONAL_ONLY)
+        shown = inspect.signature(method) if method is not None else inspect.Signature([element])
+        dispatch_call.__signature__ = shown  # type: ignore[attr-defined]
         return dispatch_call
 
     def _list_column_texts(self, name: str) -> Iterator[str]:

@@ -385,7 +385,7 @@ class BodyWorld(World):
 
     @function
     def collision(self, one: Any, other: Any = None) -> bool:
-        """Whether a body would touch another one at a pose [x, y], [x, y, z] or seven numbers; nothing moves.
+        """Whether a body would touch another one at a pose in m, [x, y], [x, y, z] or seven numbers; nothing moves.
 
         A body in place of the pose: whether these two touch now. Nothing at all: whether it touches any, now.
         """
@@ -428,7 +428,7 @@ class MarginWorld(BodyWorld):
 
     @function
     def collision(self, one: Any, other: Any = None, margin: Any = 0.0) -> bool:
-        """Whether a body would collide at a pose [x, y], [x, y, z] or seven numbers; nothing moves.
+        """Whether a body would collide at a pose in m, [x, y], [x, y, z] or seven numbers; nothing moves.
 
         A body in place of the pose: whether these two collide now. Nothing at all: whether it collides with any, now.
         Bodies collide where they come nearer than `margin`, in m: 0 counts what just touches, -0.001 lets it touch.

@@ -137,7 +137,8 @@ def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope
         return resolve_world_source(resolver, world.principal, name, (), span)
     value = bound or _resolve_variable_source(resolver, word, span)
     if value is not None:
-        return resolve_value_source(resolver, name, value, span)
+        source = resolve_value_source(resolver, name, value, span)
+        return source if bound is None else replace(source, hides=_explain_hidden_table(resolver, word, bound))
     table = _find_table(resolver, None, word, span)
     if table is not None:
         return _make_table_source(resolver, table, name, span)
@@ -158,6 +159,21 @@ def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope
         what = "the session's own file" if word == "main" else "a file"
         hints = (f"'{word}' is {what}: name one of its tables, FROM {word}.table",)
     raise ResolveError("R003", f"unknown source '{word}'", span, hints)
+
+
+def _explain_hidden_table(resolver: Resolver, word: str, bound: plan.Expr) -> str:
+    """What is said of a name in FROM that a column has, and a table or variable, too; nothing without these."""
+    try:
+        table = resolver.catalog.table(None, word)
+    except Error:
+        return ""  # nobody means a view that is broken
+    if table is None and word not in resolver.list_variables():
+        return ""
+    cure = f"write all_{word} = {word}; before it, and FROM all_{word}"
+    if table is not None:
+        cure = f"write FROM {table.schema}.{word}"
+    what = "variable of START WITH" if isinstance(bound, plan.State) else "column"
+    return f"FROM {word} reads the {what} of this name; for the table {cure}"
 
 
 def _is_file(resolver: Resolver, name: str) -> bool:

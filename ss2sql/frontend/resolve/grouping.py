@@ -131,6 +131,7 @@ def _lift_aggregates(resolver: Resolver, expr: plan.Expr, query: plan.Query, wit
             name in GROUPS and not within
         ):
             _refuse_star_within(resolver, name, argument)
+            _refuse_aggregate_within(resolver, expr, argument, query)
             kind = GROUPS[name].type_of_group(argument.type)
             if not query.group:  # there may be no row
                 kind = unite((kind, type_of(GROUPS[name].nothing)))
@@ -200,6 +201,31 @@ def _refuse_star_within(resolver: Resolver, name: str, argument: plan.Expr, sele
             message = f"{name} is computed of single rows, so it cannot count those of a group"
             hint = f"aggregate groups in a query around: {name}({select} ... GROUP BY ... AS list)"
             resolver.errors.append(ResolveError("R008", message, node.span, (hint,)))
+
+
+def _refuse_aggregate_within(resolver: Resolver, expr: plan.Call, argument: plan.Expr, query: plan.Query) -> None:
+    """Refuses `max(sum(v))`, written so or with a column of SELECT that has the name of what it sums."""
+    inner = next(filter(_is_aggregate_of_rows, walk_own(argument)), None)
+    if inner is None:
+        return
+    name = expr.function.name
+    message = f"{name} is computed of single rows, and {inner.span.text} of a whole group"
+    hint = f"aggregate groups in a query around: {name}(SELECT ... GROUP BY ... AS list)"
+    shown = next((output.name for output in query.columns if output.expr is argument), "")
+    if shown and not expr.span.start <= inner.span.start < expr.span.end:
+        message += f", which is the column '{shown}' that SELECT makes"
+        owner = next((one.name for one in query.sources if shown in dict(one.columns or ())), "")
+        hint = f"write {name}({owner}.{shown})" if owner else "give that column another name"
+    resolver.errors.append(ResolveError("R008", message, expr.span, (hint,)))
+
+
+def _is_aggregate_of_rows(node: Any) -> bool:
+    """Whether it is a call such as `sum(v)`, of what is no list."""
+    match node:
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)):
+            return name in GROUPS and not argument.type.may_be(Kind.LIST)
+        case _:
+            return False
 
 
 def _refuse_mixture(resolver: Resolver, query: plan.Query, columns: tuple[plan.Output, ...]) -> None:

@@ -47,6 +47,13 @@ from ss2sql.language.plan_traversal import is_volatile, walk
 if TYPE_CHECKING:
     from ss2sql.frontend.inlining import Inliner
 
+# What is written for a comparison with ALL rows of a query, or with ANY (False).
+QUANTIFIED = {
+    ("eq", False): "{x} IN ({query})", ("ne", True): "{x} NOT IN ({query})",
+    ("ne", False): "uniq({query} AS list) != [{x}]", ("eq", True): "uniq({query} AS list) == [{x}]",
+    **{(sign, sign in ("gt", "ge")): "{x} {sign} max({query} AS list)" for sign in ("lt", "le", "gt", "ge")},
+    **{(sign, sign in ("lt", "le")): "{x} {sign} min({query} AS list)" for sign in ("lt", "le", "gt", "ge")},
+}  # fmt: skip
 AGGREGATE_HINT = "it works on a list: {query}, or on the groups of a GROUP BY"
 
 
@@ -171,6 +178,7 @@ class Resolver:
                         (resolve_as_list(operands[1]),), scope
                     )
                 else:
+                    self._refuse_quantifier(tree)
                     arguments = self.resolve_values(operands, scope)
                 compared = function in ("eq", "ne") and self.catalog.functions[function].builtin
                 return self.make_call(
@@ -226,6 +234,19 @@ class Resolver:
             message = "this query is one value here, and it meets a list"
             self.errors.append(ResolveError("R014", message, tree.span, (f"write ({text} AS list)",)))
         return tuple(self.unwrap_single(value) if is_value_syntax(tree) else value for tree, value in pairs)
+
+    def _refuse_quantifier(self, tree: ast.Operator) -> None:
+        """Raises ResolveError R014 for `x > ALL (SELECT ...)`: here `all` and `any` ask whether elements are true."""
+        match tree.operands:
+            case (left, ast.Call(function=name, arguments=(ast.Query(representation=None) as query,), owner=None)):
+                function, word = self.catalog.functions.get(name), name.lower()
+                form = QUANTIFIED.get((tree.function, word == "all")) if word in ("all", "any", "some") else None
+                if form is not None and (function is None or function.builtin):
+                    text = query.span.text if len(query.span.text) <= 60 else "SELECT ..."
+                    sign = tree.place.text if tree.place else ""
+                    message = f"there is no {sign} {name.upper()} in SelectScript"
+                    hint = f"write {form.format(x=left.span.text, sign=sign, query=text)}"
+                    raise ResolveError("R014", message, tree.span, (hint,))
 
     def unwrap_single(self, value: plan.Expr) -> plan.Expr:
         """A query's list as one value: its only element, None of an empty list."""
@@ -394,10 +415,15 @@ class Resolver:
             ):  # or its name
                 return resolve_world_call(self, name, known, scope, span)
         if function is None:
-            raise explain_unknown_function(tree, self.catalog, self.list_variables())
+            raise explain_unknown_function(tree, self.catalog, self.list_variables(), scope)
         if function.builtin and name == "to":
             hint = "write it around a whole column of SELECT, and the expression itself here"
             raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span, (hint,))
+        if function.builtin and name == "join" and tree.arguments and is_value_syntax(tree.arguments[0]):
+            query = tree.arguments[0].span
+            hint = f"write {query.text if len(query.text) <= 60 else 'SELECT ...'} AS list, with one column"
+            message = "join joins the values of a list, and the rows of a query are dicts"
+            raise ResolveError("R014", message, query, (hint,))
         grouped = scope is not None and scope.grouped
         if tree.star:
             return resolve_count_star(function, grouped, span)
@@ -502,7 +528,7 @@ def resolve_as_value(tree: ast.Expr) -> ast.Expr:
         raise ResolveError("R014", message, tree.span, (hint,))
     if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
         message = "a query that is one value has one column"
-        raise ResolveError("R014", message, tree.span, ("name one column, or write AS list for a list of all values",))
+        raise ResolveError("R014", message, tree.span, ("name one column, or write AS list to compare with a list",))
     one = (ast.is_row_count_syntax(tree.columns) and not tree.group) or tree.limit == ast.Literal(1, span=tree.span)
     two = ast.Literal(2, span=tree.span) if tree.limit is None and not one else tree.limit
     form = ast.Representation("value" if one else "list", (), (), span=tree.span)
@@ -513,11 +539,11 @@ def resolve_as_list(tree: ast.Expr) -> ast.Expr:
     """The right operand of IN: a query without AS is the list of its single column."""
     if not isinstance(tree, ast.Query) or tree.representation is not None:
         return tree
-    hint = "write AS list for a list of all values"
     if tree.searches and not tree.last:
         message = "right of IN stands a list of values, and a search gives paths"
         hint = "write SELECT LAST for the values of the last steps, or add AS list to compare with whole paths"
         raise ResolveError("R014", message, tree.span, (hint,))
     if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
+        hint = "name one column, or write AS rows to look for a list of values in a list of rows"
         raise ResolveError("R014", "right of IN a query without AS has one column", tree.span, (hint,))
     return replace(tree, representation=ast.Representation("list", (), (), span=tree.span))

@@ -132,6 +132,8 @@ def resolve_source_column(source: plan.Source, name: str, span: Span) -> plan.Co
     hints = suggest_names(name, known) or (
         (f"its columns: {', '.join(known)}",) if known else (f"its elements have no columns; write {source.name}.this",)
     )
+    if isinstance(source, plan.ValueSource) and source.hides:
+        hints = (source.hides,)
     raise ResolveError("R001", f"the source '{source.name}' has no column '{name}'", span, hints)
 
 
@@ -334,7 +336,7 @@ FOREIGN_FUNCTIONS: dict[str, str] = {
     **dict.fromkeys(("ifnull", "nvl", "isnull"), "write coalesce({0}, {1})"),
     "nullif": "write IF({0} == {1}; None; {0})",
     "iif": "write IF({0}; {1}; {2})", "decode": "write CASE WHEN {0} == {1} THEN {2} ELSE {3} END",
-    "concat": "write {0} + {1}",
+    "concat": "write {sum}",
     **dict.fromkeys(("substr", "substring", "mid"), "write {0}[{1} - 1:{1} - 1 + {2}]"),
     "left": "write {0}[:{1}]", "right": "write {0}[-{1}:]", "to_char": "write str({0})",
     "to_number": "write float({0})",
@@ -349,7 +351,10 @@ FOREIGN_FUNCTIONS: dict[str, str] = {
     **dict.fromkeys(("lcase", "tolower"), "write lower({0})"),
     "trim": "write strip({0})", "startswith": "write starts({0}, {1})", "endswith": "write ends({0}, {1})",
     **dict.fromkeys(("instr", "strpos"), "write find({0}, {1}) + 1"), "charindex": "write find({1}, {0}) + 1",
-    **dict.fromkeys(("group_concat", "string_agg", "listagg"), "write join(SELECT {0} FROM ... AS list, ', ')"),
+    **dict.fromkeys(("group_concat", "string_agg", "listagg"), "write join({rows}, {1})"),
+    "least": "write min([{all}])", "greatest": "write max([{all}])", "position": "write find(text, part) + 1",
+    **dict.fromkeys(("char_length", "character_length"), "write len({0})"), "contains": "write {1} IN {0}",
+    "lpad": "format('{{:>20}}', {0}) puts blanks in front until there are 20 characters",
     "ceiling": "write ceil({0})", "ln": "write log({0})", "log2": "write log({0}, 2)", "log10": "write log({0}, 10)",
     "atan": "write atan2({0}, 1)", "radians": "write {0} * pi() / 180", "degrees": "write {0} * 180 / pi()",
     "hypot": "write norm([{0}, {1}])", "std": "write stddev({0})", "stdev": "write stddev({0})",
@@ -380,7 +385,9 @@ class Place:
     key: str = "key"
 
 
-def explain_unknown_function(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
+def explain_unknown_function(
+    tree: ast.Call, catalog: Catalog, variables: Collection[str], scope: Scope | None
+) -> ResolveError:
     """The error for a call of an unknown function."""
     name = tree.function
     every = (*catalog.functions, *catalog.world_functions)
@@ -390,13 +397,15 @@ def explain_unknown_function(tree: ast.Call, catalog: Catalog, variables: Collec
     elif same := [one for one in known if one.lower() == name.lower()]:
         hints = (_MEAN.format(same[0]),)
     else:
-        hints = _suggest_equivalent(name, tree.arguments) or suggest_names(name, known)
+        rows = f"{_suggest_rows(tree, scope, grouped=True)} AS list"
+        hints = _suggest_equivalent(name, tree.arguments, f"uniq({rows})" if tree.distinct else rows)
+        hints = hints or suggest_names(name, known)
     hints = hints or ("register it with session.function; help() lists the known ones",)
     return ResolveError("R002", f"unknown function '{name}'", read_leading_name(tree.span, name), hints)
 
 
-def _suggest_equivalent(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, ...]:
-    """The equivalent of a function of another language."""
+def _suggest_equivalent(name: str, arguments: Sequence[ast.Expr], rows: str = "SELECT ... AS list") -> tuple[str, ...]:
+    """The equivalent of a function of another language. `rows` is the query for what an aggregate takes."""
     lowered = name.lower()
     if lowered not in FOREIGN_FUNCTIONS:
         return ()
@@ -404,7 +413,12 @@ def _suggest_equivalent(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, 
     texts = [text if len(text) <= 40 else "..." for text in whole]
     bare = bool(arguments) and isinstance(arguments[0], ast.Query) and arguments[0].representation is None
     listed = f"{texts[0]} AS list" if bare else "SELECT ... AS list"
-    return (FOREIGN_FUNCTIONS[lowered].format(*texts, *("..." for _ in range(4 - len(texts))), list=listed),)
+    if lowered == "group_concat" and len(texts) == 1:
+        texts.append("','")
+    texts += ["..."] * (4 - len(texts))
+    every = [argument.span.text for argument in arguments] or ["..."]
+    named = {"list": listed, "rows": rows, "all": ", ".join(every), "sum": " + ".join(every)}
+    return (FOREIGN_FUNCTIONS[lowered].format(*texts, **named),)
 
 
 def explain_method(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
@@ -472,6 +486,7 @@ def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequenc
     else:
         cure = f"assign it before, or give it from Python: run(script, {name}=...)"
         hints = suggest_names(name, known)
+        hints += tuple(one.hides for one in place.sources if isinstance(one, plan.ValueSource) and one.hides)
         objects = [source.name for source in place.sources if _is_object_variable(source)]
         hints += tuple(f"'{one}' is one object: attach('{one}', ...) gives the rows of a data frame" for one in objects)
         if place.operand and not objects and not suggest_similar(name, known):
@@ -497,11 +512,23 @@ def read_leading_name(span: Span, name: str) -> Span:
 
 def suggest_row_query(tree: ast.Call, scope: Scope | None) -> str:
     """The query that gives an aggregate the rows that are left by the WHERE around it, if short."""
+    return f"{tree.function}({_suggest_rows(tree, scope)} AS list)"
+
+
+def _suggest_rows(tree: ast.Call, scope: Scope | None, grouped: bool = False) -> str:
+    """The rows that are left by the WHERE around a call; `grouped`: those of its group."""
     query, sources = (scope.written, scope.sources) if scope else (None, [])
-    if query is None or query.searches or len(sources) != 1 or sources[0].name != sources[0].span.text:
-        return f"{tree.function}(SELECT ... AS list)"
-    rows, where = sources[0].name, query.where
+    simple = query is not None and not query.searches and len(sources) == 1 and bool(tree.arguments)
+    if query is None or not simple or sources[0].name != sources[0].span.text:
+        return "SELECT ..."
+    rows, where, keys = sources[0].name, query.where, query.group if grouped else ()
+    conditions: list[str] = []
     if where is not None and not where.span.start <= tree.span.start < where.span.end:
-        rows += f" WHERE {where.span.text}"
-    text = " ".join(f"SELECT {tree.arguments[0].span.text} FROM {rows}".split())
-    return f"{tree.function}({text if len(text) <= 100 else 'SELECT ...'} AS list)"
+        conditions.append(f"({where.span.text})" if keys and isinstance(where, ast.Or) else where.span.text)
+    if keys and (not all(isinstance(key, ast.Name) for key in keys) or f"{rows}." in " ".join(conditions)):
+        return "SELECT ..."
+    conditions += [f"{key.span.text} == {rows}.{key.span.text}" for key in keys]
+    source = f"x = {rows}" if keys else rows
+    behind = f" WHERE {' AND '.join(conditions)}" if conditions else ""
+    text = " ".join(f"SELECT {tree.arguments[0].span.text} FROM {source}{behind}".split())
+    return text if len(text) <= 100 else "SELECT ..."

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from ss2sql.errors import ParseError
 from ss2sql.frontend.syntax.parse_failure import AROUND, CLAUSES, VALUES, ParseFailure, spell
-from ss2sql.frontend.syntax.tokenizer import CLOSING, END, OPENING, OPTIONS, Token
+from ss2sql.frontend.syntax.tokenizer import CLOSING, CONTEXTUAL, END, OPENING, OPTIONS, Token
 from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT, COMPARISONS
 
 _FUNCTION = "functions are written in Python, and session.function(f) registers them"
@@ -86,13 +86,18 @@ _JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b
 _LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
 _IF = "write IF(condition; then; else)"
 
+# Set operations of two queries; ALL keeps equal rows.
+_SETS = {
+    "UNION": "uniq({0} + {1})", "UNION ALL": "{0} + {1}", "EXCEPT": "uniq(difference({0}, {1}))",
+    "MINUS": "uniq(difference({0}, {1}))", "INTERSECT": "uniq(SELECT this FROM {0} WHERE this IN {1} AS list)",
+}  # fmt: skip
 # Words after a complete expression {x}, and what to write instead.
 _POSTFIX_HINTS = {
     "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "GLOB": _LIKE, "REGEXP": _LIKE,
     "ILIKE": "write lower({x}) LIKE lower({y})", "MATCH": _LIKE, "INNER": "write JOIN without INNER",
     "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN,
     "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN,
-    "OFFSET": "write LIMIT n OFFSET m", "FETCH": "write LIMIT n",
+    "OFFSET": "write LIMIT n OFFSET {y}", "FETCH": "write LIMIT n",
     "COLLATE": "sort by the value of a function that you register",
     "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
     "TOP": "write LIMIT n after the other clauses", "CONTAINS": "write {y} IN {x}",
@@ -102,6 +107,7 @@ _POSTFIX_HINTS = {
     "CYCLE": "write NO CYCLE BY {y}, right after CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
     "FOR": "leave it out: a script only reads",
     "ASCENDING": "write ASC", "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
+    **{word: f"write {form.format('(SELECT ... AS list)', '(SELECT ... AS list)')}" for word, form in _SETS.items()},
 }  # fmt: skip
 # Words that were read as a name before something that does not fit.
 _PREFIX_HINTS = {
@@ -181,7 +187,7 @@ def _explain_is(t: ParseFailure) -> ParseError | None:
         return None
     ahead = t.step_back().step_back() if negated else t.step_back()
     left = ahead.read_side() if t.clause in _TESTED else ahead.read_operand()
-    right = _read_value_after(t.step_back())
+    right = t.step_back().read_next_side()
     if t.found.text.upper() == "DISTINCT" and t.next.kind == "FROM":
         negated, right = not negated, "..."
     hint = f"write {left} {'!=' if negated else '=='} {right}"
@@ -189,36 +195,64 @@ def _explain_is(t: ParseFailure) -> ParseError | None:
 
 
 def _explain_cast(t: ParseFailure) -> ParseError | None:
-    """`CAST(age AS TEXT)`."""
-    if t.found.kind != "AS" or t.clause != "f(" or t.bracket is None:
+    """`CAST(age AS TEXT)`, `EXTRACT(YEAR FROM born)`."""
+    if t.clause != "f(" or t.bracket is None:
         return None
     value = t.cut_text(t.bracket.end, t.peek().end)
+    if t.found.kind == "FROM" and value.strip().upper() in ("YEAR", "MONTH", "DAY", "HOUR", "MINUTE", "SECOND"):
+        return t.explain("P006", "FROM stands in a query alone", f"write {value.strip().lower()}({t.read_next_side()})")
+    if t.found.kind != "AS":
+        return None
     return t.explain("P006", "AS stands in SELECT alone", f"write int({value}), float({value}) or str({value})")
-
-
-# Set operations of two queries; ALL keeps equal rows.
-_SETS = {
-    "UNION": "uniq({0} + {1})", "UNION ALL": "{0} + {1}", "EXCEPT": "uniq(difference({0}, {1}))",
-    "MINUS": "uniq(difference({0}, {1}))", "INTERSECT": "uniq(SELECT this FROM {0} WHERE this IN {1} AS list)",
-}  # fmt: skip
 
 
 def _explain_set_operation(t: ParseFailure) -> ParseError | None:
     """`SELECT ... UNION SELECT ...`, and other set operations."""
     word = t.found.text.upper()
     every = word == "UNION" and t.next.text.upper() == "ALL"
-    following = t.index + (2 if every else 1)
-    if word not in _SETS or t.tokens[min(following, len(t.tokens) - 1)].kind != "SELECT":
+    if word not in _SETS or t.tokens[min(t.index + 1 + every, len(t.tokens) - 1)].kind != "SELECT":
         return None
-    start = next((i for i in range(t.index, -1, -1) if t.tokens[i].kind == "SELECT"), t.index)
-    ends = (token.start for token in t.tokens[following:] if token.kind in (";", END, ")"))
-    texts = [t.source.text[t.tokens[start].start : t.peek().end], t.source.text[t.tokens[following].start : next(ends)]]
+    words, texts, tail = _split_set_operations(t)
+    columns = [re.split(r"\bFROM\b", text, maxsplit=1, flags=re.IGNORECASE)[0].split() for text in texts]
+    # Rows of dicts are equal by their names, too, and those of `*` are not seen here.
+    named = "*" not in columns[0] and all(one == columns[0] for one in columns)
+    form = "dict" if named else "rows" if any({"*"} & set(one) or "," in "".join(one) for one in columns) else "list"
     parts = [" ".join(text.split()) if len(text) <= 60 else "SELECT ..." for text in texts]
     shapes = [re.search(r"\bFROM\b.*( AS \w+)\Z", part, re.IGNORECASE) for part in parts]
-    form = next((shape[1] for shape in shapes if shape), " AS dict")
+    form = next((shape[1] for shape in shapes if shape), f" AS {form}")
     lists = [f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True)]
-    cure = _SETS[f"{word} ALL" if every else word].format(*lists)
+    cure = lists[0]
+    for operation, other in zip(words, lists[1:], strict=True):
+        cure = _SETS[operation].format(cure, other)
+    if tail:
+        cure = f"SELECT * FROM ({cure}) {tail if named or tail.startswith('LIMIT') else 'ORDER BY ...'}"
     return t.explain("P006", f"there is no {word} in SelectScript", f"write {cure}")
+
+
+def _split_set_operations(t: ParseFailure) -> tuple[list[str], list[str], str]:
+    """The operations of `SELECT ... UNION SELECT ...` from the first query on, these queries, and their ORDER BY."""
+    begin, depth = t.index - 1, 0
+    while begin and (depth or t.tokens[begin].kind != "SELECT"):
+        depth += (t.tokens[begin].kind in CLOSING) - (t.tokens[begin].kind in OPENING)
+        begin -= 1
+    words: list[str] = []
+    texts: list[str] = []
+    start, tail, depth = t.tokens[begin].start, 0, 0
+    for index in range(begin, len(t.tokens)):
+        token, word = t.tokens[index], t.tokens[index].text.upper()
+        every = word == "UNION" and t.tokens[index + 1].text.upper() == "ALL"
+        depth += (token.kind in OPENING) - (token.kind in CLOSING)
+        if depth < 0 or token.kind in (";", END):
+            break
+        if not depth and word in _SETS and t.tokens[index + 1 + every].kind == "SELECT":
+            words.append("UNION ALL" if every else word)
+            texts.append(t.source.text[start : t.tokens[index - 1].end])
+            start = t.tokens[index + 1 + every].start
+        elif not depth and not tail and words and token.keyword in ("ORDER", "LIMIT"):
+            tail = token.start
+    end = t.tokens[index - 1].end
+    texts.append(t.source.text[start : tail or end].strip())
+    return words, texts, " ".join(t.source.text[tail:end].split()) if tail else ""
 
 
 # Other names for options of searches.
@@ -278,8 +312,10 @@ def _explain_assignment(t: ParseFailure) -> ParseError | None:
     if t.found.kind != "=" or "+" not in t.expected:
         return None
     tested = t.clause in _TESTED
-    left, right = t.read_side() if tested else t.read_operand(), _read_value_after(t)
+    left, right = t.read_side() if tested else t.read_operand(), t.read_next_side()
     compare = f"write {left} == {right} to compare"
+    if (quantified := re.fullmatch(r"(?:ANY|SOME) ?(\(SELECT\b.*\))", right, re.IGNORECASE)) is not None:
+        compare = f"write {left} IN {quantified[1]}"
     if tested:
         return t.explain("P006", f"= assigns, but {t.clause.rstrip('(')} needs a condition", compare)
     if t.clause == "SELECT":
@@ -324,6 +360,19 @@ def _explain_missing_as(t: ParseFailure) -> ParseError | None:
         return t.explain("P006", f"expected ',' or FROM between {spell(t.peek())} and {spell(t.found)}",
                        f"write {t.read_column()} AS {t.found.text} to name a column")  # fmt: skip
     return None
+
+
+def _explain_column_name(t: ParseFailure) -> ParseError | None:
+    """`SELECT expr AS 'a name' FROM ...`, with brackets around the name, too."""
+    if t.peek().kind != "AS" or t.step_back().clause != "SELECT" or t.found.kind not in ("STRING", "["):
+        return None
+    column, text = t.step_back().read_column(), t.found.text
+    if t.found.kind == "[":
+        closing = next((token for token in t.tokens[t.index :] if token.kind == "]"), t.next)
+        text = repr(t.cut_text(t.found.end, closing.start))
+    name = text.strip("'\"")
+    form = f"{column} AS {name}" if name.isidentifier() else f"to({column}, {text})"
+    return t.explain("P001", f"expected a name after AS, found {spell(t.found)}", f"write {form}")
 
 
 def _explain_after_as(t: ParseFailure) -> ParseError | None:
@@ -388,7 +437,7 @@ def _explain_modifier(t: ParseFailure) -> ParseError | None:
     if upper == "CASE" and t.next.keyword == "WHEN":
         value = t.tokens[t.index + 2]
         hint = f"write CASE WHEN {t.found.text} == {t.cut_text(value.start, value.end)}"
-    return t.explain("P006", f"there is no {upper} in SelectScript", hint, at=word)
+    return t.explain("P006", _tell_that_missing(upper), hint, at=word)
 
 
 def _explain_word(t: ParseFailure) -> ParseError | None:
@@ -405,7 +454,11 @@ def _explain_word(t: ParseFailure) -> ParseError | None:
     spelling, hint, x, y = upper, _POSTFIX_HINTS[upper], t.read_operand(), _read_value_after(t)
     if t.peek().kind == "NOT":
         spelling, x, hint = f"NOT {upper}", t.step_back().read_operand(), hint.replace(" LIKE ", " NOT LIKE ")
-    return t.explain("P006", f"there is no {spelling} in SelectScript", hint.format(x=x, y=y))
+    return t.explain("P006", _tell_that_missing(spelling), hint.format(x=x, y=y))
+
+
+def _tell_that_missing(word: str) -> str:
+    return f"{word} does not fit here" if word in CONTEXTUAL else f"there is no {word} in SelectScript"
 
 
 def _explain_star(t: ParseFailure) -> ParseError | None:
@@ -436,6 +489,9 @@ def _explain_list(t: ParseFailure) -> ParseError | None:
         return t.explain("P006", "LIMIT has one number", f"write LIMIT {number} OFFSET {t.read_operand()}")
     if t.found.kind == "{" and t.wants_operand:
         return t.explain("P001", "a dict cannot be written in a script", "give it to the session from Python")
+    if t.found.kind == t.peek().kind == ":" and t.clause == "x[":
+        each = "write (SELECT x[n] FROM n = range(0, len(x), step) AS list) for each step-th element"
+        return t.explain("P006", "a slice has no step", "write reverse(x) to turn a list or a string", each)
     if t.found.kind == ":" and t.wants_operand and t.clause != "x[":
         return t.explain("P006", "a parameter has no sign", f"write {t.next.text or 'its name'} alone")
     return None
@@ -456,6 +512,6 @@ CHECKS: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
     _explain_python_for, _explain_from_first, _explain_lambda, _explain_comprehension, _explain_item_assignment,
     _explain_inner_quote, _explain_comment, _explain_sign, _explain_concatenation, _explain_is, _explain_cast,
     _explain_set_operation, _explain_option, _explain_each, _explain_unpacking, _explain_assignment,
-    _explain_modifier, _explain_missing_as, _explain_after_as, _explain_statement, _explain_word, _explain_star,
-    _explain_dot, _explain_list,
+    _explain_modifier, _explain_missing_as, _explain_column_name, _explain_after_as, _explain_statement,
+    _explain_word, _explain_star, _explain_dot, _explain_list,
 )  # fmt: skip

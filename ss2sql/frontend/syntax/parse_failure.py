@@ -179,6 +179,18 @@ class ParseFailure:
             first -= 1
         return self.source.text[self.tokens[first].start : self.peek().end] if first < self.index else "..."
 
+    def read_next_side(self) -> str:
+        """The text of the side of a comparison or of a column that begins after the failure; `...` for a long one."""
+        last, depth = self.index, 0
+        while True:
+            token = self.tokens[last + 1]
+            depth += (token.kind in OPENING) - (token.kind in CLOSING)
+            if depth < 0 or token.kind == END or (not depth and (token.keyword or token.kind) in AROUND):
+                break
+            last += 1
+        text = " ".join(self.source.text[self.found.end : self.tokens[last].end].split())
+        return "None" if text.upper() == "NULL" else text if 0 < len(text) <= 60 else "..."
+
     def read_column(self) -> str:
         """The text of the column of SELECT that ends before the failure."""
         ahead = [v.end for v in self.values if isinstance(v, Token) and v.kind in ("SELECT", ",")]

@@ -51,7 +51,7 @@ def explain_parse_failure(t: ParseFailure) -> ParseError:
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
         _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, *foreign_spellings.CHECKS,
         _explain_misspelling, _explain_closing_bracket, _explain_search_clause, _explain_missing, _explain_chain,
-        _explain_missing_from, _open_bracket, _explain_clause, _explain_descending,
+        _explain_missing_from, _explain_missing_end, _open_bracket, _explain_clause, _explain_descending,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None) or _explain_surplus(t)
 
@@ -228,6 +228,17 @@ def _explain_missing_from(t: ParseFailure) -> ParseError | None:
         exists = "[] != (SELECT ... AS list)" if value.upper().startswith("EXISTS") else None
         hints.append(f"a value alone needs no SELECT: write {exists or value}")
     return t.explain(_choose_error_code(t), f"expected FROM after {what}, found {spell(t.found)}", *hints)
+
+
+def _explain_missing_end(t: ParseFailure) -> ParseError | None:
+    """CASE without END, JOIN without ON."""
+    if (t.found.keyword or t.found.kind) not in {*CLAUSES, ";", END, ")", "]", ",", "JOIN", "LEFT"}:
+        return None
+    if "END" in t.expected:
+        return t.explain(_choose_error_code(t), f"expected END before {spell(t.found)}", "write CASE WHEN ... END")
+    if "ON" in t.expected:
+        return t.explain(_choose_error_code(t), f"expected ON before {spell(t.found)}", _hint_at_source(t))
+    return None
 
 
 def _open_bracket(t: ParseFailure) -> ParseError | None:

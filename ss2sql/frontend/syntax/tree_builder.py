@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 from ss2sql.errors import ParseError, Source, Span
@@ -119,13 +119,24 @@ class ExpressionBuilder:
 
     def calculated(self, span: Span, left: Expr, sign: Token, right: Expr) -> Expr:
         operands = self._list_operands((left, right), sign.kind, self._find_span(sign))
+        if sign.kind == "IN":
+            self._check_list(Span(self.script_source, sign.start, span.end), sign.kind, right.node)
         node = ast.Operator(OPERATORS[sign.kind], operands, span=span, place=self._find_span(sign))
         return self._make_part(node, left, right, query=right.query)
 
     def excluded(self, span: Span, left: Expr, sign: Token, last: Token, right: Expr) -> Expr:
         place = Span(self.script_source, sign.start, last.end)
+        self._check_list(Span(self.script_source, sign.start, span.end), "NOT IN", right.node)
         node = ast.Operator("not_in", self._list_operands((left, right), "NOT IN", place), span=span, place=place)
         return self._make_part(node, left, right, query=right.query)
+
+    def _check_list(self, place: Span, sign: str, right: ast.Expr) -> None:
+        """Refuses `IN ('Bonn')`, which would look for a part of the text: a list of one is meant."""
+        if isinstance(right, ast.Literal) and right.span.end < place.end:  # it stands in parentheses
+            text = right.span.text
+            inside = (f"write {sign} {text} to look in the text",) if isinstance(right.value, str) else ()
+            hints = (f"write {sign} [{text}]", *inside)
+            self._make_error("P006", "a list stands in square brackets", place, *hints)
 
     def is_none(self, span: Span, value: Expr, *words: Token) -> Expr:
         place = Span(self.script_source, words[0].start, words[-1].end)
@@ -224,7 +235,22 @@ class ExpressionBuilder:
 
     def call(self, span: Span, function: Token, *arguments: Expr) -> Expr:
         node = ast.Call(function.text, tuple(argument.node for argument in arguments), span=span)
+        for query in [part.query for part in arguments if part.query is not None]:
+            self._check_last_sources(query)
         return self._make_part(node, *arguments)
+
+    def _check_last_sources(self, query: ast.Query) -> None:
+        """Refuses `join(SELECT name FROM people, ',')`: the last argument is read as a source."""
+        sources = reversed(query.sources)
+        literals = list(takewhile(lambda one: one.name is None and isinstance(one.expr, ast.Literal), sources))
+        tables = query.sources[: len(query.sources) - len(literals)]
+        if not literals or not tables or query.span.end > query.sources[-1].span.end:
+            return
+        text = self.script_source.text[query.span.start : tables[-1].span.end]
+        rest = self.script_source.text[literals[-1].span.start : query.span.end]
+        hint = f"write {text if len(text) <= 60 else 'SELECT ...'} AS list, {rest}"
+        message = f"this query inside a call is not ended, so {shorten_text(rest)} is a source of it"
+        self._make_error("P009", message, query.span, hint, "AS value stands there for a single value")
 
     def call_of(self, span: Span, owner: Token, function: Token, *arguments: Expr) -> Expr:
         nodes = tuple(argument.node for argument in arguments)

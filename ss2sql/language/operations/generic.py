@@ -171,7 +171,8 @@ OBJECT = Type(Kind.OBJECT)
 def _make_time(name: str, kind: Callable[..., Any], numbers: list[Any]) -> Any:
     """A date or a time from its parts."""
     if len(numbers) < 3:
-        raise misuse(f"{name} of {format_value(numbers[0])}", f"{name}(2024, 5, 31) takes a year, a month and a day")
+        hint = f"{name}(2024, 5, 31) takes a year, a month and a day, {name}('2024-05-31') a text in quotes"
+        raise misuse(f"{name} of {format_value(numbers[0])}", hint)
     try:
         return kind(*(check_integer(name, part) for part in numbers))
     except (ValueError, OverflowError) as error:

@@ -414,7 +414,7 @@ def _compute_single(values: Any) -> Any:
     """The only element of a list, None of an empty one: the value of a query as an operand."""
     found = check_list("single", values)
     if len(found) > 1:
-        hint = "write AS list to compare with a list, or LIMIT 1 for the first row"
+        hint = "write LIMIT 1 for the first row, IN to look for a value in all, or AS list to compare with a list"
         raise ExecutionError("X007", "this query is to be one value, and it has several rows", hints=(hint,))
     return found[0] if found else None
 

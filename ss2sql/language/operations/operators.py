@@ -62,8 +62,12 @@ def make_operand_error(left: Any, symbol: str, right: Any) -> ExecutionError:
         hint = "None is not a number: test for it first, for example IF(x == None; ...; ...)"
     elif symbol == "+" and (type(left) is list or type(right) is list):
         hint = "+ joins lists with lists: write [x] for a list of one"
+    elif symbol == "-" and isinstance(left, date) and type(right) is str:
+        hint = f"write {type(left).__name__}({format_value(right)}) for a text"
     elif symbol == "+" and (type(left) is str or type(right) is str):
         hint = "+ joins strings with str(...), or adds numbers made with int(...) or float(...)"
+    elif symbol in "+-" and (isinstance(left, TIMES) or isinstance(right, TIMES)):
+        hint = "write timedelta(1) for a day, timedelta(0, 1) for a second; date(x), datetime(x) make two of one kind"
     else:
         hint = f"{symbol} works on numbers"
     return ExecutionError("X001", message, hints=(hint,))
