@@ -23,7 +23,7 @@ from writing import first, table
 from ss2sql.frontend.resolve.query_clauses import SYNONYMS
 from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES, RepeatRule
 from ss2sql.lowering.unsupported import RULES
-from ss2sql.runtime.representations import ALL
+from ss2sql.runtime.representations.shape import REPRESENTATIONS
 from ss2sql.vtables.mujoco import MuJoCoWorld
 from ss2sql.vtables.ode import OdeWorld
 from ss2sql.vtables.openrave import OpenRaveWorld
@@ -54,7 +54,7 @@ def representations() -> str:
 
 
 def _representations() -> Iterator[tuple[str, str]]:
-    for name, function in ALL.items():
+    for name, function in REPRESENTATIONS.items():
         names = [name, *(short for short, long in SYNONYMS.items() if long == name)]
         yield ", ".join(f"`{each}{_arguments(function)}`" for each in names), first(getdoc(function) or "")
     for name, method in PyBulletWorld.representations.items():

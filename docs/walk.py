@@ -36,9 +36,9 @@ FUNCTIONS = {
         frontend/syntax/parser.py run_automaton · frontend/syntax/tree_builder.py Builder.query ·
         frontend/resolve/resolver.py resolve · frontend/resolve/query_clauses.py resolve_query ·
         frontend/resolve/from_clause.py resolve_sources · frontend/resolve/search_clauses.py resolve_search_options ·
-        lowering/rewrites/__init__.py optimise · session/execution.py execute_script · session/compiled_query.py
+        lowering/rewrites/__init__.py optimise · session/compiled_script.py execute_script · session/compiled_query.py
         CompiledQuery.run_query · runtime/representations/shape.py Representations.represent_rows ·
-        runtime/representations/rows_as_values.py as_dict
+        runtime/representations/shape.py as_dict
     """,
     "database": """
         lowering/lower.py lower · lowering/unsupported.py check_supported · lowering/search.py

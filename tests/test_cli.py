@@ -31,10 +31,10 @@ from ss2sql.errors import CODES
 from ss2sql.language.operations import WRITTEN
 from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES
 from ss2sql.results.plots import KINDS
-from ss2sql.runtime.representations import ALL
+from ss2sql.runtime.representations.shape import REPRESENTATIONS
 from ss2sql.session.compiled_query import ENGINES
 from ss2sql.session.session import OFF_SWITCHES
-from ss2sql.vtables import list_adapter_types
+from ss2sql.vtables.contract import list_adapter_types
 
 FACTORY = """
 import os
@@ -244,7 +244,7 @@ def listed(*arguments: str) -> list[dict[str, Any]]:
 
 def test_lists_are_complete_and_show_one() -> None:
     strategies = {order.keyword for order in ORDERS.values()} | {guard.keyword for guard in REPEAT_RULES.values()}
-    known = {"functions": WRITTEN, "representations": ALL, "strategies": strategies - {""} | {"(none)"},
+    known = {"functions": WRITTEN, "representations": REPRESENTATIONS, "strategies": strategies - {""} | {"(none)"},
              "worlds": list_adapter_types(), "errors": CODES, "rewrites": OFF_SWITCHES}  # fmt: skip
     assert set(known) == set(TOPICS) == {entry["name"] for entry in listed()}
     for topic, names in known.items():
@@ -276,7 +276,7 @@ def test_functions_and_worlds_of_the_user() -> None:
     pytest.importorskip("pybullet")
     world = ("--world", "space=ss2sql.scenes:chaos(bodies=2)")
     assert "FROM space.links" in call("list", "worlds", *world).stdout
-    assert listed("representations", *world)[-1]["name"] not in ALL
+    assert listed("representations", *world)[-1]["name"] not in REPRESENTATIONS
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from ss2sql.errors import Source
 from ss2sql.frontend.syntax.ast import collect_syntax_columns
 from ss2sql.frontend.syntax.parser import parse
 from ss2sql.language.kinds import Kind, Type, is_supertype, type_of
-from ss2sql.runtime.sqlite.column_types import STORED
+from ss2sql.runtime.sqlite.database_tables import STORED
 
 ENDLESS = "WITH RECURSIVE r(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM r) SELECT n FROM r"
 ROWS = 20_000

@@ -21,7 +21,7 @@ from ss2sql.language.operations import WRITTEN
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES
 from ss2sql.lowering.unsupported import RULES
-from ss2sql.runtime.representations import ALL
+from ss2sql.runtime.representations.shape import REPRESENTATIONS
 from ss2sql.vtables.mujoco import MuJoCoWorld
 from ss2sql.vtables.ode import OdeWorld
 from ss2sql.vtables.openrave import OpenRaveWorld
@@ -103,7 +103,7 @@ def test_every_strategy_has_a_page_with_a_script_and_what_becomes_of_it(strategy
 
 
 def test_every_representation_has_its_row():
-    known = {*ALL, *SYNONYMS, *PyBulletWorld.representations}
+    known = {*REPRESENTATIONS, *SYNONYMS, *PyBulletWorld.representations}
     assert {cell.partition("(")[0] for cell in first_cells(page("representations"))} == known
 
 

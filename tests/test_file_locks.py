@@ -15,7 +15,7 @@ import pytest
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.sqlite import file_locks
+from ss2sql.runtime.sqlite import connections
 
 COUNT = "SELECT count(*) FROM t GROUP BY 1 AS value"
 GRAPH = "SELECT this FROM [1, 2] WHERE n == 3 START WITH n = 0 CONNECT BY MEMORIZE 3 n = n + this AS list"
@@ -47,9 +47,9 @@ def path(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 def nothing_parked() -> Iterator[None]:
     yield
     ss2sql.connect().close()
-    with file_locks._lock:
-        file_locks._close_parked_connections()
-    assert file_locks._parked == []
+    with connections._lock:
+        connections._close_parked_connections()
+    assert connections._parked == []
 
 
 def writing(path: Path) -> sqlite3.Connection:
@@ -192,7 +192,7 @@ def test_a_copy_that_is_made_while_another_thread_opens_a_file(path: Path) -> No
     held, over = threading.Event(), threading.Event()
 
     def hold() -> None:
-        with file_locks._lock:
+        with connections._lock:
             held.set()
             over.wait()
 

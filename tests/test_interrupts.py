@@ -20,8 +20,8 @@ from interrupting import KINDS, NumberWorld, check_session, press_at
 from sessions import write
 
 import ss2sql
-from ss2sql.runtime.run import keyboard_interrupt
-from ss2sql.runtime.sqlite import column_types
+from ss2sql.runtime.run import run_state
+from ss2sql.runtime.sqlite import database_tables
 from ss2sql.runtime.sqlite.database_tables import Tables
 
 pytestmark = pytest.mark.usefixtures("usual")
@@ -158,7 +158,7 @@ def test_no_generator_is_left_for_python_to_close(ss: ss2sql.Session) -> None:
     """Closed later, or where Ctrl-C is not noted, it would lose KeyboardInterrupt."""
     namespace: dict[str, Any] = {}
     exec("def generated(look): yield look()", namespace)
-    assert next(namespace["generated"](lambda: keyboard_interrupt.can_interrupt(sys._getframe(1)))) is False
+    assert next(namespace["generated"](lambda: run_state.can_interrupt(sys._getframe(1)))) is False
 
     @ss.function(volatility="stable")
     def hop(n: int, step: int) -> int:
@@ -210,15 +210,15 @@ def test_handlers_of_others_stay(ss: ss2sql.Session) -> None:
 
 def test_pressed_again_it_ends_the_run_wherever_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     frame = sys._getframe()
-    monkeypatch.setattr(keyboard_interrupt, "can_interrupt", lambda frame: False)
-    with keyboard_interrupt.defer_keyboard_interrupt(None):
+    monkeypatch.setattr(run_state, "can_interrupt", lambda frame: False)
+    with run_state.defer_keyboard_interrupt(None):
         handler: Any = signal.getsignal(signal.SIGINT)
         handler(signal.SIGINT, frame)
         handler(signal.SIGINT, frame)  # at once: a nervous finger
-        monkeypatch.setattr(keyboard_interrupt, "PATIENCE_SECONDS", -1)
+        monkeypatch.setattr(run_state, "PATIENCE_SECONDS", -1)
         with pytest.raises(KeyboardInterrupt):
             handler(signal.SIGINT, frame)
-        keyboard_interrupt._ctrl_c.pressed = None
+        run_state._ctrl_c.pressed = None
 
 
 def test_what_is_no_run_is_finished_first(file: Path, staff: Path) -> None:
@@ -243,7 +243,7 @@ def test_reading_a_large_table_to_compile_can_be_interrupted(file: Path, monkeyp
         read = Tables._find_indexes
         monkeypatch.setattr(Tables, "_find_indexes", lambda *arguments: ss.interrupt() or read(*arguments))
         monkeypatch.setattr(
-            column_types, "_find_sqlite_bounds", None
+            database_tables, "_find_sqlite_bounds", None
         )  # kinds of values come first, in 60,000 steps of SQLite
         assert cancelled(ss, "SELECT n FROM big;").partial is None
         monkeypatch.undo()

@@ -13,7 +13,7 @@ from native_host import FakeHost, place
 from reference import Failure, Reference
 from sessions import wrong_scripts
 
-from ss2sql.runtime.run.error_locations import EVAL_LABEL
+from ss2sql.runtime.python.located_code import EVAL_LABEL
 
 
 def raising(error: BaseException) -> Callable[..., Any]:
@@ -105,10 +105,10 @@ def test_errors_inside_of_eval_have_all_places(script: str, expected: str, relat
 
 
 def test_without_columns_in_tracebacks_the_line_is_still_known(monkeypatch: pytest.MonkeyPatch) -> None:
-    from ss2sql.runtime.run import error_locations
+    from ss2sql.runtime.python import located_code
 
-    whole = error_locations.CodePage.find_span
-    monkeypatch.setattr(error_locations.CodePage, "find_span", lambda page, at: whole(page, (at[0], at[1], None, None)))
+    whole = located_code.CodePage.find_span
+    monkeypatch.setattr(located_code.CodePage, "find_span", lambda page, at: whole(page, (at[0], at[1], None, None)))
     error = FakeHost().error("1 +\n2;\n3 / 0")
     assert error.span is not None
     assert error.span.line == 3

@@ -11,7 +11,7 @@ from native_host import FakeHost
 
 import ss2sql
 from ss2sql.frontend.syntax.parser import parse
-from ss2sql.runtime.python.loop_helpers import TURNS_PER_CHECK
+from ss2sql.runtime.python.query_execution import TURNS_PER_CHECK
 
 
 @each_row("queries/calls", "script", "told")

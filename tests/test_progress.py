@@ -13,8 +13,8 @@ import ss2sql
 from ss2sql.language.rows import Rows
 from ss2sql.runtime.run.run_state import GraphLevel, ResultSink, Run
 from ss2sql.runtime.search.search_run import RowGraph
-from ss2sql.session import execution
-from ss2sql.session.execution import Progress
+from ss2sql.session import compiled_script
+from ss2sql.session.compiled_script import Progress
 
 SEARCH = "SELECT n FROM [1] WHERE n == 4 START WITH n = 1 CONNECT BY MEMORIZE 5 n = n + 1;"
 
@@ -99,9 +99,9 @@ def test_what_it_says_also_of_a_native_search() -> None:
 def terminal(monkeypatch: pytest.MonkeyPatch) -> Terminal:
     """Standard error as a terminal, on which lines appear at once."""
     terminal = Terminal()
-    monkeypatch.setattr(execution, "sys", SimpleNamespace(stderr=terminal))
-    monkeypatch.setattr(execution, "FIRST_SECONDS", 0.0)
-    monkeypatch.setattr(execution, "REPEAT_SECONDS", 0.0)
+    monkeypatch.setattr(compiled_script, "sys", SimpleNamespace(stderr=terminal))
+    monkeypatch.setattr(compiled_script, "FIRST_SECONDS", 0.0)
+    monkeypatch.setattr(compiled_script, "REPEAT_SECONDS", 0.0)
     monkeypatch.delenv("TERM", raising=False)
     return terminal
 
@@ -146,18 +146,18 @@ def test_auto_needs_a_terminal(terminal: Terminal, monkeypatch: pytest.MonkeyPat
     shown(progress=False)
     assert terminal.getvalue() == ""
     file = io.StringIO()
-    monkeypatch.setattr(execution, "sys", SimpleNamespace(stderr=file))
+    monkeypatch.setattr(compiled_script, "sys", SimpleNamespace(stderr=file))
     shown()
     assert file.getvalue() == ""
     shown(progress=True)
     assert "MEMORIZE" in file.getvalue()
-    monkeypatch.setattr(execution, "sys", SimpleNamespace(stderr=None))  # as under pythonw
+    monkeypatch.setattr(compiled_script, "sys", SimpleNamespace(stderr=None))  # as under pythonw
     shown(progress=True)
 
 
 def test_a_run_inside_of_another_shows_no_line_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
-    monkeypatch.setattr(execution, "make_progress", lambda run, wanted: asked.append(run))
+    monkeypatch.setattr(compiled_script, "make_progress", lambda run, wanted: asked.append(run))
     with ss2sql.connect() as ss:
         ss.function("inner", lambda n: ss.run(SEARCH).value and n, volatility="volatile")
         ss.run("SELECT inner(this) FROM [1, 2];")

@@ -11,7 +11,7 @@ from command_lines import bad, call, good
 from sessions import ENGINES
 
 import ss2sql
-from ss2sql.runtime.python import loop_helpers
+from ss2sql.runtime.python import query_execution
 from ss2sql.runtime.run.value_sizes import MIN_REMEMBERED_LIMIT
 
 # Each ends, and its steps are counted on both engines.
@@ -50,7 +50,7 @@ def test_whether_a_search_has_too_many_steps_is_a_matter_of_their_number(
     monkeypatch: pytest.MonkeyPatch, engine: Any, name: str, turns: int
 ) -> None:
     """Not of the moments at which somebody looks."""
-    monkeypatch.setattr(loop_helpers, "MAX_TURNS", turns)
+    monkeypatch.setattr(query_execution, "MAX_TURNS", turns)
     with ss2sql.connect() as free:
         expected = free.run(SEARCHES[name], engine=engine)
     steps = expected.stats.generated

@@ -24,7 +24,7 @@ import ss2sql
 from ss2sql.runtime.representations import shape
 from ss2sql.runtime.run import run_state
 from ss2sql.runtime.run.value_sizes import CELL_SIZE, MIN_REMEMBERED_LIMIT, SMALL_LENGTH, ValueSizes
-from ss2sql.session import execution
+from ss2sql.session import compiled_script
 
 STEPS = 40  # doublings
 
@@ -212,7 +212,7 @@ def test_max_memory_ends_a_run_that_grows(monkeypatch: pytest.MonkeyPatch, engin
     """Each look at the memory finds a megabyte more."""
     looks = iter(range(10**9))
     monkeypatch.setattr(run_state, "LOOK_SECONDS", 0.0)
-    for module in (run_state, execution):
+    for module in (run_state, compiled_script):
         monkeypatch.setattr(module, "measure_memory", lambda: next(looks) * 2**20)
     with ss2sql.connect(max_memory=20 * 2**20) as session:
         with pytest.raises(ss2sql.OutOfMemory) as stopped:
@@ -240,7 +240,7 @@ def test_memory_in_use_is_that_of_the_process() -> None:
 def test_a_run_inside_of_another_has_no_more_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[int | None] = []
     used = iter(range(10**6, 10**9, 10**6))
-    for module in (run_state, execution):
+    for module in (run_state, compiled_script):
         monkeypatch.setattr(module, "measure_memory", lambda: next(used))
     with ss2sql.connect(max_memory=10**9) as session:
 
@@ -255,9 +255,9 @@ def test_a_run_inside_of_another_has_no_more_memory(monkeypatch: pytest.MonkeyPa
 
 
 def test_max_memory_needs_a_system_that_knows_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    from ss2sql.runtime.run import option_checks
+    from ss2sql.runtime.run import run_state
 
-    monkeypatch.setattr(option_checks, "measure_memory", lambda: None)
+    monkeypatch.setattr(run_state, "measure_memory", lambda: None)
     with pytest.raises(ss2sql.SessionError):
         ss2sql.connect(max_memory=10**9)
     ss2sql.connect().close()
@@ -367,7 +367,7 @@ def test_a_run_is_free_at_its_end(monkeypatch: pytest.MonkeyPatch, engine: Any) 
         made.append(weakref.ref(one))
         return one
 
-    monkeypatch.setattr(execution, "Run", noted)
+    monkeypatch.setattr(compiled_script, "Run", noted)
     with ss2sql.connect() as session:
         gc.disable()
         try:

@@ -9,7 +9,7 @@ import pytest
 
 import ss2sql
 from ss2sql.language.values import FrozenShapes, freeze_any, freeze_flat, freeze_nested, thaw_value
-from ss2sql.runtime.python.ast_builder import copy_tree
+from ss2sql.runtime.python.located_code import copy_tree
 
 
 @pytest.mark.parametrize("value", [1, "a", None, [], [1, 2.0], [[1], []], [[1], 2], {"a": [1]}, [{"a": 1}], [[[1]]]])

@@ -18,16 +18,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ss2sql
-from ss2sql.runtime.run.array_calls import FIRST
+from ss2sql.runtime.run.calls import FIRST
 
 BLOCK, ROOM = 256, 4096  # instead of 8,192 and 131,072, which would take long
 
 
 @pytest.fixture(autouse=True)
 def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ss2sql.runtime.run.array_calls.BLOCK", BLOCK)
+    monkeypatch.setattr("ss2sql.runtime.run.calls.BLOCK", BLOCK)
     monkeypatch.setattr("ss2sql.session.host.MEMO_LIMIT", ROOM)
-    monkeypatch.setattr("ss2sql.runtime.run.array_calls.ROOM", ROOM)
+    monkeypatch.setattr("ss2sql.runtime.run.calls.ROOM", ROOM)
 
 
 class Blocks:

@@ -57,7 +57,7 @@ def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> Iterator[Entry]:
                 engine = "any" if rule.lowered else "native"
                 yield {"name": rule.keyword or "(none)", "decides": "repeats", "engine": engine, "text": rule.promise}
         case "worlds":
-            from ss2sql.vtables import list_adapter_types
+            from ss2sql.vtables.contract import list_adapter_types
 
             for name in list_adapter_types():
                 package = name.partition(".")[0]

@@ -18,9 +18,8 @@ from ss2sql.errors import Error
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.kinds import Kind
 from ss2sql.results import cut_text
-from ss2sql.vtables import find_adapter
 from ss2sql.vtables.attached_worlds import AttachedWorld, AttachedWorldTable
-from ss2sql.vtables.contract import CacheOfQuery, Column, Gone, Table, TableFunction, Where, World
+from ss2sql.vtables.contract import CacheOfQuery, Column, Gone, Table, TableFunction, Where, World, find_adapter
 from ss2sql.vtables.reading import Reading, merge_column_demands, unwrap_world_key
 from ss2sql.vtables.schema import Schema, get_schema, get_world_tables
 

@@ -18,8 +18,7 @@ from ss2sql.language.rows import Row, Rows, iterate_checked_paths, make_row_clas
 from ss2sql.language.values import copy_for_python
 from ss2sql.lowering.sql_query import Sql, SqlQuery, join_sql
 from ss2sql.results import copy_result_row, get_result_rows
-from ss2sql.runtime.run.option_checks import check_run_limit
-from ss2sql.runtime.run.run_state import RemainingBounds, Stats, translate_memory_error
+from ss2sql.runtime.run.run_state import RemainingBounds, Stats, check_run_limit, translate_memory_error
 from ss2sql.runtime.run.search_paths import measure_path_lengths
 
 if TYPE_CHECKING:

@@ -28,18 +28,20 @@ from ss2sql.language.rows import Rows
 from ss2sql.lowering.rewrites import optimise
 from ss2sql.lowering.sql_query import Parameter, Sql, SqlQuery
 from ss2sql.results.notes import explain_empty_result, explain_overestimates, find_notes, has_dropped_steps
-from ss2sql.results.result import QueryResult, Status
+from ss2sql.results.result import OutlinedQuery, QueryResult, Status
 from ss2sql.runtime.representations.shape import PATH_FORMS, represent_starred_columns
-from ss2sql.runtime.run.option_checks import (
+from ss2sql.runtime.run.post_processing import finish_sql_rows
+from ss2sql.runtime.run.run_state import (
+    ResultSink,
+    Run,
     check_count_value,
     check_option_word,
     check_run_limit,
     find_lowest_run_limit,
 )
-from ss2sql.runtime.run.post_processing import finish_sql_rows
-from ss2sql.runtime.run.run_state import ResultSink, Run
 
 if TYPE_CHECKING:
+    from ss2sql.lowering.sql_builder import Dialect
     from ss2sql.runtime.external.duckdb_query import DuckQuery
     from ss2sql.runtime.external.level_query import LevelQuery, TableEngine
     from ss2sql.runtime.external.predicate_pushdown import PredicatePushdown
@@ -468,6 +470,36 @@ class CompiledQuery:
                 case plan.Variable(name=name) if name in known:
                     bound[parameter.name] = parameter.encode_value(known[name])
         return Sql(lowered.text, bound, modules=lowered.modules)
+
+    def outline_query(self, run: Run | None) -> OutlinedQuery:
+        """The query as it is compiled now, with the values that a run has bound."""
+        return OutlinedQuery(
+            self.host,
+            self.written,
+            self.query,
+            self.engine,
+            self.get_shown_statement(run),
+            self.levels,
+            self.duck,
+            self.reason,
+            self.cures,
+            self.rewrites,
+            self.make_sql_reader(run),
+            tuple(self.handed.values()),
+        )
+
+    def translate_query(self, dialect: Dialect) -> str:
+        """The query in a dialect as one SELECT, a search as the statements of one level. Raises UnsupportedError."""
+        from ss2sql.lowering.portable.portable_flat import write_flat
+        from ss2sql.runtime.external.level_query import LEVEL_STATEMENTS, plan_level_search
+
+        if self.query.search is None:
+            return f"{dialect.print_tree(write_flat(self.query, self.world.variable))};"
+        if dialect.name not in LEVEL_STATEMENTS:
+            reason = f"a search needs many statements, and nothing runs them in {dialect.name}"
+            cures = ("--dialect duckdb and --dialect spark print them",)
+            raise UnsupportedError("U001", reason, self.query.span, cures)
+        return plan_level_search(self.query, dialect.name).sql
 
     def get_shown_statement(self, run: Run | None) -> SqlQuery | None:
         """The statement that a run has executed last, else the one that would run."""

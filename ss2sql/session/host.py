@@ -28,18 +28,14 @@ from ss2sql.language.conversion import is_unreadable
 from ss2sql.language.kinds import Type, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
-from ss2sql.runtime import representations
-from ss2sql.runtime.representations.shape import Representations
+from ss2sql.runtime.representations.shape import REPRESENTATIONS, Representations
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT
-from ss2sql.runtime.run.keyboard_interrupt import defer_keyboard_interrupt
-from ss2sql.runtime.run.option_checks import Limits
-from ss2sql.runtime.run.run_state import Run, pause_collector
+from ss2sql.runtime.run.run_state import Limits, Run, defer_keyboard_interrupt, pause_collector
 from ss2sql.runtime.run.value_sizes import ValueSizes
-from ss2sql.runtime.sqlite.column_types import STORED
-from ss2sql.runtime.sqlite.database_tables import Tables
+from ss2sql.runtime.sqlite.connections import close_file, while_using_files
+from ss2sql.runtime.sqlite.database_tables import STORED, Tables
 from ss2sql.runtime.sqlite.executor import Database
-from ss2sql.runtime.sqlite.file_locks import close_file, while_using_files
-from ss2sql.runtime.sqlite.function_callbacks import BUILT_IN, choose_function_names
+from ss2sql.runtime.sqlite.sql_functions import BUILT_IN, choose_function_names
 from ss2sql.session.compiled_query import open_session_engine
 from ss2sql.session.variables import (
     SessionFunctions,
@@ -304,7 +300,7 @@ class SessionHost:
 
         self.names.attach_world(name, AttachedWorld(name, world, self.database.worlds.choose_name))
         for word, method in world.representations.items():
-            if word.lower() not in representations.ALL:
+            if word.lower() not in REPRESENTATIONS:
                 self.shapes.functions[word.lower()] = getattr(world, method)
         self._name_world_functions()
         scene = getattr(world, "scene", None) or world.source  # an adapter may call the scene's simulator directly
@@ -462,7 +458,7 @@ class SessionHost:
         if function.builtin:
             python = OPERATIONS[function.name].value or self.own.get_function(function.name)
             return run.sizes.wrap_function(function.name, python)
-        from ss2sql.runtime.run.call_memo import bind_function  # of the Python engine
+        from ss2sql.runtime.run.calls import bind_function  # of the Python engine
 
         return bind_function(function, run, self._find_function, self.memo_limit)
 

@@ -23,18 +23,29 @@ from ss2sql.language import plan
 from ss2sql.language.values import convert_value, copy_deep, copy_for_python
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.results.result import Result
-from ss2sql.runtime.run.keyboard_interrupt import defer_keyboard_interrupt
-from ss2sql.runtime.run.option_checks import NO_LIMITS, Limits, check_option_word, check_seconds
-from ss2sql.runtime.run.run_state import Run, Stats
+from ss2sql.runtime.run.run_state import (
+    NO_LIMITS,
+    Limits,
+    Run,
+    Stats,
+    check_option_word,
+    check_seconds,
+    defer_keyboard_interrupt,
+)
 from ss2sql.runtime.run.value_sizes import MAX_SIZE
+from ss2sql.runtime.sqlite.connections import close_file, open_sqlite_file
 from ss2sql.runtime.sqlite.database_tables import CACHE_SIZE, find_parquet_path, find_sqlite_path
-from ss2sql.runtime.sqlite.file_locks import close_file, open_sqlite_file
 from ss2sql.session.compiled_query import Engine, RunOptions, check_engine, check_engine_session
-from ss2sql.session.compiled_script import Query
-from ss2sql.session.execution import check_progress_option, execute_script, run_in_session, set_session_deadline
+from ss2sql.session.compiled_script import (
+    Query,
+    check_progress_option,
+    execute_script,
+    run_in_session,
+    set_session_deadline,
+)
 from ss2sql.session.host import SessionHost, with_session_lock
 from ss2sql.session.variables import TemporalFile, Trigger, describe_attached_table, list_tables
-from ss2sql.vtables import find_adapter, make_attachable, refuse_without_adapter
+from ss2sql.vtables.contract import find_adapter, make_attachable, refuse_without_adapter
 from ss2sql.vtables.frames import find_reader
 
 if TYPE_CHECKING:

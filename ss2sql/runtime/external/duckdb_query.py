@@ -28,10 +28,8 @@ from ss2sql.runtime.external.duckdb_functions import create_function, register_a
 from ss2sql.runtime.external.duckdb_sources import DuckFrame, DuckSources, DuckTransaction
 from ss2sql.runtime.external.table_statements import build_batch, interrupt_when_due
 from ss2sql.runtime.python.native_query import compile_statement
-from ss2sql.runtime.run.elements import list_source_elements
-from ss2sql.runtime.run.option_checks import check_count_value
-from ss2sql.runtime.run.run_state import Run
-from ss2sql.vtables.frames import Frame
+from ss2sql.runtime.run.run_state import Run, check_count_value
+from ss2sql.vtables.frames import Frame, list_source_elements
 
 if TYPE_CHECKING:
     import duckdb

@@ -18,8 +18,8 @@ from ss2sql.language.values import FrozenRow, FrozenShapes, State, make_hashable
 from ss2sql.lowering.portable.search_steps import MAX_ELEMENTS, TypedColumn, build_sql_limit_error
 from ss2sql.runtime.external.level_query import TRIED, LevelStatements
 from ss2sql.runtime.external.table_statements import Value, number_rows, table_of_rows
+from ss2sql.runtime.python.located_code import locate_in_script
 from ss2sql.runtime.python.native_query import NativeQuery
-from ss2sql.runtime.run.error_locations import locate_in_script
 from ss2sql.runtime.run.run_state import GraphLevel, Run
 from ss2sql.runtime.search.search_run import Found, SearchRun
 from ss2sql.runtime.search.step_contract import Expand, Last, list_step_elements

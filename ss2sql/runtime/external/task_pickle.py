@@ -34,7 +34,7 @@ from ss2sql.runtime.external.table_statements import batch_of_rows
 from ss2sql.runtime.graph_cache.function_fingerprint import is_of_user
 from ss2sql.runtime.python.native_query import NativeQuery
 from ss2sql.runtime.representations.shape import Representations
-from ss2sql.runtime.run.call_memo import bind_function, report_memo_counts
+from ss2sql.runtime.run.calls import bind_function, report_memo_counts
 from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.search.search_run import SearchRun

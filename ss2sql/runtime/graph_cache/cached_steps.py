@@ -32,7 +32,7 @@ from ss2sql.runtime.graph_cache.graph_store import (
 from ss2sql.runtime.run.run_state import Stats, pause_collector
 from ss2sql.runtime.search.search_run import SearchRun
 from ss2sql.runtime.search.step_contract import Note, Notes, Pair
-from ss2sql.runtime.sqlite.authorizer import READ_ERRORS
+from ss2sql.runtime.sqlite.connections import READ_ERRORS
 
 if TYPE_CHECKING:
     from ss2sql.frontend.user_functions import UserFunction

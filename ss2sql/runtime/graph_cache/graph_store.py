@@ -26,8 +26,8 @@ from ss2sql.language.kinds import Opaque, is_encodable
 from ss2sql.language.rows import Row
 from ss2sql.language.values import Frozen, State, thaw_value
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
-from ss2sql.runtime.run.keyboard_interrupt import without_keyboard_interrupt
-from ss2sql.runtime.sqlite.authorizer import READ_ERRORS
+from ss2sql.runtime.run.run_state import without_keyboard_interrupt
+from ss2sql.runtime.sqlite.connections import READ_ERRORS
 
 _OTHER_KEYS = "JSON has no form for a dict with keys that are no text"
 

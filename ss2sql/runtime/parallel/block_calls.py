@@ -33,7 +33,7 @@ from ss2sql.runtime.parallel.process_pool import (
     warn_once,
 )
 from ss2sql.runtime.parallel.worker_process import NO_VALUE
-from ss2sql.runtime.run.call_memo import report_memo_counts
+from ss2sql.runtime.run.calls import report_memo_counts
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search.search_run import SearchRun
 from ss2sql.runtime.search.step_contract import Notes, Pair

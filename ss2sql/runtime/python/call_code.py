@@ -1,4 +1,4 @@
-"""The code of calls of the user's functions: how their arguments are made keys, see call_memo.py."""
+"""The code of calls of the user's functions: how their arguments are made keys, see run/calls.py."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import walk_own
 from ss2sql.runtime.python.codegen_context import PythonScope
-from ss2sql.runtime.run.call_memo import make_call_key
+from ss2sql.runtime.run.calls import make_call_key
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.native_query import QueryCompiler
 
-SELF_KEYED_KINDS = Kind.INT | Kind.STR | Kind.NONE  # the kinds that are their own keys, PLAIN in call_memo.py
+SELF_KEYED_KINDS = Kind.INT | Kind.STR | Kind.NONE  # the kinds that are their own keys, PLAIN in run/calls.py
 
 
 def is_memoized_call(node: plan.Expr) -> bool:

@@ -24,9 +24,8 @@ from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.operations import GROUPS, OPERATIONS
 from ss2sql.language.plan_traversal import list_parts
 from ss2sql.language.values import UNSET
-from ss2sql.runtime.python.ast_builder import AstBuilder
-from ss2sql.runtime.python.loop_helpers import make_step_meter, make_turn_check
-from ss2sql.runtime.run.error_locations import PAGE, CodePage
+from ss2sql.runtime.python.located_code import PAGE, AstBuilder, CodePage
+from ss2sql.runtime.python.query_execution import make_step_meter, make_turn_check
 from ss2sql.runtime.run.run_state import Run
 
 if TYPE_CHECKING:
@@ -413,7 +412,7 @@ class CodegenContext:
         self.single_column_queries: set[int] = set()  # of these, sources whose name stands for their only column
         self.elements: dict[int, Type] = {}  # source whose elements are values -> their type
         self.worlds: dict[int, Any] = {}  # source that walks keys of a world -> its table
-        self.keys: dict[int, str] = {}  # source -> the name of its elements' exact keys, see call_memo.py
+        self.keys: dict[int, str] = {}  # source -> the name of its elements' exact keys, see run/calls.py
         self.bindings: list[ast.stmt] = []
         self.definitions: list[ast.stmt] = []
         self.source_call: SingleSourceCall | None = None  # the call of a source that a search makes once for each state

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
-from ss2sql.runtime.python.loop_helpers import make_step_meter
+from ss2sql.runtime.python.query_execution import make_step_meter
 from ss2sql.runtime.python.source_loops import loops_over_query_rows
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search.step_contract import Found, Problem

@@ -26,10 +26,10 @@ from ss2sql.language.plan_traversal import can_end_early, has_array_calls, is_vo
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.python.call_code import find_keyed_sources
 from ss2sql.runtime.python.codegen_context import ExpressionAnalysis, PythonScope
-from ss2sql.runtime.python.equality_index import find_index_lookups
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
+from ss2sql.runtime.python.source_lookups import find_index_lookups
 from ss2sql.runtime.python.source_loops import CallStages, SourceLoops, list_loop_expressions, loops_over_query_rows
-from ss2sql.runtime.run.array_calls import FIRST, has_calls_without_arrays
+from ss2sql.runtime.run.calls import FIRST, has_calls_without_arrays
 from ss2sql.runtime.run.post_processing import is_row_count
 
 if TYPE_CHECKING:

@@ -21,7 +21,6 @@ from ss2sql.language.plan_traversal import has_array_calls, has_constant_source,
 from ss2sql.language.rows import Rows, make_label
 from ss2sql.language.values import UNSET, format_value
 from ss2sql.runtime.python import flat_query
-from ss2sql.runtime.python.ast_builder import AstBuilder, generate_template
 from ss2sql.runtime.python.call_code import SELF_KEYED_KINDS
 from ss2sql.runtime.python.codegen_context import (
     COUNTERS,
@@ -30,15 +29,14 @@ from ss2sql.runtime.python.codegen_context import (
     ExpressionFacts,
     PythonScope,
 )
+from ss2sql.runtime.python.located_code import AstBuilder, generate_template, locate_in_script
 from ss2sql.runtime.python.python_expressions import generate_expression, get_group_key
 from ss2sql.runtime.python.query_execution import QueryExecution, get_value_function
 from ss2sql.runtime.python.source_loops import CallStages
-from ss2sql.runtime.run.call_memo import make_call_key, report_memo_counts
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, forget_older_half
-from ss2sql.runtime.run.error_locations import locate_in_script
-from ss2sql.runtime.run.option_checks import check_count_value
+from ss2sql.runtime.run.calls import make_call_key, report_memo_counts
 from ss2sql.runtime.run.post_processing import QueryForm, find_grouped_aggregates
-from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.run.run_state import Run, check_count_value
 
 if TYPE_CHECKING:
     from ss2sql.language.values import FrozenShapes

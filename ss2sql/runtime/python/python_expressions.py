@@ -29,10 +29,10 @@ from ss2sql.language.operations import OPERATIONS, PREDICATES, Check, Form
 from ss2sql.language.operations.operators import SMALL
 from ss2sql.language.plan_traversal import list_plan_choices
 from ss2sql.language.values import SCALARS, make_hashable
-from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_code import generate_memoized_call, is_memoized_call
 from ss2sql.runtime.python.codegen_context import OWN_GROUP, CodegenContext, PythonScope
-from ss2sql.runtime.python.world_loops import bind_column_reader, bind_element_reader
+from ss2sql.runtime.python.located_code import AstBuilder
+from ss2sql.runtime.python.source_lookups import bind_column_reader, bind_element_reader
 from ss2sql.runtime.run.post_processing import make_group_aggregation
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import SMALL_LENGTH

@@ -35,11 +35,11 @@ from ss2sql.runtime.python.flat_query import list_key_expressions
 from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.step_clauses import StepForm, choose_state_shapes, name_frozen_variables
 from ss2sql.runtime.python.step_function import StepFunction, StepLoops
-from ss2sql.runtime.run.elements import list_source_elements
 from ss2sql.runtime.search import choose_search
 from ss2sql.runtime.search.bidirectional import Regression, find_regression
 from ss2sql.runtime.search.memorize import add_graph_level, has_path_rows
 from ss2sql.runtime.search.step_contract import Expand, Places, Step
+from ss2sql.vtables.frames import list_source_elements
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.native_query import QueryCompiler

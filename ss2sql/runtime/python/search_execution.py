@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from ss2sql.language import plan
 from ss2sql.language.rows import Row
 from ss2sql.language.values import State, Thaw, is_overestimate
-from ss2sql.runtime.python.loop_helpers import make_count_report, make_known_steps_check
+from ss2sql.runtime.python.query_execution import make_count_report, make_known_steps_check
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.search import choose_search
 from ss2sql.runtime.search.memorize import run_keyed_memorize, run_memorize

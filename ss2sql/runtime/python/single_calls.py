@@ -20,11 +20,11 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR
 from ss2sql.language.plan_traversal import find_direct_assignments, list_plan_calls, walk
 from ss2sql.language.values import Shape, copy_for_python, is_flat_list_type, thaw_value
-from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.call_code import is_memoized_call
 from ss2sql.runtime.python.codegen_context import ExpressionAnalysis
+from ss2sql.runtime.python.located_code import AstBuilder
 from ss2sql.runtime.python.python_expressions import generate_expression
-from ss2sql.runtime.run.call_memo import NO_KEY, MemoizedCalls, make_call_key
+from ss2sql.runtime.run.calls import NO_KEY, MemoizedCalls, make_call_key
 from ss2sql.runtime.run.run_state import Places, Run
 
 if TYPE_CHECKING:

@@ -19,16 +19,10 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import INT, Kind
 from ss2sql.language.plan_traversal import can_end_early, has_array_calls, list_columns_read, split_and
 from ss2sql.language.values import make_hashable
-from ss2sql.runtime.python.ast_builder import AstBuilder
 from ss2sql.runtime.python.codegen_context import MAX_LOOPS, ExpressionFacts, PythonScope
-from ss2sql.runtime.python.equality_index import (
-    Lookup,
-    index_column,
-    index_rows,
-    index_rows_by_members,
-    index_table_column,
-)
-from ss2sql.runtime.python.loop_helpers import (
+from ss2sql.runtime.python.located_code import AstBuilder
+from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
+from ss2sql.runtime.python.query_execution import (
     TURNS_PER_CHECK,
     iterate_with_checks,
     list_elements_with_keys,
@@ -36,10 +30,18 @@ from ss2sql.runtime.python.loop_helpers import (
     loop_over_frame_rows,
     loop_over_table_rows,
 )
-from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
-from ss2sql.runtime.python.world_loops import WorldCondition, find_world_condition, generate_world_loop
-from ss2sql.runtime.run.array_calls import Guards, call_in_blocks, list_guarded_calls
-from ss2sql.runtime.run.elements import list_elements_or_none, list_source_elements
+from ss2sql.runtime.python.source_lookups import (
+    Lookup,
+    WorldCondition,
+    find_world_condition,
+    generate_world_loop,
+    index_column,
+    index_rows,
+    index_rows_by_members,
+    index_table_column,
+)
+from ss2sql.runtime.run.calls import Guards, call_in_blocks, list_guarded_calls
+from ss2sql.vtables.frames import list_elements_or_none, list_source_elements
 
 if TYPE_CHECKING:
     from ss2sql.lowering.flat import TableFilter
@@ -49,7 +51,7 @@ if TYPE_CHECKING:
 class CallStages:
     """A generated generator in several functions: each takes the rows of the one before, and goes on with them.
 
-    Between two of them a function that takes arrays is called for what comes next, see array_calls.py. `size` is that
+    Between two of them a function that takes arrays is called for what comes next, see run/calls.py. `size` is that
     of the first block, by default of all.
     """
 

@@ -17,12 +17,12 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.kinds import SCALAR, Kind, Type
 from ss2sql.language.values import FREEZERS, Shape, choose_frozen_shape, convert_and_freeze, is_flat_list_type
-from ss2sql.runtime.python.ast_builder import AstBuilder, generate_template
 from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
+from ss2sql.runtime.python.located_code import AstBuilder, generate_template
 from ss2sql.runtime.python.python_expressions import generate_expression
 from ss2sql.runtime.python.single_calls import SingleCall, SingleSourceCall
 from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions
-from ss2sql.runtime.run import option_checks
+from ss2sql.runtime.run import run_state
 from ss2sql.runtime.search.best_first import TAKEN
 
 if TYPE_CHECKING:
@@ -173,7 +173,7 @@ class StepClauses:
         of_state, after = self.key_is_named and self.search.by == "state", None
         if not stops and self.search.heuristic is not None:
             self.inner.emit(
-                self.build.assign("estimate", self._write_number(self.search.heuristic, option_checks.check_heuristic))
+                self.build.assign("estimate", self._write_number(self.search.heuristic, run_state.check_heuristic))
             )
         if not stops or of_state:
             self._write_connect()
@@ -448,7 +448,7 @@ class StepClauses:
         inner.emit(
             build.assign(
                 "weight",
-                self._write_number(weight, option_checks.check_probability if probable else option_checks.check_cost),
+                self._write_number(weight, run_state.check_probability if probable else run_state.check_cost),
             )
         )
         if probable:
@@ -457,14 +457,14 @@ class StepClauses:
     def _write_number(self, expr: plan.Expr, check: Callable[[Any], Any]) -> ast.expr:
         build = self.codegen.build_at(expr.span)
         value = self._write_value(expr)
-        return value if option_checks.is_proven(expr.type, check) else build.call(self.codegen.use(check), value)
+        return value if run_state.is_proven(expr.type, check) else build.call(self.codegen.use(check), value)
 
     def _is_weight_early(self) -> bool:
         """Whether the weight is evaluated before STOP WITH and WHERE: STOP WITH guards a COST that may fail."""
         weight = self.search.weight
         assert weight is not None
-        check = option_checks.check_probability if self.search.order == "probability" else option_checks.check_cost
-        return self.steady and self.codegen.analysis.facts(weight).total and option_checks.is_proven(weight.type, check)
+        check = run_state.check_probability if self.search.order == "probability" else run_state.check_cost
+        return self.steady and self.codegen.analysis.facts(weight).total and run_state.is_proven(weight.type, check)
 
     def _write_total(self) -> None:
         build = self.build

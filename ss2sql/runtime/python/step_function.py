@@ -46,16 +46,16 @@ from ss2sql.language import plan
 from ss2sql.language.plan_traversal import has_array_calls
 from ss2sql.language.rows import Row
 from ss2sql.language.values import THAWERS, order_rows
-from ss2sql.runtime.python.ast_builder import generate_template, list_names_code_reads
 from ss2sql.runtime.python.codegen_context import COUNTERS, PythonScope
-from ss2sql.runtime.python.equality_index import Lookup, find_index_lookups
 from ss2sql.runtime.python.flat_query import place_conditions
-from ss2sql.runtime.python.loop_helpers import (
+from ss2sql.runtime.python.located_code import generate_template, list_names_code_reads
+from ss2sql.runtime.python.python_expressions import generate_expression
+from ss2sql.runtime.python.query_execution import (
     TURNS_PER_CHECK,
     Parts,
     make_count_report,
 )
-from ss2sql.runtime.python.python_expressions import generate_expression
+from ss2sql.runtime.python.source_lookups import Lookup, find_index_lookups
 from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions
 from ss2sql.runtime.python.step_clauses import StepClauses, StepForm
 from ss2sql.runtime.python.step_inlining import has_search_loop_code, inline_step_function

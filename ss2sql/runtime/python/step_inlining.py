@@ -22,7 +22,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
-from ss2sql.runtime.python.ast_builder import (
+from ss2sql.runtime.python.located_code import (
     AstBuilder,
     copy_tree,
     list_names_code_reads,

@@ -1,24 +1,32 @@
-"""One run of a program: what both executors read and count while they work."""
+"""One run of a program: what both executors read and count while they work, its options and limits, and Ctrl-C."""
 
 from __future__ import annotations
 
 import gc
 import os
+import sys
+import threading
 import time
+from _signal import SIGINT, default_int_handler, getsignal  # type: ignore[import-not-found]
+from _signal import signal as set_handler
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import field
+from functools import wraps
+from inspect import CO_GENERATOR
 from math import inf
 from time import perf_counter
+from types import FrameType
 from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec, Protocol, TypeAlias, TypeVar
 
-from ss2sql.errors import Cancelled, OutOfMemory, OutOfSteps, Timeout
+from ss2sql.errors import Cancelled, ExecutionError, OutOfMemory, OutOfSteps, SessionError, Timeout, suggest_names
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
+from ss2sql.language.kinds import Kind, Type
 from ss2sql.language.rows import Rows
-from ss2sql.language.values import copy_deep
-from ss2sql.runtime.run.value_sizes import ValueSizes
+from ss2sql.language.values import NUMBERS, copy_deep, format_value
+from ss2sql.runtime.run.value_sizes import MAX_SIZE, MIN_REMEMBERED_LIMIT, ValueSizes
 from ss2sql.vtables.contract import QueryCaches
 from ss2sql.vtables.frames import Frame
 
@@ -41,7 +49,7 @@ def pause_collector() -> Iterator[None]:
             gc.enable()
 
 
-# --- one run of a program: what both executors read and count while they work
+# --- what a run reads and counts
 P = ParamSpec("P")
 T = TypeVar("T")
 LOOK_SECONDS = 0.002  # seconds between looks at the memory of the process, each of which takes 6 us
@@ -317,3 +325,238 @@ def translate_memory_error(error: MemoryError) -> Exception:
 def build_memory_error() -> OutOfMemory:
     hints = ("bound the search or the result, or the values in it: max_rows, max_size and max_memory do so",)
     return OutOfMemory("T003", "there is not enough memory", hints=hints)
+
+
+# --- options and limits of a session, a run or a query, as users give them
+def check_run_limit(name: str, value: Any, least: int) -> None:
+    if value is not None and (isinstance(value, bool) or not isinstance(value, int) or value < least):
+        raise SessionError("S002", f"{name} is a whole number of at least {least}, not {value!r}")
+
+
+def check_seconds(timeout: Any) -> None:
+    """Raises SessionError S002 for what is no time to wait."""
+    if timeout is not None and (isinstance(timeout, bool) or not isinstance(timeout, int | float)):
+        raise SessionError("S002", f"timeout is a number of seconds, not {timeout!r}", hints=("write timeout=5.0",))
+
+
+def check_option_word(what: str, words: Iterable[Any], known: Collection[str]) -> None:
+    """Raises SessionError S002 for a word that is not known."""
+    if not isinstance(words, Iterable):
+        raise SessionError("S002", f"{what}s are named in a list, not {words!r}", hints=('write ["name", ...]',))
+    for word in words:
+        if word not in known:
+            raise SessionError("S002", f"there is no {what} {word!r}", hints=suggest_names(str(word), known))
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """See `connect`, which documents each of them. None is no limit."""
+
+    max_size: int = MAX_SIZE
+    max_memory: int | None = None
+    max_steps: int | None = None
+    max_output: int | None = None
+
+    def check_limits(self) -> None:
+        """Raises SessionError S002 for limits that make no sense, or that cannot be kept here."""
+        check_run_limit("max_size", self.max_size, MIN_REMEMBERED_LIMIT)
+        if self.max_size is None or self.max_size > MAX_SIZE:
+            raise SessionError("S002", f"max_size is at most {MAX_SIZE}, not {self.max_size!r}")
+        check_run_limit("max_memory", self.max_memory, 1)
+        check_run_limit("max_steps", self.max_steps, 0)
+        check_run_limit("max_output", self.max_output, 0)
+        if self.max_memory is not None and measure_memory() is None:
+            hint = "bound the process from outside"
+            message = "max_memory needs /proc/self/statm, which this system does not have"
+            raise SessionError("S002", message, hints=(hint,))
+
+
+NO_LIMITS = Limits()
+
+
+# --- the values of options and limits, checked when they are known
+_AT_LEAST = {
+    "COST": "a negative cost would make longer paths ever cheaper",
+    "HEURISTIC": "what is left of the path costs at least 0, and HEURISTIC says no more than that",
+}
+
+
+def find_lowest_run_limit(*counts: int | None) -> int | None:
+    """The lowest of the counts that there are."""
+    return min((count for count in counts if count is not None), default=None)
+
+
+def check_count_value(value: Any, least: int, word: str) -> int:
+    """The value of LIMIT, MAXIMUM or MEMORIZE; raises ExecutionError X006 if it is not a number of at least `least`."""
+    if type(value) is not int or value < least:
+        message = f"{word} needs a whole number of at least {least}, not {format_value(value)}"
+        hint = "int(...) makes a whole number" if type(value) in (str, float) else f"for example {word} 10"
+        raise ExecutionError("X006", message, hints=(hint,))
+    return value
+
+
+def check_cost(value: Any) -> Any:
+    """The COST of a step; raises ExecutionError X006 if it is not a number of at least 0."""
+    return _check_step_number(value, "COST")
+
+
+def check_heuristic(value: Any) -> Any:
+    """The HEURISTIC of a step; raises ExecutionError X006 if it is not a number of at least 0."""
+    return _check_step_number(value, "HEURISTIC")
+
+
+def check_probability(value: Any) -> Any:
+    """The PROBABILITY of a step; raises ExecutionError X006 if it is not a number from 0 to 1."""
+    if type(value) not in NUMBERS or not 0 <= value <= 1:
+        message = f"PROBABILITY needs a number from 0 to 1, not {format_value(value)}"
+        raise ExecutionError("X006", message, hints=("divide by the sum of all weights to get probabilities",))
+    return value
+
+
+def is_proven(promised: Type, check: Callable[[Any], Any]) -> bool:
+    """Whether the type of a value already says what the check would find."""
+    if not promised.is_only(Kind.NUMBER) or promised.low is None or promised.low < 0:
+        return False
+    return check is not check_probability or (promised.high is not None and promised.high <= 1)
+
+
+def _check_step_number(value: Any, word: str) -> Any:
+    if type(value) not in NUMBERS or value < 0:
+        message = f"{word} needs a number of at least 0, not {format_value(value)}"
+        reason = _AT_LEAST[word] if type(value) in NUMBERS else f"a cost is a number, for example {word} 1"
+        raise ExecutionError("X006", message, hints=(reason,))
+    return value
+
+
+# --- Ctrl-C while a script runs
+# Python raises KeyboardInterrupt wherever its main thread happens to be. In the middle of ss2sql that could be between
+# two halves of something: a table that is registered on one side only, a transaction that nobody ends. So while
+# something of a session is under way, Ctrl-C is noted, and the run ends the next time that it looks, which it does
+# every few milliseconds (`Run.check`). Where nothing can be left half done it ends at once: in a function of the user,
+# which may take long, and in the stages that only compute a value from others.
+
+PATIENCE_SECONDS = (
+    1.0  # seconds after which a second Ctrl-C ends the run wherever it is: the first one has had no effect
+)
+
+_OWN = "ss2sql."
+# What computes a value from others, and keeps nothing that could be left half done.
+_PURE = tuple(_OWN + name for name in ("frontend.", "lowering.", "results.", "runtime.run.post_processing",
+                                       "runtime.representations."))  # fmt: skip
+# What others call for a moment: whether it may be broken off depends on who calls it.
+_HELPERS = tuple(_OWN + name for name in ("errors", "language", "runtime.run.search_paths"))
+_LIBRARIES = sys.stdlib_module_names | {"sqlglot"}
+
+
+class _CtrlC:
+    """What Ctrl-C does while something is under way in the main thread."""
+
+    def __init__(self) -> None:
+        self.under_way: list[Run | None] = []  # the innermost last; None is no run
+        self.pressed: float | None = None  # when it was pressed first
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        now = time.monotonic()
+        impatient = self.pressed is not None and now - self.pressed > PATIENCE_SECONDS
+        if self.pressed is None:
+            self.pressed = now
+        for run in self.under_way:
+            if run is not None:
+                run.interrupted = True
+        innermost = self.under_way[-1] if self.under_way else None
+        if impatient or (innermost is not None and can_interrupt(frame)):
+            raise KeyboardInterrupt
+
+
+_ctrl_c = _CtrlC()
+
+
+def can_interrupt(frame: FrameType | None) -> bool:
+    """Whether a run may end at once where it is: in code of the user, and in stages that only compute."""
+    if any(map(_does_lose_interrupt, _iterate_interrupted_code(frame))):
+        return False
+    while frame is not None:
+        name = frame.f_globals.get("__name__") or ""
+        own = not name or name.startswith(_OWN)  # what is generated has no name
+        if own and frame.f_code.co_flags & CO_GENERATOR:  # it is closed when it is dropped: an error would be lost
+            return False
+        if own:
+            if name and not name.startswith(_HELPERS):
+                return name.startswith(_PURE)
+        elif name.partition(".")[0] not in _LIBRARIES:
+            return True
+        frame = frame.f_back
+    return True
+
+
+def _iterate_interrupted_code(frame: FrameType | None) -> Iterator[FrameType]:
+    while frame is not None:
+        yield frame
+        frame = frame.f_back
+
+
+def _does_lose_interrupt(frame: FrameType) -> bool:
+    """Whether Python prints and forgets an error that leaves this frame."""
+    code = frame.f_code
+    return (
+        code.co_name == "__del__"
+        or frame.f_globals.get("__name__") == "weakref"
+        or any(getattr(callback, "__code__", None) is code for callback in gc.callbacks)
+    )
+
+
+@contextmanager
+def defer_keyboard_interrupt(run: Run | None = None) -> Iterator[None]:
+    """Has Ctrl-C noted for as long as something is under way, in the main thread.
+
+    A run notices by itself. What is no run is finished first: KeyboardInterrupt is raised after it. Only Python's own
+    way to handle Ctrl-C is replaced; whoever has set another one decides what it means.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    if not _ctrl_c.under_way and getsignal(SIGINT) is not default_int_handler:
+        yield
+        return
+    # While Python's own way is in force, KeyboardInterrupt may come anywhere, so nothing is changed then.
+    if not _ctrl_c.under_way:
+        _ctrl_c.pressed = None
+        set_handler(SIGINT, _ctrl_c)
+    _ctrl_c.under_way.append(run)
+    if run is not None:
+        run.interrupted = _ctrl_c.pressed is not None
+    try:
+        yield
+    finally:
+        _ctrl_c.under_way.pop()
+        if not _ctrl_c.under_way:
+            if getsignal(SIGINT) is _ctrl_c:  # else a function of the user has set another one
+                set_handler(SIGINT, default_int_handler)
+            if _ctrl_c.pressed is not None:
+                if run is None:
+                    raise KeyboardInterrupt
+                run.interrupted = True
+
+
+def without_keyboard_interrupt(work: Callable[P, T]) -> Callable[P, T]:
+    """Decorator: what Ctrl-C does not break off in the middle."""
+
+    @wraps(work)
+    def call_uninterrupted(*arguments: P.args, **named: P.kwargs) -> T:
+        with defer_keyboard_interrupt():
+            return work(*arguments, **named)
+
+    return call_uninterrupted
+
+
+def close_frames(error: BaseException) -> None:
+    """Closes what the frames of an interrupted run hold, while Ctrl-C is noted.
+
+    A traceback keeps the generators of a search. Closed later, with the traceback, they would lose another Ctrl-C.
+    """
+    from traceback import clear_frames
+
+    raised: BaseException | None = error
+    while raised is not None:
+        clear_frames(raised.__traceback__)
+        raised = raised.__context__

@@ -1,12 +1,18 @@
-"""Tables and views of the session's database, as the resolver sees them.
+"""Tables and views of the session's database, as the resolver sees them, and what their data show of the columns.
 
-What the data show of the columns, see `column_types.py`, is kept until the database changes.
+SQLite does not enforce declared types, so all rows are looked at, once for each state of the database, for the kinds of
+values and the bounds of numbers. For a million rows of three numbers and a text that takes 0.16 s, for one column of
+integers 0.08 s. A column that is the rowid takes none. Columns that a script does not read are not looked at.
+
+What a view computes may have no end, so it is looked at for a while only. That is counted in steps of SQLite's virtual
+machine: one that is too long for this is so on every machine, and its columns may then hold values of all kinds.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -14,26 +20,134 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import apsw
 
 from ss2sql.errors import ExecutionError, SessionError
+from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.conversion import decode_text
-from ss2sql.language.kinds import Kind, Type
-from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, build_sqlite_error
-from ss2sql.runtime.sqlite.column_types import (
-    STORED,
-    DatabaseColumn,
-    infer_table_types,
-    infer_view_types,
+from ss2sql.language.kinds import Kind, Type, widen_number_type
+from ss2sql.runtime.sqlite.connections import (
+    READ_ERRORS,
+    attach_file,
+    build_sqlite_error,
+    close_file,
+    detach_file,
+    open_sqlite_file,
     quote_sqlite_name,
 )
-from ss2sql.runtime.sqlite.file_locks import attach_file, close_file, detach_file, open_sqlite_file
 
 if TYPE_CHECKING:
     import sqlite3
 
     from ss2sql.lowering.flat import TableFilter
     from ss2sql.runtime.graph_cache.graph_store import GraphStore
-    from ss2sql.runtime.sqlite.copied_databases import CopiedDatabase
+    from ss2sql.runtime.sqlite.connections import CopiedDatabase
 
+
+_KINDS = {"null": Kind.NONE, "integer": Kind.INT, "real": Kind.FLOAT, "text": Kind.STR, "blob": Kind.OBJECT}
+NUMBER = Kind.INT | Kind.FLOAT
+STORED = NUMBER | Kind.NONE | Kind.STR | Kind.OBJECT
+# As of two million steps, which take 0.05 s: some 150,000 rows of a view of four columns.
+EVERY, TIMES = 10_000, 200
+
+
+class _TooManyStepsError(Exception):
+    """A view takes longer than somebody who only wants to know its columns waits. It never leaves this module."""
+
+
+@dataclass(frozen=True, slots=True)
+class DatabaseColumn:
+    """A column with its declared type. `leads_index`: an index, or the table itself, is sorted by its values."""
+
+    name: str
+    declared: str = ""
+    leads_index: bool = False
+    rowid: bool = False
+
+    @property
+    def quoted(self) -> str:
+        return quote_sqlite_name(self.name)
+
+    @property
+    def numeric(self) -> bool:
+        """Whether SQLite makes numbers of texts that it is compared with."""
+        declared = self.declared.upper()
+        others = ("CHAR", "CLOB", "TEXT", "BLOB")
+        return "INT" in declared or (declared != "" and not any(word in declared for word in others))
+
+
+def infer_table_types(connection: apsw.Connection, table: str, columns: Sequence[DatabaseColumn]) -> dict[str, Type]:
+    """The types of the columns of a table. Raises what apsw raises."""
+    kinds = _find_column_kinds(connection, table, columns)
+    return {name: Type(found) for name, found in kinds.items()} | _find_sqlite_bounds(connection, table, columns, kinds)
+
+
+def infer_view_types(connection: apsw.Connection, view: str, columns: Sequence[DatabaseColumn]) -> dict[str, Type]:
+    """The same of a view, without bounds: what it computes may change with every look at it, as random() does.
+
+    Infinities are looked for all the same: `a * 0` is None in SQLite where `a` is infinite, and NaN in Python.
+    """
+    try:
+        with _limit_sqlite_steps(connection):
+            found = infer_table_types(connection, view, columns)
+    except _TooManyStepsError:
+        return {column.name: Type(STORED) for column in columns}
+    return {name: Type(known.kinds) for name, known in found.items()}
+
+
+@contextmanager
+def _limit_sqlite_steps(connection: apsw.Connection) -> Iterator[None]:
+    left = TIMES
+
+    def count_step() -> bool:
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise _TooManyStepsError
+        return False
+
+    connection.set_progress_handler(count_step, EVERY, id=count_step)
+    try:
+        yield
+    finally:
+        connection.set_progress_handler(None, id=count_step)
+
+
+def _find_column_kinds(connection: apsw.Connection, table: str, columns: Sequence[DatabaseColumn]) -> dict[str, Kind]:
+    kinds = {column.name: Kind.INT if column.rowid else Kind(0) for column in columns}
+    tested = [column for column in columns if not column.rowid]
+    tests = ", ".join(f"typeof({column.quoted})" for column in tested)
+    found: list[tuple[Any, ...]] = []
+    if tested:
+        found = connection.execute(f"SELECT DISTINCT {tests} FROM {table}").fetchall()
+    for row in found:
+        for column, word in zip(tested, row, strict=True):
+            kinds[column.name] |= _KINDS[word]
+    return kinds
+
+
+def _find_sqlite_bounds(
+    connection: apsw.Connection, table: str, columns: Sequence[DatabaseColumn], kinds: Mapping[str, Kind]
+) -> dict[str, Type]:
+    """The types of the columns that hold numbers and None alone.
+
+    In a query that asks for one end only, SQLite takes it from an index that begins with the column.
+    """
+    numbers = [one for one in columns if kinds[one.name] & NUMBER and not kinds[one.name] & ~(NUMBER | Kind.NONE)]
+    if not numbers:
+        return {}
+    terms = []
+    for column in numbers:
+        ends = [f"{end}({column.quoted})" for end in ("min", "max")]
+        terms += [f"(SELECT {end} FROM {table})" for end in ends] if column.leads_index else ends
+    walked = "" if all(column.leads_index for column in numbers) else f" FROM {table}"
+    found: tuple[Any, ...]
+    (found,) = connection.execute(f"SELECT {', '.join(terms)}{walked}").fetchall()
+    return {
+        column.name: widen_number_type(kinds[column.name], low, high)
+        for column, low, high in zip(numbers, found[::2], found[1::2], strict=True)
+    }
+
+
+# --- tables and views of the session's database, as the resolver sees them
 MANY_ROWS = 50_000  # rows of a table that is read as arrays
 DIGITS = 21  # of an integer in text, with its sign and a comma
 FILES = (".db", ".sqlite", ".sqlite3")  # a text that ends so is a path, any other is a value
@@ -139,7 +253,7 @@ class Tables:
         """Makes the tables of a connection of `sqlite3` known as `name.table`, as they are when a script runs."""
         self._check_free(name)
         self._make_room(name)
-        from ss2sql.runtime.sqlite.copied_databases import CopiedDatabase
+        from ss2sql.runtime.sqlite.connections import CopiedDatabase
 
         copied = CopiedDatabase(self.connection, name, source)
         copied.refresh_copy()

@@ -27,21 +27,22 @@ from ss2sql.language.rows import Row, Rows, check_row_limit, iterate_limited_row
 from ss2sql.language.values import get_truth
 from ss2sql.lowering.sql_query import BlobValue, Bookkeeping, ListTable, Parameter, SqlQuery, get_builtin_name
 from ss2sql.runtime.run.call_memory import MEMO_LIMIT, CallMemo, forget_older_half
-from ss2sql.runtime.run.option_checks import check_cost, check_heuristic, check_probability
-from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.run.run_state import Run, check_cost, check_heuristic, check_probability
 from ss2sql.runtime.run.search_paths import SearchPaths
-from ss2sql.runtime.sqlite.authorizer import READ_ERRORS, Authorizer, find_sqlite_run_error
-from ss2sql.runtime.sqlite.function_callbacks import (
-    CompletedCalls,
-    FunctionCallback,
-    MemberCache,
-    make_builtin_callback,
-    make_final_callback,
-)
+from ss2sql.runtime.sqlite.connections import READ_ERRORS, Authorizer, find_sqlite_run_error
 from ss2sql.runtime.sqlite.interning import TRUE, Interning, OtherFormError, make_decoder, make_row_decoder
 from ss2sql.runtime.sqlite.list_elements import CallRequest, ColumnsFor, ElementColumns, ListModules, SqliteElementCalls
 from ss2sql.runtime.sqlite.search_functions import FUNCTIONS, SearchState, StepNumbers
-from ss2sql.runtime.sqlite.sql_functions import AGGREGATE_FUNCTIONS, SCALAR_FUNCTIONS, intern_element_columns
+from ss2sql.runtime.sqlite.sql_functions import (
+    AGGREGATE_FUNCTIONS,
+    SCALAR_FUNCTIONS,
+    CompletedCalls,
+    FunctionCallback,
+    MemberCache,
+    intern_element_columns,
+    make_builtin_callback,
+    make_final_callback,
+)
 from ss2sql.vtables.frames import Frame
 
 if TYPE_CHECKING:
@@ -208,10 +209,10 @@ class Database:
         )
 
     def register_user(self, function: UserFunction, sql_name: str) -> None:
-        """A function of the user; see function_callbacks.py."""
+        """A function of the user; see sql_functions.py."""
         memo = self.memos.setdefault(function.name, CallMemo(self.memo_limit))
         if function.vectorized:
-            from ss2sql.runtime.run.array_calls import make_row_call_function
+            from ss2sql.runtime.run.calls import make_row_call_function
 
             function = make_row_call_function(function)
         caller = self.sql_callbacks[function.name] = FunctionCallback(function, memo, self.stack)

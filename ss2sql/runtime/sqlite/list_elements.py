@@ -22,8 +22,8 @@ from ss2sql.runtime.run.call_memory import UNAMBIGUOUS_TYPES, forget_older_half
 
 if TYPE_CHECKING:
     from ss2sql.runtime.sqlite.executor import SqliteExecution
-    from ss2sql.runtime.sqlite.function_callbacks import FunctionCallback
     from ss2sql.runtime.sqlite.search_functions import SearchState
+    from ss2sql.runtime.sqlite.sql_functions import FunctionCallback
 
 
 # --- the elements of a value as a virtual table

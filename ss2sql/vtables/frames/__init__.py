@@ -1,4 +1,4 @@
-"""Data frames as sources: pandas, Polars, Arrow, and structured arrays of NumPy.
+"""What stands in FROM: data frames of pandas, Polars, Arrow, structured arrays of NumPy, and the elements of a value.
 
 A frame has named columns of one length and of known types, whose values are made when they are first read.
 array_columns makes columns of arrays and the values of single cells; the other files know one library each, which is
@@ -12,7 +12,9 @@ from importlib import import_module
 from typing import Any, TypeAlias
 
 from ss2sql.errors import ExecutionError, SessionError, require_package
-from ss2sql.language.kinds import Kind, Type, Typed
+from ss2sql.language.kinds import Kind, Opaque, Type, Typed
+from ss2sql.language.values import format_value
+from ss2sql.vtables.contract import has_adapter
 
 
 class Column:
@@ -129,3 +131,44 @@ def _load_reader(file: str, function: str, source: Any) -> Callable[[Any, str], 
     if file == "arrow":
         require_package("pyarrow", "df", f"to read a {type(source).__name__}, ss2sql")
     return getattr(import_module(f"ss2sql.vtables.frames.{file}"), function)  # type: ignore[no-any-return]
+
+
+# --- the elements of a value that stands in FROM; both engines read them here
+PLAIN_TYPES = frozenset({type(None), bool, int, float, str, list, dict, bytes})
+
+
+def list_source_elements(value: Any) -> list[Any]:
+    """The elements of a value as a new list, which stays as it is when the value changes.
+
+    A list gives its items, a dict of equally long lists one dict per row, anything else itself.
+
+    Raises:
+        ExecutionError: X005 for a dict of lists that are not equally long.
+    """
+    kind = type(value)
+    if kind is list:
+        return list(value)
+    if isinstance(value, Frame):
+        return value.list_dicts()
+    if kind is dict and value and set(map(type, value.values())) == {list}:
+        return _zip_from_columns(value)
+    if kind not in PLAIN_TYPES and has_adapter(value.object if kind is Opaque else value):
+        hint = "attach it: attach(name, object); its tables and columns are then known"
+        raise ExecutionError("X005", f"a {type(value).__name__} is a world, and no list", hints=(hint,))
+    return [value]
+
+
+def list_elements_or_none(value: Any) -> list[Any]:
+    """The elements of a value; None alone where there are none."""
+    return list_source_elements(value) or [None]
+
+
+def _zip_from_columns(columns: dict[Any, list[Any]]) -> list[Any]:
+    lengths = {name: len(column) for name, column in columns.items()}
+    if len(set(lengths.values())) > 1:
+        raise ExecutionError(
+            "X005",
+            f"a dict of columns needs lists of equal length, and these have the lengths {format_value(lengths)}",
+            hints=("fill up the shorter columns with None, or put the dict into a list to make it one element",),
+        )
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
