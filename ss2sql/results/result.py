@@ -28,9 +28,8 @@ if TYPE_CHECKING:
     from ss2sql.results.explain.explanation import Explanation
     from ss2sql.results.watching.animation import Page
     from ss2sql.results.watching.search_trace import SearchTrace
-    from ss2sql.runtime.external.duckdb_query import DuckQuery
+    from ss2sql.runtime.external.duckdb_query import DuckQuery, PredicatePushdown
     from ss2sql.runtime.external.level_query import LevelQuery
-    from ss2sql.runtime.external.predicate_pushdown import PredicatePushdown
     from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
     from ss2sql.runtime.sqlite.executor import Database
 

@@ -42,9 +42,8 @@ from ss2sql.runtime.run.run_state import (
 
 if TYPE_CHECKING:
     from ss2sql.lowering.sql_builder import Dialect
-    from ss2sql.runtime.external.duckdb_query import DuckQuery
+    from ss2sql.runtime.external.duckdb_query import DuckQuery, PredicatePushdown
     from ss2sql.runtime.external.level_query import LevelQuery, TableEngine
-    from ss2sql.runtime.external.predicate_pushdown import PredicatePushdown
     from ss2sql.runtime.python import NativeQuery
     from ss2sql.session.host import SessionHost
 
@@ -188,7 +187,7 @@ class CompiledQuery:
         sources = None if tables is None or query.search else tables.sources
         # Nobody has a table of DuckDB while the module is not loaded.
         if sources is None and "ss2sql.runtime.external.duckdb_sources" in sys.modules:
-            from ss2sql.runtime.external.predicate_pushdown import push_down_predicates
+            from ss2sql.runtime.external.duckdb_query import push_down_predicates
 
             query, self.handed = push_down_predicates(query, variable)
             self.query = query

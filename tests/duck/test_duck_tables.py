@@ -26,7 +26,7 @@ from second_opinion import DECISIONS, TYPES, twin
 from sessions import code_of
 
 import ss2sql
-from ss2sql.runtime.external import duckdb_functions, duckdb_search, duckdb_sources
+from ss2sql.runtime.external import duckdb_query, duckdb_search, duckdb_sources
 
 duckdb = pytest.importorskip("duckdb")
 
@@ -426,7 +426,7 @@ def test_sessions_of_one_database_at_once(own: Any) -> None:
 
 
 def test_names_of_functions_do_not_meet(ss: ss2sql.Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(duckdb_functions, "_numbers", count(2))
+    monkeypatch.setattr(duckdb_query, "_numbers", count(2))
     ss.set("t", [{"x": 2.5}])
     assert ss.eval("SELECT round(x), round(x / 4, 2) FROM t AS rows") == [(2, 0.62)]
 

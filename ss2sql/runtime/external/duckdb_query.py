@@ -1,30 +1,50 @@
-"""A query that is no search, in DuckDB, with functions of Python and elements of values as tables."""
+"""DuckDB for queries that are no search: whole queries there, and tables of DuckDB for queries that run elsewhere.
+
+A query in DuckDB has functions of Python and elements of values as tables. For one that runs elsewhere a table gives
+those rows alone that WHERE can keep: values of other rows never reach Python. WHERE stays as it is, so a table with too
+many rows is no harm.
+
+Aggregates of floats round the sum once and take no list of the values. A float below 2^63 is a whole number, a multiple
+of 2^-60 below 1, and one of 2^-120 below 2^-60; DuckDB adds these three as integers, exactly. What is left of a value,
+mostly nothing, is collected. A macro makes the parts of a value:
+
+    ss2sql_sum(x) = ss2sql_sum_of_run_1(SUM(whole), SUM(fraction), SUM(rest), LIST(remainder), COUNT(x))
+
+The average of 5 million floats in 1,000 groups took 260 ms as lists and takes 60.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from inspect import Parameter, Signature
-from itertools import chain
+from itertools import chain, count
 from typing import TYPE_CHECKING, Any
 
 from ss2sql.errors import Error, ExecutionError, UnsupportedError
+from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
 from ss2sql.language.conversion import read_column
 from ss2sql.language.kinds import Kind
-from ss2sql.language.plan_traversal import walk
-from ss2sql.language.rows import Row, Rows, iterate_limited_rows
+from ss2sql.language.operations import GROUPS
+from ss2sql.language.plan_traversal import can_fail, is_volatile, list_sources, split_and, walk
+from ss2sql.language.rows import Row, Rows, iterate_limited_rows, make_unique_name
 from ss2sql.lowering.portable.portable_expressions import build_refusal, get_sql_column_type
 from ss2sql.lowering.portable.portable_flat import NUMBER_COLUMN
 from ss2sql.lowering.portable.pushdown import (
     LIMIT_PARAMETER,
+    LISTED_AGGREGATES,
+    SUMMED_AGGREGATES,
+    ExternalTable,
     LoadedTable,
     PushdownQuery,
+    lower_table_pushdown,
     write_pushdown,
 )
 from ss2sql.lowering.portable.search_steps import TypedColumn
 from ss2sql.lowering.sql_builder import DUCKDB
-from ss2sql.runtime.external.duckdb_functions import create_function, register_aggregate, remove_function
 from ss2sql.runtime.external.duckdb_sources import DuckFrame, DuckSources, DuckTransaction
 from ss2sql.runtime.external.table_statements import build_batch, interrupt_when_due
 from ss2sql.runtime.python.native_query import compile_statement
@@ -35,6 +55,117 @@ if TYPE_CHECKING:
     import duckdb
 
 
+_numbers = count(1)
+
+UNIT = 60  # bits of each part but the first
+_SCALE = 2.0**UNIT
+_FRACTION = f"((x - TRUNC(x)) * {_SCALE!r})"
+_REST = f"(({_FRACTION} - TRUNC({_FRACTION})) * {_SCALE!r})"
+_WHOLE = "TRY_CAST(TRUNC(x) AS BIGINT)"  # NULL where it is too large
+_REMAINDER = f"CASE WHEN {_WHOLE} IS NULL THEN x ELSE ({_REST} - TRUNC({_REST})) / {_SCALE**2!r} END"
+_PARTS = f"""
+    SUM({_WHOLE}),
+    SUM(TRY_CAST(TRUNC({_FRACTION}) AS BIGINT)),
+    SUM(TRY_CAST(TRUNC({_REST}) AS BIGINT)),
+    LIST({_REMAINDER}) FILTER ({_REMAINDER} <> 0),
+    COUNT(x)
+"""
+_KINDS = ["HUGEINT", "HUGEINT", "HUGEINT", "DOUBLE[]", "BIGINT"]
+
+SUMMED = {function: GROUPS[name].of_float_sum for name, function in SUMMED_AGGREGATES.items()}
+LISTED = {function: GROUPS[name].value for name, function in LISTED_AGGREGATES.items()}
+
+
+def register_aggregate(cursor: duckdb.DuckDBPyConnection, function: str, failed: list[str]) -> str:
+    """Makes one of SUMMED or LISTED known, see `create_function`; `failed` gets why its values are no good."""
+    if function in LISTED:
+        return create_function(cursor, function, _wrap_listed(function, failed), ["DOUBLE[]"], "DOUBLE")
+    return create_function(cursor, function, _wrap_summed(function, failed), _KINDS, "DOUBLE", ["x"], _PARTS)
+
+
+def create_function(
+    cursor: duckdb.DuckDBPyConnection,
+    name: str,
+    function: Callable[..., Any],
+    kinds: list[str],
+    result: str,
+    parameters: list[str] | None = None,
+    arguments: str = "",
+) -> str:
+    """Makes a Python function known to a cursor by a macro, which calls it under a name that nobody else has.
+
+    All connections of a database share their functions: two transactions cannot make one of the same name at once.
+
+    Args:
+        cursor: the connection.
+        name: the macro, which statements call.
+        function: takes values of these `kinds`, types of DuckDB, and gives one of the type `result`.
+        parameters: those of the macro, where they are not the arguments of the function.
+        arguments: what the function is called with, then.
+
+    Returns:
+        the other name of the function.
+    """
+    shared = f"{name}_of_run_{next(_numbers)}"  # names of macros end in a number, too
+    cursor.create_function(shared, function, kinds, result, null_handling="special")  # type: ignore[call-overload]
+    names = parameters or [f"x{n}" for n in range(len(kinds))]
+    cursor.execute(f"CREATE TEMPORARY MACRO {name}({', '.join(names)}) AS {shared}({arguments or ', '.join(names)})")
+    return shared
+
+
+def remove_function(cursor: duckdb.DuckDBPyConnection, name: str, shared: str) -> None:
+    """Takes away the macro, and the function that it calls."""
+    cursor.execute(f"DROP MACRO {name}")
+    cursor.remove_function(shared)
+
+
+def _wrap_listed(function: str, failed: list[str]) -> Callable[[list[float] | None], float | None]:
+    compute = LISTED[function]
+
+    def compute_listed(values: list[float] | None) -> float | None:
+        try:
+            return None if values is None else compute(values)
+        except ExecutionError:
+            failed.append("an aggregate of floats becomes too large on its way")
+            return None
+
+    return compute_listed
+
+
+def _wrap_summed(function: str, failed: list[str]) -> Callable[..., float | None]:
+    of_sum = SUMMED[function]
+    assert of_sum is not None
+
+    def compute_from_parts(
+        whole: int | None, fraction: int | None, rest: int | None, remainders: list[float] | None, count: int
+    ) -> float | None:
+        if not count:
+            if function == SUMMED_AGGREGATES["sum"]:
+                failed.append("a sum of nothing is a whole number among floats")
+            return None
+        exact = ((((whole or 0) << UNIT) + (fraction or 0)) << UNIT) + (rest or 0)
+        try:
+            return of_sum(_add_remainders(exact, remainders), count)
+        except OverflowError:
+            failed.append("a sum of floats becomes too large on its way")
+            return None
+
+    return compute_from_parts
+
+
+def _add_remainders(exact: int, remainders: list[float] | None) -> float:
+    """The sum of a multiple of 2^-120 and floats, rounded once."""
+    if not remainders:
+        return exact / (1 << 2 * UNIT)
+    parts = list(remainders)
+    while exact:  # as floats without a remainder: two to four
+        part = float(exact)
+        parts.append(math.ldexp(part, -2 * UNIT))
+        exact -= int(part)
+    return math.fsum(parts)
+
+
+# --- a query that is no search, in DuckDB, with functions of Python and elements of values as tables
 def register_in_duckdb(
     cursor: duckdb.DuckDBPyConnection, functions: Mapping[str, plan.Call | None], run: Run, failed: list[str]
 ) -> dict[str, str]:
@@ -248,3 +379,86 @@ def find_duck_frame(source: plan.ValueSource, variable: Callable[[str], Any]) ->
     except (KeyError, Error):
         return None
     return frame if isinstance(frame, DuckFrame) else None
+
+
+# --- tables of DuckDB for queries that run elsewhere: with those rows alone that WHERE can keep
+@dataclass(frozen=True, slots=True)
+class PredicatePushdown:
+    """A source of a query, and the parts of WHERE that speak of it alone and come before what may fail."""
+
+    source: plan.ValueSource
+    conditions: tuple[plan.Expr, ...]
+
+    def read_table(self, run: Run) -> Any:
+        """The source as it is now, with the rows that are kept; the whole of it where it is no table any more."""
+        assert isinstance(self.source.value, plan.Variable)
+        frame = find_duck_frame(self.source, run.get_source)
+        kept = None if frame is None else self.filter_frame(frame, run.get_source)
+        if frame is None or kept is None:
+            return run.get_source(self.source.value.name)
+        with interrupt_when_due(run, frame.reading):
+            return frame.restrict_rows(kept)
+
+    def filter_frame(self, frame: DuckFrame, variable: Callable[[str], Any]) -> ExternalTable | None:
+        """The rows of the table that are kept; None where DuckDB cannot tell which."""
+        if frame.reading.strange:  # texts may compare in another way
+            return None
+        try:
+            return lower_table_pushdown(frame.outside, self.source, self.conditions, variable)
+        except UnsupportedError:
+            return None
+
+
+def push_down_predicates(
+    query: plan.Query, variable: Callable[[str], Any]
+) -> tuple[plan.Query, dict[str, PredicatePushdown]]:
+    """The query over variables of their own instead of the tables that DuckDB can narrow, and what these are.
+
+    Args:
+        query: a query that DuckDB does not run.
+        variable: gives the values that variables will have, and raises KeyError or an Error where that is not known.
+    """
+    found: dict[str, PredicatePushdown] = {}
+    if query.search is not None or query.where is None or any(map(_can_source_fail, query.sources)):
+        return query, {}
+    if is_volatile(query):  # where something is assigned, conditions may be others for the next row
+        return query, {}
+    safe = _find_pushed_conditions(query.where)
+    sources = []
+    for source in query.sources:
+        if isinstance(source, plan.ValueSource):
+            known = _find_pushdown(safe, source, variable)
+            if known is not None:
+                name = make_unique_name(f"{source.name}.kept", found)  # no script has a variable with a dot
+                found[name] = known
+                source = replace(source, value=plan.Variable(name, source.value.type, frame=True, span=source.span))
+        sources.append(source)
+    return replace(query, sources=tuple(sources)), found
+
+
+def _can_source_fail(source: plan.Source) -> bool:
+    """Whether opening a source may raise, or asks for a row of another one: it is opened for all rows before it."""
+    known = isinstance(source, plan.ValueSource) and isinstance(source.value, (plan.Variable, plan.Constant))
+    return not (known or isinstance(source, plan.TableSource))
+
+
+def _find_pushed_conditions(where: plan.Expr | None) -> list[plan.Expr]:
+    """The parts of WHERE before what may fail or calls a Python function: rows that they do not keep are not missed."""
+    found: list[plan.Expr] = []
+    for part in split_and(where):
+        if can_fail(part) or any(isinstance(node, plan.Call) and not node.function.builtin for node in walk(part)):
+            break
+        found.append(part)
+    return found
+
+
+def _find_pushdown(
+    safe: Iterable[plan.Expr], source: plan.ValueSource, variable: Callable[[str], Any]
+) -> PredicatePushdown | None:
+    """What DuckDB can ask of a source, if it is a table there and there is such a thing."""
+    frame = find_duck_frame(source, variable)
+    if frame is None:
+        return None
+    own = (part for part in safe if list_sources(part) == {source.id})
+    found = tuple(part for part in own if PredicatePushdown(source, (part,)).filter_frame(frame, variable) is not None)
+    return PredicatePushdown(source, found) if found else None
