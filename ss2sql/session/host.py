@@ -29,8 +29,7 @@ from ss2sql.language.kinds import Type, type_of
 from ss2sql.language.operations import OPERATIONS
 from ss2sql.lowering.rewrites.rewrite_context import RewriteContext
 from ss2sql.runtime.representations.shape import REPRESENTATIONS, Representations
-from ss2sql.runtime.run.call_memory import MEMO_LIMIT
-from ss2sql.runtime.run.run_state import Limits, Run, defer_keyboard_interrupt, pause_collector
+from ss2sql.runtime.run.run_state import MEMO_LIMIT, Limits, Run, defer_keyboard_interrupt, pause_collector
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.sqlite.connections import close_file, while_using_files
 from ss2sql.runtime.sqlite.database_tables import STORED, Tables

@@ -33,10 +33,9 @@ from ss2sql.runtime.python.located_code import AstBuilder, generate_template, lo
 from ss2sql.runtime.python.python_expressions import generate_expression, get_group_key
 from ss2sql.runtime.python.query_execution import QueryExecution, get_value_function
 from ss2sql.runtime.python.source_loops import CallStages
-from ss2sql.runtime.run.call_memory import MEMO_LIMIT, forget_older_half
 from ss2sql.runtime.run.calls import make_call_key, report_memo_counts
 from ss2sql.runtime.run.post_processing import QueryForm, find_grouped_aggregates
-from ss2sql.runtime.run.run_state import Run, check_count_value
+from ss2sql.runtime.run.run_state import Run, check_count_value, keep_bounded
 
 if TYPE_CHECKING:
     from ss2sql.language.values import FrozenShapes
@@ -394,9 +393,7 @@ def _reads_outer_loop(part: Any, body: PythonScope) -> bool:
 
 
 def memoize_value(memo: dict[Any, Any], key: Any, value: Any) -> Any:
-    if len(memo) >= MEMO_LIMIT:
-        forget_older_half(memo)
-    memo[key] = value
+    keep_bounded(memo, key, value)
     return value
 
 

@@ -30,8 +30,7 @@ from ss2sql.language import plan
 from ss2sql.language.conversion import format_value, is_marshalled_value, is_shallow_list_value
 from ss2sql.language.plan_traversal import is_array_call, list_parts, walk
 from ss2sql.language.values import SCALARS, convert_value, copy_deep, copy_for_python
-from ss2sql.runtime.run.call_memory import FailedCall, forget_older_half
-from ss2sql.runtime.run.run_state import Run
+from ss2sql.runtime.run.run_state import FailedCall, Run, keep_bounded
 from ss2sql.runtime.sqlite.interning import Interning
 
 if TYPE_CHECKING:
@@ -285,7 +284,7 @@ class ArrayFunction:
                     size = max(size // 8, 1)
                     continue
                 self.run.stats.calls[self.name] += 1
-                self._keep_answer(part_keys[0], FailedCall(error))
+                keep_bounded(self.memo, part_keys[0], FailedCall(error), self.limit)
                 return
             self.run.stats.calls[self.name] += size
             self._keep_result(part_keys, result)
@@ -302,14 +301,10 @@ class ArrayFunction:
         giver = f"the function '{self.name}'"
         for key, element in zip(keys, elements, strict=True):
             try:
-                self._keep_answer(key, element if type(element) is FailedCall else convert_value(element, giver))
+                answer = element if type(element) is FailedCall else convert_value(element, giver)
             except Error as error:
-                self._keep_answer(key, FailedCall(error))
-
-    def _keep_answer(self, key: Any, answer: Any) -> None:
-        if len(self.memo) >= self.limit:
-            forget_older_half(self.memo)
-        self.memo[key] = answer
+                answer = FailedCall(error)
+            keep_bounded(self.memo, key, answer, self.limit)
 
 
 def _split_call_blocks(rows: dict[Any, Arguments]) -> list[tuple[list[Any], list[Arguments]]]:
@@ -447,17 +442,13 @@ class MemoizedCalls:
             try:
                 value = call(copies)
             except Exception as error:
-                if len(memo) < limit and not isinstance(error, Stopped):
-                    memo[key] = FailedCall(error)
+                if not isinstance(error, Stopped):
+                    keep_bounded(memo, key, FailedCall(error), limit)
                 raise
             return keep_value(key, value)
 
         def keep_value(key: Hashable, value: Any) -> Any:
-            if len(memo) >= limit:
-                if not limit:
-                    return value
-                forget_older_half(memo)
-            memo[key] = (value,)
+            keep_bounded(memo, key, (value,), limit)
             return value
 
         def adopt(arguments: tuple[Any, ...], answer: Any) -> None:
@@ -471,10 +462,7 @@ class MemoizedCalls:
                 key = (objects.encode(list(arguments)),)
             else:
                 return
-            if type(answer) is not FailedCall:
-                keep_value(key, answer)
-            elif len(memo) < limit:
-                memo[key] = answer
+            keep_bounded(memo, key, answer if type(answer) is FailedCall else (answer,), limit)
 
         self.adopt, self.foretold = adopt, run.foreteller is not None
         self.body, self.count = function.function, made.count_more

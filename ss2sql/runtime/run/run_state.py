@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from dataclasses import field
 from functools import wraps
 from inspect import CO_GENERATOR
+from itertools import islice
 from math import inf
 from time import perf_counter
 from types import FrameType
@@ -325,6 +326,32 @@ def translate_memory_error(error: MemoryError) -> Exception:
 def build_memory_error() -> OutOfMemory:
     hints = ("bound the search or the result, or the values in it: max_rows, max_size and max_memory do so",)
     return OutOfMemory("T003", "there is not enough memory", hints=hints)
+
+
+# --- the results of calls that a run remembers
+MEMO_LIMIT = 100_000  # calls of one function
+
+
+class FailedCall:
+    """In a memory of calls: the error with which the call ended."""
+
+    __slots__ = ("error",)
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+
+def keep_bounded(memory: dict[Any, Any], key: Any, value: Any, limit: int = MEMO_LIMIT) -> None:
+    """Keeps a value, unless the limit is 0. Where there are too many, the older half is forgotten.
+
+    One by one, each would cost a walk over those that went before it, which takes 14 us in a dict of 100,000.
+    """
+    if len(memory) >= limit:
+        if not limit:
+            return
+        for old in list(islice(memory, (len(memory) + 1) // 2)):
+            del memory[old]
+    memory[key] = value
 
 
 # --- options and limits of a session, a run or a query, as users give them

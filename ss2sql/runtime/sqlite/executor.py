@@ -26,8 +26,7 @@ from ss2sql.language.plan_traversal import walk
 from ss2sql.language.rows import Row, Rows, check_row_limit, iterate_limited_rows
 from ss2sql.language.values import get_truth
 from ss2sql.lowering.sql_query import BlobValue, Bookkeeping, ListTable, Parameter, SqlQuery, get_builtin_name
-from ss2sql.runtime.run.call_memory import MEMO_LIMIT, CallMemo, forget_older_half
-from ss2sql.runtime.run.run_state import Run, check_cost, check_heuristic, check_probability
+from ss2sql.runtime.run.run_state import Run, check_cost, check_heuristic, check_probability, keep_bounded
 from ss2sql.runtime.run.search_paths import SearchPaths
 from ss2sql.runtime.sqlite.connections import READ_ERRORS, Authorizer, find_sqlite_run_error
 from ss2sql.runtime.sqlite.interning import TRUE, Interning, OtherFormError, make_decoder, make_row_decoder
@@ -36,6 +35,7 @@ from ss2sql.runtime.sqlite.search_functions import FUNCTIONS, SearchState, StepN
 from ss2sql.runtime.sqlite.sql_functions import (
     AGGREGATE_FUNCTIONS,
     SCALAR_FUNCTIONS,
+    CallMemo,
     CompletedCalls,
     FunctionCallback,
     MemberCache,
@@ -89,9 +89,7 @@ class SqliteExecution:
 
     def keep_value(self, key: tuple[Any, ...], value: Any) -> Any:
         """Keeps a value for `recall`, by a key that tells 1 from 1.0."""
-        if len(self.memoized_values) >= MEMO_LIMIT:
-            forget_older_half(self.memoized_values)
-        self.memoized_values[dumps(key, 2)] = value
+        keep_bounded(self.memoized_values, dumps(key, 2), value)
         return value
 
     def find_value_source(self) -> Span | None:

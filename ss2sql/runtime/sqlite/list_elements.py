@@ -12,13 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import compress, repeat, starmap
 from marshal import dumps, loads
+from types import NoneType
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import apsw
 
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.lowering.sql_query import ElementCall, ListTable, choose_sql_names, quote_names
-from ss2sql.runtime.run.call_memory import UNAMBIGUOUS_TYPES, forget_older_half
+from ss2sql.runtime.run.run_state import keep_bounded
 
 if TYPE_CHECKING:
     from ss2sql.runtime.sqlite.executor import SqliteExecution
@@ -280,6 +281,7 @@ class _CallingCursor(_Cursor):
 Columns: TypeAlias = list[Sequence[Any]]  # of a list, in SQL values
 Arguments: TypeAlias = tuple[Any, ...]  # of the table, the list first
 Results: TypeAlias = Callable[[Arguments], Sequence[Any]]  # gives the values of a call for all elements of one list
+UNAMBIGUOUS_TYPES = frozenset({bytes, str, NoneType})  # of SQL values that equal only what they are
 
 
 class SqliteElementCalls:
@@ -332,9 +334,8 @@ class SqliteElementCalls:
                     columns[number] = tuple(compress(columns[number], places))
                 kept = len(columns[without])
             if memo.hits > hits:
-                if len(again) * (len(of_list[0]) + 1) >= limit:
-                    forget_older_half(again)
-                again[_make_sqlite_call_key(arguments)] = len(of_list[0]), (kept, columns)
+                made = len(of_list[0]), (kept, columns)
+                keep_bounded(again, _make_sqlite_call_key(arguments), made, limit // (len(of_list[0]) + 1))
             return kept, columns
 
         return read_columns
@@ -397,12 +398,8 @@ class _ElementCall:
                 return known
             # A tuple, which the collector of cycles soon leaves alone.
             found = tuple(block(values(arguments), lambda: rows(columns, arguments)))
-            if most and (
-                interning.is_plain or all(caller.can_remember(interning, row) for row in rows(columns, arguments))
-            ):
-                if len(made) >= most:
-                    forget_older_half(made)
-                made[key] = found
+            if interning.is_plain or all(caller.can_remember(interning, row) for row in rows(columns, arguments)):
+                keep_bounded(made, key, found, most)
             return found
 
         return call_for_list

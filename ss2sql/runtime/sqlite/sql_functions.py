@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import starmap
 from marshal import dumps, loads
 from operator import itemgetter
+from types import NoneType
 from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 from ss2sql.errors import Error, Stopped, note_place_on_exception
@@ -22,9 +23,9 @@ from ss2sql.language.rows import Table
 from ss2sql.language.values import convert_value
 from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS
 from ss2sql.runtime.representations.shape import as_set
-from ss2sql.runtime.run.call_memory import CallMemo, FailedCall
+from ss2sql.runtime.run.run_state import FailedCall, keep_bounded
 from ss2sql.runtime.sqlite.interning import Interning, OtherFormError
-from ss2sql.runtime.sqlite.list_elements import ElementColumns, build_callback_columns
+from ss2sql.runtime.sqlite.list_elements import UNAMBIGUOUS_TYPES, ElementColumns, build_callback_columns
 from ss2sql.runtime.sqlite.search_functions import FUNCTIONS as SEARCH_FUNCTIONS
 from ss2sql.vtables.frames import Frame, list_source_elements
 
@@ -289,6 +290,49 @@ class CarriedStopError(Exception):
     """A StopIteration of a function on its way through SQLite: by itself it would only end the walk over the rows."""
 
 
+class CallMemo:
+    """The remembered results of one function, by its SQL arguments; the oldest go when there are too many.
+
+    1 and 1.0 are one key of a dict but two arguments of a function, and so are 0.0 and -0.0: where there are numbers
+    among the arguments, `exact` keeps the result by marshal's bytes of them, where a look costs 0.2 us. Handles and
+    strings need no such care: their results are in `plain`, where it costs 0.1 us.
+
+    In `exact` are also the lists of calls that stand in FROM, as tuples of elements, and what calls have raised, as a
+    FailedCall: a statement that is run again must not call a second time. `calls` counts real calls, `hits` answers of
+    the memo.
+    """
+
+    __slots__ = ("calls", "exact", "hits", "limit", "plain")
+
+    def __init__(self, limit: int) -> None:
+        self.plain: dict[Any, Any] = {}
+        self.exact: dict[bytes, Any] = {}
+        self.hits = 0
+        self.calls = 0
+        self.limit = limit
+
+    def begin_execution(self) -> tuple[Any, ...]:
+        """Empties the memo for one more execution and gives what it held, for `end_execution`."""
+        outer = (self.plain, self.exact, self.calls, self.hits)
+        self.plain, self.exact, self.calls, self.hits = {}, {}, 0, 0
+        return outer
+
+    def end_execution(self, outer: tuple[Any, ...]) -> tuple[int, int]:
+        """Puts back what the memo held before, and gives the numbers of calls and of hits."""
+        counts = self.calls, self.hits
+        self.plain, self.exact, self.calls, self.hits = outer
+        return counts
+
+    def keep_result(self, arguments: tuple[Any, ...], result: Any) -> None:
+        if type(result) not in _EXACT_RESULTS and UNAMBIGUOUS_TYPES.issuperset(map(type, arguments)):
+            keep_bounded(self.plain, arguments, result, self.limit)
+        else:
+            keep_bounded(self.exact, dumps(arguments, 2), result, self.limit)
+
+
+_EXACT_RESULTS = frozenset({NoneType, FailedCall, tuple})
+
+
 class FunctionCallback:
     """What calls a function of the user for SQL. The memo is that of the innermost execution, whoever puts it there."""
 
@@ -348,14 +392,11 @@ class FunctionCallback:
                 if type(result) is FailedCall:
                     execution.failed = True
                     raise result.error
+                if type(result) is tuple:  # the call stands in FROM, too
+                    result = execution.interning.encode(list(map(execution.interning.decode, result)))
                 if result is not _MISSING:
                     memo.hits += 1
                     return result
-            if memo.elements:
-                elements = memo.elements.get(dumps(arguments, 2))
-                if elements is not None:  # the call stands in FROM, too
-                    memo.hits += 1
-                    return execution.interning.encode(list(map(execution.interning.decode, elements)))
             run, values = execution.run, arguments
             if bytes in map(type, arguments):
                 convert = execution.interning.decode_copy if changes else execution.interning.decode_read_only
@@ -381,8 +422,8 @@ class FunctionCallback:
         """The elements of what the function gives, for a table of SQL; a list is not made one SQL value."""
         memo, interning, giver = self.memo, execution.interning, self.giver
         key = dumps(arguments, 2)
-        elements = memo.elements.get(key)
-        if elements is not None:
+        elements = memo.exact.get(key)
+        if type(elements) is tuple:
             memo.hits += 1
             return build_callback_columns(elements, arguments)
         if arguments in memo.plain or key in memo.exact:  # called in another clause, too
@@ -405,7 +446,7 @@ class FunctionCallback:
         except Exception as reason:
             self._raise_through_sqlite(execution, arguments, reason, result)
         if remembers:
-            memo.keep_elements(key, elements)
+            memo.keep_result(arguments, elements)
         return build_callback_columns(elements, arguments)
 
     def call_in_blocks(self, execution: SqliteExecution) -> CallBlock:
@@ -450,15 +491,13 @@ class CompletedCalls:
         self, interning: Interning, memos: Mapping[str, CallMemo], element_calls: Iterable[SqliteElementCalls] = ()
     ) -> None:
         self._pool = interning
-        self._known = [(name, {**memo.exact, **memo.plain}, memo.elements) for name, memo in memos.items()]
+        self._known = [(name, {**memo.exact, **memo.plain}) for name, memo in memos.items()]
         self._element_calls = list(element_calls)
 
     def __iter__(self) -> Iterator[tuple[str, tuple[Any, ...], Any]]:
         """Each call: the function's name, the arguments, and the value or the FailedCall."""
         decode = self._pool.decode
-        for name, results, lists in self._known:
-            for key, elements in lists.items():
-                yield name, tuple(map(decode, loads(key))), list(map(decode, elements))
+        for name, results in self._known:
             for key, answer in results.items():
                 arguments = loads(key) if type(key) is bytes else key
                 yield name, tuple(map(decode, arguments)), self._decode_answer(answer)
@@ -467,6 +506,8 @@ class CompletedCalls:
                 yield name, tuple(map(decode, arguments)), self._decode_answer(answer)
 
     def _decode_answer(self, answer: Any) -> Any:
+        if type(answer) is tuple:
+            return list(map(self._pool.decode, answer))
         if type(answer) is not FailedCall:
             return self._pool.decode(answer)
         return FailedCall(answer.error.args[0]) if type(answer.error) is CarriedStopError else answer
