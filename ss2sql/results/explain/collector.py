@@ -55,20 +55,13 @@ def explain_run(
     result: Result | None = None,
     missing: Sequence[str] = (),
 ) -> Explanation:
-    """For every statement and query the engine and the reason, the plan, and the facts of the run."""
-    return Explanation(collect_facts(outlined, result, missing))
-
-
-def collect_facts(
-    outlined: Sequence[OutlinedStatement], result: Result | None, missing: Sequence[str] = ()
-) -> ScriptFacts:
-    """All facts about the statements, and about the run of a result."""
+    """For every statement and query the engine and the reason, the plan, and the facts of the run of a result."""
     stats = None if result is None else result.stats
     statements = tuple(
         StatementFacts(statement.text, tuple(_collect_query(query, stats) for query in statement.queries))
         for statement in outlined
     )
-    return ScriptFacts(statements, None if result is None else _collect_run(result), tuple(missing))
+    return Explanation(ScriptFacts(statements, None if result is None else _collect_run(result), tuple(missing)))
 
 
 def _collect_query(outlined: OutlinedQuery, stats: Stats | None) -> QueryFacts:

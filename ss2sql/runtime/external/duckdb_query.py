@@ -311,18 +311,15 @@ class DuckQuery:
         if limit is None:
             return None
         try:
-            return check_count_value(self._compute_value(limit, run), 0, "LIMIT")
+            return check_count_value(compile_statement(limit)(run), 0, "LIMIT")
         except ExecutionError as error:
             raise error.with_span(limit.span) from None
 
     def _read_columns(self, table: LoadedTable, run: Run) -> list[Sequence[Any]]:
         try:
-            return collect_duckdb_columns(table, self._compute_value(table.value, run))
+            return collect_duckdb_columns(table, compile_statement(table.value)(run))
         except Error as error:
             raise error.with_span(table.value.span) from None
-
-    def _compute_value(self, expr: plan.Expr, run: Run) -> Any:
-        return compile_statement(expr)(run)
 
     def _run_statement(
         self,

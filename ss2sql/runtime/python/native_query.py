@@ -458,17 +458,11 @@ class NativeQuery:
 
     def _run_with_location(self, run: Run, work: Callable[[], Any]) -> Any:
         try:
-            with deepen_stack(self.levels), nullcontext() if self._runs_foreign_code else run.pause_collector():
-                return work()
-        except Exception as error:
-            other = locate_in_script(error)
-            if isinstance(other, Error):
-                other.with_span(self.query.span)
-            if other is error:
-                raise
-            raise other from None
-        finally:
-            report_memo_counts(run)
+            with nullcontext() if self._runs_foreign_code else run.pause_collector():
+                return run_located(work, run, self.levels)
+        except Error as error:
+            error.with_span(self.query.span)
+            raise
 
 
 def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Callable[[Run], Any]:
@@ -490,16 +484,18 @@ def compile_statement(expr: plan.Expr, dispatch: Dispatch | None = None) -> Call
         builder = QueryCompiler(codegen, dispatch or (lambda query: NativeQuery(query).compute_value))
         bound = codegen.compile_module(codegen.build_module(generate_expression(builder, expr, codegen.root)))
 
-    def run_statement(run: Run) -> Any:
-        try:
-            with deepen_stack(analysis.levels):
-                return bound(run)
-        except Exception as error:
-            other = locate_in_script(error)
-            if other is error:
-                raise
-            raise other from None
-        finally:
-            report_memo_counts(run)
+    return lambda run: run_located(lambda: bound(run), run, analysis.levels)
 
-    return run_statement
+
+def run_located(work: Callable[[], Any], run: Run, levels: int) -> Any:
+    """Runs generated code that is nested so deeply; what it raises gets its place in the script."""
+    try:
+        with deepen_stack(levels):
+            return work()
+    except Exception as error:
+        other = locate_in_script(error)
+        if other is error:
+            raise
+        raise other from None
+    finally:
+        report_memo_counts(run)
