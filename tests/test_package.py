@@ -155,7 +155,19 @@ def test_first_queries_load_what_they_need():
             assert found == set()
     assert set(HEAVY) & {name.partition(".")[0] for name in loaded[-1]} == set()
     own = [len([name for name in known if name.startswith("ss2sql")]) for known in loaded]
-    assert all(count <= most for count, most in zip(own, [102, 102, 116, 118], strict=True)), own
+    assert all(count <= most for count, most in zip(own, [106, 106, 124, 126], strict=True)), own
+
+
+def test_a_query_in_sqlite_does_without_the_python_engine():
+    code = """
+import sys, ss2sql
+ss = ss2sql.connect(engine="database")
+ss.set("rows", [{"x": 1}, {"x": 2}])
+assert ss.run("SELECT x FROM rows WHERE x > least;", least=1).value == [{"x": 2}]
+print(*[name for name in sys.modules if name.startswith("ss2sql.runtime.python.")])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.split() == []
 
 
 def test_lines_that_install_extras_name_their_packages():
