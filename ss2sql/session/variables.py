@@ -13,7 +13,7 @@ import json
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping
-from inspect import getmodule, signature
+from inspect import signature
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import apsw
@@ -25,7 +25,6 @@ from ss2sql.language import plan
 from ss2sql.language.operations import OPERATIONS, WRITTEN
 from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import convert_value, copy_for_python, format_value, make_hashable
-from ss2sql.runtime import representations
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.vtables.frames import Frame, Reader
@@ -482,11 +481,8 @@ def take_first_line(text: str | None) -> str:
 
 
 def describe_representation(make: Callable[..., Any]) -> str:
-    """A line about a representation; a built-in one has it at the top of its file."""
-    about, module = make.__doc__, getmodule(make)
-    if module is not None and module.__name__.startswith(representations.__name__):
-        about = (module.__doc__ or "").partition(": ")[2]
-    return take_first_line(about).rstrip(".")
+    """A line about a representation."""
+    return take_first_line(make.__doc__).rstrip(".")
 
 
 class SessionFunctions:
