@@ -287,8 +287,7 @@ class Reading:
                 if self._shared is not None:
                     found = check_adapter_keys(raw, self.check, schema)
                 else:
-                    names = tuple(schema.kinds)
-                    found = [schema.convert_values(names, row, "a row") for row in check_adapter_rows(raw, self.check)]
+                    found = list(map(schema.convert_function_row, check_adapter_rows(raw, self.check)))
             self._cache_keys(key, found)
         if self._shared is not None:
             self._shared.announced = found

@@ -482,12 +482,12 @@ class Schema:
                 error.hints = (f"set it anew in the simulation, or {cure}", *error.hints)
             raise
 
-    def convert_values(self, names: Sequence[str], raw: Any, giver: str) -> tuple[Any, ...]:
-        cleaners = self.cleaners
+    def convert_function_row(self, raw: Any) -> tuple[Any, ...]:
+        """The values of a row of a table function, converted."""
         try:
-            return tuple([cleaners[name](value) for name, value in zip(names, raw, strict=True)])
+            return tuple([clean(value) for clean, value in zip(self.cleaners.values(), raw, strict=True)])
         except (TypeError, ValueError):
-            raise self._make_count_error(names, raw, giver) from None
+            raise self._make_count_error(tuple(self.kinds), raw, "a row") from None
 
     def _make_count_error(self, names: Sequence[str], raw: Any, giver: str) -> ExecutionError:
         count = f"{len(raw)} values" if hasattr(raw, "__len__") else f"a {type(raw).__name__}"
@@ -542,11 +542,10 @@ class Schema:
 class AdapterGuard:
     """A context for calls of the adapter: its exceptions become errors of ours with the reason and a place."""
 
-    __slots__ = ("key", "schema", "span")
+    __slots__ = ("schema", "span")
 
-    def __init__(self, schema: Schema, key: Hashable = None, span: Span | None = None) -> None:
+    def __init__(self, schema: Schema, span: Span | None = None) -> None:
         self.schema = schema
-        self.key = key
         self.span = span
 
     def __enter__(self) -> None:
@@ -556,7 +555,7 @@ class AdapterGuard:
         if isinstance(error, Error):
             error.with_span(self.span)
         elif isinstance(error, Exception):
-            raise make_adapter_error(self.schema, error, self.key).with_span(self.span) from error
+            raise make_adapter_error(self.schema, error).with_span(self.span) from error
 
 
 def make_adapter_error(schema: Schema, error: Exception, key: Hashable = None) -> Error:

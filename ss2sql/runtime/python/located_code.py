@@ -308,9 +308,9 @@ class AstBuilder:
         target = targets[0] if len(targets) == 1 else ast.Tuple(targets, ast.Store(), **self.at)
         return ast.For(target, items, body, [], **self.at)
 
-    def try_except(self, attempt: ast.stmt, error: str, otherwise: ast.stmt | None = None) -> ast.stmt:
-        """The statement, and the other one, or nothing, where it raises the error of this name."""
-        handler = ast.ExceptHandler(self.name(error), None, [otherwise or ast.Pass(**self.at)], **self.at)
+    def try_except(self, attempt: ast.stmt, error: str) -> ast.stmt:
+        """The statement, and nothing where it raises the error of this name."""
+        handler = ast.ExceptHandler(self.name(error), None, [ast.Pass(**self.at)], **self.at)
         return ast.Try([attempt], [handler], [], [], **self.at)
 
     def try_unless_stopped(self, attempt: ast.stmt, otherwise: ast.stmt) -> ast.stmt:
