@@ -136,48 +136,18 @@ class InlineCall:
         return tree
 
     def _write_tested(self, test: str) -> ast.expr:
-        """The value where the test holds, else the call."""
+        """The value where the test holds, else the call.
+
+        The operands are evaluated first, in their order, by tests that always hold: the test may end early.
+        """
         for operand in self.operands:
             self._name_operand(operand)
-        before = self._list_early_tests(test)
-        value = None
-        if "{value}" in test:
-            # What stands in front of the value in the test is evaluated before it.
-            front = test.partition("{value}")[0]
-            value = self._write_named_value(front)
-        condition = self._fill_template_text(test, value)
-        if before:
-            condition = self.build.join_conditions(ast.And(), [*before, condition])
-        called = self._write_plain_call()  # with the operands that the test has not evaluated
-        return self.build.if_else(condition, value.again if value else self._fill_text(), called)
-
-    def _write_named_value(self, front: str) -> PythonOperand:
-        """The value of the form, to be evaluated where a test first mentions it, after the operands in `front`."""
-        later = {index: operand.first for index, operand in enumerate(self.operands) if f"{{{index}}}" in front}
-        for index in later:
-            self.operands[index].first = self.operands[index].again
-        value = self.hold_value(self._fill_text())
-        for index, first in later.items():
-            self.operands[index].first = first
-        return value
-
-    def _list_early_tests(self, test: str) -> list[ast.expr]:
-        """Tests that always hold, and evaluate operands that the test would evaluate too late."""
-        text = test.replace("{value}", str(self.form.text)) + str(self.form.text)
-        order = list(dict.fromkeys(int(index) for index in re.findall(r"\{(\d)\}", text)))
-        held = [operand.first for operand in self.operands if operand.first is not operand.again]
-        names = {one.target.id for one in held if isinstance(one, ast.NamedExpr) and isinstance(one.target, ast.Name)}
-        shared = any(isinstance(operand.first, ast.Name) and operand.first.id in names for operand in self.operands)
-        # Where `type(x) is list and len(x) > i` ends early, i is still to be evaluated for the call.
-        head, joined, _ = test.partition(" and ")
-        skipped = bool(joined) and any(
-            operand.first is not operand.again and f"{{{index}}}" not in head
-            for index, operand in enumerate(self.operands)
-        )
-        if not skipped and (order == sorted(order) or (len(held) < 2 and not shared)):
-            return []
-        early = self.operands if skipped else self.operands[: max(order)]
-        return [self.build.compare(one.take_expr(), ast.Is(), one.again) for one in early if one.first is not one.again]
+        held = [operand for operand in self.operands if operand.first is not operand.again]
+        tests = [self.build.compare(operand.take_expr(), ast.Is(), operand.again) for operand in held]
+        value = self.hold_value(self._fill_text()) if "{value}" in test else None
+        tests.append(self._fill_template_text(test, value))
+        condition = self.build.join_conditions(ast.And(), tests) if held else tests[0]
+        return self.build.if_else(condition, value.again if value else self._fill_text(), self._write_plain_call())
 
     # --- checks ----------------------------------------------------------------------------------------
 
