@@ -1,6 +1,6 @@
 """PyBullet as a world: `ss.attach("space", client)`.
 
-client calls the simulator, and has poses. Tables: bodies, joints. Functions: collision.
+client calls the simulator, and has poses. Its tables are in bullet_tables. Functions: collision.
 Representations: environment. scene is what simulations with names are made of.
 """
 
@@ -12,10 +12,18 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from ss2sql.language.rows import Table, request_hidden_columns
 from ss2sql.vtables.body_functions import Near, Overlaps, find_named_body
 from ss2sql.vtables.contract import Element, Gone
-from ss2sql.vtables.pybullet.bodies import BulletBodies, BulletLinks
+from ss2sql.vtables.pybullet.bullet_tables import (
+    BulletBodies,
+    BulletClosest,
+    BulletContacts,
+    BulletJoints,
+    BulletLinks,
+    BulletShapes,
+    Cameras,
+    Rays,
+)
 from ss2sql.vtables.pybullet.client import BodyNotes, Calls, NumberedClient, get_client_number
 from ss2sql.vtables.pybullet.collision import CollisionFunctions, CollisionShapes
-from ss2sql.vtables.pybullet.joints import BulletClosest, BulletContacts, BulletJoints, BulletShapes, Cameras, Rays
 from ss2sql.vtables.reading import digest_world
 from ss2sql.vtables.schema import get_world_tables, world_error
 

@@ -22,17 +22,7 @@ import numpy as np
 from ss2sql.errors import ExecutionError
 from ss2sql.vtables.body_functions import MarginWorld, Quaternion, Vector, make_parameter_error
 from ss2sql.vtables.contract import Element, function
-from ss2sql.vtables.pybullet.bodies import (
-    KINDS,
-    SOFT,
-    has_untold_shape,
-    make_solid,
-    measure_box,
-    measure_link_box,
-    read_bullet_shape,
-    read_corners,
-    read_link_pose,
-)
+from ss2sql.vtables.pybullet.bullet_tables import SOFT, has_untold_shape, measure_box, measure_link_box, read_link_pose
 from ss2sql.vtables.pybullet.client import (
     UPRIGHT,
     Box,
@@ -46,7 +36,7 @@ from ss2sql.vtables.pybullet.client import (
     rotate_point,
     unite_boxes,
 )
-from ss2sql.vtables.pybullet.scene import measure_half_edges
+from ss2sql.vtables.pybullet.scene import KINDS, make_solid, measure_half_edges, read_bullet_shape, read_corners
 from ss2sql.vtables.schema import world_error
 
 SLACK = 1e-3  # metres: shapes made of corners reach this far beyond them

@@ -29,16 +29,7 @@ from ss2sql.language.cancellation import ITEMS_PER_CHECK, Check
 from ss2sql.language.rows import Table, check_area_cells, check_number, check_numbers, refuse_argument
 from ss2sql.language.values import format_value
 from ss2sql.vtables.contract import Element
-from ss2sql.vtables.pybullet.bodies import (
-    FIXED,
-    UNNAMED,
-    Part,
-    has_untold_shape,
-    make_solid,
-    measure_box,
-    read_bullet_shape,
-    read_corners,
-)
+from ss2sql.vtables.pybullet.bullet_tables import FIXED, has_untold_shape, measure_box
 from ss2sql.vtables.pybullet.client import (
     UPRIGHT,
     Box,
@@ -51,7 +42,17 @@ from ss2sql.vtables.pybullet.client import (
     unite_boxes,
 )
 from ss2sql.vtables.pybullet.collision import ShapeCache, are_in_cone, find_first_hits
-from ss2sql.vtables.pybullet.scene import Scene, Sphere, make_corner_view, make_visual_shape
+from ss2sql.vtables.pybullet.scene import (
+    UNNAMED,
+    Part,
+    Scene,
+    Sphere,
+    make_corner_view,
+    make_solid,
+    make_visual_shape,
+    read_bullet_shape,
+    read_corners,
+)
 
 FAR = 1000.0  # metres: bodies with larger boxes, such as endless planes, do not extend an area
 WIDE = 100.0  # metres: bodies with larger boxes, such as that of plane.urdf, leave a view to the others

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from math import dist, hypot, pi
 from random import Random
 from types import TracebackType
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 
 from ss2sql.errors import SessionError, suggest_names
 from ss2sql.fast_dataclasses import dataclass
-from ss2sql.vtables.pybullet.client import import_pybullet, start_bullet
+from ss2sql.vtables.pybullet.client import Point, import_pybullet, invert_rotation, rotate_point, start_bullet
 
 Vector = tuple[float, float, float]
 Colour = tuple[float, float, float]
@@ -180,6 +180,62 @@ def _make_bullet_square(plane: Plane) -> Mesh:
     half = plane.side / 2
     corners = [half * (a * first + b * second) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     return [corner.tolist() for corner in corners], [normal.tolist()] * 4, [0, 1, 2, 0, 2, 3]
+
+
+# --- the shapes that PyBullet tells of
+KINDS = {2: "sphere", 3: "box", 4: "cylinder", 5: "mesh", 6: "plane", 7: "capsule", 9: "terrain"}  # PyBullet's GEOM_...
+
+
+def make_solid(kind: int, size: Sequence[float]) -> Solid | None:
+    """The solid with PyBullet's measures; None for meshes and other shapes."""
+    a, b, c = size
+    match KINDS.get(kind):
+        case "sphere":
+            return Sphere(a)
+        case "box":
+            return Box(a, b, c)
+        case "capsule":
+            return Capsule(b, a)
+        case "cylinder":
+            return Cylinder(b, a)
+        case "plane":
+            return Plane((a, b, c), SIDE)
+        case _:
+            return None
+
+
+def get_volume(shape: Any) -> float | None:
+    solid = make_solid(shape[2], shape[3])
+    return None if solid is None else measure_volume(solid)
+
+
+SIDE = 10.0  # metres: the edge of the squares that represent endless planes in pictures
+UNNAMED = (b"", b"unknown_file")  # the files of meshes that were built from points
+Part: TypeAlias = dict[str, Any]  # the keywords of a shape for PyBullet
+
+
+def read_corners(calls: Any, body: int, link: int, number: int, data: Any) -> tuple[Point, ...]:
+    """The corners of a mesh that was built from points, as seen from the mesh; none for other shapes.
+
+    PyBullet gives them as seen from the centre of mass of the link.
+    """
+    if KINDS.get(data[2]) != "mesh" or data[4] not in UNNAMED:
+        return ()
+    _, corners = calls.getMeshData(body, link, collisionShapeIndex=number)
+    (px, py, pz), back = data[5], invert_rotation(data[6])
+    return tuple(rotate_point(back, (x - px, y - py, z - pz)) for x, y, z in corners)
+
+
+def read_bullet_shape(kind: int, size: Sequence[float], file: bytes, corners: Sequence[Any]) -> Part | None:
+    """A shape from PyBullet's data; None where these are incomplete."""
+    solid = make_solid(kind, size)
+    if solid is not None:
+        return describe_shape(solid)
+    if KINDS.get(kind) != "mesh":
+        return None
+    if file not in UNNAMED:
+        return {"shapeType": kind, "fileName": file.decode(), "meshScale": list(size)}
+    return {"shapeType": kind, "vertices": corners} if corners else None
 
 
 TIME_STEP = 1 / 240  # seconds, Bullet's own
