@@ -437,16 +437,15 @@ class FunctionCallback:
         try:
             result = self.function.function(*map(convert, arguments))
             if type(result) is list:
-                elements = tuple([encode(element, giver) for element in result])
+                kept: Any = tuple([encode(element, giver) for element in result])
+                elements = kept
             else:
-                encoded = encode(result, giver)
-                if remembers:
-                    memo.keep_result(arguments, encoded)
-                elements = tuple(intern_element_columns(interning, encoded, ()).read_column(0))
+                kept = encode(result, giver)
+                elements = tuple(intern_element_columns(interning, kept, ()).read_column(0))
         except Exception as reason:
             self._raise_through_sqlite(execution, arguments, reason, result)
         if remembers:
-            memo.keep_result(arguments, elements)
+            memo.keep_result(arguments, kept)
         return build_callback_columns(elements, arguments)
 
     def call_in_blocks(self, execution: SqliteExecution) -> CallBlock:
