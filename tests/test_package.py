@@ -155,7 +155,7 @@ def test_first_queries_load_what_they_need():
             assert found == set()
     assert set(HEAVY) & {name.partition(".")[0] for name in loaded[-1]} == set()
     own = [len([name for name in known if name.startswith("ss2sql")]) for known in loaded]
-    assert all(count <= most for count, most in zip(own, [106, 106, 124, 126], strict=True)), own
+    assert all(count <= most for count, most in zip(own, [92, 92, 108, 110], strict=True)), own
 
 
 def test_a_query_in_sqlite_does_without_the_python_engine():
