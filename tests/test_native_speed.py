@@ -5,11 +5,13 @@ from __future__ import annotations
 import gc
 from collections import Counter
 from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 import pytest
 
 import ss2sql
+from ss2sql.runtime.python import single_calls
 from ss2sql.runtime.run.run_state import Run
 
 
@@ -142,6 +144,26 @@ def test_a_function_that_is_called_elsewhere_too(more: str) -> None:
 SEARCH = script("UNIQUE")
 
 
+@pytest.fixture
+def forgotten(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """How many calls of each function are made without a memory."""
+    counts: Counter[str] = Counter()
+
+    @wraps(single_calls.make_single_call_variants)
+    def ways_to_call(run: Run, function: Any, *given: Any) -> Any:
+        once, remembered, count = made(run, function, *given)
+
+        def noted(*arguments: Any) -> Any:
+            counts[function.name] += 1
+            return once(*arguments)
+
+        return noted if once is not remembered else once, remembered, count
+
+    made = single_calls.make_single_call_variants
+    monkeypatch.setattr(single_calls, "make_single_call_variants", ways_to_call)
+    return counts
+
+
 @pytest.mark.parametrize(
     "query",
     [
@@ -156,8 +178,15 @@ SEARCH = script("UNIQUE")
         SEARCH.replace("FROM [1, 2, 7]", "FROM a = [1, 2], b = [3]").replace("this", "a.this"),
     ],
 )
-def test_searches_whose_calls_are_not_all_new_ones(query: str) -> None:
+def test_searches_whose_calls_are_not_all_new_ones(query: str, forgotten: Counter[str]) -> None:
     Steps().run(query)
+    assert not forgotten
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+def test_searches_whose_calls_are_all_new_ones(options: str, forgotten: Counter[str]) -> None:
+    Steps().run(script(options))
+    assert forgotten["go"] == 3 * (STATES - 1)  # the start may be a row, too
 
 
 @pytest.mark.parametrize("options", OPTIONS)
