@@ -248,9 +248,6 @@ class BackwardSteps:
 
 
 # --- searches: the function that evaluates START WITH and what is read once, and gives the step function of the query
-INLINE_STEPS = True  # for tests of the step function by itself
-
-
 @dataclass(frozen=True, slots=True)
 class SearchForm:
     """What is known of a search when it is compiled."""
@@ -287,10 +284,10 @@ def compile_search(
         first = StepFunction(builder, query, other, form, search.first).write_function()
     step = StepFunction(builder, query, loops, form, search.made)
     inlined = None
-    if INLINE_STEPS and not (remembered or watched or led) and (search.plain or not memorizes):
+    if not (remembered or watched or led) and (search.plain or not memorizes):
         inlined = step.write_search(add_graph_level if memorizes else choose_search(search))
     edges = find_edge_search(query) if inlined and codegen.analysis.roots[0] is query and not keys else None
-    function = step.write_function() if inlined is None else inlined
+    function = inlined or step.write_function()
     if edges is not None:
         function = _write_edge_walk(builder, edges, body, function, query.span)
     if inlined is None or memorizes:
