@@ -80,11 +80,8 @@ def _is_integer(expr: plan.Expr) -> bool:
 def _find_compared_with(known: plan.Column | plan.State, condition: plan.Expr) -> plan.Expr | None:
     """What the condition compares with a column or a variable, if it is one equality."""
     match condition:
-        case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)) if known in (
-            left,
-            right,
-        ):
-            return right if left == known else left
+        case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)):
+            return right if left == known else left if right == known else None
         case _:
             return None
 
