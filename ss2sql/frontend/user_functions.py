@@ -47,6 +47,7 @@ class UserFunction:
     vectorized: bool = False
     body: FunctionBody | str = ""  # what it computes, where queries may compute it themselves; else the reason why not
     changes: bool = True  # may change its arguments, so it gets copies
+    indexed: frozenset[int] = frozenset()  # but not of flat lists at these places, of which it only reads items
     of_world: str = ""  # what scripts call a function of worlds
     aggregate: bool = False  # takes a list, with GROUP BY that of the values of a group
 
@@ -70,6 +71,7 @@ class UserFunction:
             of_world=self.of_world,
             has_inverse=self.inverse is not None,
             collects=self.aggregate,
+            indexed=self.indexed,
         )
 
     def make_inverse(self) -> UserFunction:
@@ -121,7 +123,9 @@ def make_user_function(
         volatility, reason, inferred = "stable", "takes arrays, which says that it is not volatile", False
     size = (takes.minimum, takes.maximum, takes.names)
     body = _find_inlinable_body(name, function, volatility, inverse is not None, vectorized)
-    return UserFunction(name, function, volatility, inferred, reason, *size, inverse, vectorized, body, changes)
+    return UserFunction(
+        name, function, volatility, inferred, reason, *size, inverse, vectorized, body, changes, purity.indexed
+    )
 
 
 def _find_inlinable_body(

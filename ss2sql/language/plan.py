@@ -141,6 +141,7 @@ class Function:
     has_inverse: bool = field(default=False, compare=False)  # was registered with an inverse
     inverse_of: str = ""  # the function whose inverse this is
     collects: bool = False  # with GROUP BY it gets the list of a group's values
+    indexed: frozenset[int] = field(default=frozenset(), compare=False)  # the places of lists of which it reads items
 
     def make_inverse(self) -> Function:
         """The inverse: from the value of the function and the other arguments it computes the missing one."""

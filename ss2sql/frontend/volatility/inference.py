@@ -57,12 +57,13 @@ class Purity:
     """The volatility of a function, and the reason.
 
     `reason` is a clause with the function as its subject, such as "calls print". `changes` is false where it is proven
-    to change nothing, its arguments included.
+    to change nothing, its arguments included. `indexed` are the places of parameters of which it only reads items.
     """
 
     volatility: Volatility
     reason: str
     changes: bool = field(default=True, compare=False)
+    indexed: frozenset[int] = field(default=frozenset(), compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,11 +136,34 @@ def infer_purity(function: Callable[..., object]) -> Purity:
     """
     try:
         reason, changes = _prove_callable(function)
-        return Purity("immutable", reason, changes=changes)
+        return Purity("immutable", reason, changes, _find_indexed_parameters(function) if changes else frozenset())
     except Unproven as unproven:
         return Purity("volatile", str(unproven))
     except RecursionError:
         return Purity("volatile", "is nested too deeply to be followed")
+
+
+def _find_indexed_parameters(function: Callable[..., object]) -> frozenset[int]:
+    """The places of parameters of which a proven function only reads items, so that it cannot change a flat list.
+
+    `a, b = step`, `step[0]`, `for disk in step` and tests read; whatever else is done with the name may keep or change
+    the list.
+    """
+    located = locate_function(function) if isinstance(function, FunctionType) else None
+    if located is None:
+        return frozenset()
+    reads: set[int] = set()
+    for node in ast.walk(located.node):
+        match node:
+            case ast.Subscript(value=ast.Name() as read, ctx=ast.Load()) | ast.UnaryOp(op=ast.Not(), operand=read):
+                reads.add(id(read))
+            case ast.Assign(targets=[ast.Tuple()], value=read) | ast.For(iter=read) | ast.comprehension(iter=read):
+                reads.add(id(read))
+            case ast.If(test=read) | ast.IfExp(test=read) | ast.While(test=read):
+                reads.add(id(read))
+    parameters = [parameter.arg for parameter in (*located.node.args.posonlyargs, *located.node.args.args)]
+    kept = {node.id for node in ast.walk(located.node) if isinstance(node, ast.Name) and id(node) not in reads}
+    return frozenset(place for place, name in enumerate(parameters) if name not in kept)
 
 
 def _prove_callable(function: Any, cached: bool = False) -> tuple[str, bool]:

@@ -70,7 +70,7 @@ class SingleCall:
             self.value = codegen.names[source]
             return
         build, at, function = codegen.build_at(self.node.place), codegen.build, self.node.function
-        arguments = [self._write_argument(step, argument) for argument in self.node.arguments]
+        arguments = [self._write_argument(step, *numbered) for numbered in enumerate(self.node.arguments)]
         once, remembered = codegen.new_name(function.name), codegen.new_name(f"{function.name}_remembered")
         count, made, call = codegen.new_name("count"), codegen.new_name("made"), codegen.new_name(function.name)
         places = at.name(codegen.embed(list_plan_calls(step.query)[function.name], "places"))
@@ -93,12 +93,14 @@ class SingleCall:
         self._write_early_stop(step)
         inner.known[-1][self.key] = self.value
 
-    def _write_argument(self, step: StepClauses, argument: plan.Expr) -> ast.expr:
+    def _write_argument(self, step: StepClauses, number: int, argument: plan.Expr) -> ast.expr:
         """An argument as a value that the function may change."""
         value = _generate_argument(step, argument, step.inner, self.state_statements)
         if _is_copied_in_single_call(argument, step) or argument.type.is_only(SCALAR):
             return value
         build, flat = step.codegen.build_at(argument.span), is_flat_list_type(argument.type)
+        if flat and number in self.node.function.indexed:
+            return value
         return build.call(step.codegen.embed(list.copy, "copy") if flat else step.codegen.use(copy_for_python), value)
 
     def _write_early_stop(self, step: StepClauses) -> None:

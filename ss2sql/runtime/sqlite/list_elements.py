@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import apsw
 
 from ss2sql.fast_dataclasses import dataclass
+from ss2sql.language.values import SCALARS
 from ss2sql.lowering.sql_query import ElementCall, ListTable, choose_sql_names, quote_names
 from ss2sql.runtime.run.run_state import keep_bounded
 
@@ -415,6 +416,10 @@ class _ElementCall:
         interning, changes = self.execution.interning, self.caller.function.changes
         convert, marshalled = interning.decode_copy if changes else interning.decode_read_only, interning.marshalled.get
         inputs: list[Iterable[Any]] = [columns[at] if of_list else () for of_list, at in self.places]
+        for place in self.caller.function.indexed.intersection(range(len(inputs))):
+            values = list(map(interning.decode_read_only, inputs[place]))
+            if all(type(value) is list and SCALARS.issuperset(map(type, value)) for value in values):
+                inputs[place] = values  # which it cannot change
         copied = [place for place, column in enumerate(inputs) if bytes in map(type, column)]
         moved = [(place, at) for place, (of_list, at) in enumerate(self.places) if not of_list]
 
