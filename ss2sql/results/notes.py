@@ -25,15 +25,14 @@ from ss2sql.language.rows import Rows
 from ss2sql.language.values import make_hashable
 from ss2sql.runtime.run.run_state import Stats
 
-REPEAT_KEYWORDS = {"unique": "UNIQUE", "no cycle": "NO CYCLE", "memorize": "MEMORIZE"}
-
 
 def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
     """What can be said of a query, and of those inside of it. `dropped`: it ran, and dropped steps as repeated."""
-    searches = [node for node in walk(query) if isinstance(node, plan.Query) and node.search is not None]
+    nodes = list(walk(query))
+    queries = [node for node in nodes if isinstance(node, plan.Query)]
+    searches = [each for each in queries if each.search is not None]
     notes = [note for each in searches for note in _note_undetermined_states(each, dropped)]
     calls = (node.function for each in searches for node in walk(each) if isinstance(node, plan.Call))
-    queries = (node for node in walk(query) if isinstance(node, plan.Query))
     notes += [
         f"{write_in_script(output.expr)} gives a list of one row; with AS value it gives the value in it"
         for each in queries
@@ -45,7 +44,7 @@ def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
         for call in calls
         if call.name in FUNCTIONS and not call.builtin
     ]
-    notes += [node.hides for node in walk(query) if isinstance(node, plan.ValueSource) and node.hides]
+    notes += [node.hides for node in nodes if isinstance(node, plan.ValueSource) and node.hides]
     return tuple(dict.fromkeys(notes))
 
 
@@ -206,7 +205,7 @@ def _note_closed_start(query: plan.Query, get_variable: Callable[[str], Any]) ->
             return
         after.append(reached[key.name])
     if any(map(list_sources, after)):
-        word = REPEAT_KEYWORDS[search.repeats]
+        word = search.repeats.upper()
         yield (
             f"{word} BY {_join_keys(search.key)} counts the start as visited, and WHERE asks for the start; "
             f"{word} BY {_join_keys(after)} lets a path come back to it"
@@ -241,7 +240,7 @@ def _note_undetermined_states(query: plan.Query, dropped: bool) -> Iterator[str]
     # Columns of an element often follow from each other, as a name and its key; then hardly a step is dropped.
     if not (read if dropped else any(isinstance(expr, plan.State) for expr in read)):
         return
-    word, names = REPEAT_KEYWORDS[search.repeats], _join_note_words(list(dict.fromkeys(map(write_in_script, read))))
+    word, names = search.repeats.upper(), _join_note_words(list(dict.fromkeys(map(write_in_script, read))))
     clauses = _join_note_words(list(dict.fromkeys(clause for several in read.values() for clause in several)))
     verb = "read" if " and " in clauses else "reads"
     lengths = all(isinstance(expr, plan.State) and expr.name in counted for expr in read)

@@ -522,13 +522,11 @@ def resolve_as_value(tree: ast.Expr) -> ast.Expr:
     """
     if not isinstance(tree, ast.Query) or tree.representation is not None:
         return tree
-    if tree.searches and not tree.last:
-        message = "a value is meant here, and a search gives paths"
-        hint = "write SELECT LAST for the value of a last step, or add AS list to compare with whole paths"
-        raise ResolveError("R014", message, tree.span, (hint,))
-    if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
-        message = "a query that is one value has one column"
-        raise ResolveError("R014", message, tree.span, ("name one column, or write AS list to compare with a list",))
+    _check_single_column(
+        tree,
+        ("a value is meant here", "write SELECT LAST for the value of a last step"),
+        ("a query that is one value has one column", "write AS list to compare with a list"),
+    )
     one = (ast.is_row_count_syntax(tree.columns) and not tree.group) or tree.limit == ast.Literal(1, span=tree.span)
     two = ast.Literal(2, span=tree.span) if tree.limit is None and not one else tree.limit
     form = ast.Representation("value" if one else "list", (), (), span=tree.span)
@@ -539,11 +537,23 @@ def resolve_as_list(tree: ast.Expr) -> ast.Expr:
     """The right operand of IN: a query without AS is the list of its single column."""
     if not isinstance(tree, ast.Query) or tree.representation is not None:
         return tree
-    if tree.searches and not tree.last:
-        message = "right of IN stands a list of values, and a search gives paths"
-        hint = "write SELECT LAST for the values of the last steps, or add AS list to compare with whole paths"
-        raise ResolveError("R014", message, tree.span, (hint,))
-    if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
-        hint = "name one column, or write AS rows to look for a list of values in a list of rows"
-        raise ResolveError("R014", "right of IN a query without AS has one column", tree.span, (hint,))
+    _check_single_column(
+        tree,
+        ("right of IN stands a list of values", "write SELECT LAST for the values of the last steps"),
+        (
+            "right of IN a query without AS has one column",
+            "write AS rows to look for a list of values in a list of rows",
+        ),
+    )
     return replace(tree, representation=ast.Representation("list", (), (), span=tree.span))
+
+
+def _check_single_column(tree: ast.Query, of_search: tuple[str, str], of_columns: tuple[str, str]) -> None:
+    """Raises ResolveError R014 where a query gives paths or several columns; what is meant there, and the cure."""
+    if tree.searches and not tree.last:
+        meant, cure = of_search
+        hint = f"{cure}, or add AS list to compare with whole paths"
+        raise ResolveError("R014", f"{meant}, and a search gives paths", tree.span, (hint,))
+    if len(tree.columns) > 1 or isinstance(tree.columns[0], ast.Star):
+        message, cure = of_columns
+        raise ResolveError("R014", message, tree.span, (f"name one column, or {cure}",))

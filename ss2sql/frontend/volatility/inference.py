@@ -83,11 +83,13 @@ class Proof:
     followed: set[int] = field(default_factory=set)  # by identity
     depth: int = 0
 
-    def prove_function(self, function: FunctionType, gives_sets: bool) -> None:
-        """Proves a function, which may give a set only if `gives_sets`; returns when it is proven."""
-        # A recursive call counts as proven: if the function is not, the walk fails anyway.
+    def prove_function(self, function: FunctionType, gives_sets: bool) -> FunctionNode | None:
+        """Proves a function, which may give a set only if `gives_sets`; gives its tree when it is proven.
+
+        A recursive call counts as proven, without a tree: if the function is not, the walk fails anyway.
+        """
         if id(function) in self.followed:
-            return
+            return None
         if self.depth >= _MOST_DEPTH or len(self.followed) >= _MOST_FUNCTIONS:
             raise Unproven("calls more functions than are followed")
         self.followed.add(id(function))
@@ -95,6 +97,7 @@ class Proof:
         names = self._read_names(function)
         FunctionProof(names, self.prove_called, gives_sets).check_body(names.located.node)
         self.depth -= 1
+        return names.located.node
 
     def _read_names(self, function: FunctionType) -> FunctionNames:
         code = function.__code__
@@ -135,25 +138,21 @@ def infer_purity(function: Callable[..., object]) -> Purity:
     `function` is any callable. Nothing is called, nothing is raised.
     """
     try:
-        reason, changes = _prove_callable(function)
-        return Purity("immutable", reason, changes, _find_indexed_parameters(function) if changes else frozenset())
+        return _prove_callable(function)
     except Unproven as unproven:
         return Purity("volatile", str(unproven))
     except RecursionError:
         return Purity("volatile", "is nested too deeply to be followed")
 
 
-def _find_indexed_parameters(function: Callable[..., object]) -> frozenset[int]:
+def _find_indexed_parameters(function: FunctionNode) -> frozenset[int]:
     """The places of parameters of which a proven function only reads items, so that it cannot change a flat list.
 
     `a, b = step`, `step[0]`, `for disk in step` and tests read; whatever else is done with the name may keep or change
     the list.
     """
-    located = locate_function(function) if isinstance(function, FunctionType) else None
-    if located is None:
-        return frozenset()
     reads: set[int] = set()
-    for node in ast.walk(located.node):
+    for node in ast.walk(function):
         match node:
             case ast.Subscript(value=ast.Name() as read, ctx=ast.Load()) | ast.UnaryOp(op=ast.Not(), operand=read):
                 reads.add(id(read))
@@ -161,13 +160,13 @@ def _find_indexed_parameters(function: Callable[..., object]) -> frozenset[int]:
                 reads.add(id(read))
             case ast.If(test=read) | ast.IfExp(test=read) | ast.While(test=read):
                 reads.add(id(read))
-    parameters = [parameter.arg for parameter in (*located.node.args.posonlyargs, *located.node.args.args)]
-    kept = {node.id for node in ast.walk(located.node) if isinstance(node, ast.Name) and id(node) not in reads}
+    parameters = [parameter.arg for parameter in (*function.args.posonlyargs, *function.args.args)]
+    kept = {node.id for node in ast.walk(function) if isinstance(node, ast.Name) and id(node) not in reads}
     return frozenset(place for place, name in enumerate(parameters) if name not in kept)
 
 
-def _prove_callable(function: Any, cached: bool = False) -> tuple[str, bool]:
-    """Why a callable, perhaps of a cache, is immutable, and whether it may change its arguments. Raises `Unproven`."""
+def _prove_callable(function: Any, cached: bool = False) -> Purity:
+    """That a callable, perhaps of a cache, is immutable. Raises `Unproven`."""
     entry = find_known_pure(function)
     if entry is not None:
         if entry.gives_code:
@@ -176,19 +175,21 @@ def _prove_callable(function: Any, cached: bool = False) -> tuple[str, bool]:
             raise Unproven("calls its arguments")
         if cached and entry.gives_iterator:
             raise Unproven("may give an iterator that a cached function remembers")
-        return "is known to be pure", entry.changes
+        return Purity("immutable", "is known to be pure", entry.changes)
     if isinstance(function, _lru_cache_wrapper):
         return _prove_callable(_unwrap_cache(function), cached=True)
     if type(function) is FunctionType:
         proof = Proof()
-        proof.prove_function(function, gives_sets=True)
+        node = proof.prove_function(function, gives_sets=True)
         if proof.findings.caches and proof.findings.changes:
             raise Unproven("may change values that a cached function remembers")
         if proof.findings.iterators and (cached or proof.findings.caches):
             raise Unproven("may give an iterator that a cached function remembers")
         names = ", ".join(f"'{name}'" for name in proof.findings.constants)
         constants = f" and the constants {names}" if names else ""
-        return f"has a source that uses only its arguments{constants}", proof.findings.changes
+        reason, changes = f"has a source that uses only its arguments{constants}", proof.findings.changes
+        indexed = _find_indexed_parameters(node) if node and changes and not cached else frozenset()
+        return Purity("immutable", reason, changes, indexed)
     if type(function) is MethodType:
         raise Unproven("is a method of an object, which may have state")
     if type(function) in (BuiltinFunctionType, MethodDescriptorType):

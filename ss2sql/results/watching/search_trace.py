@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from ss2sql.errors import RepresentationError, SessionError
 from ss2sql.fast_dataclasses import dataclass
+from ss2sql.frontend.resolve.search_clauses import REPEATS
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
 from ss2sql.language.plan_traversal import find_growing_states
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 MOST_EVENTS = 10_000  # the default
 KEYWORDS = re.compile(r"\b(?:SELECT(?:\s+(?:LAST|DISTINCT))*|FROM|WHERE|START\s+WITH|STOP\s+WITH)\s*$", re.IGNORECASE)
-REPEATS = ("UNIQUE", "NO CYCLE", "MEMORIZE")
 STRATEGIES = {order.keyword: order.title for order in ORDERS.values()}
 
 

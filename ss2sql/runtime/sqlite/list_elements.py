@@ -416,10 +416,11 @@ class _ElementCall:
         interning, changes = self.execution.interning, self.caller.function.changes
         convert, marshalled = interning.decode_copy if changes else interning.decode_read_only, interning.marshalled.get
         inputs: list[Iterable[Any]] = [columns[at] if of_list else () for of_list, at in self.places]
-        for place in self.caller.function.indexed.intersection(range(len(inputs))):
-            values = list(map(interning.decode_read_only, inputs[place]))
-            if all(type(value) is list and SCALARS.issuperset(map(type, value)) for value in values):
-                inputs[place] = values  # which it cannot change
+        for place, (of_list, at) in enumerate(self.places):
+            if of_list and place in self.caller.function.indexed:
+                values = list(map(interning.decode_read_only, columns[at]))
+                if all(type(value) is list and SCALARS.issuperset(map(type, value)) for value in values):
+                    inputs[place] = values  # which it cannot change
         copied = [place for place, column in enumerate(inputs) if bytes in map(type, column)]
         moved = [(place, at) for place, (of_list, at) in enumerate(self.places) if not of_list]
 
