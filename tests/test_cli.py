@@ -254,7 +254,7 @@ def test_lists_are_complete_and_show_one() -> None:
     assert listed("errors", "x001") == [
         {"name": "X001", "title": CODES["X001"].title, "text": CODES["X001"].explanation}
     ]
-    assert good("list", "functions", "len").splitlines()[:3] == ["name: len", "arguments: 1", "volatility: immutable"]
+    assert good("list", "functions", "len").splitlines()[:3] == ["name: len", "arguments: x", "volatility: immutable"]
     assert listed("strategies", "no", "cycle")[0]["decides"] == "repeats"
 
 

@@ -22,8 +22,8 @@ from programs.drawn import amount, drawn
 import ss2sql
 from ss2sql.bench import BenchRules, StatementRuns, make_runs, parse_strategy
 from ss2sql.bench import runs as deciding
+from ss2sql.bench.raced_strategies import WEIGHTS, list_strategies
 from ss2sql.bench.runs import Answer, Verdict, compare_answer_groups, compare_answers, find_reason_answers_differ
-from ss2sql.bench.strategies import WEIGHTS, list_strategies
 from ss2sql.errors import Source
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.parser import parse
@@ -137,9 +137,8 @@ def answer(options: str, *paths: str, cut: bool = False) -> Answer:
 
 def bound_of(answer: Answer) -> int | None:
     """The bound of MEMORIZE, where it is a number."""
-    option = answer.strategy.find_option("MEMORIZE")
-    argument = None if option is None else option.argument
-    return argument.value if isinstance(argument, ast.Literal) else None
+    bound = answer.strategy.texts.get("MEMORIZE", "").removeprefix("MEMORIZE ")
+    return int(bound) if bound.isdigit() else None
 
 
 def broken_law(own: Answer, other: Answer, unnamed: Sequence[str], ordered: bool = True) -> str | None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import apsw
 
-from ss2sql.bench.strategies import RacedStrategy, list_strategies, parse_strategy
+from ss2sql.bench.raced_strategies import RacedStrategy, list_strategies, parse_strategy
 from ss2sql.conformance.check_world import tag_checked_value
 from ss2sql.errors import Cancelled, Error, OutOfSteps, SessionError, Source, Stopped, Timeout, UnsupportedError
 from ss2sql.fast_dataclasses import dataclass

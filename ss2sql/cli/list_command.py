@@ -14,9 +14,8 @@ from ss2sql.cli.script_options import NO_INPUTS, ScriptInputs, add_uses_options
 from ss2sql.errors import CODES, suggest_names
 
 if TYPE_CHECKING:
-    from ss2sql.frontend.user_functions import UserFunction
-    from ss2sql.language.operations import Operation
     from ss2sql.session.session import Session
+    from ss2sql.session.variables import FunctionAbout
 
 
 Entry: TypeAlias = dict[str, str]  # the first value is the name, the last may be long
@@ -36,18 +35,16 @@ def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> Iterator[Entry]:
     """The entries of a topic, with those of the user's inputs."""
     match topic:
         case "functions":
-            from ss2sql.language.operations import WRITTEN
+            from ss2sql.session.variables import describe_functions
 
             with inputs.open_session() as session:
-                own = {**session.host.world_functions, **session.host.functions}
-            yield from map(_make_registered_entry, own.values())
-            yield from (_make_built_in_entry(entry) for name, entry in WRITTEN.items() if name not in own)
+                yield from map(_make_function_entry, describe_functions(session.host).values())
         case "representations":
-            from ss2sql.session.variables import describe_representation
+            from ss2sql.session.variables import describe_representations
 
             with inputs.open_session() as session:
-                for name, make in session.host.shapes.functions.items():
-                    yield {"name": name, "text": describe_representation(make)}
+                for name, entry in describe_representations(session.host).items():
+                    yield {"name": name, "text": entry.about}
         case "strategies":
             from ss2sql.lowering.strategies import ORDERS, REPEAT_RULES
 
@@ -71,20 +68,11 @@ def list_topic(topic: str, inputs: ScriptInputs = NO_INPUTS) -> Iterator[Entry]:
             yield from ({"name": name, "text": text} for name, text in OFF_SWITCHES.items())
 
 
-def _make_built_in_entry(row: Operation) -> Entry:
-    least, most = row.arity
-    arguments = f"{least}" if least == most else f"{least} or more" if most is None else f"{least} to {most}"
-    return {"name": row.name, "arguments": arguments, "volatility": row.volatility, "text": row.about}
-
-
-def _make_registered_entry(entry: UserFunction) -> Entry:
-    from ss2sql.session.variables import take_first_line
-
-    text = take_first_line(entry.function.__doc__)
-    size = f"{entry.minimum}" if entry.minimum == entry.maximum else f"{entry.minimum} or more"
-    arguments = ", ".join(entry.parameters) or size
-    descriptions = "; ".join(part for part in (text.rstrip("."), f"{entry.volatility}: {entry.reason}") if part)
-    return {"name": entry.name, "arguments": arguments, "volatility": entry.volatility, "text": descriptions}
+def _make_function_entry(entry: FunctionAbout) -> Entry:
+    text, arguments = entry.about, ", ".join(entry.parameters or ())
+    if entry.reason:
+        text = "; ".join(filter(None, (text.rstrip("."), f"{entry.volatility}: {entry.reason}")))
+    return {"name": entry.name, "arguments": arguments, "volatility": entry.volatility, "text": text}
 
 
 @click.command("list")

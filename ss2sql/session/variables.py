@@ -20,9 +20,10 @@ import apsw
 
 from ss2sql.errors import ExecutionError, SessionError, note_on_exception, suggest_names
 from ss2sql.errors.exceptions import escape_controls
+from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
 from ss2sql.language import plan
-from ss2sql.language.operations import OPERATIONS, WRITTEN
+from ss2sql.language.operations import WRITTEN
 from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import convert_value, copy_for_python, format_value, make_hashable
 from ss2sql.runtime.run.run_state import Run
@@ -480,9 +481,55 @@ def take_first_line(text: str | None) -> str:
     return ((text or "").strip().splitlines() or [""])[0]
 
 
-def describe_representation(make: Callable[..., Any]) -> str:
-    """A line about a representation."""
-    return take_first_line(make.__doc__).rstrip(".")
+@dataclass(frozen=True, slots=True)
+class FunctionAbout:
+    """A function or representation: how it is called, its parameters as they are written, and a line about it.
+
+    A representation without parameters has None; `reason` is why a function of the user has its volatility.
+    """
+
+    name: str
+    call: str
+    parameters: tuple[str, ...] | None
+    about: str
+    volatility: str = ""
+    reason: str = ""
+
+
+def describe_functions(host: SessionHost) -> dict[str, FunctionAbout]:
+    """All functions that scripts can call by their names, the user's own first."""
+    found = {}
+    for name, entry in sorted({**host.world_functions, **host.functions}.items()):
+        parameters, about = _list_parameters(entry.function, 0), take_first_line(entry.function.__doc__)
+        call = f"{name}({', '.join(parameters)})"
+        found[name] = FunctionAbout(name, call, parameters, about, entry.volatility, entry.reason)
+    for name, row in sorted(WRITTEN.items()):
+        inside = row.call.rpartition("(")[2].rstrip(")")  # the parameters of its longest call
+        parameters = tuple(inside.split(", ")) if inside else ()
+        found.setdefault(name, FunctionAbout(name, row.call, parameters, row.about, row.volatility))
+    return found
+
+
+def describe_representations(host: SessionHost) -> dict[str, FunctionAbout]:
+    """The names after AS."""
+    found = {}
+    for name, make in host.shapes.functions.items():
+        parameters = _list_parameters(make, 1)
+        call = f"{name}({', '.join(parameters)})" if parameters else name
+        found[name] = FunctionAbout(name, call, parameters or None, take_first_line(make.__doc__).rstrip("."))
+    return found
+
+
+def _list_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, ...]:
+    try:
+        parameters = list(signature(function).parameters.values())[skipped:]
+    except (TypeError, ValueError):  # functions in C may have no signature
+        return ("...",)
+    return tuple(str(one.replace(annotation=one.empty)) for one in parameters)
+
+
+def _write_about(entry: FunctionAbout) -> str:
+    return f"{entry.about or 'registered'} ({entry.volatility}: {entry.reason})" if entry.reason else entry.about
 
 
 class SessionFunctions:
@@ -512,31 +559,13 @@ class SessionFunctions:
         world = next((known for known in self.host.names.worlds.values() if name in (known.world, known.name)), None)
         if world is not None and name not in self.host.functions:
             return describe_world(world)
+        known = describe_functions(self.host)
         if name is None:
-            lines = [f"{known:<12} {text}" for known, text in sorted(self._describe_all().items())]
-            return "\n".join(lines)
-        texts = self._describe_all()
-        if type(name) is not str or name not in texts:  # a list could not even be looked up
-            hints = suggest_names(str(name), texts) or ("help() lists all of them",)
+            return "\n".join(f"{known[one].name:<12} {_write_about(known[one])}" for one in sorted(known))
+        if type(name) is not str or name not in known:  # a list could not even be looked up
+            hints = suggest_names(str(name), known) or ("help() lists all of them",)
             raise ExecutionError("X007", f"there is no function '{name}'", hints=hints)
-        return f"{self._format_call(name)}: {texts[name]}"
-
-    def _format_call(self, name: str) -> str:
-        entry = self.host.functions.get(name) or self.host.world_functions.get(name)
-        if entry is None:
-            return OPERATIONS[name].call
-        try:
-            parameters = signature(entry.function).parameters.values()
-            return f"{name}({', '.join(str(one.replace(annotation=one.empty)) for one in parameters)})"
-        except (TypeError, ValueError):  # functions in C may have no signature
-            return name
-
-    def _describe_all(self) -> dict[str, str]:
-        texts = {name: row.about for name, row in WRITTEN.items() if name not in ("item", "slice")}
-        for name, entry in {**self.host.world_functions, **self.host.functions}.items():
-            about = take_first_line(entry.function.__doc__) or "registered"
-            texts[name] = f"{about} ({entry.volatility}: {entry.reason})"
-        return texts
+        return f"{known[name].call}: {_write_about(known[name])}"
 
     def _var(self, name: str | None = None) -> Any:
         if name is None:

@@ -21,9 +21,10 @@ from ss2sql.frontend.syntax.parse_failure import ParseFailure
 from ss2sql.frontend.syntax.parser import run_automaton
 from ss2sql.frontend.syntax.tokenizer import CLOSING, OPENING, Token
 from ss2sql.frontend.syntax.tree_builder import Builder
+from ss2sql.session.variables import FunctionAbout
 from ss2sql.shell.dot_commands import COMMANDS, SETTINGS
 from ss2sql.shell.statement_splitter import find_statement_at
-from ss2sql.shell.symbols import Function, SymbolTable
+from ss2sql.shell.symbols import SymbolTable
 
 
 @dataclass(slots=True)
@@ -178,7 +179,7 @@ def suggest_completions(text: str, cursor: int, symbols: SymbolTable) -> list[Su
     return list(_complete_statement(text[piece.start : max(piece.end, cursor)], cursor - piece.start, symbols))
 
 
-def find_signature_at_cursor(text: str, cursor: int, symbols: SymbolTable) -> tuple[Function, int] | None:
+def find_signature_at_cursor(text: str, cursor: int, symbols: SymbolTable) -> tuple[FunctionAbout, int] | None:
     """The function or representation whose call the cursor is in, and which argument is being written."""
     piece = find_statement_at(text, cursor)
     call = find_call_at_cursor(text[piece.start : cursor], cursor - piece.start)

@@ -19,7 +19,8 @@ from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.conversion import format_value as written
 from ss2sql.results import cut_text
 from ss2sql.session.session import read_script_source
-from ss2sql.shell.symbols import Function, SymbolTable
+from ss2sql.session.variables import FunctionAbout
+from ss2sql.shell.symbols import SymbolTable
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
@@ -195,8 +196,8 @@ def _run_dot_functions(shell: Shell, name: str) -> None:
     symbols = SymbolTable(shell.session)
     every = {**symbols.representations, **symbols.functions}
     if not name:
-        own = [entry for entry in symbols.functions.values() if not entry.built_in]
-        built_in = [entry for entry in symbols.functions.values() if entry.built_in]
+        own = [entry for entry in symbols.functions.values() if entry.reason]
+        built_in = [entry for entry in symbols.functions.values() if not entry.reason]
         lines = [*_describe_dot_entries(own), *([""] if own else []), *_describe_dot_entries(built_in)]
         lines += ["", "after AS:", *_describe_dot_entries(symbols.representations.values())]
         shell.say("\n".join(lines))
@@ -212,7 +213,7 @@ def _run_dot_variables(shell: Shell, _: str) -> None:
     shell.say("\n".join(found) or "there are no variables; x = 1; makes one")
 
 
-def _describe_dot_entries(entries: Iterable[Function]) -> list[str]:
+def _describe_dot_entries(entries: Iterable[FunctionAbout]) -> list[str]:
     return _align_dot_columns((entry.call, entry.about) for entry in entries)
 
 

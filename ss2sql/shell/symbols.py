@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 import apsw
 
 from ss2sql.errors import Error
-from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.conversion import format_value as written
 from ss2sql.language.kinds import Type, type_of
-from ss2sql.language.operations import OPERATOR_FUNCTIONS, WRITTEN
+from ss2sql.language.operations import OPERATOR_FUNCTIONS
 from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import convert_value
 from ss2sql.results import cut_script
 from ss2sql.session.variables import (
-    describe_representation,
+    FunctionAbout,
+    describe_functions,
+    describe_representations,
     describe_table_call,
     describe_table_columns,
-    take_first_line,
 )
 from ss2sql.vtables.frames import Frame
 
@@ -31,21 +30,6 @@ if TYPE_CHECKING:
 
 MOST_VALUE = 50  # characters of a variable's value
 LOOKED_AT = 100  # elements of a variable, for its columns
-
-
-@dataclass(frozen=True, slots=True)
-class Function:
-    """A function or representation with its parameters as they are written, and a line about it."""
-
-    name: str
-    parameters: tuple[str, ...] | None
-    about: str
-    built_in: bool = True
-
-    @property
-    def call(self) -> str:
-        """`name(a, b)`; of a representation without parameters the name alone."""
-        return self.name if self.parameters is None else f"{self.name}({', '.join(self.parameters)})"
 
 
 class SymbolTable:
@@ -57,24 +41,15 @@ class SymbolTable:
         self._columns: dict[str, dict[str, str]] = {}
 
     @cached_property
-    def functions(self) -> dict[str, Function]:
+    def functions(self) -> dict[str, FunctionAbout]:
         """Functions by name, the user's own first, without those of operators."""
-        own = {**self.host.functions, **self.host.world_functions}
-        found = {}
-        for name, entry in sorted(own.items()):
-            about = take_first_line(entry.function.__doc__)
-            found[name] = Function(name, _list_symbol_parameters(entry.function, 0), about, built_in=False)
-        for name, row in sorted(WRITTEN.items()):
-            if name not in found and name not in OPERATOR_FUNCTIONS:
-                inside = row.call.rpartition("(")[2].rstrip(")")  # the parameters of its longest call
-                found[name] = Function(name, tuple(inside.split(", ")) if inside else (), row.about)
-        return found
+        every = describe_functions(self.host).items()
+        return {name: entry for name, entry in every if entry.reason or name not in OPERATOR_FUNCTIONS}
 
     @cached_property
-    def representations(self) -> dict[str, Function]:
+    def representations(self) -> dict[str, FunctionAbout]:
         """The names after AS."""
-        makers = self.host.shapes.functions.items()
-        return {n: Function(n, _list_symbol_parameters(f, 1) or None, describe_representation(f)) for n, f in makers}
+        return describe_representations(self.host)
 
     @cached_property
     def variables(self) -> dict[str, str]:
@@ -172,11 +147,3 @@ class SymbolTable:
 def _format_symbol_type(kind: Type) -> str:
     """A type without bounds of numbers, since only a few elements were read."""
     return format_type(Type(kind.kinds, element=None if kind.element is None else Type(kind.element.kinds)))
-
-
-def _list_symbol_parameters(function: Callable[..., Any], skipped: int) -> tuple[str, ...]:
-    try:
-        parameters = list(inspect.signature(function).parameters.values())[skipped:]
-    except (ValueError, TypeError):
-        return ("...",)
-    return tuple(str(one.replace(annotation=inspect.Parameter.empty)) for one in parameters)
