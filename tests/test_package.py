@@ -214,8 +214,8 @@ def test_imports_run_downwards():
 
 
 def test_a_file_name_stands_for_one_concept():
-    """These stand twice: one concept as the database has it and as Python has it, or as a strategy and in the race."""
-    twice = {"from_clause.py", "strategies.py"}
+    """One stands twice: the concept as the plan has it and as the database has it."""
+    twice = {"from_clause.py"}
     names = Counter(path.name for path in PACKAGE.rglob("*.py") if not path.name.startswith("__"))
     assert {name for name, count in names.items() if count > 1} == twice
     assert max(names.values()) == 2
