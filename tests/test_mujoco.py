@@ -101,12 +101,12 @@ def test_a_body_without_a_position_fails_where_it_is_read(
 ) -> None:
     robot[1].xpos[1] = np.nan
     for condition in ("x >= -1e9", "NOT x < -1e9", "x + 0 >= 0", "distance(this, [0, 0, 0]) < 9", "pos[0] < 9"):
-        with pytest.raises(ss2sql.ExecutionError, match=r"of bodies\[1\] holds nan.*\n(.*\n)*.*WHERE id != 1 AND"):
+        with pytest.raises(ss2sql.ExecutionError, match=r"of bodies\[1\] holds NaN.*\n(.*\n)*.*WHERE id != 1 AND"):
             answer(ss, f"SELECT id FROM space WHERE {condition};", engine)
         found = answer(ss, f"SELECT id FROM space WHERE id != 1 AND ({condition}) AND pos[0] > -1 AS list;", engine)
         assert {0, 2, 3} <= set(found)
     for script in ("SELECT distance(this, [0, 0, 0]) FROM space;", "SELECT id FROM space.near([0, 0, 0], 9);"):
-        with pytest.raises(ss2sql.ExecutionError, match=r"of bodies\[1\] holds nan"):
+        with pytest.raises(ss2sql.ExecutionError, match=r"of bodies\[1\] holds NaN"):
             answer(ss, script, engine)
 
 

@@ -207,21 +207,21 @@ class BodyWorld(World):
         Infinite where it is undefined.
         """
 
-    def do_touch(self, one: int, other: int) -> bool:
-        """Whether two bodies touch."""
-        return self.measure_gap(one, other) <= 0.0
+    def do_touch(self, one: int, other: int, margin: float = 0.0) -> bool:
+        """Whether two bodies come nearer than a margin."""
+        return self.measure_gap(one, other) <= margin
 
     def list_parts(self, body: int) -> Sequence[int]:
         """The bodies that a body consists of, where it is more than its own row."""
         return (body,)
 
     @abstractmethod
-    def is_touching(self, body: int) -> bool:
-        """Whether a body touches any other."""
+    def is_touching(self, body: int, margin: float = 0.0) -> bool:
+        """Whether a body comes nearer to any other than a margin."""
 
     @abstractmethod
-    def would_touch(self, body: int, position: Vector, turn: Quaternion) -> bool:
-        """Whether a body would touch any other at a pose; it does not move."""
+    def would_touch(self, body: int, position: Vector, turn: Quaternion, margin: float = 0.0) -> bool:
+        """Whether a body, put to a pose, would come nearer to any other than a margin; it does not move."""
 
     @abstractmethod
     def put_body(self, body: int, position: Vector, turn: Quaternion) -> None:
@@ -384,49 +384,6 @@ class BodyWorld(World):
         return all(least[k] <= low[k] and high[k] <= most[k] for k in range(3))
 
     @function
-    def collision(self, one: Any, other: Any = None) -> bool:
-        """Whether a body would touch another one at a pose in m, [x, y], [x, y, z] or seven numbers; nothing moves.
-
-        A body in place of the pose: whether these two touch now. Nothing at all: whether it touches any, now.
-        """
-        body = self.find_body(one)
-        if other is None:
-            return self.is_touching(body)
-        if isinstance(other, (list, tuple)):
-            return self.would_touch(body, *self.find_pose("collision", body, other))
-        return self.do_touch(body, self.find_body(other))
-
-    @function("volatile")
-    def checkCollision(self, body: Any) -> bool:  # noqa: N802
-        """Whether a body touches any other where it is now, after all `move`s."""
-        return self.is_touching(self.find_body(body))
-
-    @function("volatile")
-    def move(self, body: Any, to: Any) -> Any:
-        """Puts a body at a place and gives the place back: [x, y] in m, [x, y, z], or seven numbers of a pose.
-
-        It keeps its height, and how it is turned, where the place does not say.
-        """
-        moved = self.find_body(body)
-        self.put_body(moved, *self.find_pose("move", moved, to))
-        return to
-
-
-class MarginWorld(BodyWorld):
-    """A world that tests whether bodies come nearer than a margin."""
-
-    def do_touch(self, one: int, other: int, margin: float = 0.0) -> bool:
-        return self.measure_gap(one, other) <= margin
-
-    @abstractmethod
-    def is_touching(self, body: int, margin: float = 0.0) -> bool:
-        """Whether a body comes nearer to any other than a margin."""
-
-    @abstractmethod
-    def would_touch(self, body: int, position: Vector, turn: Quaternion, margin: float = 0.0) -> bool:
-        """Whether a body, put to a pose, would come nearer to any other than a margin; it does not move."""
-
-    @function
     def collision(self, one: Any, other: Any = None, margin: Any = 0.0) -> bool:
         """Whether a body would collide at a pose in m, [x, y], [x, y, z] or seven numbers; nothing moves.
 
@@ -446,12 +403,28 @@ class MarginWorld(BodyWorld):
         """Whether a body collides with any other where it is now, after all `move`s; `margin` as in `collision`."""
         return self.is_touching(self.find_body(body), _check_margin("checkCollision", margin))
 
+    @function("volatile")
+    def move(self, body: Any, to: Any) -> Any:
+        """Puts a body at a place and gives the place back: [x, y] in m, [x, y, z], or seven numbers of a pose.
+
+        It keeps its height, and how it is turned, where the place does not say.
+        """
+        moved = self.find_body(body)
+        self.put_body(moved, *self.find_pose("move", moved, to))
+        return to
+
 
 def _check_margin(name: str, value: Any) -> float:
     found = read_body_numbers([value], 1)
     if found is None:
         raise make_parameter_error(name, "a margin in metres", value)
     return found[0]
+
+
+def refuse_margin(margin: float, simulator: str) -> None:
+    """Raises ExecutionError X007 for a margin where the simulator can only tell whether bodies touch."""
+    if margin:
+        raise ExecutionError("X007", f"{simulator} tests no margins", hints=("FROM space.closest(a, b, distance)",))
 
 
 class RequestedPairs:

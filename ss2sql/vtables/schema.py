@@ -13,7 +13,6 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from itertools import chain, islice
 from types import NoneType, UnionType
@@ -79,72 +78,39 @@ def misfit_error(message: str, *hints: str) -> ExecutionError:
 
 def make_cleaner(kind: Type, giver: str) -> Cleaner:
     """The function that converts values of one declared type to values of the language; `giver` names the column."""
-    scalar = _SCALARS.get(kind.kinds)
-    return _make_other_cleaner(kind, giver) if scalar is None else _make_scalar_cleaner(scalar, kind.kinds, giver)
-
-
-_SCALARS: dict[Kind, type] = {Kind.FLOAT: float, Kind.INT: int, Kind.BOOL: bool, Kind.STR: str}
-_LIMITS: dict[type, tuple[float, float]] = {float: (-LARGEST, LARGEST), int: (INT_MIN, INT_MAX), bool: (False, True)}
-
-
-def _make_scalar_cleaner(wanted: type[Any], kind: Kind, giver: str) -> Cleaner:
-    low, high = _LIMITS.get(wanted, (0, 0))
-
-    def clean_scalar(value: Any) -> Any:
-        if type(value) is not wanted:
-            value = _convert_scalar(value, giver)
-            if wanted is float and type(value) is int:
-                value = float(value)
-            if type(value) is not wanted:
-                raise _make_column_kind_error(giver, value, _ONE[kind])
-        if wanted is str:
-            if not is_encodable(value):
-                raise misfit_error(f"{giver} holds {value!r}, which is no text that can be written as UTF-8")
-        elif not low <= value <= high:
-            if wanted is int:
-                raise misfit_error(f"{giver} holds {format_value(value)}, which does not fit into 64 bits")
-            hint = "floats of worlds lie within 1e100; None needs a column `float | None`"
-            raise misfit_error(f"{giver} holds {value}", hint)
-        return value
-
-    return clean_scalar
-
-
-def _make_other_cleaner(kind: Type, giver: str) -> Cleaner:
-    """The cleaner of types of several kinds, and of structured ones."""
-    if kind.kinds == Kind.LIST and kind.positions:
-        return _make_list_cleaner(kind.positions, giver)
-    optional = kind.may_be(Kind.NONE)
-    scalars = [_ONE[one] for one in _ONE if kind.may_be(one)]
-    rest = kind.kinds & ~Kind.NONE
-    inner = make_cleaner(replace(kind, kinds=rest), giver) if optional and rest in (*_SCALARS, Kind.LIST) else None
+    exact = _SCALARS.get(kind.kinds)
+    low: Any = INT_MIN if exact is int else kind.low
+    high: Any = INT_MAX if exact is int else kind.high
 
     def clean_value(value: Any) -> Any:
-        if value is None and optional:
-            return None
-        if inner is not None:
-            return inner(value)
-        plain = convert_value(value, giver)
-        if kind.kinds != Kind.ANY and not kind.may_be(_CLASSES.get(type(plain), Kind.OBJECT)):
-            raise _make_column_kind_error(giver, value, " or ".join(scalars) or "another value")
-        return plain
+        if type(value) is exact and low <= value <= high:
+            return value
+        return _fit_value(convert_value(value, giver), kind, giver)
 
     return clean_value
 
 
-def _make_list_cleaner(kinds: Sequence[Type], giver: str) -> Cleaner:
-    parts = [make_cleaner(part, giver) for part in kinds]
-    fits = make_column_test(tuple(kind.kinds for kind in kinds)) or (lambda value: False)
+_SCALARS: dict[Kind, type] = {Kind.FLOAT: float, Kind.INT: int, Kind.BOOL: bool}  # that are bounded
 
-    def clean_list(value: Any) -> Any:
-        if type(value) is tuple and fits(value):
-            return list(value)
-        items = value.tolist() if hasattr(value, "tolist") else value
-        if not isinstance(items, (list, tuple)) or len(items) != len(parts):
-            raise _make_column_kind_error(giver, value, f"a list of {len(parts)} values")
-        return [part(item) for part, item in zip(parts, items, strict=True)]
 
-    return clean_list
+def _fit_value(value: Any, kind: Type, giver: str) -> Any:
+    """A value of the language as one of this type: integers become floats where no integers are declared."""
+    if kind.positions:
+        if type(value) is list and len(value) == len(kind.positions):
+            return [_fit_value(item, part, giver) for item, part in zip(value, kind.positions, strict=True)]
+        if value is not None or not kind.may_be(Kind.NONE):
+            raise _make_column_kind_error(giver, value, f"a list of {len(kind.positions)} values")
+    if type(value) is int and kind.may_be(Kind.FLOAT) and not kind.may_be(Kind.INT):
+        value = float(value)
+    own = _CLASSES.get(type(value), Kind.OBJECT)
+    if kind.kinds != Kind.ANY and not kind.may_be(own):
+        raise _make_column_kind_error(giver, value, " or ".join(_ONE[one] for one in _ONE if kind.may_be(one)))
+    if own is Kind.FLOAT and kind.low is not None and kind.high is not None and not kind.low <= value <= kind.high:
+        hint = "floats of worlds lie within 1e100; None needs a column `float | None`"
+        raise misfit_error(f"{giver} holds {value}", hint)
+    if own is Kind.STR and not (kind.may_be(Kind.OBJECT) or is_encodable(value)):
+        raise misfit_error(f"{giver} holds {value!r}, which is no text that can be written as UTF-8")
+    return value
 
 
 _TESTS = {
@@ -196,16 +162,6 @@ _CLASSES: dict[type, Kind] = {
     NoneType: Kind.NONE, bool: Kind.BOOL, int: Kind.INT, float: Kind.FLOAT, str: Kind.STR, list: Kind.LIST,
     dict: Kind.DICT,
 }  # fmt: skip
-
-
-def _convert_scalar(value: Any, giver: str) -> Any:
-    """A scalar of NumPy's as a number or string; arrays, even those with one element, are refused."""
-    if getattr(value, "ndim", 0):
-        raise misfit_error(
-            f"{giver} holds an array of the shape {tuple(value.shape)}",
-            "declare a list column: a tuple of types, or list",
-        )
-    return convert_value(value, giver)
 
 
 def _make_column_kind_error(giver: str, value: Any, wanted: str) -> ExecutionError:

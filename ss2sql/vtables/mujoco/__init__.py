@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ss2sql.errors import ExecutionError, SessionError
-from ss2sql.vtables.body_functions import Closest, MarginWorld, Near, Overlaps, Quaternion, Vector
+from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps, Quaternion, Vector
 from ss2sql.vtables.mujoco.mujoco_tables import (
     MuJoCoBodies,
     MuJoCoContacts,
@@ -33,7 +33,7 @@ FURTHEST = 1e9  # m, the greatest measured distance
 _FREE = 0  # of mjtJoint
 
 
-class MuJoCoWorld(MarginWorld):
+class MuJoCoWorld(BodyWorld):
     """MuJoCo: bodies, geoms, joints, contacts and sensors of a model and its data.
 
     Args:

@@ -16,7 +16,16 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 import numpy as np
 
 from ss2sql.errors import ExecutionError
-from ss2sql.vtables.body_functions import BodyWorld, Closest, Near, Overlaps, Quaternion, Vector, make_gone_error
+from ss2sql.vtables.body_functions import (
+    BodyWorld,
+    Closest,
+    Near,
+    Overlaps,
+    Quaternion,
+    Vector,
+    make_gone_error,
+    refuse_margin,
+)
 from ss2sql.vtables.ode.ode_tables import (
     OdeBodies,
     OdeContacts,
@@ -122,12 +131,14 @@ class OdeWorld(BodyWorld):
         ids = sorted(found)
         return ids, np.array([read_position(found[number]) for number in ids], float).reshape(len(ids), 3)
 
-    def is_touching(self, body: int) -> bool:
+    def is_touching(self, body: int, margin: float = 0.0) -> bool:
+        refuse_margin(margin, "ODE")
         self.get_geom(body)  # raises Gone
         return any(body in pair and self.list_contacts(*pair) for pair in self.list_near_pairs())
 
-    def would_touch(self, body: int, position: Vector, turn: Quaternion) -> bool:
+    def would_touch(self, body: int, position: Vector, turn: Quaternion, margin: float = 0.0) -> bool:
         """Tests the pose with a copy of the geom, since moving the geom itself would wake up its body."""
+        refuse_margin(margin, "ODE")
         ode, geom = import_module("ode"), self.get_geom(body)
         kind = type(geom).__name__
         if kind not in _COPIED:
@@ -144,8 +155,8 @@ class OdeWorld(BodyWorld):
                 return True
         return False
 
-    def do_touch(self, one: int, other: int) -> bool:
-        return bool(self.list_contacts(one, other))
+    def do_touch(self, one: int, other: int, margin: float = 0.0) -> bool:
+        return super().do_touch(one, other, margin) if margin else bool(self.list_contacts(one, other))
 
     def measure_gap(self, one: int, other: int) -> float:
         """Exact for spheres, boxes, capsules, cylinders and planes; ODE itself only tests whether geoms touch.

@@ -34,6 +34,7 @@ from ss2sql.vtables.body_functions import (  # fmt: skip
     clip_body_corner,
     make_body_columns,
     make_gone_error,
+    refuse_margin,
 )
 from ss2sql.vtables.contract import Column, Table, Where
 
@@ -255,13 +256,17 @@ class OpenRaveWorld(BodyWorld):
         points = [split_transform(body.GetTransform())[1] for body in found]
         return [int(body.GetEnvironmentId()) for body in found], np.array(points, float).reshape(len(found), 3)
 
-    def do_touch(self, one: int, other: int) -> bool:
+    def do_touch(self, one: int, other: int, margin: float = 0.0) -> bool:
+        if margin:
+            return super().do_touch(one, other, margin)
         return bool(self.environment.CheckCollision(self.get_body(one), self.get_body(other)))
 
-    def is_touching(self, body: int) -> bool:
+    def is_touching(self, body: int, margin: float = 0.0) -> bool:
+        refuse_margin(margin, "OpenRAVE")
         return bool(self.environment.CheckCollision(self.get_body(body)))
 
-    def would_touch(self, body: int, position: Vector, turn: Quaternion) -> bool:
+    def would_touch(self, body: int, position: Vector, turn: Quaternion, margin: float = 0.0) -> bool:
+        refuse_margin(margin, "OpenRAVE")
         found = self.get_body(body)
         with found:  # OpenRAVE restores its pose at the end
             self.put_body(body, position, turn)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ss2sql.errors import ExecutionError
-from ss2sql.vtables.body_functions import MarginWorld, Quaternion, Vector, make_parameter_error
+from ss2sql.vtables.body_functions import BodyWorld, Quaternion, Vector, make_parameter_error
 from ss2sql.vtables.contract import Element, function
 from ss2sql.vtables.pybullet.bullet_tables import SOFT, has_untold_shape, measure_box, measure_link_box, read_link_pose
 from ss2sql.vtables.pybullet.client import (
@@ -338,7 +338,7 @@ def build_robot(world: Any, stock: ShapeCache, body: int) -> Robot:
     return Robot(base[1], parts)
 
 
-class BodyFunctions(MarginWorld):
+class BodyFunctions(BodyWorld):
     """The functions of a PyBullet world. A body is given by its element, its id or its name."""
 
     calls: Any
