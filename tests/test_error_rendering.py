@@ -37,9 +37,6 @@ def test_no_place() -> None:
     )
 
 
-TWENTY = "\n".join(f"line {number}" for number in range(1, 21))
-
-
 @pytest.mark.parametrize(
     ("text", "start", "end", "expected"),
     [
@@ -47,15 +44,11 @@ TWENTY = "\n".join(f"line {number}" for number in range(1, 21))
         ("\n" * 9 + "a", 9, 10, ["  --> s.ss:10:1", "   |", "10 | a", "   | ^"]),
         ("abc\n", 0, 4, [" --> s.ss:1:1", "  |", "1 | abc", "  | ^^^"]),
         ("SELECT a\nFROM b\nWHERE c;", 0, 23,
-         [" --> s.ss:1:1", "  |", "1 | / SELECT a", "2 | | FROM b", "3 | | WHERE c;", "  | |_______^"]),
-        ("x = (1 +\n  2)", 4, 13,
-         [" --> s.ss:1:5", "  |", "1 |   x = (1 +", "  |  _____^", "2 | |   2)", "  | |____^"]),
-        (TWENTY, 0, len(TWENTY),
-         ["  --> s.ss:1:1", "   |", " 1 | / line 1", " 2 | | line 2", " 3 | | line 3", " 4 | | line 4", "...  |",
-          "20 | | line 20", "   | |_______^"]),
+         [" --> s.ss:1:1", "  |", "1 | SELECT a", "  | ^^^^^^^^ ... to line 3"]),
+        ("x = (1 +\n  2)", 4, 13, [" --> s.ss:1:5", "  |", "1 | x = (1 +", "  |     ^^^^ ... to line 2"]),
         ("a" * 119 + "X", 119, 120, [" --> s.ss:1:120", "  |", "1 | " + "a" * 119 + "X", "  | " + " " * 119 + "^"]),
     ],
-    ids=["one place", "wide gutter", "line break", "lines", "within a line", "many lines", "a line that fits"],
+    ids=["one place", "wide gutter", "line break", "lines", "within a line", "a line that fits"],
 )  # fmt: skip
 def test_a_stretch_of_text(text: str, start: int, end: int, expected: list[str]) -> None:
     error = Error("P009", "no", Span(Source(text, "s.ss"), start, end), ["do"])

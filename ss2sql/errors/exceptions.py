@@ -100,7 +100,6 @@ def escape_controls(text: str) -> str:
 
 WIDTH = 120  # cells of a line that are shown; a longer one is cut around its place
 BEFORE = 60  # cells of it that stand before the place
-MOST_LINES = 5  # a longer stretch is shown by its beginning and its end
 TAB = "    "
 DIRECTION_MARKS = frozenset({"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"})
 
@@ -127,7 +126,7 @@ def render_error(error: Error, color: bool = False) -> str:
         own = _Mark(error.span, "^", RED)
         page.add_place(own)
         beside = [mark for mark in marks if _can_mark_together(mark, own)]
-        page.show_mark(own, beside)
+        page.show_mark(own, *beside)
         marks = [mark for mark in marks if mark not in beside]
     for mark in marks:
         if error.span is None or mark.span.source is not error.span.source:
@@ -185,47 +184,19 @@ class _RenderedError:
         head = self.gutter if number is None else f"{number:>{self.width}}"
         self.lines.append(self.color_text(BLUE, f"{head} |") + (f" {text}" if text else ""))
 
-    def show_mark(self, mark: _Mark, beside: list[_Mark] | None = None) -> None:
-        """The line or lines of a mark, with the mark and those beside it."""
+    def show_mark(self, *marks: _Mark) -> None:
+        """The first line of a place, and below it a line for each mark in it."""
         self.add_line("")
-        if _find_last_marked_line(mark.span) > mark.span.line:
-            self._show_stretch(mark)
-        else:
-            self._show_line((mark, *(beside or ())))
-
-    def _show_line(self, marks: Sequence[_Mark]) -> None:
-        """A line, and below it a line for each of its marks."""
         span = marks[0].span
         cut = _ShownLine(span.source.get_line(span.line), min(one.span.column for one in marks) - 1)
         self.add_line(cut.shown, span.line)
         for one in marks:
-            start = one.span.column - 1
+            start, last = one.span.column - 1, _find_last_marked_line(one.span)
             place = cut.find_cell(start)
             length = max(1, cut.find_cell(start + one.span.end - one.span.start) - place)
             label = f" {one.label}" if one.label else ""
+            label = f" ... to line {last}{label}" if last > one.span.line else label
             self.add_line(" " * place + self.color_text(one.style, one.sign * length + label))
-
-    def _show_stretch(self, mark: _Mark) -> None:
-        """Several lines, with a bar on their left from the first character to the last."""
-        span, source = mark.span, mark.span.source
-        first, last = span.line, _find_last_marked_line(span)
-        bar = self.color_text(mark.style, "|")
-        cut = _ShownLine(source.get_line(first), span.column - 1)
-        if source.get_line(first)[: span.column - 1].strip():
-            self.add_line(f"  {cut.shown}", first)
-            self.add_line(" " + self.color_text(mark.style, "_" * (cut.find_cell(span.column - 1) + 1) + mark.sign))
-        else:
-            self.add_line(f"{self.color_text(mark.style, '/')} {cut.shown}", first)
-        most = last if last - first <= MOST_LINES else first + MOST_LINES - 2
-        for number in range(first + 1, min(most + 1, last)):
-            self.add_line(f"{bar} {_ShownLine(source.get_line(number), 0).shown}".rstrip(), number)
-        if most < last:
-            self.lines.append(f"{'...':<{self.width + 3}}{bar}")
-        column = source.find_line_column(max(span.start, span.end - 1))[1]
-        cut = _ShownLine(source.get_line(last), column - 1)
-        self.add_line(f"{bar} {cut.shown}", last)
-        label = f" {mark.label}" if mark.label else ""
-        self.add_line(bar + self.color_text(mark.style, "_" * (cut.find_cell(column - 1) + 1) + mark.sign + label))
 
 
 class _ShownLine:
