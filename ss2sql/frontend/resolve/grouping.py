@@ -66,28 +66,21 @@ COUNT_TYPE = Type(Kind.INT, 0, 2**53)
 
 def resolve_count_star(function: plan.Function, grouped: bool, span: Span) -> plan.Aggregate:
     """`count(*)` of a group. Raises ResolveError R008 for another function, and without a group."""
-    if not function.builtin:
-        hint = f"give arguments to {function.name}, which is a function of yours"
-    elif function.name != "count":
-        hint = f"write count(*), or name what {function.name} is to take"
-    elif not grouped:
-        hint = "count the rows of a query: (SELECT count(*) FROM ... AS value)"
-    else:
+    if function.builtin and function.name == "count" and grouped:
         return plan.Aggregate("count", None, COUNT_TYPE, span=span)
+    hint = "count the rows of a query: (SELECT count(*) FROM ... AS value)"
+    if function.name != "count":
+        hint = f"write count(*), or name what {function.name} is to take"
     raise ResolveError("R008", "count(*) alone takes a star, and counts the rows of a group", span, (hint,))
 
 
 def resolve_count_distinct(function: plan.Function, grouped: bool, argument: plan.Expr, span: Span) -> plan.Aggregate:
     """`count(DISTINCT x)` of a group. Raises ResolveError R008 as `resolve_count_star` does."""
-    name, text = function.name, argument.span.text
-    if function.builtin and name == "count" and grouped:
+    if function.builtin and function.name == "count" and grouped:
         return plan.Aggregate("count_distinct", argument, COUNT_TYPE, span=span)
-    if function.builtin and name in GROUPS and name != "count":
-        hint = f"write {name}(uniq(SELECT {text} FROM ... AS list))"
-    elif function.builtin and name == "count":
-        hint = f"count what differs in a list: len(uniq({text}))"
-    else:
-        hint = f"write {name}({text})"
+    hint = f"count what differs in a list: len(uniq({argument.span.text}))"
+    if function.name != "count":
+        hint = f"write {function.name}(uniq(SELECT {argument.span.text} FROM ... AS list))"
     raise ResolveError("R008", "count alone takes DISTINCT, and counts the different values of a group", span, (hint,))
 
 

@@ -462,12 +462,11 @@ def _resolve_representation(
     name = SYNONYMS.get(tree.name.lower(), tree.name.lower())
     known = {word.lower() for word in resolver.catalog.representations}
     if name not in known:
-        every = f"the forms are {', '.join(sorted(known))}; session.representation registers others"
-        hints = (
-            suggest_names(name, known) if suggest_similar(name, known) and name not in ("table", "tuple") else (every,)
+        hints = suggest_names(name, known) if suggest_similar(name, known) else ()
+        hints = hints or (
+            f"the forms are {', '.join(sorted(known))}; session.representation registers others",
+            f"to name a source write FROM {tree.name} = ...",
         )
-        if not suggest_similar(name, known) and not (tree.arguments or tree.named):
-            hints += (f"to name a source write FROM {tree.name} = ...",)
         resolver.errors.append(ResolveError("R006", f"unknown representation '{tree.name}'", tree.span, hints))
     arguments = resolver.resolve_all(tree.arguments, outer)
     named = tuple((a.name, resolver.record_errors(resolver.resolve_expr, a.value, outer)) for a in tree.named)

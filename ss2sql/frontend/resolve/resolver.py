@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, assert_never
 
-from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names, suggest_similar
+from ss2sql.errors import ResolveError, Span, combine_errors, suggest_names
 from ss2sql.frontend.resolve.grouping import resolve_count_distinct, resolve_count_star
 from ss2sql.frontend.resolve.scope import (
     Catalog,
@@ -305,17 +305,8 @@ class Resolver:
             world = resolve_world(self, name)
             if world is not None:
                 error.hints = list_world_hints(world, tree.name)
-            elif name in self.list_variables() and (meant := self.find_variable(name, tree.span)) is not None:
-                single = meant.type.is_only(Kind.DICT | Kind.OBJECT)
-                row = meant.type if single else meant.type.element or ANY
-                keys = [key for key, _ in row.columns or ()] or [tree.name]
-                key = (suggest_similar(tree.name, keys) or keys)[0]
-                if single:
-                    error.hints = (f'write {name}["{key}"]',)
-                elif not row.may_be(Kind.DICT | Kind.OBJECT):
-                    error.hints = (f"'{name}' is a list, and its elements have no columns; read them as {name}[0]",)
-                elif scope is None:
-                    error.hints = (f"write SELECT {key} FROM {name} AS list",)
+            elif name in self.list_variables():
+                error.hints = (f'write {name}["{tree.name}"]', f"of a list: SELECT {tree.name} FROM {name} AS list")
             raise
 
     def resolve_this(self, tree: ast.This, scope: Scope | None) -> plan.Expr:
