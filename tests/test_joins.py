@@ -16,6 +16,8 @@ from programs.joins import joins
 from reference import Reference
 
 import ss2sql
+from ss2sql.runtime.python import source_lookups
+from ss2sql.runtime.sqlite import list_elements
 
 COUNT = 2 * amount()
 INDEX = "that SQLite makes for this query"
@@ -35,6 +37,15 @@ def session_over(case: ProgramCase, tables: Sequence[str], indexed: bool) -> ss2
             ss.host.connection.execute(f"CREATE INDEX {name}_a ON {name}(a)")
             ss.host.connection.execute(f"CREATE INDEX {name}_s ON {name}(s, b)")
     return ss
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _look_up_in_short_lists() -> Iterator[None]:
+    """Ranges are looked up in lists of any length."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(source_lookups, "MIN_LENGTH", 0)
+        patch.setattr(list_elements, "MIN_LENGTH", 0)
+        yield
 
 
 # The engine, which tables are those of a database, and whether these have indexes.

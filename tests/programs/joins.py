@@ -22,6 +22,7 @@ FROM = ("x = t, y = u", "x = t, y = t", "x = t, y = u, z = t", "n = [1, 2], x = 
 LINKS = (
     *("x.a == y.a", "y.s == x.s", "x.b == y.b", "x.w == y.w", "x.a + 1 == y.a", "x.a == y.w", "len(x.s) == y.a"),
     *("x.a == y.a OR x.s == y.s", "x.a < y.a", "x.a == y.b AND x.s != y.s"),
+    *("x.w <= y.w", "y.w BETWEEN x.w - 1 AND x.a", "y.a > x.w AND x.a + 2 >= y.a", "x.s < y.s", "y.b > x.a"),
 )
 PARTS = (
     *("x.a > least", "y.b != None", "y.w >= 0.5", "x.s IN ['a', 'ü']", "10 / x.a > 2", "x.b > 0", "y.a / x.a > 0"),
@@ -30,6 +31,8 @@ PARTS = (
 )
 THIRD = {"z = ": ("z.a == y.a", "x.s == z.s", "z.b == None", "even(z.a)"), "n = ": ("n.this == x.a", "y.a >= n.this")}
 SHOWN = ("x.a", "y.b", "x.s", "pair(y.a)", "x.w + y.w", "picky(x.a)", "100 / y.a", "y.s")
+LAST = "(SELECT q.s, q.w FROM q = u WHERE q.w {} x.w {} ORDER BY q.{} {} LIMIT {} AS rows)"
+COMPARED = ("<=", "<", ">=", ">")
 KEYS = ("x.a", "pair(y.a)", "y.w")
 ENDS = ("", " ORDER BY y.a DESC", " ORDER BY half(x.a), y.s", " LIMIT 2")
 
@@ -42,7 +45,11 @@ def joins(draw: st.DrawFn) -> ProgramCase:
     parts += [draw(st.sampled_from(more)) for name, more in THIRD.items() if name in sources]
     where = " AND ".join(f"({part})" for part in draw(st.permutations(parts)))
     if draw(st.integers(0, 3)):
-        columns = ", ".join(draw(st.lists(st.sampled_from(SHOWN), min_size=1, max_size=3, unique=True)))
+        last = st.builds(
+            LAST.format, *map(st.sampled_from, (COMPARED, ("", "AND q.a > 0"), "wwb", ("", "DESC"), (1, "2 OFFSET 1")))
+        )
+        shown = st.one_of(st.sampled_from(SHOWN), last)
+        columns = ", ".join(draw(st.lists(shown, min_size=1, max_size=3, unique=True)))
         end = draw(st.sampled_from(ENDS))
     else:
         key = draw(st.sampled_from(KEYS))

@@ -358,6 +358,7 @@ def _put_line_in_words(text: str) -> str:
 # The kinds of lines for lowered queries and their words; any other is shown as it is. Names are those of the SQL.
 SENTENCES = (
     (r"SCAN (.+) VIRTUAL TABLE INDEX \d+:each element", r"walks the elements of \1"),
+    (r"SCAN (.+) VIRTUAL TABLE INDEX \d+:elements in order of (.+)", r"looks up the elements of \1 in the order of \2"),
     (
         r"SCAN (.+) VIRTUAL TABLE INDEX \d+:each element, (.*) IS NOT \?",
         r"walks the elements of \1, but not where \2 is ?",

@@ -409,6 +409,7 @@ class CodegenContext:
         self.names: dict[int, str] = {}  # source -> its local name
         self.states: dict[tuple[int, str], str] = {}  # START WITH variable -> its local name
         self.tuples: dict[int, tuple[str, ...]] = {}  # source whose elements are tuples -> their columns
+        self.row_orders: dict[int, str] = {}  # by query: what tells whether its rows come in the order of ORDER BY
         self.single_column_queries: set[int] = set()  # of these, sources whose name stands for their only column
         self.elements: dict[int, Type] = {}  # source whose elements are values -> their type
         self.worlds: dict[int, Any] = {}  # source that walks keys of a world -> its table

@@ -24,11 +24,11 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import INT
 from ss2sql.language.plan_traversal import can_end_early, has_array_calls, is_volatile, split_and, walk
 from ss2sql.language.values import make_hashable
-from ss2sql.runtime.python.call_code import find_keyed_sources
+from ss2sql.runtime.python.call_code import CallStages, find_keyed_sources
 from ss2sql.runtime.python.codegen_context import ExpressionAnalysis, PythonScope
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
-from ss2sql.runtime.python.source_lookups import find_index_lookups
-from ss2sql.runtime.python.source_loops import CallStages, SourceLoops, list_loop_expressions, loops_over_query_rows
+from ss2sql.runtime.python.source_lookups import find_index_lookups, find_range_lookups
+from ss2sql.runtime.python.source_loops import SourceLoops, list_loop_expressions, loops_over_query_rows
 from ss2sql.runtime.run.calls import FIRST, has_calls_without_arrays
 from ss2sql.runtime.run.post_processing import is_row_count
 
@@ -245,6 +245,8 @@ def place_conditions(
                 placed[known].append(sure)
         elif certain:
             loops.push_condition_to_world(part)
+            for comparison in find_range_lookups(part, builder.codegen.analysis):
+                loops.plan_range(comparison)
         level = max(level, loops.first_unnoticed)
         if not (certain and facts.total):
             level = max(level, reached, loops.first_read_once)

@@ -21,7 +21,7 @@ from ss2sql.language.plan_traversal import has_array_calls, has_constant_source,
 from ss2sql.language.rows import Rows, make_label
 from ss2sql.language.values import UNSET, format_value
 from ss2sql.runtime.python import flat_query
-from ss2sql.runtime.python.call_code import SELF_KEYED_KINDS
+from ss2sql.runtime.python.call_code import SELF_KEYED_KINDS, CallStages
 from ss2sql.runtime.python.codegen_context import (
     COUNTERS,
     CodegenContext,
@@ -32,7 +32,6 @@ from ss2sql.runtime.python.codegen_context import (
 from ss2sql.runtime.python.located_code import AstBuilder, generate_template, locate_in_script
 from ss2sql.runtime.python.python_expressions import generate_expression, get_group_key
 from ss2sql.runtime.python.query_execution import QueryExecution, get_value_function
-from ss2sql.runtime.python.source_loops import CallStages
 from ss2sql.runtime.run.calls import make_call_key, report_memo_counts
 from ss2sql.runtime.run.post_processing import QueryForm, find_grouped_aggregates
 from ss2sql.runtime.run.run_state import Run, check_count_value, keep_bounded
@@ -278,6 +277,7 @@ class QueryCompiler:
             "group": self._write_group(query, open_part),
             "arguments": self._write_arguments(query, open_part),
             "flush": self._write_flush() if query.search else None,
+            "row_order": codegen.row_orders.get(query.id),
         }
         find = codegen.find if query is codegen.level_searched_query else None
         form = build.name(codegen.embed(QueryForm.for_query(query, tuple(own), searched, find), "form"))

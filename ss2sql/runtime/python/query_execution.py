@@ -26,6 +26,7 @@ from ss2sql.vtables.frames import Frame, list_source_elements
 
 if TYPE_CHECKING:
     from ss2sql.lowering.flat import TableFilter
+    from ss2sql.runtime.run.key_order import RowOrder
 
 
 QUICK, SLOW = 0.002, 0.01  # seconds between two looks: below the one there may be more turns, above the other fewer
@@ -190,6 +191,7 @@ class QueryExecution:
     group: Callable[..., Iterator[Any]] | None
     arguments: Callable[..., tuple[tuple[Any, ...], dict[str, Any]]] | None
     flush: Callable[[], None] | None
+    row_order: RowOrder | None
 
     def compute_value(self, *outer: Any) -> Any:
         """The query's value, as its representation makes it."""
@@ -232,7 +234,8 @@ class QueryExecution:
         try:
             if self._needs_keys:
                 group = None if self.group is None else partial(self.group, *outer)
-                PostProcessing(form, group, settings.limit, settings.offset or 0, most).finish(found, results, answer)
+                finishing = PostProcessing(form, group, settings.limit, settings.offset or 0, most, self.row_order)
+                finishing.finish(found, results, answer)
             else:
                 self._fill_results(found, results, settings.limit, settings.offset or 0, most)
         finally:

@@ -4,7 +4,8 @@ A condition `key == other`, where the key is a column or is computed of one sour
 known before the loop of that source, needs no loop over all elements: an index gives those whose key equals the value.
 It is built when it is first needed, for several keys of a source together. Where a key or what it must equal may raise,
 the condition is tested all the same, of the elements that are found; where it does raise, that is of all elements, so
-that it raises again if the script comes there.
+that it raises again if the script comes there. A condition of order that cannot raise, `key <= other`, is looked up in
+the order of the numbers that the keys are, and tested again.
 
 What walks over the table of a world are keys, and columns are read of them when they are needed. Conditions that the
 adapter gets (`push_condition_to_world` in source_loops.py) only save rows; all are tested again.
@@ -23,6 +24,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import Kind
 from ss2sql.runtime.python.codegen_context import ExpressionAnalysis
 from ss2sql.runtime.python.located_code import AstBuilder
+from ss2sql.runtime.run.key_order import MIN_LENGTH, KeyOrder, RowOrder, order_numbers
 from ss2sql.runtime.run.run_state import Run, pause_collector
 from ss2sql.vtables.contract import Where
 
@@ -30,6 +32,9 @@ if TYPE_CHECKING:
     from ss2sql.runtime.python.codegen_context import CodegenContext, PythonScope
     from ss2sql.runtime.python.native_query import QueryCompiler
     from ss2sql.vtables.attached_worlds import AttachedWorldTable
+
+
+_MIRRORED = {"lt": "gt", "le": "ge", "gt": "lt", "ge": "le"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +56,41 @@ class Lookup:
         return self.listed or bool(self.members)
 
 
+@dataclass(frozen=True, slots=True)
+class RangeLookup:
+    """`key <= other`, or another comparison by this operator: what is read of the `source`, and the bound."""
+
+    source: int
+    key: plan.Expr
+    operator: str
+    other: plan.Expr
+
+
+def find_range_lookups(part: plan.Expr, analysis: ExpressionAnalysis) -> list[RangeLookup]:
+    """The condition as lookups of a range, where neither side raises."""
+    match part:
+        case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in _MIRRORED:
+            if not (analysis.facts(part).steady and analysis.facts(part).total):
+                return []
+            sides = [(left, name, right), (right, _MIRRORED[name], left)]
+            return [
+                RangeLookup(source, key, operator, other)
+                for key, operator, other in sides
+                if (source := _find_keyed_source(key, other, analysis)) is not None
+            ]
+        case _:
+            return []
+
+
+def _find_keyed_source(key: plan.Expr, other: plan.Expr, analysis: ExpressionAnalysis) -> int | None:
+    """The source of which alone a side of a condition reads, where the other side does not."""
+    read = analysis.facts(key)
+    if len(read.sources) != 1 or read.states or read.groups:
+        return None
+    (source,) = read.sources
+    return None if source in analysis.facts(other).sources else source
+
+
 def find_index_lookups(part: plan.Expr, analysis: ExpressionAnalysis, operator: str = "eq") -> list[Lookup]:
     """The condition as lookups: one for each side that reads one source, and nothing else that changes in a run."""
     facts = analysis.facts(part)
@@ -70,12 +110,10 @@ def find_index_lookups(part: plan.Expr, analysis: ExpressionAnalysis, operator: 
             return []
     found: list[Lookup] = []
     for key, other, listed in pairs:
-        read = analysis.facts(key)
-        if len(read.sources) == 1 and not (read.states or read.groups):
-            (source,) = read.sources
-            if source not in analysis.facts(other).sources:
-                members = key.items if listed and isinstance(key, plan.MakeList) else ()
-                found.append(Lookup(source, key, other, facts.total, members, listed and not members))
+        source = _find_keyed_source(key, other, analysis)
+        if source is not None:
+            members = key.items if listed and isinstance(key, plan.MakeList) else ()
+            found.append(Lookup(source, key, other, facts.total, members, listed and not members))
     return found
 
 
@@ -146,6 +184,39 @@ def index_rows_by_members(rows: list[Any], keys_of: Callable[[list[Any]], Iterab
     return index.add_items(*zip(*pairs, strict=True)) if pairs else index
 
 
+class RangeIndex:
+    """The rows of a source, in which ranges of their keys are looked up. All are found where these are no numbers."""
+
+    def __init__(self, rows: list[Any], keys_of: Callable[[list[Any]], Iterable[Any]]) -> None:
+        self.rows = rows
+        self.keys = list(keys_of(rows))
+        self.orders: dict[bool, KeyOrder | None] = {}
+
+    def find_rows(self, operators: Sequence[str], values: Sequence[Any]) -> Sequence[Any]:
+        """The rows whose keys meet comparisons with these values, and maybe more, in their order."""
+        order = self._get_order(False) if len(self.rows) >= MIN_LENGTH else None
+        if order is None:
+            return self.rows
+        start, end = order.find_bounds(operators, values)
+        return [self.rows[place] for place in sorted(order.places[start:end])]
+
+    def find_rows_in_order(
+        self, asked: RowOrder, descending: bool, operators: Sequence[str], values: Sequence[Any]
+    ) -> Iterable[Any]:
+        """The same, one after the other in the order of their keys; says whether they are."""
+        order = self._get_order(descending)
+        asked.kept = order is not None
+        if order is None:
+            return self.rows
+        places = map(order.places.__getitem__, range(*order.find_bounds(operators, values)))
+        return map(self.rows.__getitem__, places)
+
+    def _get_order(self, descending: bool) -> KeyOrder | None:
+        if descending not in self.orders:
+            self.orders[descending] = order_numbers(self.keys, descending)
+        return self.orders[descending]
+
+
 def index_column(rows: list[Any], value: int, position: int) -> RowIndex:
     """The values of a column by those of another, where nothing else is wanted of the rows that are found."""
     return RowIndex(rows).add_items(map(itemgetter(position), rows), map(itemgetter(value), rows))
@@ -167,7 +238,6 @@ def index_table_column(run: Run, table: plan.TableSource, value: int, position: 
 
 # --- tables of worlds
 _OPERATORS = {"eq": "=", "lt": "<", "le": "<=", "gt": ">", "ge": ">="}
-_MIRRORED = {"=": "=", "<": ">", "<=": ">=", ">": "<", ">=": "<="}
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,8 +254,8 @@ def find_world_condition(condition: plan.Expr, sources: Sequence[plan.Source]) -
     """The condition as something that the adapter of one of the sources can use, if it is."""
     match condition:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(left, right)) if name in _OPERATORS:
-            operator = _OPERATORS[name]
-            for column, sign, value in ((left, operator, right), (right, _MIRRORED[operator], left)):
+            for column, own, value in ((left, name, right), (right, _MIRRORED.get(name, name), left)):
+                sign = _OPERATORS[own]
                 if isinstance(column, plan.Column):
                     source = next((source for source in sources if source.id == column.source), None)
                     if isinstance(source, plan.WorldSource) and _can_use_condition(source.table, column.name, sign):

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from dataclasses import replace
-from itertools import chain, takewhile
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any, assert_never
 
 from ss2sql.errors import Stopped
@@ -19,6 +18,7 @@ from ss2sql.language import plan
 from ss2sql.language.kinds import INT, Kind
 from ss2sql.language.plan_traversal import can_end_early, has_array_calls, list_columns_read, split_and
 from ss2sql.language.values import make_hashable
+from ss2sql.runtime.python.call_code import CallStages
 from ss2sql.runtime.python.codegen_context import MAX_LOOPS, ExpressionFacts, PythonScope
 from ss2sql.runtime.python.located_code import AstBuilder
 from ss2sql.runtime.python.python_expressions import SCALAR_KINDS, generate_expression
@@ -32,6 +32,8 @@ from ss2sql.runtime.python.query_execution import (
 )
 from ss2sql.runtime.python.source_lookups import (
     Lookup,
+    RangeIndex,
+    RangeLookup,
     WorldCondition,
     find_world_condition,
     generate_world_loop,
@@ -40,104 +42,12 @@ from ss2sql.runtime.python.source_lookups import (
     index_rows_by_members,
     index_table_column,
 )
-from ss2sql.runtime.run.calls import Guards, call_in_blocks, list_guarded_calls
+from ss2sql.runtime.run.key_order import RowOrder
 from ss2sql.vtables.frames import list_elements_or_none, list_source_elements
 
 if TYPE_CHECKING:
     from ss2sql.lowering.flat import TableFilter
     from ss2sql.runtime.python.native_query import QueryCompiler
-
-
-class CallStages:
-    """A generated generator in several functions: each takes the rows of the one before, and goes on with them.
-
-    Between two of them a function that takes arrays is called for what comes next, see run/calls.py. `size` is that
-    of the first block, by default of all.
-    """
-
-    def __init__(self, builder: QueryCompiler, first: PythonScope, size: int | None = None) -> None:
-        self.builder, self.codegen = builder, builder.codegen
-        self.first, self.outer, self.size = first, tuple(first.parameters), size
-        self.stages: list[tuple[PythonScope, ast.expr | None]] = []  # what goes on, and what is called before
-        self.spent = set[str]()  # names that nothing further in reads
-        self.called: dict[int, str] = {}  # by meaning: the names of the values of calls
-        self.guarded: list[int] = []  # of these, calls that are made for some rows alone
-
-    def add_calls(self, body: PythonScope, parts: Sequence[Any]) -> PythonScope:
-        """The function that goes on where the calls are made that the parts evaluate next, on some conditions."""
-        for key in self.guarded:
-            del self.called[key]
-            for names in body.known:
-                names.pop(key, None)
-        self.guarded = []
-        found: dict[int, tuple[plan.Call, list[Guards]]] = {}
-        for call, guards in chain.from_iterable(map(list_guarded_calls, parts)):
-            facts = self.codegen.analysis.facts(call)
-            if facts.steady and facts.key is not None and facts.key not in self.called:
-                found.setdefault(facts.key, (call, []))[1].append(guards)
-        for meaning, (call, guard_sets) in found.items():
-            function, build = call.function, self.codegen.build_at(call.place)
-            arguments = self._write_arguments(body, call, guard_sets, build)
-            self.codegen.page.note_call(call.place, function.name)
-            body = self.begin_stage(body, build, build.name(self.codegen.name_function(function, build)), arguments)
-            name = self.called[meaning] = body.known[-1][meaning] = self.codegen.new_name(function.name)
-            loop = body.blocks[0][-1]
-            assert isinstance(loop, ast.For)
-            loop.target = ast.Tuple([loop.target, ast.Name(name, ast.Store(), **build.at)], ast.Store(), **build.at)
-            body.locals.append(name)
-            if () not in guard_sets:
-                self.guarded.append(meaning)
-        return body
-
-    def _write_arguments(
-        self, body: PythonScope, call: plan.Call, guard_sets: Sequence[Guards], build: AstBuilder
-    ) -> ast.expr:
-        """The arguments of a call, or None for a row in which none of the conditions holds."""
-        certain = () in guard_sets
-        with nullcontext() if certain else body.write_skippable():
-            values = build.pack(*(generate_expression(self.builder, argument, body) for argument in call.arguments))
-            if certain:
-                return values
-            tests = []
-            for guards in guard_sets:
-                parts = [(generate_expression(self.builder, guard, body), truth) for guard, truth in guards]
-                tests.append([part if truth else build.negate(part) for part, truth in parts])
-        ands = [test[0] if len(test) == 1 else build.join_conditions(ast.And(), test) for test in tests]
-        made = ands[0] if len(ands) == 1 else build.join_conditions(ast.Or(), ands)
-        return build.if_else(made, values, build.constant(None))
-
-    def begin_stage(
-        self, body: PythonScope, build: AstBuilder, function: ast.expr | None = None, arguments: ast.expr | None = None
-    ) -> PythonScope:
-        """A new function for the rows so far, which come with what another one gives for the arguments."""
-        codegen, rows = self.codegen, self.codegen.new_name("rows")
-        names = [name for name in (*body.parameters, *body.locals) if name not in {*self.outer, *self.spent}]
-        row = build.pack(*map(build.name, names)) if len(names) > 1 else build.name(*names)
-        body.emit(build.run(build.yield_(row if arguments is None else build.pack(row, arguments))))
-        stage = PythonScope(codegen, codegen.new_name("rows"), [*self.outer, rows], body.parent)
-        stage.levels = {source: min(level, 1) for source, level in body.levels.items()}
-        stage.states, stage.groups, stage.counts = body.states, body.groups, body.counts
-        stage.group_level = min(body.group_level, 1)
-        stage.open_loop(names, build.name(rows), build)
-        stage.known[-1].update(self.called)
-        stage.before = body
-        self.spent.add(rows)
-        self.stages.append((stage, function))
-        return stage
-
-    def join_stages(self) -> str:
-        """Writes the generator, which takes what the first function takes; gives its name."""
-        build, outer = self.codegen.build, list(map(self.codegen.build.name, self.outer))
-        rows = build.call(self.first.name, *outer)
-        for stage, function in self.stages:
-            if function is not None:
-                rows = build.call(self.codegen.use(call_in_blocks), function, rows, build.constant(self.size))
-            rows = build.call(stage.name, *outer, rows)
-        if not self.stages:
-            return self.first.name
-        name = self.codegen.new_name("find")
-        self.codegen.definitions.append(build.function(name, list(self.outer), [build.return_(rows)]))
-        return name
 
 
 class SourceLoops:
@@ -178,6 +88,7 @@ class SourceLoops:
         self.alone = own_function and len(self.sources) == 1 and not any(self.lateral)
         self.items: dict[int, str] = {}  # by source: what is read once
         self.lookups: dict[int, list[Lookup]] = {}  # by source: what its loop looks up
+        self.ranges: dict[int, list[RangeLookup]] = {}  # by source: what its loop looks up in the order of a key
         self.world_conditions: dict[int, list[WorldCondition]] = {}  # by source: what a world is told of conditions
         self.wanted: dict[int, str] = {}  # by source: the only column that is read of what its loop looks up
         self.stages: CallStages | None = None  # where functions that take arrays are called
@@ -220,20 +131,9 @@ class SourceLoops:
         What the column must equal has to be known before the source's loop, and nothing that is read after it
         may notice. A loop that runs only once is as quick without an index.
         """
-        number = {source.id: index for index, source in enumerate(self.sources)}
-        if condition.source not in number or self._has_noticeable_calls(condition.key):
+        if not self._can_look_up(condition):
             return False
-        source, other = condition.source, self.builder.codegen.analysis.facts(condition.other)
-        index = number[source]
-        facts = self.facts[index]
-        if self.lateral[index] or not facts.steady:
-            return False
-        if index + 1 < self.first_unnoticed or any(number.get(known, -1) > index for known in other.sources):
-            return False
-        correlated = bool(other.sources or other.states) and self.owner.find_home(facts)[0] is not self.owner
-        if index == 0 and self.query.search is None and not correlated:
-            return False
-        known = self.lookups.setdefault(source, [])
+        known = self.lookups.setdefault(condition.source, [])
         if not condition.several:
             known.insert(0, condition)
         elif not any(one.several for one in known):
@@ -241,6 +141,31 @@ class SourceLoops:
         else:
             return False
         return True
+
+    def plan_range(self, condition: RangeLookup) -> None:
+        """Plans the same of a condition of order, which is tested all the same; a source is looked up by one key."""
+        if self._can_look_up(condition):
+            known = self.ranges.setdefault(condition.source, [])
+            if not known or self._is_same(known[0].key, condition.key):
+                known.append(condition)
+
+    def _is_same(self, one: plan.Expr, other: plan.Expr) -> bool:
+        key = self.builder.codegen.analysis.facts(one).key
+        return key is not None and key == self.builder.codegen.analysis.facts(other).key
+
+    def _can_look_up(self, condition: Lookup | RangeLookup) -> bool:
+        number = {source.id: index for index, source in enumerate(self.sources)}
+        if condition.source not in number or self._has_noticeable_calls(condition.key):
+            return False
+        other = self.builder.codegen.analysis.facts(condition.other)
+        index = number[condition.source]
+        facts = self.facts[index]
+        if self.lateral[index] or not facts.steady:
+            return False
+        if index + 1 < self.first_unnoticed or any(number.get(known, -1) > index for known in other.sources):
+            return False
+        correlated = bool(other.sources or other.states) and self.owner.find_home(facts)[0] is not self.owner
+        return not (index == 0 and self.query.search is None and not correlated)
 
     def _has_noticeable_calls(self, key: plan.Expr) -> bool:
         """Whether a key calls functions of the user for rows that LIMIT cuts off."""
@@ -284,12 +209,13 @@ class SourceLoops:
             if index == guarded:
                 self._skip_empty_sources(body, self.sources[index:])
             read: list[Any] = [] if source.id in self.items else [source]
-            read += [one.other for one in self.lookups.get(source.id, ())]
+            read += [one.other for one in (*self.lookups.get(source.id, ()), *self.ranges.get(source.id, ()))]
             body = self._stage_calls(self._test_conditions(body, conditions.get(index, ())), read)
             if body.level == MAX_LOOPS:
                 body = self._start_inner_function(body)
             counted = self._are_turns_counted(index + 1 == len(self.sources), bool(conditions.get(index + 1)))
-            at_once = counted and source.id in self.items and source.id not in self.lookups
+            looked_up = source.id in self.lookups or source.id in self.ranges
+            at_once = counted and source.id in self.items and not looked_up
             if at_once:
                 self._count_turn(body)
             body = self._open_loop(body, source, at_once)
@@ -324,6 +250,8 @@ class SourceLoops:
             items = self._list_elements(source, body)
         if source.id in self.lookups:
             items = self._look_up_source(source, items, body)
+        elif source.id in self.ranges:
+            items = self._look_up_range(source, items, body)
         name = codegen.names[source.id] = codegen.new_name(source.name)
         names = (name, codegen.keys.get(source.id))
         if (self.alone and body.level == 0) or checked:
@@ -500,6 +428,31 @@ class SourceLoops:
         body.emit(build.try_unless_stopped(attempt, build.assign(found, build.part(index, "rows"))))
         return build.name(found)
 
+    def _look_up_range(self, source: plan.Source, items: ast.expr, body: PythonScope) -> ast.expr:
+        """The elements whose key is within the bounds, in the order that the query asks for where that is the key's."""
+        codegen, ranges = self.builder.codegen, self.ranges[source.id]
+        build = codegen.build_at(ranges[0].key.span)
+        keys_of = self._write_keys_function(source, [ranges[0].key], build)
+        made = build.call(codegen.use(RangeIndex), items, keys_of)
+        index = body.compute_once(self.builder.get_source_facts(source), made, build, "index")
+        operators = build.pack(*(build.constant(one.operator) for one in ranges))
+        bounds = build.pack(*(generate_expression(self.builder, one.other, body) for one in ranges))
+        if not self._is_ordered_by(ranges[0].key):
+            return build.call(build.part(index, "find_rows"), operators, bounds)
+        order = codegen.bind(("row order", self.query.id), "row_order", build.call(codegen.use(RowOrder)), build)
+        codegen.row_orders[self.query.id] = order
+        descending = build.constant(self.query.order[0].descending)
+        return build.call(build.part(index, "find_rows_in_order"), build.name(order), descending, operators, bounds)
+
+    def _is_ordered_by(self, key: plan.Expr) -> bool:
+        """Whether the rows of the query are wanted in the order of a key of its only source, up to LIMIT."""
+        query = self.query
+        if query.limit is None or len(query.order) != 1 or len(self.sources) != 1:
+            return False
+        if query.search or query.grouped or query.distinct or not self._is_same(query.order[0].expr, key):
+            return False
+        return self.builder.codegen.analysis.are_steady([output.expr for output in query.columns])
+
     def _write_key(self, values: Sequence[plan.Expr], body: PythonScope, build: AstBuilder) -> ast.expr:
         """What stands for values where they are compared."""
         codegen, keys = self.builder.codegen, list[ast.expr]()
@@ -509,9 +462,15 @@ class SourceLoops:
         return keys[0] if len(keys) == 1 else build.pack(*keys)
 
     def _write_index(self, source: plan.Source, items: ast.expr, build: AstBuilder) -> ast.expr:
-        """The index by keys that a function of its own computes."""
-        codegen, lookups = self.builder.codegen, self.lookups[source.id]
-        keys = [one.key for one in lookups]
+        """The index by keys."""
+        lookups = self.lookups[source.id]
+        make_index = index_rows_by_members if lookups[-1].several else index_rows
+        keys_of = self._write_keys_function(source, [one.key for one in lookups], build)
+        return build.call(self.builder.codegen.use(make_index), items, keys_of)
+
+    def _write_keys_function(self, source: plan.Source, keys: Sequence[plan.Expr], build: AstBuilder) -> ast.expr:
+        """A function that computes the keys of rows."""
+        codegen, lookups = self.builder.codegen, self.lookups.get(source.id, [])
         name, before = codegen.new_name(source.name), codegen.names.get(source.id)
         rows = codegen.new_name("rows")
         body = PythonScope(codegen, codegen.new_name("keys_of"), [rows], codegen.root)
@@ -522,15 +481,13 @@ class SourceLoops:
         body.levels[source.id] = 1
         if has_array_calls(*keys):
             body = stages.add_calls(body, keys)
-        if lookups[-1].several:
-            make_index, key = index_rows_by_members, self._write_several_keys(lookups, body, build)
-        else:
-            make_index, key = index_rows, self._write_key(keys, body, build)
+        several = any(one.several for one in lookups)
+        key = self._write_several_keys(lookups, body, build) if several else self._write_key(keys, body, build)
         body.emit(build.run(build.yield_(key)))
         body.define_function()
         if before is not None:
             codegen.names[source.id] = before
-        return build.call(codegen.use(make_index), items, build.name(stages.join_stages()))
+        return build.name(stages.join_stages())
 
     def _write_several_keys(self, lookups: Sequence[Lookup], body: PythonScope, build: AstBuilder) -> ast.expr:
         """What the keys of a row have in common, and the rest of each: those of the last lookup."""

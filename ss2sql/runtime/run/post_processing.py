@@ -20,6 +20,7 @@ from ss2sql.runtime.run.search_paths import SearchPaths
 
 if TYPE_CHECKING:
     from ss2sql.runtime.python.search_compiler import SearchForm
+    from ss2sql.runtime.run.key_order import RowOrder
     from ss2sql.runtime.search.search_run import FindPaths
 
 
@@ -50,7 +51,7 @@ class PostProcessing:
     """What happens to the results of one query after they were found.
 
     `group` gives of groups, seen as their aggregates and keys, the row and the sort keys of each that HAVING keeps;
-    where there are partitions, whether it keeps them.
+    where there are partitions, whether it keeps them. `row_order` tells once there is a row whether they come sorted.
     """
 
     def __init__(
@@ -60,7 +61,9 @@ class PostProcessing:
         limit: int | None,
         offset: int,
         most: int | None,
+        row_order: RowOrder | None,
     ) -> None:
+        self.row_order = row_order
         self.form = form
         self.query = form.query
         self.group = group
@@ -98,6 +101,11 @@ class PostProcessing:
         """ORDER BY of a flat query: its keys stand after the columns of its rows."""
         width, whole = len(self.form.columns), list[Row]()
         try:
+            whole.extend(islice(found, 1))
+            if self.row_order is not None and self.row_order.kept and self.end is not None:
+                whole.extend(islice(found, max(0, self.end - 1)))
+                whole = whole[self.kept]
+                return
             whole.extend(self._check_number(found))
             self._check_room(len(whole))
             columns = [list(map(itemgetter(width + number), whole)) for number in range(len(self.form.descending))]

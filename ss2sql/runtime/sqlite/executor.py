@@ -30,7 +30,13 @@ from ss2sql.runtime.run.run_state import Run, check_cost, check_heuristic, check
 from ss2sql.runtime.run.search_paths import SearchPaths
 from ss2sql.runtime.sqlite.connections import READ_ERRORS, Authorizer, find_sqlite_run_error
 from ss2sql.runtime.sqlite.interning import TRUE, Interning, OtherFormError, make_decoder, make_row_decoder
-from ss2sql.runtime.sqlite.list_elements import CallRequest, ColumnsFor, ElementColumns, ListModules, SqliteElementCalls
+from ss2sql.runtime.sqlite.list_elements import (
+    ColumnsFor,
+    ElementColumns,
+    ListModules,
+    SqliteElementCalls,
+    TableRequest,
+)
 from ss2sql.runtime.sqlite.search_functions import FUNCTIONS, SearchState, StepNumbers
 from ss2sql.runtime.sqlite.sql_functions import (
     AGGREGATE_FUNCTIONS,
@@ -223,7 +229,7 @@ class Database:
             return self.sql_callbacks[table.function].list_elements(execution, arguments)
         return self._encode_elements(execution, arguments[0], table)
 
-    def _make_element_calls(self, name: str, request: CallRequest) -> ColumnsFor:
+    def _make_element_calls(self, name: str, request: TableRequest) -> ColumnsFor:
         """What gives the columns of a table that calls functions with the elements of a list."""
         execution = self.current
         calls = execution.element_calls.get(name)

@@ -4,6 +4,11 @@
 elements have columns there is one module per set of columns, with these columns after `this`, and then those of calls
 with each element. `elements_from_f(a, b)` walks what the function f gives for a and b: its list is never made one SQL
 value, which takes 0.4 of the time of `elements(f(a, b))`.
+
+Rows whose column is within bounds, `o.t <= s.t`, are looked up in the order of the elements by that column. ORDER BY
+the column takes them from it, too, so that LIMIT ends the walk: the last of 8,000 rows before each of 8,000 times takes
+0.3 s, not 50 s.
+
 The arguments are hidden columns, so they may come from a table to the left: the source is lateral.
 """
 
@@ -20,6 +25,7 @@ import apsw
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.values import SCALARS
 from ss2sql.lowering.sql_query import ElementCall, ListTable, choose_sql_names, quote_names
+from ss2sql.runtime.run.key_order import MIN_LENGTH, order_numbers
 from ss2sql.runtime.run.run_state import keep_bounded
 
 if TYPE_CHECKING:
@@ -39,7 +45,7 @@ class ElementColumns:
     `read_column` gives it, and `make` one of the first `width`.
     """
 
-    __slots__ = ("columns", "length", "make", "value", "width")
+    __slots__ = ("columns", "length", "make", "orders", "value", "width")
 
     def __init__(self, value: SqlValue, length: int, width: int, make: Callable[[int], Sequence[SqlValue]]) -> None:
         self.columns: list[Sequence[SqlValue] | None] = [None] * (width + 2)
@@ -47,6 +53,14 @@ class ElementColumns:
         self.length = length
         self.width = width
         self.make = make
+        self.orders: dict[tuple[int, bool], OrderedElements | None] = {}
+
+    def sort_by(self, column: int, descending: bool) -> OrderedElements:
+        """The elements in the order of a column."""
+        made = self.orders.get((column, descending))
+        if made is None:
+            made = self.orders[column, descending] = OrderedElements(self, column, descending)
+        return made
 
     def read_column(self, number: int) -> Sequence[SqlValue]:
         """The column with this number, -1 for the numbers of the rows."""
@@ -58,6 +72,62 @@ class ElementColumns:
                 column = self.make(number) if number < self.width else [self.value] * self.length
             self.columns[number] = column
         return column
+
+
+class ChosenElements(ElementColumns):
+    """Those of the elements that stand at `places`, in their order."""
+
+    __slots__ = ("every", "places")
+
+    def __init__(self, every: ElementColumns, places: Sequence[int]) -> None:
+        super().__init__(every.value, len(places), every.width, every.make)
+        self.every = every
+        self.places = places
+
+    def read_column(self, number: int) -> Sequence[SqlValue]:
+        column = self.columns[number]
+        if column is None:
+            read = self.every.read_column(number)
+            column = self.columns[number] = [read[place] for place in self.places]
+        return column
+
+
+class OrderedElements(ChosenElements):
+    """The elements in SQLite's order of a column; equal ones keep theirs.
+
+    `order` is None where the column has other values than numbers: nothing is looked up then. Else what is None, which
+    no comparison meets, is left out.
+    """
+
+    __slots__ = ("order",)
+
+    def __init__(self, every: ElementColumns, column: int, descending: bool) -> None:
+        values = every.read_column(column)
+        self.order = order_numbers(values, descending)
+        if self.order is None:
+            ranks = list(map(_rank_sql_value, values))
+            places = sorted(range(len(values)), key=ranks.__getitem__, reverse=descending)
+        else:
+            places = self.order.places
+        super().__init__(every, places)
+
+
+_COMPARISONS = {
+    apsw.SQLITE_INDEX_CONSTRAINT_LT: "lt",
+    apsw.SQLITE_INDEX_CONSTRAINT_LE: "le",
+    apsw.SQLITE_INDEX_CONSTRAINT_GT: "gt",
+    apsw.SQLITE_INDEX_CONSTRAINT_GE: "ge",
+}
+
+
+def _rank_sql_value(value: SqlValue) -> tuple[Any, ...]:
+    """What puts values in SQLite's order: NULL, numbers, texts, blobs."""
+    if value is None:
+        return (0,)
+    kind = type(value)
+    if kind is str:
+        return 2, value.encode("utf-8", "surrogatepass")
+    return (3, value) if kind is bytes else (1, value)
 
 
 def build_callback_columns(elements: Sequence[SqlValue], arguments: tuple[SqlValue, ...]) -> ElementColumns:
@@ -76,19 +146,44 @@ ColumnsFor: TypeAlias = Callable[[tuple[SqlValue, ...]], tuple[int, Found]]
 
 
 @dataclass(frozen=True, slots=True)
-class CallRequest:
-    """A request to a table with calls: these columns, without rows whose column `without` is the last argument."""
+class ColumnRange:
+    """Comparisons of a column with the last arguments; `descending` is None where the rows keep their order."""
+
+    column: int
+    operators: tuple[str, ...]
+    descending: bool | None
+
+    def choose_rows(self, walked: ElementColumns, values: Sequence[SqlValue]) -> tuple[ElementColumns, int, int]:
+        """Elements of which those from one number to another may meet the comparisons."""
+        key = self.column, bool(self.descending)
+        if self.descending is None and (key not in walked.orders or walked.length < MIN_LENGTH):
+            walked.orders[key] = None  # to walk them once takes no longer than to sort them
+            return walked, 0, walked.length
+        ordered = walked.sort_by(*key)
+        bounds = (0, ordered.length) if ordered.order is None else ordered.order.find_bounds(self.operators, values)
+        start, end = bounds
+        if self.descending is None:
+            places = sorted(ordered.places[start:end])
+            return ChosenElements(walked, places), 0, len(places)
+        return ordered, start, end
+
+
+@dataclass(frozen=True, slots=True)
+class TableRequest:
+    """A request to a table: these columns, without rows whose column `without` is the last argument, or of a range."""
 
     columns: tuple[int, ...]
     without: int | None
+    range: ColumnRange | None
 
 
 # Makes it for the module of this name, for the duration of the cursor's statement.
-Calls: TypeAlias = Callable[[str, CallRequest], ColumnsFor]
+Calls: TypeAlias = Callable[[str, TableRequest], ColumnsFor]
 NOTHING = ElementColumns(None, 0, 0, lambda number: ())
 
 # The estimate of elements for SQLite's planner. Below 25 it makes no index for a join that is sorted.
 LENGTH = 100
+RANGE_COST = 60  # more than half: for `a OR b` SQLite would else walk two ranges, and put the rows out of order
 MANY = 63  # all columns from this one on, in SQLite's mask of used columns
 ARGUMENT = "source value"  # the hidden columns; the blank distinguishes them from users' names
 ARGUMENTS = 8  # of a module; one with more is made anew
@@ -104,7 +199,8 @@ class ElementModule:
         self.name = name
         self.names = (*choose_sql_names(table.columns).values(), *(call.name for call in table.calls))
         self.first_call = len(table.columns) + 1
-        self.requests: list[CallRequest] = []  # of plans, by their numbers
+        self.walks_list = not table.calls and table.function is None
+        self.requests: list[TableRequest] = []  # of plans, by their numbers
         self.arguments = max(table.arguments, ARGUMENTS)
 
     def Connect(  # noqa: N802 - the name is SQLite's
@@ -168,7 +264,7 @@ class _Table:
     def BestIndexObject(self, index: Any) -> bool:  # noqa: N802
         """Requires the arguments, and applies a filter by the value of one call: `move IS NOT ?`.
 
-        SQLite tests everything else.
+        Of a list it looks up a range of a column. SQLite tests everything else, and that again.
         """
         first = len(self.module.names) + 1
         found, excluding, without = 0, None, None
@@ -189,17 +285,39 @@ class _Table:
         if excluding is not None:
             index.set_aConstraintUsage_argvIndex(excluding, found + 1)
             index.set_aConstraintUsage_omit(excluding, True)
-        index.estimatedCost = LENGTH
+        asked = self._request_range(index, found) if self.module.walks_list else None
+        index.estimatedCost = LENGTH if asked is None else RANGE_COST
         index.estimatedRows = LENGTH
-        index.idxStr = "each element"
+        index.idxStr = "each element" if asked is None else f"elements in order of {self._name_column(asked.column)}"
         if without is not None:
             index.idxStr += f", {self.module.names[without - 1]} IS NOT ?"
         used = range(first) if MANY in index.colUsed else sorted(index.colUsed.intersection(range(first)))
-        request = CallRequest(tuple(used), without)
+        request = TableRequest(tuple(used), without, asked)
         if request not in self.module.requests:
             self.module.requests.append(request)
         index.idxNum = self.module.requests.index(request)
         return True
+
+    def _request_range(self, index: Any, found: int) -> ColumnRange | None:
+        """The range of one column that comparisons ask for; of that which puts the rows in order, if it is one."""
+        first, asked = len(self.module.names) + 1, dict[int, list[int]]()
+        for number in range(index.nConstraint):
+            column, usable = index.get_aConstraint_iColumn(number), index.get_aConstraint_usable(number)
+            if usable and 0 <= column < first and index.get_aConstraint_op(number) in _COMPARISONS:
+                asked.setdefault(column, []).append(number)
+        if not asked:
+            return None
+        order = [(index.get_aOrderBy_iColumn(at), index.get_aOrderBy_desc(at)) for at in range(index.nOrderBy)]
+        ordered = bool(order) and order[0][0] in asked and order[1:] in ([], [(-1, False)])
+        column = order[0][0] if ordered else max(asked, key=lambda column: (len(asked[column]), -column))
+        for place, number in enumerate(asked[column], found + 1):
+            index.set_aConstraintUsage_argvIndex(number, place)
+        index.orderByConsumed = ordered
+        operators = tuple(_COMPARISONS[index.get_aConstraint_op(number)] for number in asked[column])
+        return ColumnRange(column, operators, order[0][1] if ordered else None)
+
+    def _name_column(self, number: int) -> str:
+        return ("this", *self.module.names)[number]
 
     def _is_exclusion(self, index: Any, number: int) -> bool:
         """Whether a condition excludes a value of a call."""
@@ -230,9 +348,12 @@ class _Cursor:
         self.length = 0
 
     def Filter(self, number: int, name: str, arguments: tuple[SqlValue, ...]) -> None:  # noqa: N802
-        self.walked = self.module.walk(self.module.name, arguments)
-        self.columns, self.length = self.walked.columns, self.walked.length
-        self.position = 0
+        walked = self.module.walk(self.module.name, arguments)
+        self.position, self.length = 0, walked.length
+        asked = self.module.requests[number].range
+        if asked is not None:
+            walked, self.position, self.length = asked.choose_rows(walked, arguments[-len(asked.operators) :])
+        self.walked, self.columns = walked, walked.columns
 
     def Eof(self) -> bool:  # noqa: N802
         return self.position >= self.length
@@ -244,7 +365,7 @@ class _Cursor:
         return column[self.position]
 
     def Rowid(self) -> int:  # noqa: N802
-        return self.position
+        return int(self.walked.read_column(-1)[self.position])
 
     def Next(self) -> None:  # noqa: N802
         self.position += 1
@@ -305,7 +426,7 @@ class SqliteElementCalls:
         numbers = {name: number for number, name in enumerate(("this", *table.columns))}
         self.calls = [_ElementCall(c, sql_callbacks[c.function], numbers, limit, execution) for c in table.calls]
 
-    def make_column_reader(self, request: CallRequest) -> ColumnsFor:
+    def make_column_reader(self, request: TableRequest) -> ColumnsFor:
         """What gives the number of rows and the columns that are wanted."""
         lists, search, limit, callers = self.lists, self.search, self.limit, [call.caller for call in self.calls]
         wanted, without, memo = request.columns, request.without, callers[0].memo

@@ -23,6 +23,7 @@ from ss2sql.language.rows import Table
 from ss2sql.language.values import convert_value
 from ss2sql.lowering.sql_query import SQLITE_FUNCTIONS
 from ss2sql.runtime.representations.shape import as_set
+from ss2sql.runtime.run.key_order import NUMBERS
 from ss2sql.runtime.run.run_state import FailedCall, keep_bounded
 from ss2sql.runtime.sqlite.interning import Interning, OtherFormError
 from ss2sql.runtime.sqlite.list_elements import UNAMBIGUOUS_TYPES, ElementColumns, build_callback_columns
@@ -84,7 +85,7 @@ def intern_element_columns(
         if number and dicts is None:
             dicts = set(map(type, items)) == {dict}
         parts = _read_element_column(items, columns[number - 1], dicts is True) if number else items
-        if NUMBERS.issuperset(map(type, parts)):
+        if NUMBERS.issuperset(map(type, parts)):  # which are SQL values as they are
             return parts
         encoded = list(map(encode, parts))
         if lasting and not number:
@@ -116,7 +117,6 @@ def _intern_frame_columns(interning: Interning, handle: Any, frame: Frame, colum
     return ElementColumns(handle, frame.length, len(columns) + 1, make_column)
 
 
-NUMBERS = frozenset({int, float, type(None)})  # which are SQL values as they are
 _UNENCODED_KINDS = Kind.NONE | Kind.INT | Kind.FLOAT | Kind.STR
 
 
