@@ -230,14 +230,6 @@ def test_the_plan_of_worlds(ss: ss2sql.Session) -> None:
     assert called[1] == "for each of them, walks the elements of a"
 
 
-@each_row("queries/native-plans", "query", "told")
-def test_python_tells_it_in_the_same_words(roads: ss2sql.Session, query: str, told: str) -> None:
-    expected = ast.literal_eval(told)
-    (found,) = roads.compile(f"{query};", engine="native").explain().as_dict()["statements"][0]["queries"]
-    assert ["  " * line["depth"] + line["words"] for line in found["plan"]] == expected
-    assert {line["sqlite"] for line in found["plan"]} == {None}
-
-
 def test_what_is_left_for_python(roads: ss2sql.Session) -> None:
     found = roads.compile("SELECT dst FROM edge GROUP BY src;").explain().as_dict()["statements"][0]["queries"][0]
     assert found["afterwards"] == ["puts the results into groups"]

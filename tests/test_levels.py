@@ -223,7 +223,6 @@ def test_explain_tells_of_levels(ss: ss2sql.Session) -> None:
     text = str(result.explain())
     assert sorted(path[-1] for path in result.value) == [1, 2, 3, 4, 5]  # equal numbers are one row
     assert "engine: duckdb: engine='duckdb' was given" in text
-    assert "keeps the first step to each row that no level before has reached" in text
     assert "tries.row_key" in result.sql
     assert text.splitlines()[-1].split() == ["all", "5", "10"]  # 15 steps from the 5 rows and the start
 
@@ -260,7 +259,7 @@ def test_python_is_left_alone_where_steps_are_sql(ss: ss2sql.Session) -> None:
     result = ss.run(f"SELECT n + this FROM [1, 2] {search} AS list;")
     assert result.value == [[1, 3, 5]]
     assert result.stats.generated == 2 + 4 + 4 + 2  # from 0; from 1 and 2; from 3 and 4; from 5, as 6 stops
-    assert "tries the steps from them, in SQL" in str(result.explain())
+    assert "tries the steps of a level together, in SQL" in str(result.explain())
     assert "frontier.n + elements.this AS n" in result.sql
 
 
@@ -273,7 +272,7 @@ def test_steps_in_sql(ss: ss2sql.Session) -> None:
 def test_what_is_left_to_python(ss: ss2sql.Session, script: str, reason: str) -> None:
     added = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5}
     ss.function("f", lambda n: added[n], volatility="immutable")
-    assert f"tries the steps from them, in Python: {reason}" in str(agree(ss, script).explain())
+    assert f"tries the steps of a level together, in Python: {reason}" in str(agree(ss, script).explain())
 
 
 @pytest.mark.parametrize("kinds", ["reserved", pytest.param("%", marks=pytest.mark.slow)])

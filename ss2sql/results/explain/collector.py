@@ -16,7 +16,6 @@ from ss2sql.language import plan
 from ss2sql.language.cancellation import retry_with_stack
 from ss2sql.language.plan_traversal import list_plan_functions, walk
 from ss2sql.language.values import format_value
-from ss2sql.lowering.portable.pushdown import PushdownQuery
 from ss2sql.lowering.rewrites import REWRITES
 from ss2sql.lowering.rewrites.inline_functions import list_calls_to_rewrite
 from ss2sql.results import cut_script
@@ -35,7 +34,6 @@ from ss2sql.results.explain.explanation import (
 )
 from ss2sql.results.notes import find_notes
 from ss2sql.results.result import OutlinedQuery, OutlinedStatement
-from ss2sql.runtime.external.level_query import WORDS, LevelStatements
 from ss2sql.runtime.graph_cache.cached_steps import do_steps_call_user
 from ss2sql.runtime.run.run_state import Stats
 from ss2sql.runtime.run.search_paths import SearchPaths, measure_path_lengths
@@ -93,13 +91,9 @@ def _is_bounded(search: plan.Search) -> bool:
 
 
 def _collect_plan(outlined: OutlinedQuery) -> tuple[tuple[PlanLine, ...], str | None]:
-    """The engine's plan, or the reason why SQLite's plan is gone."""
-    if outlined.levels is not None:
-        return describe_table_plan(outlined.query, outlined.levels.level_plan), None
-    if outlined.duck is not None:
-        return describe_duckdb_plan(outlined.query, outlined.duck.written), None
+    """SQLite's plan, or the reason why it is gone."""
     if outlined.lowered is None:
-        return describe_python_plan(outlined.query), None
+        return (), None
     try:
         return describe_sqlite_plan(outlined), None
     except apsw.ConnectionClosedError:
@@ -173,6 +167,9 @@ def _collect_notes(outlined: OutlinedQuery, stats: Stats | None) -> Iterator[str
     for handed in outlined.handed:
         conditions = " AND ".join(" ".join(part.span.text.split()) for part in handed.conditions)
         yield f"DuckDB hands over the rows of {handed.source.name} with {conditions}"
+    if outlined.levels is not None:
+        hindrance = outlined.levels.level_plan.hindrance
+        yield f"tries the steps of a level together, in {'SQL' if hindrance is None else f'Python: {hindrance}'}"
     if outlined.lowered is not None or query.search is None or query.search.repeats != "memorize":
         return
     remembered = outlined.host.graphs is not None and do_steps_call_user(query)
@@ -241,84 +238,9 @@ def _collect_levels(result: Result) -> LevelTable | None:
     return LevelTable("the search by level", ("level", "results"), tuple((level, results[level]) for level in levels))
 
 
-# --- the plan of a query in words: SQLite's own, and that of a query that runs elsewhere
+# --- SQLite's plan of a query in words
 # `EXPLAIN QUERY PLAN` gives a tree of short lines such as `SEARCH edge USING INDEX i (src=?)`. Each kind of line for
 # lowered queries has its sentence here; any other is shown unchanged.
-LONGEST = 60  # characters of a source
-
-
-def describe_python_plan(query: plan.Query) -> tuple[PlanLine, ...]:
-    """The loops over the sources, and around them the search."""
-    search = query.search
-    if search is None:
-        return (*_describe_loops(query, 0), *_describe_post_processing(query))
-    if search.repeats == "memorize":
-        first = {"cost": "the cheapest", "probability": "the likeliest"}.get(search.order, "the shortest")
-        lines = (
-            PlanLine(0, "makes the graph of rows level by level; for each row that is new:"),
-            *_describe_loops(query, 1),
-            PlanLine(0, f"gives the paths of the graph, {first} first"),
-        )
-    else:
-        lines = (
-            PlanLine(0, "searches step by step:"),
-            PlanLine(1, f"takes the steps that wait one by one, {describe_queue(query)}"),
-            *_describe_loops(query, 1, inner=True),
-            PlanLine(0, "gives the results as the search finds them"),
-        )
-    return (*lines, *_describe_post_processing(query))
-
-
-def describe_table_plan(query: plan.Query, tables: LevelStatements) -> tuple[PlanLine, ...]:
-    """The plan of a search from level to level in tables."""
-    assert query.search
-    because = "SQL" if tables.hindrance is None else f"Python: {tables.hindrance}"
-    lines = (
-        PlanLine(0, "searches level by level; all states of a level together:"),
-        PlanLine(1, f"tries the steps from them, in {because}"),
-        *_describe_loops(query, 2, inner=True),
-        PlanLine(1, WORDS[query.search.repeats]),
-        PlanLine(1, "gives the paths to the goals among them"),
-    )
-    return (*lines, *_describe_post_processing(query))
-
-
-def describe_duckdb_plan(query: plan.Query, written: PushdownQuery) -> tuple[PlanLine, ...]:
-    """The plan of a query that is one SELECT in DuckDB."""
-    texts = [cut_script(table.value.span.text, LONGEST) for table in written.loaded]
-    given = (PlanLine(1, f"is given the elements of {text} in a table") for text in texts)
-    return (PlanLine(0, "finds the rows with one SELECT"), *given, *_describe_post_processing(query))
-
-
-def _describe_loops(query: plan.Query, depth: int, inner: bool = False) -> Iterator[PlanLine]:
-    """The loops, each one inside of those before it."""
-    for number, source in enumerate(query.sources):
-        yield PlanLine(depth, f"{'for each of them, ' if number or inner else ''}{_describe_loop(source, query)}")
-
-
-def _describe_loop(source: plan.Source, query: plan.Query) -> str:
-    match source:
-        case plan.TableSource():
-            left_out = "" if query.where is None or query.search else "that SQLite does not leave out for WHERE, "
-            words = f"reads every row {left_out}of {source.table}"
-        case plan.WorldSource():
-            words = f"reads every element of {source.table.title}"
-        case plan.QuerySource():
-            words = f"finds the rows of ({cut_script(source.query.span.text, LONGEST)})"
-        case plan.ValueSource():
-            words = f"walks the elements of {cut_script(source.value.span.text or source.name, LONGEST)}"
-    return words if source.name == "this" or words.endswith(source.name) else f"{words} (as {source.name})"
-
-
-def _describe_post_processing(query: plan.Query) -> Iterator[PlanLine]:
-    if query.group:
-        yield PlanLine(0, "puts them into groups")
-    if query.order:
-        yield PlanLine(0, "sorts them for ORDER BY")
-    if query.limit is not None:
-        yield PlanLine(0, "keeps as many as LIMIT says")
-
-
 def describe_sqlite_plan(outlined: OutlinedQuery) -> tuple[PlanLine, ...]:
     """SQLite's plan of a query. Raises apsw.Error where it is unavailable: the session is closed, a table is gone."""
     assert outlined.lowered is not None

@@ -20,7 +20,7 @@ class PlanLine:
 
     depth: int
     words: str
-    sqlite: str | None = None
+    sqlite: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +61,7 @@ class QueryFacts:
     functions: tuple[FunctionFacts, ...]
     notes: tuple[str, ...]  # about the search
     warnings: tuple[str, ...]
-    plan: tuple[PlanLine, ...]  # of the engine
+    plan: tuple[PlanLine, ...]  # of SQLite
     plan_missing: str | None  # why there is no plan
     afterwards: tuple[str, ...]  # the post-processing in Python
     sql: str | None
@@ -157,7 +157,6 @@ def _make_sentence_of_fact(text: str) -> str:
 MOST_TEXT = 70  # characters of a statement in its heading
 MOST_LEVELS, LAST_LEVELS = 20, 5  # of a search: how many are shown, and how many of them are the last ones
 INDENT = "  "
-ENGINE_NAMES = {"database": "SQLite", "native": "Python", "duckdb": "DuckDB", "spark": "Spark"}
 
 
 def format_explanation(facts: ScriptFacts) -> str:
@@ -201,7 +200,7 @@ def _format_plan(query: QueryFacts) -> Iterator[str]:
     if query.plan_missing is not None:
         yield f"how SQLite does it cannot be told: {query.plan_missing}"
     if query.plan:
-        yield f"how {ENGINE_NAMES.get(query.engine, query.engine)} does it:"
+        yield "how SQLite does it:"
         yield from (INDENT * (line.depth + 1) + line.words for line in query.plan)
     if query.afterwards:
         yield "what Python does with its results:"

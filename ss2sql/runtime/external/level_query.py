@@ -37,11 +37,6 @@ if TYPE_CHECKING:
 _KEY = (TypedColumn("row_key", "BLOB"),)
 _NOTED = (TypedColumn("row", "BLOB"), TypedColumn("last", "BLOB"), TypedColumn("state", "BLOB"))
 TRIED = StepSelect("SELECT * FROM tries", _KEY, _NOTED, (), (), None, {})
-WORDS: dict[plan.Repeats, str] = {
-    "allowed": "keeps all of them",
-    "unique": "keeps the first step to each row that no level before has reached",
-    "no cycle": "keeps those whose row is not on the path to the start",
-}
 
 
 class LevelStatements:
