@@ -37,7 +37,7 @@ HEAD = f"""# Errors
 Every error has a code, a sentence, the place in the script and what to do about it:
 
 ```text
-error[P002]: the script ends before '(' is closed
+error[P002]: expected ')' before the end of the script
  --> <script>:1:35
   |
 1 | max(SELECT age FROM people AS list

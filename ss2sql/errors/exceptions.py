@@ -1,6 +1,6 @@
 """The classes of errors, the places in scripts that they name, and the text that shows them.
 
-    error[P002]: the script ends before '(' is closed
+    error[P002]: expected ')' before the end of the script
      --> <script>:1:18
       |
     1 | max(SELECT a FROM

@@ -51,7 +51,7 @@ def explain_parse_failure(t: ParseFailure) -> ParseError:
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
         _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, *foreign_spellings.CHECKS,
         _explain_misspelling, _explain_closing_bracket, _explain_search_clause, _explain_missing, _explain_chain,
-        _explain_missing_from, _explain_missing_end, _open_bracket, _explain_clause,
+        _explain_missing_end, _explain_clause,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None) or _explain_surplus(t)
 
@@ -127,9 +127,6 @@ def _explain_closing_bracket(t: ParseFailure) -> ParseError | None:
 
 def _explain_reserved_word(t: ParseFailure) -> ParseError | None:
     """A reserved word where a name is meant."""
-    if t.peek().kind == "NOT" and t.found.kind in ("=", "==") and not t.step_back().wants_operand:
-        left = t.step_back().read_left()
-        return t.explain("P001", f"NOT does not go with {t.found.text}", f"write {left} != ...", at=t.peek())
     word = t.peek() if t.found.kind == "=" and t.peek().kind in tokenizer.RESERVED else t.found
     if word.kind not in tokenizer.RESERVED or (word is t.found and "NAME" not in t.expected):
         return None
@@ -202,52 +199,25 @@ def _explain_chain(t: ParseFailure) -> ParseError | None:
     return t.explain("P001", f"a comparison does not go on with {spell(t.found)}", CHAIN_HINT)
 
 
-def _explain_missing_from(t: ParseFailure) -> ParseError | None:
-    """The columns of SELECT are complete, but no FROM follows."""
-    word = t.found.keyword or t.found.kind
-    ends = (*CLAUSES, ";", END, ")", "]")
-    if t.clause != "SELECT" or "FROM" not in t.expected or not (word in ends or t.found.kind == "NAME"):
-        return None
-    if word not in ends:
-        if (t.next.keyword or t.next.kind) not in ends:
-            return None
-        source = t.cut_text(t.found.start, t.found.end)
-        return t.explain(
-            "P001", f"expected FROM between {spell(t.peek())} and {spell(t.found)}", f"write FROM {source}"
-        )
-    what = "*" if t.peek().kind == "*" else "the columns"
-    hints = ["a query has a source: SELECT ... FROM source"]
-    if what != "*" and word in (";", END):
-        value = t.read_left()
-        exists = "[] != (SELECT ... AS list)" if value.upper().startswith("EXISTS") else None
-        hints.append(f"a value alone needs no SELECT: write {exists or value}")
-    return t.explain(_choose_error_code(t), f"expected FROM after {what}, found {spell(t.found)}", *hints)
-
-
 def _explain_missing_end(t: ParseFailure) -> ParseError | None:
-    """CASE without END, JOIN without ON."""
-    if (t.found.keyword or t.found.kind) not in {*CLAUSES, ";", END, ")", "]", ",", "JOIN", "LEFT"}:
+    """What an open construct needs before it can end: FROM, END of CASE, ON of JOIN, a closing bracket."""
+    closing = OPENING[t.bracket.kind] if t.bracket is not None else ""
+    needed = next((word for word in ("END", "ON", "FROM", closing) if word in t.expected), None)
+    ends = (*CLAUSES, ";", END, ")", "]", "JOIN", "LEFT", *("," * (needed in ("END", "ON"))))
+    word, after = t.found.keyword or t.found.kind, t.next.keyword or t.next.kind
+    source = needed == "FROM" and t.found.kind == "NAME" and after in ends
+    if needed is None or (needed == "FROM" and t.clause != "SELECT") or not (word in ends or source):
         return None
-    if "END" in t.expected:
-        return t.explain(_choose_error_code(t), f"expected END before {spell(t.found)}", "write CASE WHEN ... END")
-    if "ON" in t.expected:
-        return t.explain(_choose_error_code(t), f"expected ON before {spell(t.found)}", _hint_at_source(t))
-    return None
-
-
-def _open_bracket(t: ParseFailure) -> ParseError | None:
-    """A bracket is still open where the statement ends or a clause begins."""
-    if t.bracket is None or OPENING[t.bracket.kind] not in t.expected:
-        return None
-    opening, closing = t.bracket.kind, OPENING[t.bracket.kind]
-    hint = f"write the missing '{closing}'"
-    if t.found.kind == END:
-        return _add_bracket_place(t, t.explain("P002", f"the script ends before '{opening}' is closed", hint))
-    if t.clause == "IF(" and t.found.kind in (";", ","):
-        hint = "IF has a condition and two branches, commas separate the values of a branch: IF(a; b, c; d)"
-    if t.found.kind == ";" or t.found.kind in CLAUSES or t.found.keyword in CLAUSES:
-        return _add_bracket_place(t, t.explain("P001", f"expected '{closing}' before {spell(t.found)}", hint))
-    return None
+    hints = {
+        "END": ("write CASE WHEN ... END",),
+        "ON": (_hint_at_source(t),),
+        "FROM": ("a query has a source: SELECT ... FROM source", "a value alone needs no SELECT"),
+    }.get(needed, (_BETWEEN["IF(", ","] if t.clause == "IF(" and word == ";" else f"write the missing '{closing}'",))
+    if source:
+        hints = (f"write FROM {t.cut_text(t.found.start, t.found.end)}",)
+    shown = f"'{needed}'" if needed == closing else needed
+    error = t.explain(_choose_error_code(t), f"expected {shown} before {spell(t.found)}", *hints)
+    return _add_bracket_place(t, error) if needed == closing else error
 
 
 def _explain_clause(t: ParseFailure) -> ParseError | None:
