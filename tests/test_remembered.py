@@ -49,26 +49,12 @@ def test_another_bound_start_or_stop_asks_for_what_is_new(file: Path) -> None:
         assert len(ss.graphs()) == 1
 
 
-def test_names_in_the_script_do_not_matter(file: Path) -> None:
-    with connect(file) as ss:
-        ss.run("steps = [1, 2]; ways = [1, 2];")
-        ss.function("add", lambda a, b: a + b, volatility="immutable")  # which is +
-        script = "SELECT s.this + n FROM s = {0} START WITH n = 0 CONNECT BY MEMORIZE 3 n = s.this + n"
-        first = ss.run(script.format("steps"))
-        assert calls(first) > 0
-        again = ss.run(f"[]; {script.format('ways').replace('s = ', 'w = ').replace('s.this', 'w.this')}")
-        assert calls(again) == 0
-        assert again.value == [[{"w.this + n": row["s.this + n"]} for row in path] for path in first.value]
-        assert len(ss.graphs()) == 1
-
-
 HANOI = """SELECT this, tower FROM [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]] WHERE goal == move(this, tower)
 START WITH tower = [[3, 2, 1], [], []] CONNECT BY MEMORIZE 9 tower = move(this, tower)
 STOP WITH [] == move(this, tower)"""
 
 
 def test_what_connect_by_calls_answers_the_clauses(file: Path) -> None:
-    """STOP WITH and WHERE call `move` for every step, so the state after every step is known, wherever it leads."""
     with ss2sql.connect(file) as ss:
         ss.function(move)
         first = ss.run(HANOI, goal=[[], [], [3, 2, 1]])
@@ -77,12 +63,9 @@ def test_what_connect_by_calls_answers_the_clauses(file: Path) -> None:
         assert [len(path) for path in again.value] == [7, *[8] * 4, *[9] * 16]
         assert again.value != first.value
         assert calls(again) == 0
-    said = "SELECT count(*) FROM ss2sql_states, json_each(steps) AS e WHERE e.value ->> 3 != '[]'"
-    assert asked(file, said) == [(0,)]
 
 
-def test_what_stops_is_known_where_another_variable_goes_with_it(file: Path) -> None:
-    """A step that stops has no state after it, so what STOP WITH and WHERE say of it is kept."""
+def test_a_step_that_stops_is_known_where_another_variable_goes_with_it(file: Path) -> None:
     script = HANOI.replace("CONNECT BY", ", level = 0 CONNECT BY").replace("STOP WITH", ", level = level + 1 STOP WITH")
     with ss2sql.connect(file) as ss:
         ss.function(move)
@@ -90,7 +73,7 @@ def test_what_stops_is_known_where_another_variable_goes_with_it(file: Path) -> 
         assert (again.value, calls(again)) == (first.value, 0)
 
 
-def test_verdicts_of_clauses_with_calls_of_their_own(file: Path) -> None:
+def test_clauses_with_calls_of_their_own(file: Path) -> None:
     script = """SELECT e.this[0] FROM e = [[1, 2.0], [2, 0.5]] WHERE is_good(e.this[0] + n)
     START WITH n = 0 CONNECT BY MEMORIZE 3 COST price(e.this[1], n) n = n + e.this[0] STOP WITH is_far(n) AS list"""
     functions = {"is_good": lambda n: n % 2 == 0, "price": lambda w, n: w + n, "is_far": lambda n: n > 2}
@@ -101,7 +84,7 @@ def test_verdicts_of_clauses_with_calls_of_their_own(file: Path) -> None:
         again = ss.run(script)
         assert (again.value, calls(again)) == (first.value, 0)
         other = ss.run(script.replace("is_good(e.this[0] + n)", "NOT is_good(e.this[0] + n)"))
-        assert set(other.stats.calls) == {"is_good"}
+        assert calls(other) == 0
         assert len(ss.graphs()) == 1
 
 
@@ -213,14 +196,13 @@ def test_scripts_read_the_tables_and_never_write_them(file: Path) -> None:
         run(ss, bound=2)
         assert ss.eval("len(SELECT state FROM ss2sql_states)") == len({1, 2, 3, 0})
         again = ss.run("SELECT state FROM ss2sql_states START WITH n = 0 CONNECT BY MEMORIZE 1 n = n + 1")
-        assert any("belongs to ss2sql" in note for note in again.stats.notes)
-        assert len(ss.graphs()) == 1
+        assert (again.stats.notes, len(ss.graphs())) == ([], 1)  # it calls no function
 
 
 def test_tables_that_are_spoilt(file: Path) -> None:
     with connect(file) as ss:
         run(ss)
-    write(file, "UPDATE ss2sql_states SET steps = 'no JSON'")
+    write(file, "UPDATE ss2sql_states SET calls = 'no JSON'")
     with connect(file) as ss, pytest.raises(ss2sql.ExecutionError, match="remembered graphs cannot be read") as caught:
         run(ss)
     assert "disable=['remember']" in str(caught.value)
@@ -249,7 +231,7 @@ def test_both_ends_give_way_where_calls_are_saved(file: Path) -> None:
         assert (again.value, calls(again)) == (first.value, 0)
         free = ss.run(script.format("n + d.this == 3"))
         assert free.value == first.value
-        assert any("from both ends" in note for note in free.stats.notes)
+        assert (free.stats.notes, bool(free.stats.backward)) == ([], True)
 
 
 def test_a_large_number_of_levels(file: Path) -> None:
@@ -388,28 +370,14 @@ SPOILT = [
 ]
 
 
-@pytest.mark.parametrize("steps", ["{}", "[[{}, [2], [1], []]]", "[[[1], {}, [1], []]]", "[[[1], [2], {}, []]]"])
 @pytest.mark.parametrize("text", SPOILT, ids=lambda text: text[:20])
-def test_texts_of_others_are_values_or_an_error(tmp_path: Path, text: str, steps: str) -> None:
+def test_texts_of_others_are_values_or_an_error(tmp_path: Path, text: str) -> None:
     """What another program has written into the tables never becomes a value that the language does not have."""
     file = tmp_path / "values.db"
     script = "SELECT this FROM value(n) START WITH n = 0 CONNECT BY MEMORIZE n = n + 1 STOP WITH n == 3 AS rows"
     with session(file, value=lambda n: [n, n + 1]) as ss:
         assert len(ss.eval(script)) > 2
-    write(file, f"UPDATE ss2sql_states SET steps = '{steps.format(text)}'")
+    write(file, f"UPDATE ss2sql_states SET calls = '{text}'")
     with session(file, value=lambda n: [n, n + 1]) as ss:
         assert code_of(ss.run, script) == "X009"
     write(file, f"UPDATE ss2sql_graphs SET functions = '{text}', parameters = '{text}'")
-
-
-@pytest.mark.parametrize("value", ["9e999", "-1", "2", '"1"', "[1]"])
-def test_a_verdict_of_others(tmp_path: Path, value: str) -> None:
-    file = tmp_path / "values.db"
-    script = """SELECT this FROM [1, 2] WHERE good(this) START WITH n = 0 CONNECT BY MEMORIZE n = n + this
-        STOP WITH n > 3 AS rows"""
-    with session(file, value=int, good=lambda n: n > 1) as ss:
-        ss.eval(script)
-    for said in ("true", "false"):
-        write(file, f"UPDATE ss2sql_states SET steps = replace(steps, ',{said}]', ',{value}]')")
-    with session(file, value=int, good=lambda n: n > 1) as ss:
-        assert code_of(ss.run, script) == "X009"

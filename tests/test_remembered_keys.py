@@ -206,40 +206,39 @@ def test_a_class_is_the_same_after_an_object_of_it_was_copied() -> None:
 
 # --- data ----------------------------------------------------------------------------------------------
 
-READS = "SELECT f(n) + k.this FROM k = ks START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) + k.this AS list"
 
-
-def test_variables(file: Path) -> None:
-    """Those of goals make no new graph."""
-    for ks, differs in (([1, 2], True), ([2, 1], True), ([1, 2.0], True), ([1, 2], False)):
-        assert is_new(file, of_body, READS, ks=ks) == differs
-    assert not is_new(file, of_body, READS.replace("ks", "others"), others=[1, 2])
-    script = "SELECT f(n) FROM [0] WHERE n == goal START WITH n = 1 CONNECT BY MEMORIZE 3 n = f(n) AS list"
-    assert is_new(file, of_body, script, goal=2)
-    assert not is_new(file, of_body, script, goal=3)
-
-
-def test_tables_and_frames(file: Path) -> None:
+def test_what_steps_read_beside_functions(file: Path) -> None:
+    """Variables, tables and rows around a search make no other graph: only calls are remembered."""
     write(file, "CREATE TABLE ks(k INTEGER); INSERT INTO ks VALUES (1), (2)")
-    script = "SELECT f(n) + ks.k FROM ks START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) + ks.k AS list"
-    assert is_new(file, of_body, script)
-    write(file, "UPDATE ks SET k = 3 WHERE k = 2")
-    assert is_new(file, of_body, script)
-    pandas = pytest.importorskip("pandas")
-    frame = "SELECT f(n) + frame.k FROM frame START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) + frame.k AS list"
-    for number, values in enumerate(([1, 2], [1, 2], [1, 3])):
-        with session(file, f=of_body) as ss:
-            ss.attach("frame", pandas.DataFrame({"k": values}))
-            assert bool(calls(ss.run(frame))) == (number != 1)
+    script = """SELECT (SELECT f(n) + ks.k + x.this + a.this FROM ks, x = xs START WITH n = 1
+    CONNECT BY MEMORIZE 2 n = f(n) + ks.k + x.this AS list) FROM a = [1, 2] AS rows"""
+    for numbers in ([1, 2], [2, 1], [1, 2.0], [3]):
+        for change in ("UPDATE ks SET k = 3 WHERE k = 2", "UPDATE ks SET k = 2 WHERE k = 3"):
+            with session(None, f=of_body) as scratch, session(file, f=of_body) as ss:
+                scratch.set("ks", ss.eval("SELECT * FROM ks AS dict"))
+                expected = scratch.eval(script, xs=numbers)
+                first, again = (ss.run(script, xs=numbers) for _ in range(2))
+                assert repr(again.value) == repr(first.value) == repr(expected)
+                assert calls(again) == 0
+                assert len(ss.graphs()) == 1
+            write(file, change)
 
 
-def test_what_a_query_around_it_gives(file: Path) -> None:
-    script = """SELECT to((SELECT f(n) FROM [0] START WITH n = a.this CONNECT BY MEMORIZE 2 n = f(n) AS list), x),
-    (SELECT f(n) + a.this FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 2 n = f(n) AS list) FROM a = [1, 2] AS list"""
-    with session(file, f=of_body) as ss:
-        first = ss.run(script)
-        assert any("reads the row of a query around it" in note for note in first.stats.notes)
-        assert ss.run(script).value == first.value
+def test_objects_as_arguments(file: Path) -> None:
+    """A call of them is made again: what they consist of may have changed."""
+    script = "SELECT f(n, box) FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 3 n = f(n, box) AS list"
+    with session(file, f=lambda n, box: n + len(box)) as ss:
+        first, again = (ss.run(script, box=Box(size)) for size in (1, 2))
+    assert first.value == [[2], [2, 3], [2, 3, 4]]
+    assert again.value == [[3], [3, 5], [3, 5, 7]]
+
+
+class Box:
+    def __init__(self, size: int) -> None:
+        self.size = size
+
+    def __len__(self) -> int:
+        return self.size
 
 
 # --- worlds --------------------------------------------------------------------------------------------
@@ -309,22 +308,3 @@ def test_a_world_says_what_it_is(file: Path) -> None:
         ss.attach("field", Silent({1: 2.0, 2: -2.0}))
         (note,) = ss.run(WALK).stats.notes
         assert note == "graph: not remembered: Silent cannot be compared: it never stays the same"
-
-
-MEMORY: dict[int, int] = {}
-
-
-def forgetful(n: int) -> int:
-    if n not in MEMORY:
-        MEMORY[n] = n + 1
-    return MEMORY[n]
-
-
-def test_a_function_that_changes_what_it_reads(file: Path) -> None:
-    """Each run would find another function, and leave another graph."""
-    MEMORY.clear()
-    result = search(file, forgetful)
-    assert result.stats.notes == ["graph: not remembered: 'f' changes what it reads"]
-    with ss2sql.connect(file) as ss:
-        assert len(ss.graphs()) == 0
-    assert search(file, forgetful).stats.notes == []  # it has all in its memory

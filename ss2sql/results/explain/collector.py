@@ -34,7 +34,7 @@ from ss2sql.results.explain.explanation import (
 )
 from ss2sql.results.notes import find_notes
 from ss2sql.results.result import OutlinedQuery, OutlinedStatement
-from ss2sql.runtime.graph_cache.cached_steps import do_steps_call_user
+from ss2sql.runtime.graph_cache.fingerprint import do_steps_call_user
 from ss2sql.runtime.run.run_state import Stats
 from ss2sql.runtime.run.search_paths import SearchPaths, measure_path_lengths
 from ss2sql.runtime.search.bidirectional import find_regression

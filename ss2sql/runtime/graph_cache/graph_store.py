@@ -1,21 +1,19 @@
 """Remembered graphs in tables of the session's file, and as users see them: `ss.graphs()`.
 
 They are ordinary tables, documented for users in docs/graphs.md: a row for each graph, and one for each state with all
-of its steps. What is written at once is written in one short transaction, so that a crash leaves whole states behind.
-The statements call no SQL function but json_each, for scripts may have replaced any.
+of its steps and the calls that these needed. What is written at once is written in one short transaction, so that a
+crash leaves whole states behind. The statements call no SQL function but json_each, for scripts may have replaced any.
 """
 
 from __future__ import annotations
 
 import json
-import re
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import field
-from itertools import chain
 from marshal import dumps
-from typing import Any
+from typing import Any, TypeAlias
 
 import apsw
 
@@ -23,26 +21,12 @@ from ss2sql.errors import ExecutionError
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language.conversion import convert_value
 from ss2sql.language.kinds import Opaque, is_encodable
-from ss2sql.language.rows import Row
-from ss2sql.language.values import Frozen, State, thaw_value
+from ss2sql.language.values import Frozen, thaw_value
 from ss2sql.runtime.graph_cache.function_fingerprint import NotCacheable
 from ss2sql.runtime.run.run_state import without_keyboard_interrupt
 from ss2sql.runtime.sqlite.connections import READ_ERRORS
 
 _OTHER_KEYS = "JSON has no form for a dict with keys that are no text"
-
-
-@dataclass(slots=True)
-class CachedStep:
-    """A step: its row, the state it leads to, its elements, and what clauses said of it, by their keys.
-
-    The state is None where CONNECT BY is not evaluated, the elements where FROM is read again.
-    """
-
-    row: Row
-    after: State | None
-    elements: tuple[Any, ...] | None
-    verdicts: dict[str, Any]
 
 
 def _thaw_stored_value(value: Any) -> Any:
@@ -55,8 +39,6 @@ def _thaw_stored_value(value: Any) -> Any:
 _encode = json.JSONEncoder(
     ensure_ascii=False, allow_nan=False, check_circular=False, separators=(",", ":"), default=_thaw_stored_value
 ).encode
-# What only another program writes, or a long number or a text: large integers, NaN, infinities, halves of characters.
-_SUSPECT = re.compile(r"\d{16}|\d[eE]|[IN]|\\u[dD]")
 _decode = json.JSONDecoder().decode
 
 
@@ -76,49 +58,29 @@ def encode_values_as_json(value: Any) -> str:
     return text
 
 
-def encode_steps(steps: Sequence[CachedStep]) -> str:
-    """The steps of a state as JSON. Raises NotCacheable."""
-    parts = [(step.row, step.after, step.elements, [*sum(step.verdicts.items(), ())]) for step in steps]
-    return encode_values_as_json(tuple(parts))
+# Calls of functions by a name that tells a function from others and its arguments as text: what they gave.
+Calls: TypeAlias = dict[tuple[str, str], Any]
 
 
-def decode_steps(texts: Sequence[str], widths: tuple[int, int, int]) -> list[list[CachedStep]]:
-    """The steps of states, whose rows, next states and elements have so many values.
+def encode_calls(calls: Calls) -> str:
+    """Calls as JSON. Raises NotCacheable."""
+    return encode_values_as_json(tuple((*call, value) for call, value in calls.items()))
 
-    Raises ValueError for a text that is none of steps, such as another program may have written.
-    """
-    text = f"[{','.join(texts)}]"
+
+def decode_calls(text: str) -> Calls:
+    """Calls from their JSON. Raises ValueError for a text of another program that is none."""
     try:
-        states = _decode(text)
-        steps = [[_build_step(widths, *parts) for parts in state] for state in states]
-        if _SUSPECT.search(text):
-            for row, after, elements, said in chain.from_iterable(states):
-                for value in chain(row, after or (), elements or (), said):
-                    convert_value(value, "a value")
-    except (TypeError, LookupError, RecursionError) as error:
-        raise ValueError(f"they hold no steps: {error}") from None
+        return {(function, arguments): value for function, arguments, value in convert_value(_decode(text), "a text")}
+    except (TypeError, RecursionError) as error:
+        raise ValueError(f"they hold no calls: {error}") from None
     except ExecutionError as error:
         raise ValueError(error.message) from None
-    if len(states) != len(texts):
-        raise ValueError("there is a text that is none of one list")
-    return steps
-
-
-def _build_step(widths: tuple[int, int, int], row: Any, after: Any, elements: Any, said: list[Any]) -> CachedStep:
-    for values, width in zip((row, after, elements), widths, strict=True):
-        if (values is not None or values is row) and (type(values) is not list or len(values) != width):
-            raise ValueError(f"there are not {width} values in {str(values)[:40]}")
-    verdicts = dict(zip(said[::2], said[1::2], strict=True)) if said else {}
-    for key, value in verdicts.items():
-        if not value >= 0 or (value > 1 and not key.startswith("cost")):
-            raise ValueError(f"a {key.partition(' ')[0]} is {value!r}")
-    return CachedStep(tuple(row), after and tuple(after), elements and tuple(elements), verdicts)
 
 
 TABLES = {
     "ss2sql_graphs": """
         id INTEGER PRIMARY KEY AUTOINCREMENT, -- none is used twice
-        key TEXT NOT NULL UNIQUE,   -- a hash of the query, its functions and what it reads
+        key TEXT NOT NULL UNIQUE,   -- a hash of the query and its functions
         query TEXT NOT NULL,        -- the text of the query that came first
         functions TEXT NOT NULL,    -- JSON: the names of its Python functions
         parameters TEXT NOT NULL,   -- JSON: the variables that its steps read
@@ -132,7 +94,8 @@ TABLES = {
         graph INTEGER NOT NULL REFERENCES ss2sql_graphs(id) ON DELETE CASCADE,
         state TEXT NOT NULL,        -- JSON: the values of the START WITH variables
         length INTEGER NOT NULL,    -- how many steps there are
-        steps TEXT NOT NULL,        -- JSON, in the order of FROM: [row, next state, elements, verdicts of clauses]
+        steps TEXT NOT NULL,        -- JSON, in the order of FROM: [row, next state]
+        calls TEXT NOT NULL,        -- JSON: [function and its hash, arguments, value], those that the steps needed
         PRIMARY KEY (graph, state)
     """,
 }
@@ -211,17 +174,17 @@ class GraphStore:
 
     # --- states ----------------------------------------------------------------------------------------
 
-    def read_states(self, graph: int, texts: Sequence[str]) -> dict[str, str]:
-        """The steps of the states that are known, by the texts of states. Raises errors of apsw."""
+    def read_states(self, graph: int, texts: Sequence[str]) -> dict[str, tuple[str, str]]:
+        """The steps and calls of the states that are known, by the texts of states. Raises errors of apsw."""
         found = self.fetch_rows(
-            "SELECT s.state, s.steps FROM json_each(?) AS e CROSS JOIN ss2sql_states AS s"
+            "SELECT s.state, s.steps, s.calls FROM json_each(?) AS e CROSS JOIN ss2sql_states AS s"
             " ON s.graph = ? AND s.state = e.value",
             json.dumps(texts), graph,
         )  # fmt: skip
-        return dict(found)
+        return {state: (steps, calls) for state, steps, calls in found}
 
     def write_states(
-        self, key: str, described: Sequence[str], states: Sequence[tuple[str, int, str]], levels: int
+        self, key: str, described: Sequence[str], states: Sequence[tuple[str, int, str, str]], levels: int
     ) -> int:
         """Writes states with their steps; gives the number of the graph, which is made where there is none.
 
@@ -238,7 +201,7 @@ class GraphStore:
                 )  # fmt: skip
                 graph = self.connection.last_insert_rowid()
             self.connection.executemany(
-                "INSERT OR REPLACE INTO ss2sql_states(graph, state, length, steps) VALUES (?, ?, ?, ?)",
+                "INSERT OR REPLACE INTO ss2sql_states(graph, state, length, steps, calls) VALUES (?, ?, ?, ?, ?)",
                 ((graph, *state) for state in states),
             )
             self.fetch_rows(

@@ -102,7 +102,7 @@ class BlockCalls:
         return self.open
 
     def begin_state(self, items: list[Any]) -> list[Pair]:
-        self.open = self.notes.pairs[self.at] = self.notes.pair_elements(self.at, items)
+        self.open = self.notes.pairs[self.at] = self.notes.pair_elements(items)
         return self.open
 
     def evaluate_open_steps(self, seen: Container[Hashable]) -> bool:

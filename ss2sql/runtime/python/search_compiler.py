@@ -86,8 +86,7 @@ def generate_noted_steps(
     if isinstance(reverse, Regression):
         writer = BackwardSteps(builder, query, owner)
         backwards = [build.name(writer.write_goal_state(reverse)), build.name(writer.write_state_before(reverse))]
-    plain = not any(source.id in codegen.tuples or source.id in codegen.worlds for source in query.sources)
-    made = (step.describe_places(), len(query.sources), plain)
+    made = (step.describe_places(), len(query.sources))
     return build.pack(build.name(function), *backwards, *(build.name(codegen.embed(part)) for part in made))
 
 
@@ -110,9 +109,6 @@ class NotedStepFunction(StepFunction):
         for expr in clauses:
             self.slots.setdefault(self._choose_slot_key(expr), self.codegen.new_name("noted"))
         self.plain = {self._choose_slot_key(expr): expr for expr in self.outputs if _is_known_before(expr)}
-        for expr, shape in zip(self.outputs, columns, strict=True):
-            if shape != "scalar" and self._choose_slot_key(expr) not in self.plain:
-                self.slots.setdefault(("frozen", self._choose_slot_key(expr), shape), self.codegen.new_name("noted"))
         for expr in clauses:  # calls find their slots themselves
             key = self.codegen.analysis.facts(expr).key
             if key is not None and self._choose_slot_key(expr) == key:
@@ -130,11 +126,7 @@ class NotedStepFunction(StepFunction):
         rows = tuple(at[self._choose_slot_key(expr)] for expr in self.outputs)
         after = (self.connect.get(name) for name in self.shapes)
         states = tuple(None if expr is None else at[self._choose_slot_key(expr)] for expr in after)
-        named = {"stop": self.search.stop, "goal": self.query.where, "weight": self.search.weight}
-        clauses = {name: at[self._choose_slot_key(clause)] for name, clause in named.items() if clause is not None}
-        pairs = zip(self.outputs, self.columns, strict=True)
-        frozen = tuple(at.get(("frozen", self._choose_slot_key(expr), shape)) for expr, shape in pairs)
-        return Places(rows, frozen, tuple(self.columns), states, clauses, len(at))
+        return Places(rows, states, len(at))
 
     def _write_value(self, expr: plan.Expr) -> ast.expr:
         inner, build, slot = self.inner, self.codegen.build_at(expr.span), self.slots[self._choose_slot_key(expr)]
@@ -148,16 +140,9 @@ class NotedStepFunction(StepFunction):
         inner.forget_names(value)
         if facts.key is not None and not inner.has_state_changed(facts):
             inner.known[-1][facts.key] = slot
-        return build.name(inner.assign_name(self._write_unless_known(slot, build.bind(slot, value)), build, "value"))
-
-    def _write_frozen(self, expr: plan.Expr, shape: Shape, value: ast.expr) -> ast.expr:
-        made = super()._write_frozen(expr, shape, value)
-        slot = self.slots.get(("frozen", self._choose_slot_key(expr), shape))
-        return made if slot is None else self._write_unless_known(slot, made)
-
-    def _write_unless_known(self, slot: str, made: ast.expr) -> ast.expr:
-        build = self.build
-        return build.if_else(build.compare(build.name(slot), ast.IsNot(), build.name("UNSET")), build.name(slot), made)
+        known = build.compare(build.name(slot), ast.IsNot(), build.name("UNSET"))
+        made = build.if_else(known, build.name(slot), build.bind(slot, value))
+        return build.name(inner.assign_name(made, build, "value"))
 
     def write_clauses(self) -> None:
         super().write_clauses()

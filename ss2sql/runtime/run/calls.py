@@ -440,7 +440,7 @@ class MemoizedCalls:
                 hit()
                 raise found.error
             try:
-                value = call(copies)
+                value = call(copies) if run.cached_steps is None else run.cached_steps.make_call(function, call, copies)
             except Exception as error:
                 if not isinstance(error, Stopped):
                     keep_bounded(memo, key, FailedCall(error), limit)
@@ -453,6 +453,8 @@ class MemoizedCalls:
 
         def adopt(arguments: tuple[Any, ...], answer: Any) -> None:
             self.foretold = True
+            if run.cached_steps is not None:
+                run.cached_steps.note_call(function, arguments, answer)
             keys = tuple(map(make_call_key, arguments))
             if are_call_arguments_plain(arguments):
                 key: Hashable = arguments

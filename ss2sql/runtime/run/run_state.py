@@ -226,6 +226,7 @@ class Run:
     foreteller: Any = None  # has calls made by other processes, see runtime/parallel
     progress: Any = None
     graph: Any = None  # that MEMORIZE works on
+    cached_steps: Any = None  # what a file remembers of its calls, see graph_cache/cached_steps.py
     collects_at: float = inf  # when the garbage collector, which pauses, has to go on
     trace: Any = None  # receives the events of the last statement's search
     call_places: Mapping[str, Places] = field(default_factory=dict)  # where the script calls functions of the user

@@ -60,8 +60,8 @@ has one `for` over `expand(...)`, takes a step apart in its head, does not `cont
 `problem` at its beginning, and calls the state `state`, which may stand for several variables in a tuple.
 
 The step function with notes (runtime/python/search_compiler.py) takes from a note what is there, and puts there what it
-evaluates. So a graph in a file is read first, calls are made by other processes beforehand, and a step that failed can
-be taken again. That is for searches in which nobody can notice when a clause is evaluated: all functions of the user
+evaluates. So a file is told of each step, calls are made by other processes beforehand, and a step that failed can be
+taken again. That is for searches in which nobody can notice when a clause is evaluated: all functions of the user
 are immutable or stable, nothing is assigned.
 
 The 9 moves of Hanoi with its states in any order take 0.4 of the time of a loop by hand; with a memory of calls 0.7.
@@ -78,7 +78,7 @@ from typing import Any, NamedTuple, TypeAlias
 from ss2sql.errors import Stopped
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.language import plan
-from ss2sql.language.values import UNSET, FrozenRow, Shape, State
+from ss2sql.language.values import UNSET, FrozenRow, State
 
 # --- what a search loop and the step function of a query owe each other, and notes of what clauses came to
 Step: TypeAlias = tuple[FrozenRow, Any, bool | None, bool, Any, Any, Any, Any]
@@ -120,15 +120,11 @@ Last: TypeAlias = tuple[Any, ...]  # the elements of a step and the state before
 class Places(NamedTuple):
     """Where in a note everything is, and the number of its values.
 
-    `rows` are the columns of the row, `frozen` the same as they are frozen in `shapes`, None where they are not noted;
-    `states` the variables after the step, None for those that stay; `clauses` are `stop`, `goal` and `weight`.
+    `rows` are the columns of the row, `states` the variables after the step, None for those that stay.
     """
 
     rows: tuple[int, ...]
-    frozen: tuple[int | None, ...]
-    shapes: tuple[Shape, ...]
     states: tuple[int | None, ...]
-    clauses: dict[str, int]
     size: int
 
 
@@ -137,7 +133,7 @@ class NotedSearch:
 
     `expand(state, closed, notes)` is the step function, see above; it calls `notes.get_known_pairs()` for the pairs of
     the state, and where there are none `notes.begin_state(elements)`. `goal(start)` and `before(last)` go backwards,
-    where that is possible: the state at the goal, the state before a step. `plain`: all elements are values.
+    where that is possible: the state at the goal, the state before a step.
     """
 
     def __init__(
@@ -147,10 +143,9 @@ class NotedSearch:
         before: Callable[[Last], State | None] | None,
         places: Places,
         sources: int,
-        plain: bool,
     ) -> None:
         self.expand, self.goal, self.before = expand, goal, before
-        self.places, self.sources, self.plain = places, sources, plain
+        self.places, self.sources = places, sources
 
     def row(self, note: Note) -> tuple[Any, ...]:
         """The row of a step that was evaluated."""
@@ -183,7 +178,7 @@ class Notes:
     def begin_level(self, states: Sequence[State], chosen: Sequence[list[Any]] | None = None) -> None:
         """Other states, frozen; `chosen` are the elements that are tried, where that is known."""
         self.at = -1
-        self.pairs = [None for _ in states] if chosen is None else [self.pair_elements(*o) for o in enumerate(chosen)]
+        self.pairs = [None for _ in states] if chosen is None else list(map(self.pair_elements, chosen))
 
     def get_known_pairs(self) -> list[Pair] | None:
         """The pairs of the next state, as far as there are."""
@@ -192,11 +187,11 @@ class Notes:
 
     def begin_state(self, items: list[Any]) -> list[Pair]:
         """The pairs of this state, whose elements are these."""
-        found = self.pairs[self.at] = self.pair_elements(self.at, items)
+        found = self.pairs[self.at] = self.pair_elements(items)
         return found
 
-    def pair_elements(self, at: int, items: list[Any]) -> list[Pair]:
-        """The same for the elements of one of the states."""
+    def pair_elements(self, items: list[Any]) -> list[Pair]:
+        """The elements of a state with blank notes."""
         return [(self.noted.make_blank_note(), item) for item in items]
 
 
