@@ -92,7 +92,7 @@ def test_an_exception_of_the_users_function() -> None:
         ("-e 'SELECT this FROM w AS list;' --world w=scene:Space", [7]),
         ("-e 'SELECT this FROM w AS list;' --world w=factory:plain", [4]),
         ("-e 'SELECT this FROM w AS list;' --world w=factory.py:plain", [4]),
-        ("-e 'SELECT this FROM w AS list;' --world w=factory:Group.rows", [8]),
+        ("-e 'SELECT this FROM w AS list;' --world w=factory:Group.rows", [8]), ("-e 'x = 3; # three' -e 'x + 1'", 4),
         ("-e '[engine, timeout, maximum, script, value];' -p engine e -p timeout t -p maximum m -p script s "
          "-p value v", list("etmsv")),
         *((f"-e 'x;' -p x {shlex.quote(text)}", read) for text, read in (

@@ -220,7 +220,7 @@ def play_command(
     """Runs a script and writes a page that plays its search, to be opened in a browser."""
     sources = [inputs.script]
     if beside is not None:
-        sources.append(beside if inputs.text is not None else Path(beside))
+        sources.append(beside if inputs.texts else Path(beside))
     path = output or (Path(inputs.file).with_suffix(".html") if inputs.file not in (None, "-") else Path("search.html"))
     check_output_folder(path)
     stopped: Stopped | None = None

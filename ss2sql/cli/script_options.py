@@ -67,7 +67,7 @@ class ScriptInputs:
     files: tuple[str, ...] = ()
     parameters: tuple[tuple[str, str], ...] = ()
     file: str | None = None
-    text: str | None = None
+    texts: tuple[str, ...] = ()
     max_size: int | None = None
     max_memory: int | None = None
     max_steps: int | None = None
@@ -76,11 +76,10 @@ class ScriptInputs:
     @property
     def script(self) -> str | Path | Source:
         """The script; standard input is read each time."""
-        if (self.file is None) == (self.text is None):
+        if (self.file is None) == (not self.texts):
             raise click.UsageError("give a script: a FILE, - for standard input, or -e TEXT", _get_click_context())
-        if self.text is not None:
-            return self.text
-        assert self.file is not None
+        if self.file is None:
+            return "\n;\n".join(self.texts)
         if self.file != "-":
             return Path(self.file)
         from ss2sql.frontend.syntax.tokenizer import read_script
@@ -138,7 +137,7 @@ add_uses_options = take_inputs(*USES_OPTIONS)
 add_session_options = take_inputs(*USES_OPTIONS, PARAMETER, *LIMITS)  # where the scripts come later
 add_script_options = take_inputs(
     click.argument("file", required=False, type=click.Path(dir_okay=False, allow_dash=True)),
-    click.option("-e", "--execute", "text", help="The script itself, in place of a file."),
+    click.option("-e", "--execute", "texts", multiple=True, help="The script in place of a file; several in order."),
     *USES_OPTIONS,
     PARAMETER,
     *LIMITS,
