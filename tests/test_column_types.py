@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import apsw
+import pandas
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -213,6 +214,29 @@ def test_columns_that_only_a_list_or_a_text_reads(ss: ss2sql.Session, engine: An
     assert ss.run("SELECT (SELECT this FROM late AS value) FROM t AS list;", engine=engine).value == [3]
     assert ss.run("SELECT eval(word) FROM t AS list;", engine="native").value == [3]
     assert ss.run("SELECT count(*) FROM t GROUP BY 1 AS value;", engine=engine).value == 1
+
+
+@pytest.mark.parametrize(
+    ("query", "value"),
+    [("SELECT a FROM t WHERE a == (SELECT a FROM u)", []),
+     ("SELECT a FROM t WHERE a BETWEEN (SELECT a FROM u) AND 5", []),
+     ("SELECT a + (SELECT a FROM u) FROM t", []), ("SELECT sum(a) FROM t", []),
+     ("SELECT max(max(a)) FROM t GROUP BY b", []),
+     ("SELECT u.a FROM u LEFT JOIN t ON t.a == (SELECT a FROM u)", [{"a": 1}]),
+     ("SELECT a FROM t START WITH n = 0 CONNECT BY n = n + 1, a == (SELECT a FROM u) STOP WITH n == 3", [])],
+)  # fmt: skip
+@pytest.mark.parametrize("table", ["list", "frame", "database"])
+def test_a_column_without_rows_may_be_of_any_kind(
+    ss: ss2sql.Session, file: Path, engine: Any, table: str, query: str, value: list[Any]
+) -> None:
+    if table == "list":
+        ss.set("t", {"a": [], "b": []})
+    elif table == "frame":
+        ss.attach("t", pandas.DataFrame({"a": [], "b": []}, dtype=object))
+    else:
+        write(file, "CREATE TABLE t(a INT, b)")
+    ss.set("u", [{"a": 1}])
+    assert ss.run(query, engine=engine).value == value
 
 
 def test_a_view_that_cannot_be_read_has_no_columns(ss: ss2sql.Session, file: Path) -> None:

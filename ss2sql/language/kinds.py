@@ -100,6 +100,10 @@ class Type:
         """Whether a value of one of `kinds` is possible."""
         return bool(self.kinds & kinds)
 
+    def excludes(self, kinds: Kind) -> bool:
+        """Whether values are known, and none is of `kinds`. A column without rows excludes nothing."""
+        return bool(self.kinds) and not self.may_be(kinds)
+
     def is_bounded(self, limit: float) -> bool:
         """Whether the numbers among the values provably lie in -limit..limit."""
         return self.low is not None and self.high is not None and self.low >= -limit and self.high <= limit

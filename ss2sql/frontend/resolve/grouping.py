@@ -216,7 +216,7 @@ def _is_aggregate_of_rows(node: Any) -> bool:
     """Whether it is a call such as `sum(v)`, of what is no list."""
     match node:
         case plan.Call(function=plan.Function(name=name, builtin=True), arguments=(argument,)):
-            return name in GROUPS and not argument.type.may_be(Kind.LIST)
+            return name in GROUPS and argument.type.excludes(Kind.LIST)
         case _:
             return False
 

@@ -218,7 +218,7 @@ class Resolver:
     def resolve_values(self, trees: Sequence[ast.Expr], scope: Scope | None) -> tuple[plan.Expr, ...]:
         """Operands of an operator; a query without AS is one value, see `resolve_as_value`."""
         pairs = list(zip(trees, self.resolve_operands(map(resolve_as_value, trees), scope), strict=True))
-        lists = any(value.type.is_only(Kind.LIST) for tree, value in pairs if not is_value_syntax(tree))
+        lists = any(value.type.kinds == Kind.LIST for tree, value in pairs if not is_value_syntax(tree))
         for tree in filter(is_value_syntax, trees if lists else ()):
             text = tree.span.text if len(tree.span.text) <= 60 else "SELECT ..."
             message = "this query is one value here, and it meets a list"
@@ -387,7 +387,7 @@ class Resolver:
         if name in self.catalog.world_functions and (function is None or function.builtin):
             known = self.resolve_operands(tree.arguments, scope)
             if function is None or any(
-                a.type.may_be(Kind.OBJECT) or a.type.is_only(Kind.STR) for a in known
+                a.type.may_be(Kind.OBJECT) or a.type.kinds == Kind.STR for a in known
             ):  # or its name
                 return resolve_world_call(self, name, known, scope, span)
         if function is None:
@@ -409,7 +409,7 @@ class Resolver:
             self.check_arity(function, len(arguments), span)
             return self.resolve_eval(arguments[0], scope, span)
         of_a_list = len(arguments) == 1 or (function.collects and arguments)
-        if is_resolved_aggregate(function) and of_a_list and not grouped and not arguments[0].type.may_be(Kind.LIST):
+        if is_resolved_aggregate(function) and of_a_list and not grouped and arguments[0].type.excludes(Kind.LIST):
             hint = f"it works on a list: {name}(SELECT ... AS list), or on the groups of a GROUP BY"
             if scope is not None and scope.path_functions and scope.path_functions.clause in RESULT_CLAUSES:
                 hint = f"write {name}(path({tree.arguments[0].span.text})) for the steps of the path"
