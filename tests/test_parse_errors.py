@@ -42,6 +42,25 @@ def test_an_error_has_a_code_a_place_a_reason_and_a_cure(marked: str, code: str,
     check(marked, code, message, hint)
 
 
+# --- cures are typed: the right form takes the place of the wrong one ---------------------------------------------
+
+FORM = "SELECT a FROM b START WITH n = 0 CONNECT BY {} AS list"
+
+
+@pytest.mark.parametrize(
+    ("form", "wrong"),
+    [(FORM, "n = b.c AND n == a"), (FORM, "n = (c) and b == n AND (b > 1 OR b IN d)")],
+)  # fmt: skip
+def test_a_cure_can_be_typed(form: str, wrong: str) -> None:
+    (hint, *_) = failure(form.format(wrong)).hints
+    script(form.format(hint.removeprefix("write ")))
+
+
+@pytest.mark.parametrize("item", ["n = n AND a > 2", "n = a < 2 AND a > 0", "n = (a AND b > 2)", "n = f(a) AND b > 2"])
+def test_a_variable_of_a_search_may_be_true_or_false(item: str) -> None:
+    script(FORM.format(item))
+
+
 # --- several errors at once ------------------------------------------------------------------------------
 
 

@@ -341,6 +341,19 @@ class ExpressionBuilder:
         return node
 
 
+_COMPARING = {OPERATORS.get(sign, sign.lower().replace(" ", "_")) for sign in COMPARISONS}
+
+
+def _is_comparison(node: ast.Expr) -> bool:
+    return isinstance(node, ast.Between) or (isinstance(node, ast.Operator) and node.function in _COMPARING)
+
+
+def _gives_value(node: ast.Expr) -> bool:
+    """Whether it is not there to be true or false; a call may be."""
+    plain = ast.Name | ast.Attribute | ast.This | ast.Index | ast.ListLiteral | ast.Literal | ast.Operator
+    return isinstance(node, plain) and not _is_comparison(node)
+
+
 def _make_syntax_depth_error(node: Any) -> ParseError:
     """The error for a node with too many levels below it; a chain of one operator is called long."""
     if isinstance(node, ast.Operator) and node.place is not None:
@@ -440,7 +453,9 @@ class Builder(ExpressionBuilder):
         return self._make_clause("WHERE", span, (condition,), where=self._check_condition(condition, "WHERE"))
 
     def start(self, span: Span, *parts: Part[Any]) -> Clause:
-        start = tuple(node for node in self._list_nodes(parts) if isinstance(node, ast.Assign | ast.Each))
+        nodes = self._list_nodes(parts)
+        self._check_commas(nodes, "START WITH")
+        start = tuple(node for node in nodes if isinstance(node, ast.Assign | ast.Each))
         return self._make_clause("START WITH", span, parts, start=start, first=parts)
 
     def each(self, span: Span, name: Token, values: Expr) -> Part[ast.Each]:
@@ -449,6 +464,7 @@ class Builder(ExpressionBuilder):
 
     def connect(self, span: Span, *parts: Part[Any]) -> Clause:
         nodes = self._list_nodes(parts)
+        self._check_commas(nodes, "CONNECT BY")
         for option, value in pairwise(nodes):
             between = self.script_source.text[option.span.end : value.span.start]
             unbounded = isinstance(option, ast.Option) and option == ast.Option("MEMORIZE", None, span=option.span)
@@ -461,6 +477,20 @@ class Builder(ExpressionBuilder):
             "made": parts,
         }
         return self._make_clause("CONNECT BY", span, parts, **fields)
+
+    def _check_commas(self, nodes: Sequence[ast.Node], keyword: str) -> None:
+        """Refuses `town = dst AND src == town`, where a comma is meant: town would become True or False."""
+        for node in nodes:
+            match node:
+                case ast.Assign(name=name, value=ast.And(parts=(first, *others)) as value) if _gives_value(first):
+                    in_parentheses = value.span.end < node.span.end
+                    own = isinstance(first, ast.Name) and first.name == name
+                    if in_parentheses or own or not any(map(_is_comparison, others)):
+                        continue
+                    rest = self.script_source.text[first.span.end : node.span.end].lstrip(") \n\t")[len("AND") :]
+                    self._make_error("P006", f"the parts of {keyword} are separated by commas", value.span,
+                                f"write {name} = {first.span.text}, {rest.lstrip()}",
+                                f"True or False is assigned in parentheses: {name} = (...)")  # fmt: skip
 
     def _find_only_condition(self, parts: Sequence[Part[Any]], keyword: str) -> ast.Expr | None:
         """The condition among the assignments and options of a clause."""
