@@ -331,7 +331,8 @@ class CompiledQuery:
 
     def _read_database_rows(self, run: Run, sink: Rows) -> Rows:
         assert self.lowered is not None
-        limit, offset = self._evaluate_limit(run), self._evaluate_offset(run)
+        limit = self._evaluate_count(self.query.limit, run, 0, "LIMIT")
+        offset = self._evaluate_count(self.query.offset, run, 0, "OFFSET") or 0
         own, maximum = self._evaluate_maximum(run)
         # They are evaluated once, although the statement has them as parameters.
         counts = [(self.query.limit, limit), (self.query.offset, offset)]
@@ -417,12 +418,6 @@ class CompiledQuery:
 
         names, disabled = self.host.sql_names, self.host.disabled
         return retry_with_stack(lambda: lower(query, names, cut=cut, by_value=by_value, disabled=disabled))
-
-    def _evaluate_limit(self, run: Run) -> int | None:
-        return self._evaluate_count(self.query.limit, run, 0, "LIMIT")
-
-    def _evaluate_offset(self, run: Run) -> int:
-        return self._evaluate_count(self.query.offset, run, 0, "OFFSET") or 0
 
     def _evaluate_maximum(self, run: Run) -> tuple[int | None, int | None]:
         """MAXIMUM, and the lower one of it and that of the run."""

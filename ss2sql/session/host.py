@@ -37,9 +37,9 @@ from ss2sql.runtime.sqlite.executor import Database
 from ss2sql.runtime.sqlite.sql_functions import BUILT_IN, choose_function_names
 from ss2sql.session.compiled_query import open_session_engine
 from ss2sql.session.variables import (
+    History,
     SessionFunctions,
     TemporalFile,
-    TemporalStore,
     Triggers,
     Variables,
     convert_clock_time,
@@ -221,20 +221,20 @@ class SessionHost:
         self.generation = 0
         self.runs: list[Run] = []
         self.held = SessionResources(engine_session, self.active_runs)
-        temporals = TemporalStore(self._read_clock)
+        histories: dict[str, History] = {}
         self.triggers = Triggers(self._read_clock)
         self.watched_scenes: list[list[Callable[[], object]]] = []  # to whom scenes tell that they have stepped
         self.graph_store: GraphStore | None = None
         if file is not None:
             try:
-                file.load_store(temporals)
+                histories = file.load_histories()
             except BaseException:
                 close_file(connection)
                 raise
             from ss2sql.runtime.graph_cache.graph_store import GraphStore
 
             self.graph_store = self.tables.graphs = GraphStore(connection, not read_only)
-        self.names = Variables(temporals, None if read_only else file)
+        self.names = Variables(self._read_clock, histories, None if read_only else file)
         self.names.let_go = self._restore_detached
         # What a run asks, see `Host` in runtime/run/run_state.py; the rest of it is below.
         self.get_variable, self.bind_late = self.names.read_value, self.names.bind_late
@@ -297,7 +297,8 @@ class SessionHost:
         """Adds tables, functions and representations of a world. Raises SessionError S002 for wrong declarations."""
         from ss2sql.vtables.attached_worlds import AttachedWorld
 
-        self.names.attach_world(name, AttachedWorld(name, world, self.database.worlds.choose_name))
+        attached = AttachedWorld(name, world, self.database.worlds.choose_name)
+        self.names.attach_source(name, world, attached)
         for word, method in world.representations.items():
             if word.lower() not in REPRESENTATIONS:
                 self.shapes.functions[word.lower()] = getattr(world, method)

@@ -271,7 +271,7 @@ class Session:
         if file is not None:
             parquet = self.host.held.get_parquet_reader(file, name)
             self.host.tables.detach_file(name)
-            self.host.names.attach_frame(name, file, parquet)
+            self.host.names.attach_source(name, file, reader=parquet)
             return
         path = find_sqlite_path(source)
         if path is not None:
@@ -288,12 +288,10 @@ class Session:
         if reader is None and world is None:
             refuse_without_adapter(source)
         self.host.tables.detach_file(name)
-        if reader is not None:
-            self.host.names.attach_frame(name, source, reader)
-        elif world is not None:
+        if world is not None:
             self.host.attach_world(name, world)
         else:
-            self.host.names.attach_source(name, source)
+            self.host.names.attach_source(name, source, reader=reader)
 
     @with_session_lock
     def detach(self, name: str) -> None:

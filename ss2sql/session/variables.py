@@ -28,7 +28,7 @@ from ss2sql.language.plan_traversal import format_type
 from ss2sql.language.values import convert_value, copy_for_python, format_value, make_hashable
 from ss2sql.runtime.run.run_state import Run
 from ss2sql.runtime.run.value_sizes import ValueSizes
-from ss2sql.vtables.frames import Frame, Reader
+from ss2sql.vtables.frames import Reader
 
 if TYPE_CHECKING:
     from ss2sql.runtime.external.duckdb_sources import DuckSources
@@ -70,41 +70,6 @@ def keep_in_force(values: list[tuple[float, Any]], seconds: float, now: float) -
     return values[first:]
 
 
-class TemporalStore:
-    """The histories of all temporal variables of a session; `clock` gives the time in seconds."""
-
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self.clock = clock
-        self.histories: dict[str, History] = {}
-
-    def extend_history(self, name: str, keep: Any, value: Any) -> History:
-        """The history after `name{keep} = value`."""
-        kept = convert_variable_seconds(keep, "the time to keep")
-        if kept < 0:
-            hint = "v{5.0} = x keeps the values of the last 5 seconds"
-            raise ExecutionError(
-                "X007", f"the time to keep is at least 0 seconds, not {format_value(keep)}", hints=(hint,)
-            )
-        now = self.clock()
-        values, _ = self.histories.get(name, ([], kept))
-        return keep_in_force([*values, (now, value)], kept, now), kept
-
-    def read_values(self, name: str, when: Any) -> Any:
-        """`name{}` (when is None) is the list of kept values; `name{-2.0}` those in force in the last two
-        seconds, `name{22.2}` the one in force at that time, or None. Raises KeyError for an unknown name."""
-        values, keep = self.histories[name]
-        now = self.clock()
-        values = keep_in_force(values, keep, now)
-        self.histories[name] = values, keep
-        if when is None:
-            return [value for _, value in values]
-        moment = convert_variable_seconds(when, "the moment")
-        if moment >= 0:
-            index = bisect_right([time for time, _ in values], moment) - 1
-            return values[index][1] if index >= 0 else None
-        return [value for _, value in keep_in_force(values, -moment, now)]
-
-
 class TemporalFile:
     """Temporal variables in the session's database file, in the table `ss2sql_temporal`.
 
@@ -115,19 +80,21 @@ class TemporalFile:
     def __init__(self, connection: apsw.Connection) -> None:
         self.connection = connection
 
-    def load_store(self, store: TemporalStore) -> None:
-        """Fills the store from the file. Raises SessionError S002 if the file is damaged."""
+    def load_histories(self) -> dict[str, History]:
+        """The histories in the file. Raises SessionError S002 if the file is damaged."""
+        found: dict[str, History] = {}
         try:
             if not self.connection.execute("SELECT 1 FROM sqlite_schema WHERE name = 'ss2sql_temporal'").fetchall():
-                return
+                return found
             rows: list[tuple[Any, ...]] = self.connection.execute(
                 "SELECT name, time, value, keep FROM ss2sql_temporal ORDER BY rowid"
             ).fetchall()
             for row in rows:
                 name, moment, value, keep = _decode_history_row(*row)
-                values, _ = store.histories.get(name, ([], keep))
+                values, _ = found.get(name, ([], keep))
                 values.append((moment, value))
-                store.histories[name] = values, keep
+                found[name] = values, keep
+            return found
         except (apsw.Error, ExecutionError, ValueError, TypeError, RecursionError) as error:
             hints = ("another program may be writing to the file, or it is damaged; the table can be dropped",)
             message = f"the table ss2sql_temporal of the file cannot be read: {error}"
@@ -172,10 +139,13 @@ class Variables:
     """Values of the language by name.
 
     An attached object is read anew by every run, which then keeps what it has read. `late` holds list
-    literals that are resolved where they are used. With a `file` temporal variables outlive the session.
+    literals that are resolved where they are used. `clock` gives the time in seconds of temporal variables, `histories`
+    are theirs; with a `file` they outlive the session.
     """
 
-    def __init__(self, temporal_store: TemporalStore, file: TemporalFile | None = None) -> None:
+    def __init__(
+        self, clock: Callable[[], float], histories: dict[str, History], file: TemporalFile | None = None
+    ) -> None:
         self.values: dict[str, Any] = {}
         self.attached: dict[str, Any] = {}
         self.worlds: dict[str, AttachedWorld] = {}  # those among what is attached
@@ -183,9 +153,10 @@ class Variables:
         self.others: DuckSources | None = None  # what stands in FROM where nothing else has the name
         self.let_go: Callable[[AttachedWorld], None] = lambda world: None  # hears of worlds that make room
         self.late: dict[str, ast.ListLiteral] = {}
-        self.temporal_store = temporal_store
+        self.clock = clock
+        self.histories = histories
         self.file = file
-        self.values.update((name, history[0][-1][1]) for name, history in temporal_store.histories.items())
+        self.values.update((name, values[-1][1]) for name, (values, _) in histories.items())
 
     def __contains__(self, name: str) -> bool:
         return name in self.values or name in self.attached
@@ -194,13 +165,11 @@ class Variables:
         yield from self.values
         yield from self.attached
 
-    def get_value(self, name: str) -> Any:
-        """The present value. Raises KeyError; ExecutionError X004 where an attached object holds no value."""
-        source = self.get_source(name)
-        return source.make_value() if isinstance(source, Frame) else source
-
     def get_source(self, name: str) -> Any:
-        """The present value, or the data frame, as it stands in FROM. Raises what `value` raises."""
+        """The present value, or the data frame, as it stands in FROM.
+
+        Raises KeyError; ExecutionError X004 where an attached object holds no value.
+        """
         if name in self.frames:
             return self.frames[name]()
         if name in self.attached:
@@ -233,17 +202,16 @@ class Variables:
         self.forget_name(name)
         self.values[name] = value
 
-    def attach_source(self, name: str, source: Any) -> None:
+    def attach_source(
+        self, name: str, source: Any, world: AttachedWorld | None = None, reader: Reader | None = None
+    ) -> None:
+        """Attaches an object, perhaps a world, or a data frame with what reads it."""
         self.forget_name(name)
         self.attached[name] = source
-
-    def attach_world(self, name: str, world: AttachedWorld) -> None:
-        self.attach_source(name, world.world)
-        self.worlds[name] = world
-
-    def attach_frame(self, name: str, source: Any, reader: Reader) -> None:
-        self.attach_source(name, source)
-        self.frames[name] = reader
+        if world is not None:
+            self.worlds[name] = world
+        if reader is not None:
+            self.frames[name] = reader
 
     def bind_late(self, name: str, literal: ast.ListLiteral) -> None:
         self.forget_name(name)
@@ -251,7 +219,7 @@ class Variables:
 
     def forget_name(self, name: str) -> None:
         """Prepares a name for a new meaning. Raises ExecutionError X009, without a change, if the file fails."""
-        if name in self.temporal_store.histories:
+        if name in self.histories:
             self._set_history(name, None)
         self._drop_meaning(name)
 
@@ -272,15 +240,33 @@ class Variables:
     # --- temporal variables ----------------------------------------------------------------------------
 
     def read_temporal(self, name: str, when: Any) -> Any:
-        """`name{when}`; raises ExecutionError X007 if the variable is not temporal."""
-        if name not in self.temporal_store.histories:
+        """`name{}` (when is None) is the list of kept values; `name{-2.0}` those in force in the last two
+        seconds, `name{22.2}` the one in force at that time, or None. Raises ExecutionError X007 for another name."""
+        if name not in self.histories:
             hint = f"store it with {name}{{5.0}} = ..."
             raise ExecutionError("X007", f"'{name}' is not a temporal variable", hints=(hint,))
-        return self.temporal_store.read_values(name, when)
+        now = self.clock()
+        values, keep = self.histories[name]
+        values = keep_in_force(values, keep, now)
+        self.histories[name] = values, keep
+        if when is None:
+            return [value for _, value in values]
+        moment = convert_variable_seconds(when, "the moment")
+        if moment >= 0:
+            index = bisect_right([time for time, _ in values], moment) - 1
+            return values[index][1] if index >= 0 else None
+        return [value for _, value in keep_in_force(values, -moment, now)]
 
     def store_temporal(self, name: str, keep: Any, value: Any) -> None:
         """`name{keep} = value`. Raises as `forget_name` does, and X007 for a wrong time."""
-        self._set_history(name, self.temporal_store.extend_history(name, keep, value))
+        kept = convert_variable_seconds(keep, "the time to keep")
+        if kept < 0:
+            hint = "v{5.0} = x keeps the values of the last 5 seconds"
+            message = f"the time to keep is at least 0 seconds, not {format_value(keep)}"
+            raise ExecutionError("X007", message, hints=(hint,))
+        now = self.clock()
+        values, _ = self.histories.get(name, ([], kept))
+        self._set_history(name, (keep_in_force([*values, (now, value)], kept, now), kept))
         self._drop_meaning(name)
         self.values[name] = value
 
@@ -288,9 +274,9 @@ class Variables:
         """Changes a history, first in the file: an error leaves it as it was."""
         if self.file is not None:
             self.file.save_history(name, history)
-        self.temporal_store.histories.pop(name, None)
+        self.histories.pop(name, None)
         if history is not None:
-            self.temporal_store.histories[name] = history
+            self.histories[name] = history
 
 
 def predict_variables(
@@ -581,7 +567,7 @@ class SessionFunctions:
         self.host.names.clear_variables()
 
     def _getTime(self) -> float:  # noqa: N802 - the language's name
-        return self.host.names.temporal_store.clock()
+        return self.host.names.clock()
 
     def _eval(self, text: str) -> Any:
         raise AssertionError("eval is a construct of the plan, not a call")

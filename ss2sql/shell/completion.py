@@ -117,32 +117,6 @@ def _find_typed_sources(tokens: Sequence[Token]) -> dict[str, str]:
     return found
 
 
-@dataclass(frozen=True, slots=True)
-class OpenCall:
-    """The call around the cursor: its name, the number of the current argument, whether it follows AS."""
-
-    name: str
-    argument: int
-    is_representation: bool
-
-
-def find_call_at_cursor(statement: str, cursor: int) -> OpenCall | None:
-    """The innermost call around a position of a statement."""
-    tokens = list(tokenizer.iterate_tokens(statement[:cursor]))
-    depth = commas = 0
-    for index in range(len(tokens) - 1, -1, -1):
-        kind = tokens[index].kind
-        if depth == 0 and kind in OPENING:
-            if kind == "(" and index and tokens[index - 1].kind == "NAME":
-                return OpenCall(tokens[index - 1].text, commas, index > 1 and tokens[index - 2].kind == "AS")
-            commas = 0
-        elif depth == 0 and kind == ",":
-            commas += 1
-        else:
-            depth += (kind in CLOSING) - (kind in OPENING)
-    return None
-
-
 Kind: TypeAlias = Literal["keyword", "function", "variable", "table", "column", "representation", "command", "value"]
 
 IN_ORDER = ("WHERE", "START", "CONNECT", "STOP")  # clauses that stand in this order
@@ -180,15 +154,22 @@ def suggest_completions(text: str, cursor: int, symbols: SymbolTable) -> list[Su
 
 
 def find_signature_at_cursor(text: str, cursor: int, symbols: SymbolTable) -> tuple[FunctionAbout, int] | None:
-    """The function or representation whose call the cursor is in, and which argument is being written."""
-    piece = find_statement_at(text, cursor)
-    call = find_call_at_cursor(text[piece.start : cursor], cursor - piece.start)
-    if call is None:
-        return None
-    found = (
-        symbols.representations.get(call.name.lower()) if call.is_representation else symbols.functions.get(call.name)
-    )
-    return None if found is None else (found, call.argument)
+    """The function or representation of the innermost call around the cursor, and which argument is being written."""
+    tokens = list(tokenizer.iterate_tokens(text[find_statement_at(text, cursor).start : cursor]))
+    depth = commas = 0
+    for index in range(len(tokens) - 1, -1, -1):
+        kind = tokens[index].kind
+        if depth == 0 and kind in OPENING:
+            if kind == "(" and index and tokens[index - 1].kind == "NAME":
+                name, after_as = tokens[index - 1].text, index > 1 and tokens[index - 2].kind == "AS"
+                found = symbols.representations.get(name.lower()) if after_as else symbols.functions.get(name)
+                return None if found is None else (found, commas)
+            commas = 0
+        elif depth == 0 and kind == ",":
+            commas += 1
+        else:
+            depth += (kind in CLOSING) - (kind in OPENING)
+    return None
 
 
 def _complete_statement(statement: str, cursor: int, symbols: SymbolTable) -> Iterable[Suggestion]:

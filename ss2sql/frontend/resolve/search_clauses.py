@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import field, replace
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple, get_args
 
 from ss2sql.errors import ResolveError, Span
@@ -85,7 +86,7 @@ def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, 
         key = (word, argument)
         if word not in ("prior", "root", "path") or argument is None or key in found.variables:
             continue
-        _refuse_next_inside(resolver, tree, word, argument)
+        _refuse_next_inside(resolver, word, argument)
         short = " ".join(argument.span.text.split())
         name = found.variables[key] = make_unique_name(f"{word}({short})", found.variables.values())
         itself, span = ast.Name(name, span=call.span), argument.span
@@ -107,15 +108,12 @@ def add_path_variables(resolver: Resolver, tree: ast.Query) -> tuple[ast.Query, 
     return tree, found
 
 
-def _refuse_next_inside(resolver: Resolver, tree: ast.Query, word: str, argument: ast.Expr) -> None:
+def _refuse_next_inside(resolver: Resolver, word: str, argument: ast.Expr) -> None:
     """Raises ResolveError R014 for `path(next(x))`: what a path carries is assigned before CONNECT BY changes x."""
     for call in ast.walk_syntax(argument, _is_other_search):
         if is_path_function(resolver, call) and call.function == "next":
-            inside = " ".join(call.span.text.split())
-            assigned = [a.value.span.text for a in tree.connect if call.arguments == (ast.Name(a.name, span=a.span),)]
-            value = assigned[0] if assigned else "what CONNECT BY assigns"
-            message = f"next does not stand in {word}(...)"
-            raise ResolveError("R014", message, call.span, (f"write {value} in place of {inside}",))
+            hint = f"write what CONNECT BY assigns in place of {' '.join(call.span.text.split())}"
+            raise ResolveError("R014", f"next does not stand in {word}(...)", call.span, (hint,))
 
 
 def resolve_path_function(resolver: Resolver, tree: ast.Call, scope: Scope | None) -> plan.Expr:
@@ -200,12 +198,9 @@ def _check_path_clause(tree: ast.Call, said: PathFunctions) -> None:
     if not wrong:
         return
     where = f"the key after {clause}" if clause == "BY" else clause if clause != "CONNECT BY" else "an assignment"
-    hints = {
-        "leaf": f"write {CHOOSE_LEAVES}",
-        "next": "write it in a condition, or in SELECT",
-        "cycle": "write it in a condition, or in SELECT",
-    }
-    hint = hints.get(function, "write it in the condition of CONNECT BY, in STOP WITH, WHERE or SELECT")
+    hint = "write it in the condition of CONNECT BY, in STOP WITH, WHERE or SELECT"
+    if function == "leaf":
+        hint = f"write {CHOOSE_LEAVES}"
     raise ResolveError("R014", f"{function} does not stand in {where}", tree.span, (hint,))
 
 
@@ -342,11 +337,8 @@ def resolve_without_path(resolver: Resolver, tree: ast.Query, query: plan.Query)
     left = tuple(output.expr for column, output in pairs if not calls_path_function(resolver, column))
     if not left:
         word = search.repeats.upper()
-        names = [name for name, _ in search.start if name.isidentifier()]
-        columns = [name for source in query.sources for name, _ in source.columns or ()]
-        by = (names or columns or ["x"])[0]
-        message = f"{word} compares rows, and every column of SELECT asks for the path"
-        resolver.errors.append(ResolveError("R010", message, query.columns[0].expr.span, (f"write {word} BY {by}",)))
+        message, hint = f"{word} compares rows, and every column of SELECT asks for the path", f"write {word} BY key"
+        resolver.errors.append(ResolveError("R010", message, query.columns[0].expr.span, (hint,)))
     return replace(query, search=replace(search, key=left))
 
 
@@ -375,26 +367,16 @@ def resolve_outside(resolver: Resolver, tree: ast.Expr, outer: Scope | None, wha
 
 
 def _check_search_clauses(resolver: Resolver, options: dict[str, ast.Option]) -> None:
-    orders = [options[word] for word in ORDERS if word in options]
-    for option in orders[1:]:
-        reason = f"{orders[0].keyword} and {option.keyword} are two orders of the same search"
-        _contradict(resolver, option, orders[0], reason, "keep one of them")
-    repeats = [options[word] for word in REPEATS if word in options]
-    if "MEMORIZE" in options:
-        for option in repeats[:-1]:
-            reason = f"MEMORIZE already yields paths without a repeated row, so {option.keyword} does not go with it"
-            _contradict(resolver, options["MEMORIZE"], option, reason, "keep one of them")
-        for word in ORDERS:
-            if word in options and word not in WEIGHTS:
-                reason = "MEMORIZE yields its paths shortest first, so it takes no order"
-                _contradict(resolver, options[word], options["MEMORIZE"], reason, f"leave {word} out")
-    for word in (*ORDERS, "MEMORIZE"):
-        if "HEURISTIC" in options and "COST" not in options and word in options:
-            reason = f"HEURISTIC without COST takes the smallest estimate first, so it does not go with {word}"
-            hint = f"leave {word} out, or add COST expr, the cost of one step"
-            if word in ORDERS:
-                hint = "keep one of them"
-            _contradict(resolver, options["HEURISTIC"], options[word], reason, hint)
+    """A search has one order, and one rule for repeated rows; MEMORIZE has its own order."""
+    for one, other in combinations(options.values(), 2):
+        words = {one.keyword, other.keyword}
+        memorizes = "MEMORIZE" in words and words & {*REPEATS, *ORDERS} - {"MEMORIZE", *WEIGHTS}
+        alone = "HEURISTIC" in words and "COST" not in options and words & {*ORDERS, "MEMORIZE"}
+        if words <= {*ORDERS} or memorizes or alone:
+            hint = "keep one of them"
+            if alone and "MEMORIZE" in words:
+                hint = "leave HEURISTIC out, or add COST expr, the cost of one step"
+            _contradict(resolver, other, one, f"{one.keyword} and {other.keyword} do not go together", hint)
 
 
 def _contradict(resolver: Resolver, option: ast.Option, other: ast.Option, reason: str, hint: str) -> None:
