@@ -5,67 +5,70 @@ from __future__ import annotations
 import csv
 import datetime
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from functools import reduce
+from operator import or_
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ss2sql.errors import require_package
+from ss2sql.errors import RepresentationError, require_package
 from ss2sql.language.cancellation import iterate_with_check
-from ss2sql.language.column_shapes import (
-    ListOf,
-    Scalar,
-    Shape,
-    Struct,
-    build_type_error,
-    convert_value_to_shape,
-    infer_column_shape,
-    infer_shape,
-    is_untyped,
-    make_arrow_type,
-)
-from ss2sql.language.kinds import INT
+from ss2sql.language.kinds import ANY, INT, Kind, Type, is_encodable
+from ss2sql.language.values import format_value
 from ss2sql.results import get_all_result_rows, get_result_rows
 
 if TYPE_CHECKING:
     from ss2sql.results.result import Result
 
 
-def read_result_columns(result: Result) -> list[tuple[str, list[Any], Shape]]:
+# The types of pandas for columns without None and with it, and the names of those of Arrow, by kinds of values.
+_TYPES = {
+    Kind.BOOL: ("bool", "boolean", "bool_"),
+    Kind.INT: ("int64", "Int64", "int64"),
+    Kind.FLOAT: ("float64", "float64", "float64"),
+    Kind.INT | Kind.FLOAT: ("float64", "float64", "float64"),
+    Kind.STR: ("", "", "string"),  # pandas has a text type of its own in each version
+}
+_KINDS = {bool: Kind.BOOL, int: Kind.INT, float: Kind.FLOAT, str: Kind.STR}
+EXACT = 2**53  # floats hold whole numbers up to this one
+
+
+def read_result_columns(result: Result) -> list[tuple[str, list[Any], Type]]:
+    """The columns with their values, and the types that the plan promises where there are none."""
     rows = get_all_result_rows(result)
     parts = zip(*rows, strict=True) if rows else [()] * len(result.columns)
     types = {} if result.answer is None else result.answer.types
     own = result.columns if result.answer is None else result.answer.rows.columns
     numbers = [INT] * (len(result.columns) - len(own))  # the path and the step, of a search
-    return [
-        (name, list(values), infer_column_shape(values, promised))
-        for name, values, promised in zip(result.columns, parts, [*numbers, *map(types.get, own)], strict=True)
-    ]
+    promised = [*numbers, *(types.get(name) or ANY for name in own)]
+    return [(name, list(values), kind) for name, values, kind in zip(result.columns, parts, promised, strict=True)]
 
 
 def to_pandas(result: Result) -> Any:
     """A pandas DataFrame: bool, int64, float64 and text for columns without None, Int64 and boolean with None."""
     pandas = require_package("pandas", "df", "df()")
-    columns = [_make_pandas_series(pandas, values, shape) for _, values, shape in read_result_columns(result)]
+    columns = [_make_pandas_series(pandas, values, promised) for _, values, promised in read_result_columns(result)]
     frame = pandas.DataFrame(dict(enumerate(columns)), index=pandas.RangeIndex(len(columns[0])))
     frame.columns = list(result.columns)
     return frame
 
 
-def _make_pandas_series(pandas: Any, values: list[Any], shape: Shape) -> Any:
-    missing = any(value is None for value in values)
-    match shape:
-        case Scalar("bool"):
-            return pandas.Series(values, dtype="boolean" if missing else "bool")
-        case Scalar("int"):
-            return pandas.Series(values, dtype="Int64" if missing else "int64")
-        case Scalar("float"):
-            return pandas.Series([None if value is None else float(value) for value in values], dtype="float64")
-        case Scalar("str"):
-            return pandas.Series(values, dtype=pandas.Series([""]).dtype)  # the text type of this pandas
-        case Scalar("datetime"):
-            return pandas.Series(values, dtype="datetime64[us]")
-        case _:
-            return _make_object_series(pandas, values)
+def _make_pandas_series(pandas: Any, values: list[Any], promised: Type) -> Any:
+    there = [value for value in values if value is not None]
+    kinds = promised.kinds & ~Kind.NONE
+    if there:
+        kinds = reduce(or_, (_KINDS.get(kind, Kind.OBJECT) for kind in set(map(type, there))))
+    if set(map(type, there)) == {datetime.datetime} and all(value.tzinfo is None for value in there):
+        return pandas.Series(values, dtype="datetime64[us]")
+    large = kinds == Kind.INT | Kind.FLOAT and any(type(value) is int and abs(value) > EXACT for value in there)
+    if kinds not in _TYPES or large or (kinds == Kind.STR and not all(map(is_encodable, there))):
+        return _make_object_series(pandas, values)
+    if kinds == Kind.STR:
+        return pandas.Series(values, dtype=pandas.Series([""]).dtype)  # the text type of this pandas
+    if kinds & Kind.FLOAT:
+        values = [None if value is None else float(value) for value in values]
+    return pandas.Series(values, dtype=_TYPES[kinds][len(there) < len(values)])
 
 
 def _make_object_series(pandas: Any, values: Sequence[Any]) -> Any:
@@ -82,39 +85,74 @@ def to_polars(result: Result) -> Any:
     """A Polars DataFrame; columns without a type in Polars get its type Object."""
     polars, arrow = require_package("polars", "df", "pl()"), require_package("pyarrow", "df", "pl()")
     columns = []
-    for name, values, shape in read_result_columns(result):
-        if is_untyped(shape) or _has_empty_struct(shape):
+    for name, values, promised in read_result_columns(result):
+        made = _make_arrow_array(arrow, values, promised)
+        if made is None or any(arrow.types.is_struct(kind) and not kind.num_fields for kind in _walk_types(made.type)):
             columns.append(polars.Series(name, values, dtype=polars.Object))
         else:
-            made = arrow.array(
-                [convert_value_to_shape(value, shape) for value in values], type=make_arrow_type(arrow, shape)
-            )
             columns.append(polars.Series(name, made))
     return polars.DataFrame(columns)
-
-
-def _has_empty_struct(shape: Shape) -> bool:
-    match shape:
-        case ListOf(item):
-            return _has_empty_struct(item)
-        case Struct(fields):
-            return not fields or any(_has_empty_struct(field) for _, field in fields)
-        case _:
-            return False
 
 
 def to_arrow(result: Result) -> Any:
     """A table of pyarrow. Raises RepresentationError V001 for a column without a type in Arrow."""
     arrow = require_package("pyarrow", "df", "arrow()")
-    arrays, fields = [], []
-    for name, values, shape in read_result_columns(result):
-        if is_untyped(shape):
-            hint = "select what can be told of it, such as its name, or take df(), whose columns hold any object"
-            raise build_type_error("Arrow", name, infer_shape(values), hint)
-        kind = make_arrow_type(arrow, shape)
-        arrays.append(arrow.array([convert_value_to_shape(value, shape) for value in values], type=kind))
-        fields.append(arrow.field(name, kind))
-    return arrow.Table.from_arrays(arrays, schema=arrow.schema(fields))
+    arrays, names = [], []
+    for name, values, promised in read_result_columns(result):
+        made = _make_arrow_array(arrow, values, promised)
+        if made is None:
+            raise _build_type_error(arrow, name, values)
+        arrays.append(made)
+        names.append(name)
+    return arrow.Table.from_arrays(arrays, names=names)
+
+
+def _make_arrow_array(arrow: Any, values: list[Any], promised: Type) -> Any:
+    """The values as an array of Arrow, of the promised type where they do not tell it; None where they have no type."""
+    try:
+        made = arrow.array(values)
+        kinds = list(_walk_types(made.type))
+        if any(map(arrow.types.is_null, kinds)):
+            with suppress(arrow.ArrowException):
+                made = arrow.array(values, type=_make_arrow_type(arrow, promised))
+    except (arrow.ArrowException, UnicodeError, OverflowError):
+        return None
+    plain = {arrow.null(), arrow.bool_(), arrow.int64(), arrow.float64(), arrow.string()}
+    odd = {kind for kind in kinds if not (arrow.types.is_list(kind) or arrow.types.is_struct(kind))} - plain
+    if not odd:
+        return made
+    # Arrow makes a day of a time beside days, and bytes of text beside bytes.
+    known = odd <= {arrow.binary(), arrow.date32(), arrow.timestamp("us")}
+    return made if known and made.to_pylist() == values else None
+
+
+def _walk_types(kind: Any) -> Iterator[Any]:
+    """A type of Arrow, and those inside of it."""
+    yield kind
+    for number in range(kind.num_fields):
+        yield from _walk_types(kind.field(number).type)
+
+
+def _make_arrow_type(arrow: Any, promised: Type) -> Any:
+    """The type of Arrow for all values of a type; null where the type does not say it."""
+    kinds = promised.kinds & ~Kind.NONE
+    if kinds == Kind.LIST:
+        return arrow.list_(arrow.null() if promised.element is None else _make_arrow_type(arrow, promised.element))
+    if kinds == Kind.DICT and promised.columns:
+        return arrow.struct([(name, _make_arrow_type(arrow, column)) for name, column in promised.columns])
+    return getattr(arrow, _TYPES[kinds][2])() if kinds in _TYPES else arrow.null()
+
+
+def _build_type_error(arrow: Any, name: str, values: Iterable[Any]) -> RepresentationError:
+    """The error for a column that has no type in Arrow."""
+    hint = "select what can be told of it, such as its name, or take df(), whose columns hold any object"
+    for value in values:
+        if _make_arrow_array(arrow, [value], ANY) is None:
+            message = f"Arrow has no type for {format_value(value)} in the column '{name}'"
+            return RepresentationError("V001", message, hints=(hint,))
+    message = f"the column '{name}' has values of several kinds; a column of Arrow has one"
+    hints = ("make them alike in SELECT, with str(...) or float(...)", hint)
+    return RepresentationError("V001", message, hints=hints)
 
 
 # --- results as text for other programs: CSV and JSON, and Parquet files
