@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -223,9 +222,7 @@ def _resolve_table_source(resolver: Resolver, name: str, schema: str, word: str,
     if value is not None:
         return resolve_value_source(resolver, name, value, span)
     if table is None:
-        hints = suggest_names(word, resolver.catalog.list_tables()) or (
-            f"'{schema}' is no source here, and has no such table",
-        )
+        hints = suggest_names(word, resolver.catalog.list_tables())
         if schema in resolver.list_variables():
             hints = (f"'{schema}' is a source without tables of its own: write FROM {schema}",)
         raise ResolveError("R003", f"unknown source '{schema}.{word}'", span, hints)
@@ -287,19 +284,11 @@ def _resolve_element_type(value: Type) -> tuple[Type, tuple[tuple[str, Type], ..
 
 
 # --- paths of files as sources: the endings that mark a string as a path, and hints for such files
-# How to read files that cannot be attached by their paths, by their ending; `{0}` is the path, `rows` a list of dicts.
-READ_IN_PYTHON: Mapping[str, str] = {
-    ".csv": 'pandas.read_csv("{0}")',
-    ".tsv": 'pandas.read_csv("{0}", sep="\\t")',
-    ".json": 'json.load(open("{0}"))',
-    ".jsonl": 'pandas.read_json("{0}", lines=True)',
-    ".ndjson": 'pandas.read_json("{0}", lines=True)',
-    ".xlsx": 'pandas.read_excel("{0}")',
-    ".feather": 'pandas.read_feather("{0}")',
-    **dict.fromkeys((".mcap", ".db3", ".bag", ".nc", ".zarr", ".vtu"), "rows"),
-}
 ATTACHED = (".db", ".sqlite", ".sqlite3", ".parquet")
 """Endings of files that `attach` opens."""
+READ_IN_PYTHON = (
+    ".csv", ".tsv", ".json", ".jsonl", ".ndjson", ".xlsx", ".feather", ".mcap", ".db3", ".bag", ".nc", ".zarr", ".vtu",
+)  # fmt: skip
 
 
 def find_file_ending(source: Any) -> str | None:
@@ -313,8 +302,6 @@ def find_file_ending(source: Any) -> str | None:
 
 def suggest_source(path: str, name: str) -> str:
     """The hint for a file: how it becomes a source."""
-    ending = find_file_ending(path)
-    if ending is None or ending in ATTACHED:
-        return f'attach("{name}", "{path}")'
-    read = READ_IN_PYTHON[ending].format(path)
-    return f'read it in Python{" into a list of dicts" if read == "rows" else ""}: attach("{name}", {read})'
+    if find_file_ending(path) in READ_IN_PYTHON:
+        return f'read it in Python, into a data frame or a list of dicts: attach("{name}", rows)'
+    return f'attach("{name}", "{path}")'

@@ -124,7 +124,7 @@ def _lift_aggregates(resolver: Resolver, expr: plan.Expr, query: plan.Query, wit
             name in GROUPS and not within
         ):
             _refuse_star_within(resolver, name, argument)
-            _refuse_aggregate_within(resolver, expr, argument, query)
+            _refuse_aggregate_within(resolver, expr, argument)
             kind = GROUPS[name].type_of_group(argument.type)
             if not query.group:  # there may be no row
                 kind = unite((kind, type_of(GROUPS[name].nothing)))
@@ -196,20 +196,15 @@ def _refuse_star_within(resolver: Resolver, name: str, argument: plan.Expr, sele
             resolver.errors.append(ResolveError("R008", message, node.span, (hint,)))
 
 
-def _refuse_aggregate_within(resolver: Resolver, expr: plan.Call, argument: plan.Expr, query: plan.Query) -> None:
+def _refuse_aggregate_within(resolver: Resolver, expr: plan.Call, argument: plan.Expr) -> None:
     """Refuses `max(sum(v))`, written so or with a column of SELECT that has the name of what it sums."""
     inner = next(filter(_is_aggregate_of_rows, walk_own(argument)), None)
-    if inner is None:
-        return
-    name = expr.function.name
-    message = f"{name} is computed of single rows, and {inner.span.text} of a whole group"
-    hint = f"aggregate groups in a query around: {name}(SELECT ... GROUP BY ... AS list)"
-    shown = next((output.name for output in query.columns if output.expr is argument), "")
-    if shown and not expr.span.start <= inner.span.start < expr.span.end:
-        message += f", which is the column '{shown}' that SELECT makes"
-        owner = next((one.name for one in query.sources if shown in dict(one.columns or ())), "")
-        hint = f"write {name}({owner}.{shown})" if owner else "give that column another name"
-    resolver.errors.append(ResolveError("R008", message, expr.span, (hint,)))
+    if inner is not None:
+        name = expr.function.name
+        message = f"{name} is computed of single rows, and {inner.span.text} of a whole group"
+        hint = f"aggregate groups in a query around: {name}(SELECT ... GROUP BY ... AS list)"
+        other = "or, if a column of SELECT was meant as that of a source, give it another name"
+        resolver.errors.append(ResolveError("R008", message, expr.span, (hint, other)))
 
 
 def _is_aggregate_of_rows(node: Any) -> bool:

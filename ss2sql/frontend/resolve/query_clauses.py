@@ -276,11 +276,6 @@ def _make_clause_error(assign: ast.Assign, tree: ast.Query, scope: Scope) -> Res
     message = f"CONNECT BY sets '{name}', which START WITH does not"
     value = shorten_text(assign.value.span.text)
     hints = suggest_names(name, [item.name for item in tree.start]) or (f"add START WITH {name} = ...",)
-    for part in tree.first.parts if isinstance(tree.first, ast.And) else (tree.first,):
-        match part:
-            case ast.Operator(function="eq" | "in" as test, operands=(ast.Name(name=tested), first)) if tested == name:
-                start = f"{name} = " if test == "eq" else f"EACH {name} IN "
-                hints = (f"write START WITH {start}{shorten_text(first.span.text)}",)
     if any(name == column for source in scope.sources for column, _ in source.columns or ()):
         hints = (f"write {name} == {value} to compare",)
     return ResolveError("R001", message, assign.name_span, hints)
