@@ -209,7 +209,7 @@ def test_a_cheaper_path_to_a_goal_that_was_given_out(session, engine, option) ->
 def test_a_timeout_names_what_the_search_lacks(session, query, cure) -> None:
     with pytest.raises(ss2sql.Timeout) as caught:
         session.run(f"SELECT this FROM [1, 2] WHERE n == -1 START WITH n = 0 {query}", timeout=0.2)
-    assert caught.value.hints[0].startswith(f"raise timeout=, or {cure}")
+    assert caught.value.hints[0].startswith(f"raise the timeout, or {cure}")
 
 
 def test_a_function_with_the_name_of_one_of_paths() -> None:

@@ -155,12 +155,12 @@ def test_limits_on_the_command_line() -> None:
     assert answer.exit_code == 1
     assert answer.stdout.rstrip().endswith(", steps")  # what was found
     assert "error[T004]" in answer.stderr
-    assert "or raise --max-steps" in answer.stderr
+    assert "or raise max_steps" in answer.stderr
     assert "2 paths" in good("run", "-e", "SELECT 1 FROM [1, 2] START WITH n = 0 CONNECT BY n = 1 STOP WITH n == 1",
                              "--max-steps", "6")  # fmt: skip
     message = bad(1, "run", "-e", PRINTS, "--max-output", "8")
     assert "error[X015]" in message
-    assert message.rstrip().endswith("or raise --max-output")
+    assert message.rstrip().endswith("or raise max_output")
 
 
 # --- what is a step: nothing that a clause looks at beside ----------------------------------------------

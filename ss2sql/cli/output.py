@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeAlias, TypeVar
 
 import click
 
-from ss2sql.errors import Cancelled, Error, SessionError, Stopped, Timeout, render_all, require_package, respell_hints
+from ss2sql.errors import Cancelled, Error, SessionError, Stopped, Timeout, render_all, require_package
 from ss2sql.errors.exceptions import PLACE, escape_controls
 from ss2sql.fast_dataclasses import dataclass
 
@@ -124,24 +124,7 @@ def _make_error_json(title: str, message: str, place: dict[str, Any] | None = No
     return {"code": None, "title": title, "message": message, **where, "hints": [], "related": [], **more}
 
 
-# Hints are for users of Python; these are their forms for a command line, and in the shell.
-SPELLINGS = (
-    (r"^register it with session\.function; help\(\)",
-     "name its file with --functions FILE.py; 'ss2sql list functions'", "load it with .load FILE.py; .functions"),
-    (r"^raise timeout=", "raise --timeout", "give more time with .timeout SECONDS"),
-    (r"raise max_(rows|size|memory|steps|output)$", r"raise --max-\1", r"start the shell with a larger --max-\1"),
-    (r"max_rows, max_size and max_memory do so$", "--max-rows, --max-size and --max-memory do so",
-     "--max-rows, --max-size and --max-memory do so"),
-    (r"engine='(\w+)'", r"--engine \1", r".engine \1"),
-    (r"from Python: run\(script, (\w+)=\.\.\.\)", r"with -p \1 VALUE", r"with .set \1 VALUE"),
-    (r"from Python: session\.attach\(name, list\)", "with --world NAME=MODULE:OBJECT",
-     "with .set NAME VALUE or .attach NAME WHAT"),
-)  # fmt: skip
-SPELLED_FOR_COMMANDS, SPELLED_FOR_SHELL = ([(row[0], row[form]) for row in SPELLINGS] for form in (1, 2))
-
-
 def _end_with_error(error: Error) -> NoReturn:
-    respell_hints(error, SPELLED_FOR_COMMANDS)
     _print_to_stderr(format_printed_error(error))
     sys.exit(TIMEOUT if isinstance(error, Timeout) else CTRL_C if isinstance(error, Cancelled) else SCRIPT)
 

@@ -28,6 +28,5 @@ from ss2sql.errors.exceptions import note_place_on_exception as note_place_on_ex
 from ss2sql.errors.exceptions import render_all as render_all
 from ss2sql.errors.exceptions import render_error as render_error
 from ss2sql.errors.exceptions import require_package as require_package
-from ss2sql.errors.exceptions import respell_hints as respell_hints
 from ss2sql.errors.exceptions import suggest_names as suggest_names
 from ss2sql.errors.exceptions import suggest_similar as suggest_similar

@@ -19,7 +19,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import field
 from functools import cached_property
 from importlib import import_module
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal
 from unicodedata import bidirectional, category, east_asian_width, normalize
 
 from ss2sql.errors.codes import CODES
@@ -388,9 +388,7 @@ def require_package(name: str, extra: str, user: str) -> Any:
         raise SessionError("S003", message, hints=(install_line(extra),)) from reason
 
 
-# --- hints: known names that are similar to the one that was written; the wording for a shell
-Spellings: TypeAlias = Sequence[tuple[str, str]]
-
+# --- hints: known names that are similar to the one that was written
 FEW = 8  # up to so many names are all shown
 
 
@@ -422,13 +420,6 @@ def suggest_names(name: str, known: Iterable[str]) -> tuple[str, ...]:
 def _spell_hint_code_points(name: str) -> str:
     """A name with the code points of its characters beyond ASCII, for names that look the same."""
     return ", ".join(f"U+{ord(char):04X}" if not char.isascii() else char for char in name)
-
-
-def respell_hints(error: Error, spellings: Spellings) -> None:
-    """Rewrites hints for users of Python into hints for a command line or a shell."""
-    for one in error.errors:
-        for pattern, spelling in spellings:
-            one.hints = tuple(re.sub(pattern, spelling, hint) for hint in one.hints)
 
 
 # --- the note on a user's exception with the place in the script; type and traceback stay

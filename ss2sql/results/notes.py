@@ -95,14 +95,14 @@ def suggest_timeout_cure(query: plan.Query | None) -> str:
     """What a query lacks that took longer than its timeout: no option that it has already."""
     search = next((node.search for node in walk(query) if isinstance(node, plan.Query) and node.search), None)
     if search is None:
-        return "raise timeout=, or narrow the query with WHERE or LIMIT"
+        return "raise the timeout, or narrow the query with WHERE or LIMIT"
     lacks = ["MAXIMUM"] if search.maximum is None else []
     state = next((name for name, _ in search.connect if name.isidentifier()), "")
     lacks += [f"UNIQUE BY {state}" if state else "UNIQUE"] if search.repeats == "allowed" else []
     lacks += ["STOP WITH"] if search.stop is None and search.bound is None else []
     if lacks:
-        return f"raise timeout=, or bound the search with {' or '.join(lacks)}"
-    return "raise timeout=, or let a condition in CONNECT BY drop steps that cannot lead to a goal"
+        return f"raise the timeout, or bound the search with {' or '.join(lacks)}"
+    return "raise the timeout, or let a condition in CONNECT BY drop steps that cannot lead to a goal"
 
 
 def _get_condition_of_first_steps(search: plan.Search) -> tuple[str, tuple[plan.Expr, ...]]:

@@ -14,7 +14,6 @@ from ss2sql.cli.output import (
     CTRL_C,
     SCRIPT,
     SHOWN,
-    SPELLED_FOR_SHELL,
     Count,
     UserError,
     exit_with_code_on_error,
@@ -26,7 +25,7 @@ from ss2sql.cli.output import (
 )
 from ss2sql.cli.script_commands import add_run_options, build_partial_output, run_script
 from ss2sql.cli.script_options import ScriptInputs, add_session_options
-from ss2sql.errors import Cancelled, Error, SessionError, Source, Stopped, require_package, respell_hints
+from ss2sql.errors import Cancelled, Error, SessionError, Source, Stopped, require_package
 from ss2sql.errors.exceptions import escape_controls
 from ss2sql.fast_dataclasses import dataclass
 from ss2sql.frontend.syntax import ast
@@ -122,8 +121,6 @@ class Shell:
         self.failed = True
         self.cancelled |= isinstance(error, (Cancelled, KeyboardInterrupt))
         sys.stdout.flush()
-        if isinstance(error, Error):
-            respell_hints(error, SPELLED_FOR_SHELL)
         click.echo(_format_shell_error(error), err=True, color=wants_color(sys.stderr))
 
 

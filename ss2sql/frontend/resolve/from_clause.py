@@ -148,7 +148,7 @@ def _resolve_named_source(resolver: Resolver, name: str, word: str, scope: Scope
         return resolve_value_source(resolver, name, resolver.resolve_name(word, None, span), span)
     known = [*resolver.assigned, *resolver.catalog.variables, *resolver.catalog.list_tables(), *resolver.late]
     hints = suggest_names(word, known) or (
-        "assign a list to it, or attach one from Python: session.attach(name, list)",
+        "assign a list to it, or attach one: session.attach(name, list), on a command line --world or --attach",
     )
     if word.upper() == "DUAL":
         hints = ("write FROM [1]",)

@@ -381,7 +381,7 @@ def explain_unknown_function(tree: ast.Call, catalog: Catalog, variables: Collec
         hints = (_MEAN.format(same[0]),)
     else:
         hints = _suggest_equivalent(name, tree.arguments) or suggest_names(name, known)
-    hints = hints or ("register it with session.function; help() lists the known ones",)
+    hints = hints or ("register it with session.function, or by --functions FILE.py; help() lists the known ones",)
     return ResolveError("R002", f"unknown function '{name}'", read_leading_name(tree.span, name), hints)
 
 
@@ -449,7 +449,7 @@ def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequenc
         hints = (f"run(..., {name}=...)", *suggest_names(name, known))
         return ResolveError("R009", f"unknown name '{name}', so the script needs a value for it", span, hints)
     else:
-        cure = f"assign it before, or give it from Python: run(script, {name}=...)"
+        cure = f"assign it before, or give it a value: run(script, {name}=...), on a command line -p {name} VALUE"
         hints = suggest_names(name, known)
         hints += tuple(one.hides for one in place.sources if isinstance(one, plan.ValueSource) and one.hides)
         if place.operand and not suggest_similar(name, known):

@@ -165,9 +165,8 @@ class RunBounds:
                 raise OutOfMemory("T003", message, hints=("bound the search or the result, or raise max_memory",))
             self.next_check_time = time.monotonic() + LOOK_SECONDS
         if self.deadline is not None and time.monotonic() >= self.deadline:
-            raise Timeout(
-                "T001", f"{self.memory_owner} took longer than its timeout", hints=("raise timeout=, or ask for less",)
-            )
+            message = f"{self.memory_owner} took longer than its timeout"
+            raise Timeout("T001", message, hints=("raise the timeout, or ask for less",))
 
     def get_remaining(self) -> RemainingBounds:
         seconds = None if self.deadline is None else max(self.deadline - time.monotonic(), 0.0)
