@@ -1,7 +1,7 @@
 """The pages about errors: the index errors.md, and errors/CODE.md for each code.
 
-What a page says is the table in ss2sql/errors/codes.py; its example is the shortest golden case with this error, or a
-few lines of Python where no script alone comes to it.
+What a page says is in ss2sql/errors/codes.py and error_reasons.py; its example is the shortest golden case with this
+error, or a few lines of Python where no script alone comes to it.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
+from error_reasons import REASONS
 from test_errors import FROM_PYTHON
 
 import ss2sql
@@ -28,7 +29,8 @@ FAMILIES = {
     "S": "Errors of the session",
 }  # fmt: skip
 WRITTEN = (
-    "<!-- Written by docs/error_pages.py from ss2sql/errors/codes.py and tests/cases; `make golden` writes it anew. -->"
+    "<!-- Written by docs/error_pages.py from the tables of codes and reasons, and tests/cases; `make golden` writes "
+    "it anew. -->"
 )
 HEAD = f"""# Errors
 
@@ -102,7 +104,8 @@ def page(code: Code) -> str:
     parts = [f"# {code.code}: {code.title}", WRITTEN, filled(code.explanation)]
     language = "{code-block} python" if code.code in SHOWN else "text"
     parts += ["```{}\n{}\n```\n\n```text\n{}\n```".format(language, *shown)]
-    parts += ["## Why", filled(code.why), "## What to do", filled(code.cure)]
+    why, cure = REASONS[code.code]
+    parts += ["## Why", filled(why), "## What to do", filled(cure)]
     if further := [
         f"- {literal(message)}" + "".join(f"  \n  {hint}" for hint in hints) for message, hints in others(code.code)
     ]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import json
 import re
+import runpy
 from functools import cache
+from pathlib import Path
 
 import pytest
 from cases.data import Body
@@ -173,8 +175,10 @@ def test_an_error_as_data() -> None:
 
 
 def test_every_code_says_what_it_means_why_and_what_to_do() -> None:
+    reasons = runpy.run_path(str(Path(__file__).parent.parent / "docs" / "error_reasons.py"))["REASONS"]
+    assert list(reasons) == list(CODES)
     for code in CODES.values():
-        for text in (code.explanation, code.why, code.cure):
+        for text in (code.explanation, *reasons[code.code]):
             assert re.fullmatch(r"\S.*[.]", text, re.DOTALL), (code.code, text)
         assert code.page.endswith(f"{code.code}.md")
 
