@@ -350,54 +350,37 @@ def _format_plan_lines(node: Any, depth: int, role: str = "") -> Iterator[str]:
             yield from _format_plan_lines(part, depth + 1, name)
 
 
-def _format_plan_node(node: Any) -> str:
-    kind = getattr(node, "type", None)
-    shown = f" [{format_type(kind)}]" if isinstance(kind, Type) and not isinstance(node, plan.Subquery) else ""
-    match node:
-        case plan.Constant(value=value):
-            return f"constant {value!r}"
-        case plan.Element(source=source):
-            return f"this of source {source}{shown}"
-        case plan.Column(source=source, name=name):
-            return f"column {name} of source {source}{shown}"
-        case plan.Call(function=function):
-            return f"{function.name}(){'' if function.builtin else ' ' + function.volatility}{shown}"
-        case (
-            plan.TableSource(id=number, name=name)
-            | plan.QuerySource(id=number, name=name)
-            | plan.WorldSource(id=number, name=name)
-        ):
-            return f"{_name_node(node)} {number} {name}"
-        case plan.ValueSource(id=number, name=name, element=element):
-            return f"{_name_node(node)} {number} {name} [{format_type(element)}]"
-        case plan.Query(id=number, representation=representation):
-            return f"query {number} as {representation.name}"
-        case plan.Search(order=order, repeats=repeats):
-            return f"search {order}, rows {repeats}"
-        case plan.OrderKey(descending=descending):
-            return "descending" if descending else "ascending"
-        case plan.GroupKey(index=index):
-            return f"group value {index + 1}{shown}"
-        case plan.Aggregate(function=name):
-            return f"aggregate {name}{shown}"
-        case _:
-            name = getattr(node, "name", "")
-            return f"{_name_node(node)}{' ' + name if name else ''}{shown}"
-
-
-_WORDS = {
-    "ValueSource": "source",
-    "TableSource": "table",
-    "WorldSource": "world",
-    "QuerySource": "query source",
+# What is written of a node; others are called by their class, with their name if they have one.
+_FORMS = {
+    "Constant": "constant {0.value!r}",
+    "Element": "this of source {0.source}",
+    "Column": "column {0.name} of source {0.source}",
+    "TableSource": "table {0.id} {0.name}",
+    "WorldSource": "world {0.id} {0.name}",
+    "QuerySource": "query source {0.id} {0.name}",
+    "ValueSource": "source {0.id} {0.name}",
+    "Query": "query {0.id} as {0.representation.name}",
+    "Search": "search {0.order}, rows {0.repeats}",
+    "Aggregate": "aggregate {0.function}",
     "MakeList": "list",
-    "Output": "column",
+    "Output": "column {0.name}",
 }
+_UNTYPED = (plan.Subquery, plan.Constant, plan.OrderKey)
 
 
-def _name_node(node: Any) -> str:
-    name = type(node).__name__
-    return _WORDS.get(name, name.lower())
+def _format_plan_node(node: Any) -> str:
+    match node:
+        case plan.Call(function=function):
+            text = f"{function.name}(){'' if function.builtin else ' ' + function.volatility}"
+        case plan.OrderKey(descending=descending):
+            text = "descending" if descending else "ascending"
+        case plan.GroupKey(index=index):
+            text = f"group value {index + 1}"
+        case _:
+            kind, name = type(node).__name__, getattr(node, "name", "")
+            text = _FORMS.get(kind, kind.lower() + (" {0.name}" if name else "")).format(node)
+    known = node.element if isinstance(node, plan.ValueSource) else getattr(node, "type", None)
+    return f"{text} [{format_type(known)}]" if isinstance(known, Type) and not isinstance(node, _UNTYPED) else text
 
 
 def _list_parts(node: Any) -> Iterator[tuple[str, Any]]:

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from itertools import chain, islice
+from itertools import chain, islice, repeat
 from types import NoneType, UnionType
 from typing import Any, TypeAlias, Union, get_args, get_origin
 
@@ -458,19 +458,15 @@ class Schema:
             raise world_error(
                 f"the group '{group}' of {self.title} gives {len(arrays)} arrays for {len(names)} columns"
             )
-        columns: list[list[Any]] = []
-        for name, array in zip(names, arrays, strict=True):
-            values = array.tolist() if hasattr(array, "tolist") else list(islice(array, len(keys) + 1))
+        columns = [
+            array.tolist() if hasattr(array, "tolist") else list(islice(array, len(keys) + 1)) for array in arrays
+        ]
+        for name, values in zip(names, columns, strict=True):
             if len(values) != len(keys):
                 size = f"{len(values)} values for {len(keys)} keys"
                 raise world_error(f"the group '{group}' of {self.title} gives {size} in the column '{name}'")
-            columns.append(values)
-        if len(keys) == 1:
-            row = [values[0] for values in columns]
-            return iter([self.convert_row(group, row if len(row) > 1 else row[0], keys[0])])
-        return zip(
-            *(map(self.cleaners[name], values) for name, values in zip(names, columns, strict=True)), strict=True
-        )
+        rows: Iterable[Any] = columns[0] if len(names) == 1 else zip(*columns, strict=True)
+        return map(self.convert_row, repeat(group), rows, keys)
 
     def read_value(self, key: Hashable, name: str) -> Any:
         """One column of the element with this key, read now."""
