@@ -41,7 +41,8 @@ def test_what_the_sql_asks(written: str, where: str) -> None:
     with ss2sql.connect() as ss:
         assert ss.run(script, engine="database").sql.statements[-1].endswith(f"WHERE\n  {where}")
     with ss2sql.connect(disable=["unnest", "split"]) as ss:
-        assert (where in str(ss.compile(script).sql)) == ("SELECT" not in condition and "(" not in condition)
+        changed = any(sign in condition for sign in ("SELECT", "(", "] == [", "] IN ["))
+        assert (where in str(ss.compile(script).sql)) != changed
 
 
 @pytest.mark.parametrize(

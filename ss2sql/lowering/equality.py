@@ -29,6 +29,7 @@ from ss2sql.language.operations import OPERATIONS
 from ss2sql.language.operations.operators import EXACT
 from ss2sql.language.plan_traversal import can_fail, is_column_query, is_exists, walk
 from ss2sql.lowering import sql_builder
+from ss2sql.lowering.rewrites.rewrite_context import PLAIN_READS
 from ss2sql.lowering.sql_builder import Node
 from ss2sql.lowering.sql_query import EqualValueEncoding, ListEncoding, PointSetEncoding
 from ss2sql.lowering.sqlite_forms import INTEGRAL, REAL_NUMBER, can_repeat, have_same_storage_class, is_sql_number
@@ -171,8 +172,6 @@ def _choose_point_encoding(kind: Type) -> PointSetEncoding | None:
 
 MAX_WRITTEN_MEMBERS = 30  # of a list that is written into the text
 GLOB_PATTERN = str.maketrans({"%": "*", "_": "?", "*": "[*]", "?": "[?]", "[": "[[]"})
-
-PLAIN_READS = (plan.Column, plan.Element, plan.State, plan.Variable, plan.Constant)
 
 LowerFunction: TypeAlias = "Callable[[ExpressionLowering, plan.Call, SqlScope], Node | None]"
 

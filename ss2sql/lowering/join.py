@@ -431,7 +431,8 @@ def _can_split_rows(source: plan.Source, keys: Sequence[Node]) -> bool:
     indexed = {first for (first, *_), _ in source.indexes}
     if all(isinstance(key, exp.Column) and key.name in indexed for key in keys):
         return False
-    return not (source.texts_for_numbers or source.collated)
+    compared = {column.name for key in keys for column in key.find_all(exp.Column)}
+    return compared.isdisjoint((*source.texts_for_numbers, *source.collated))
 
 
 def _walks_same_list(item: Node) -> TypeGuard[exp.Table]:

@@ -66,10 +66,10 @@ REWRITES: dict[str, Rewrite] = {
         lambda node: isinstance(node, plan.Subquery),
     ),
     "split": Rewrite(
-        "flattens AND and OR, moves NOT inwards, drops repeated parts",
+        "flattens AND and OR, moves NOT inwards, drops repeated parts, compares lists item by item",
         "conditions were taken apart, so that each is evaluated as early as possible",
         normalize_conditions,
-        lambda node: isinstance(node, plan.And | plan.Or | plan.Not),
+        lambda node: isinstance(node, plan.And | plan.Or | plan.Not | plan.MakeList),
     ),
     "rows": Rewrite(
         "reads a query in FROM that gives a list of one column as rows",

@@ -9,6 +9,10 @@ part of another clause. Parts keep their order. A part that stands there a secon
     (boss == None AND parent == None) OR parent == boss    becomes    parent == boss
 
 for two values that equal one constant equal each other: what is left is an equality, by which rows are looked up.
+
+    [x, y] == [px + 1, py]    becomes    x == px + 1 AND y == py
+
+so that rows are looked up by x and y, and no list is made. `[x, y] IN [[px + 1, py], [px, py + 1]]` becomes OR of such.
 """
 
 from __future__ import annotations
@@ -21,7 +25,11 @@ from ss2sql.language.plan_traversal import is_volatile
 from ss2sql.language.values import SCALARS
 from ss2sql.lowering.rewrites.rewrite_context import (
     COMPARISONS,
+    PLAIN_READS,
     RewriteContext,
+    make_call,
+    make_connective,
+    make_constant,
     negate_expression,
     rewrite_bottom_up,
     rewrite_to_bool,
@@ -45,8 +53,45 @@ def _rewrite_node(node: Any) -> Any:
             return node if having is None else _replace_condition(node, "having", having)
         case plan.Search(stop=stop) if stop is not None:
             return _replace_condition(node, "stop", stop)
+        case plan.Call(function=plan.Function(name="eq" | "in" as name, builtin=True), arguments=(left, right)):
+            split = _split_list_equality(left, right) if name == "eq" else _split_list_membership(left, right)
+            return node if split is None else replace(split, span=node.span)
         case _:
             return node
+
+
+def _split_list_equality(left: plan.Expr, right: plan.Expr) -> plan.Expr | None:
+    """`x == a AND y == b` for two lists of as many expressions, one of them at least not a constant."""
+    ours, others = _list_items(left), _list_items(right)
+    if len(ours) != len(others) or not ours or (isinstance(left, plan.Constant) and isinstance(right, plan.Constant)):
+        return None
+    parts = [
+        _split_list_equality(one, other) or make_call("eq", one, other, span=left.span)
+        for one, other in zip(ours, others, strict=True)
+    ]
+    flat = [part for one in parts for part in (one.parts if isinstance(one, plan.And) else (one,))]
+    return make_connective(plan.And, flat, left.span)
+
+
+def _split_list_membership(left: plan.Expr, right: plan.Expr) -> plan.Expr | None:
+    """That a list of what costs nothing to read again equals one of some lists of expressions."""
+    if not (isinstance(left, plan.MakeList) and isinstance(right, plan.MakeList)):
+        return None
+    if not all(isinstance(item, PLAIN_READS) for item in left.items):
+        return None
+    parts = [_split_list_equality(left, item) for item in right.items]
+    known = [part for part in parts if part is not None]
+    return make_connective(plan.Or, known, left.span) if known and len(known) == len(parts) else None
+
+
+def _list_items(expr: plan.Expr) -> tuple[plan.Expr, ...]:
+    match expr:
+        case plan.MakeList(items=items):
+            return items
+        case plan.Constant(value=list() as values):
+            return tuple(make_constant(value, expr.span) for value in values)
+        case _:
+            return ()
 
 
 def _replace_condition(node: Any, name: str, condition: plan.Expr) -> Any:

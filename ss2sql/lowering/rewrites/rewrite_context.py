@@ -24,6 +24,7 @@ Node = TypeVar("Node")
 
 NEGATED_COMPARISONS = {name: row.negated for name, row in OPERATIONS.items() if row.negated}
 COMPARISONS = frozenset(NEGATED_COMPARISONS)
+PLAIN_READS = (plan.Column, plan.Element, plan.State, plan.Variable, plan.Constant)  # it costs nothing to repeat them
 
 
 def rewrite_bottom_up(node: Node, change: Callable[[Any], Any]) -> Node:

@@ -202,7 +202,7 @@ class KnownTable:
         texts = tuple(
             one.name
             for one, (_, kind) in zip(self.columns, columns, strict=True)
-            if one.numeric and kind.may_be(Kind.STR)
+            if one.numeric and one.name in names_read and kind.may_be(Kind.STR)
         )
         return replace(self.source, columns=columns, texts_for_numbers=texts)
 
