@@ -21,7 +21,7 @@ from dataclasses import replace
 from typing import Any, TypeGuard
 
 from ss2sql.language import plan
-from ss2sql.language.plan_traversal import is_volatile
+from ss2sql.language.plan_traversal import is_volatile, list_sources, list_states
 from ss2sql.language.values import SCALARS
 from ss2sql.lowering.rewrites.rewrite_context import (
     COMPARISONS,
@@ -61,9 +61,9 @@ def _rewrite_node(node: Any) -> Any:
 
 
 def _split_list_equality(left: plan.Expr, right: plan.Expr) -> plan.Expr | None:
-    """`x == a AND y == b` for two lists of as many expressions, one of them at least not a constant."""
+    """`x == a AND y == b` for two lists of as many expressions, where one of these can be looked up."""
     ours, others = _list_items(left), _list_items(right)
-    if len(ours) != len(others) or not ours or (isinstance(left, plan.Constant) and isinstance(right, plan.Constant)):
+    if len(ours) != len(others) or not any(map(_can_look_up, (*ours, *others))):
         return None
     parts = [
         _split_list_equality(one, other) or make_call("eq", one, other, span=left.span)
@@ -82,6 +82,11 @@ def _split_list_membership(left: plan.Expr, right: plan.Expr) -> plan.Expr | Non
     parts = [_split_list_equality(left, item) for item in right.items]
     known = [part for part in parts if part is not None]
     return make_connective(plan.Or, known, left.span) if known and len(known) == len(parts) else None
+
+
+def _can_look_up(item: plan.Expr) -> bool:
+    """Whether an expression, or an item of a list, reads a source and no state."""
+    return any(map(_can_look_up, _list_items(item))) or bool(list_sources(item) and not list_states(item))
 
 
 def _list_items(expr: plan.Expr) -> tuple[plan.Expr, ...]:

@@ -132,6 +132,9 @@ class Database:
             guard.add_aggregate(name, self._wrap_factory(factory))
         for name, arguments in FUNCTIONS.items():
             guard.add_scalar(name, getattr(self.search, name), arguments)
+        guard.add_scalar("reached", self.search.reached_value, 1)
+        guard.add_scalar("improves", self.search.improves_value, 2)
+        guard.add_scalar("on_path", self.search.is_value_on_path, 2)
         guard.add_scalar("enter_first", self.search.enter_first_row)
         guard.add_scalar("enter_best", self.search.enter_best_row)
         guard.add_scalar("next_number", self.search.numbers.next, 0)
