@@ -31,7 +31,7 @@ from ss2sql.frontend.resolve.search_clauses import (
 )
 from ss2sql.frontend.syntax import ast
 from ss2sql.frontend.syntax.tokenizer import shorten_text
-from ss2sql.frontend.syntax.tree_builder import OPERATORS
+from ss2sql.frontend.syntax.tree_builder import OPERATORS, VALUED_OPTIONS
 from ss2sql.language import plan
 from ss2sql.language.kinds import ANY, NONE, Kind, Type, limit_type_depth, make_list_type, unite
 from ss2sql.language.plan_traversal import is_volatile, join_conditions, list_sources, list_states, split_and, walk
@@ -125,7 +125,7 @@ SYNONYMS = {"val": "value"}
 
 def resolve_query(resolver: Resolver, tree: ast.Query, outer: Scope | None) -> plan.Subquery:
     """The plan of a query; errors of its clauses are collected."""
-    scope = Scope(outer, resolver.make_number())
+    scope = Scope(outer, resolver.make_number(), written=tree)
     scope.shown = {name: expr.span.text for name, expr in map(_split_column_name, tree.columns) if name and expr}
     search, joins = _resolve_search(resolver, tree, scope, outer)
     sources = tuple(scope.sources)
@@ -276,6 +276,13 @@ def _make_clause_error(assign: ast.Assign, tree: ast.Query, scope: Scope) -> Res
     message = f"CONNECT BY sets '{name}', which START WITH does not"
     value = shorten_text(assign.value.span.text)
     hints = suggest_names(name, [item.name for item in tree.start]) or (f"add START WITH {name} = ...",)
+    if name.upper() in VALUED_OPTIONS:
+        hints = (f"write {name.upper()} {value}", "an option stands in front of the assignments, and takes no =")
+    for part in tree.first.parts if isinstance(tree.first, ast.And) else (tree.first,):
+        match part:
+            case ast.Operator(function="eq" | "in" as test, operands=(ast.Name(name=tested), first)) if tested == name:
+                start = f"{name} = " if test == "eq" else f"EACH {name} IN "
+                hints = (f"write START WITH {start}{shorten_text(first.span.text)}",)
     if any(name == column for source in scope.sources for column, _ in source.columns or ()):
         hints = (f"write {name} == {value} to compare",)
     return ResolveError("R001", message, assign.name_span, hints)
@@ -424,7 +431,11 @@ def _resolve_order_key(
         number = key.value if type(key.value) is int else 0
         if any(isinstance(column, ast.Star) for column in tree.columns):
             shown = known
-        hint = f"write ORDER BY {shown[number - 1]}" if 0 < number <= len(shown) else "write what to order by"
+        meant = shown[number - 1] if 0 < number <= len(shown) else key.value
+        if meant in (*shown, *known):
+            hint = f"write ORDER BY {meant}"
+        else:
+            hint = f"write what to order by, such as {', '.join(known or shown or ['this'])}"
         text = key.span.text
         message = f"ORDER BY {text} orders nothing: {text} is the same for every row"
         resolver.errors.append(ResolveError("R014", message, key.span, (hint,)))

@@ -34,6 +34,7 @@ from ss2sql.frontend.resolve.scope import (
     resolve_this,
     resolve_world,
     resolve_world_call,
+    suggest_row_query,
 )
 from ss2sql.frontend.resolve.search_clauses import FUNCTIONS as PATH_FUNCTIONS
 from ss2sql.frontend.resolve.search_clauses import RESULT_CLAUSES, is_path_function, resolve_path_function
@@ -45,6 +46,15 @@ from ss2sql.language.plan_traversal import is_volatile, walk
 
 if TYPE_CHECKING:
     from ss2sql.frontend.inlining import Inliner
+
+# What is written for a comparison with ALL rows of a query, or with ANY (False).
+QUANTIFIED = {
+    ("eq", False): "{x} IN ({query})", ("ne", True): "{x} NOT IN ({query})",
+    ("ne", False): "uniq({query} AS list) != [{x}]", ("eq", True): "uniq({query} AS list) == [{x}]",
+    **{(sign, sign in ("gt", "ge")): "{x} {sign} max({query} AS list)" for sign in ("lt", "le", "gt", "ge")},
+    **{(sign, sign in ("lt", "le")): "{x} {sign} min({query} AS list)" for sign in ("lt", "le", "gt", "ge")},
+}  # fmt: skip
+AGGREGATE_HINT = "it works on a list: {query}, or on the groups of a GROUP BY"
 
 
 def resolve(script: ast.Script, catalog: Catalog) -> plan.Program:
@@ -228,16 +238,15 @@ class Resolver:
     def _refuse_quantifier(self, tree: ast.Operator) -> None:
         """Raises ResolveError R014 for `x > ALL (SELECT ...)`: here `all` and `any` ask whether elements are true."""
         match tree.operands:
-            case (_, ast.Call(function=name, arguments=(ast.Query(representation=None) as query,), owner=None)):
-                function = self.catalog.functions.get(name)
-                if name.lower() in ("all", "any", "some") and (function is None or function.builtin):
+            case (left, ast.Call(function=name, arguments=(ast.Query(representation=None) as query,), owner=None)):
+                function, word = self.catalog.functions.get(name), name.lower()
+                form = QUANTIFIED.get((tree.function, word == "all")) if word in ("all", "any", "some") else None
+                if form is not None and (function is None or function.builtin):
+                    text = query.span.text if len(query.span.text) <= 60 else "SELECT ..."
                     sign = tree.place.text if tree.place else ""
                     message = f"there is no {sign} {name.upper()} in SelectScript"
-                    hints = (
-                        "for = ANY write IN",
-                        f"compare with the least or greatest: max({query.span.text} AS list)",
-                    )
-                    raise ResolveError("R014", message, tree.span, hints)
+                    hint = f"write {form.format(x=left.span.text, sign=sign, query=text)}"
+                    raise ResolveError("R014", message, tree.span, (hint,))
 
     def unwrap_single(self, value: plan.Expr) -> plan.Expr:
         """A query's list as one value: its only element, None of an empty list."""
@@ -264,7 +273,13 @@ class Resolver:
                 hint = f"'{name}' is a column that SELECT makes; write {level.shown[name]} here"
                 raise ResolveError("R001", f"unknown name '{name}'", span, (hint,))
         known = [*list_names_in_scope(scope), *self.list_variables(), *self.parameters]
-        raise explain_unknown_name(name, span, self.catalog, known, Place(scope is not None, operand, sources))
+        searches = (
+            (level.path_functions.search for level in scope.list_outwards() if level.path_functions is not None)
+            if scope
+            else ()
+        )
+        key = next((search.key[0].span.text for search in searches if search is not None and search.key), "key")
+        raise explain_unknown_name(name, span, self.catalog, known, Place(scope is not None, operand, sources, key))
 
     def find_bound(self, name: str, scope: Scope | None, span: Span) -> plan.Expr | None:
         """The START WITH variable or column that a bare name means, as far as columns are known."""
@@ -391,14 +406,15 @@ class Resolver:
             ):  # or its name
                 return resolve_world_call(self, name, known, scope, span)
         if function is None:
-            raise explain_unknown_function(tree, self.catalog, self.list_variables())
+            raise explain_unknown_function(tree, self.catalog, self.list_variables(), scope)
         if function.builtin and name == "to":
             hint = "write it around a whole column of SELECT, and the expression itself here"
             raise ResolveError("R014", "to(expr, name) names a column and stands in SELECT", span, (hint,))
         if function.builtin and name == "join" and tree.arguments and is_value_syntax(tree.arguments[0]):
+            query = tree.arguments[0].span
+            hint = f"write {query.text if len(query.text) <= 60 else 'SELECT ...'} AS list, with one column"
             message = "join joins the values of a list, and the rows of a query are dicts"
-            hint = "end the query with AS list: join(SELECT x FROM ... AS list, ',')"
-            raise ResolveError("R014", message, tree.arguments[0].span, (hint,))
+            raise ResolveError("R014", message, query, (hint,))
         grouped = scope is not None and scope.grouped
         if tree.star:
             return resolve_count_star(function, grouped, span)
@@ -410,7 +426,7 @@ class Resolver:
             return self.resolve_eval(arguments[0], scope, span)
         of_a_list = len(arguments) == 1 or (function.collects and arguments)
         if is_resolved_aggregate(function) and of_a_list and not grouped and arguments[0].type.excludes(Kind.LIST):
-            hint = f"it works on a list: {name}(SELECT ... AS list), or on the groups of a GROUP BY"
+            hint = AGGREGATE_HINT.format(query=suggest_row_query(tree, scope))
             if scope is not None and scope.path_functions and scope.path_functions.clause in RESULT_CLAUSES:
                 hint = f"write {name}(path({tree.arguments[0].span.text})) for the steps of the path"
             raise ResolveError("R008", f"{name} needs a list, and this is not one", span, (hint,))

@@ -64,6 +64,7 @@ class Scope:
     later: Callable[[str], plan.Expr | None] | None = None
     shown: dict[str, str] = field(default_factory=dict)  # the texts of these columns
     path_functions: PathFunctions | None = None  # of a search: its path functions
+    written: ast.Query | None = None
 
     def enter_clause(self, clause: str) -> str:
         """Sets the clause of a search that is resolved next, for the path functions; gives the one before."""
@@ -330,30 +331,43 @@ def is_function_of_this(resolver: Resolver, name: str, scope: Scope) -> bool:
 _HIDDEN = frozenset({"item", "slice", "like"})  # functions that are written as operators
 _MEAN = "did you mean '{0}'?"
 
-# Functions that other databases have, and what is written here; {0} and {1} are the arguments of the call.
+# Functions that other languages have, and what is written here; {0} and {1} are the arguments of the call.
 FOREIGN_FUNCTIONS: dict[str, str] = {
     **dict.fromkeys(("ifnull", "nvl", "isnull"), "write coalesce({0}, {1})"),
-    "nullif": "write IF({0} == {1}; None; {0})", "iif": "write IF({0}; {1}; {2})",
-    "decode": "write CASE WHEN {0} == {1} THEN {2} ELSE {3} END", "concat": "write {sum}",
-    **dict.fromkeys(("substr", "substring"), "write {0}[{1} - 1:{1} - 1 + {2}]"),
+    "nullif": "write IF({0} == {1}; None; {0})",
+    "iif": "write IF({0}; {1}; {2})", "decode": "write CASE WHEN {0} == {1} THEN {2} ELSE {3} END",
+    "concat": "write {sum}",
+    **dict.fromkeys(("substr", "substring", "mid"), "write {0}[{1} - 1:{1} - 1 + {2}]"),
     "left": "write {0}[:{1}]", "right": "write {0}[-{1}:]", "to_char": "write str({0})",
-    "to_number": "write float({0})", "cast": "write int({0}), float({0}) or str({0})", "typeof": "write type({0})",
-    "connect_by_root": "write root({0})", "sys_connect_by_path": "write path({0}, {1})",
-    **dict.fromkeys(("length", "size", "char_length"), "write len({0})"), "exists": "write [] != (SELECT ... AS list)",
-    **dict.fromkeys(("avg", "mean"), "write average({0})"), **dict.fromkeys(("distinct", "set"), "write uniq({0})"),
-    **dict.fromkeys(("append", "extend"), "a list is not changed, a new one is made by +"),
-    "power": "write {0} ^ {1}", "ceiling": "write ceil({0})", "ln": "write log({0})", "stdev": "write stddev({0})",
+    "to_number": "write float({0})",
+    "connect_by_root": "write root({0})",
+    "length": "write len({0})", "size": "write len({0})", "avg": "write average({0})", "mean": "write average({0})",
+    "distinct": "write uniq({0})", "unique": "write uniq({0})", "set": "write uniq({0})",
+    "power": "write {0} ^ {1}", "exists": "write [] != ({list})",
+    "sys_connect_by_path": "write path({0}, {1})", "append": "a list is not changed, a new one is made: {0} + [{1}]",
+    "cast": "write int({0}), float({0}) or str({0})",
+    "extend": "a list is not changed, a new one is made: {0} + {1}",
+    **dict.fromkeys(("ucase", "toupper"), "write upper({0})"),
+    **dict.fromkeys(("lcase", "tolower"), "write lower({0})"),
     "trim": "write strip({0})", "startswith": "write starts({0}, {1})", "endswith": "write ends({0}, {1})",
     **dict.fromkeys(("instr", "strpos"), "write find({0}, {1}) + 1"), "charindex": "write find({1}, {0}) + 1",
-    **dict.fromkeys(("group_concat", "string_agg", "listagg"), "write join(SELECT ... AS list, ',')"),
-    "least": "write min([{all}])", "greatest": "write max([{all}])",
-    "current_timestamp": "write now()", "current_date": "write date(now())",
+    **dict.fromkeys(("group_concat", "string_agg", "listagg"), "write join({rows}, {1})"),
+    "least": "write min([{all}])", "greatest": "write max([{all}])", "position": "write find(text, part) + 1",
+    **dict.fromkeys(("char_length", "character_length"), "write len({0})"), "contains": "write {1} IN {0}",
+    "lpad": "format('{{:>20}}', {0}) puts blanks in front until there are 20 characters",
+    "ceiling": "write ceil({0})", "ln": "write log({0})", "log2": "write log({0}, 2)", "log10": "write log({0}, 10)",
+    "atan": "write atan2({0}, 1)", "radians": "write {0} * pi() / 180", "degrees": "write {0} * 180 / pi()",
+    "hypot": "write norm([{0}, {1}])", "std": "write stddev({0})", "stdev": "write stddev({0})",
+    "var_samp": "write variance({0})", "stddev_samp": "write stddev({0})", "typeof": "write type({0})",
+    "strptime": "write datetime('2024-05-31 12:30')", "current_timestamp": "write now()", "today": "write date(now())",
     **dict.fromkeys(("rand", "random"), "session.function('random', random.random) registers Python's"),
+    "gcd": "session.function('gcd', math.gcd) registers Python's", "current_date": "write date(now())",
+    "enumerate": "write zip(range(len({0})), {0})",
 }  # fmt: skip
 CHOOSE_LEAVES = "SELECT * FROM (SELECT LAST ..., leaf() AS end ...) WHERE end"
 # Names of Oracle.
 _ORACLE = {
-    "LEVEL": "level()", "CONNECT_BY_ISLEAF": "leaf()", "CONNECT_BY_ISCYCLE": "cycle(key)",
+    "LEVEL": "level()", "CONNECT_BY_ISLEAF": "leaf()", "CONNECT_BY_ISCYCLE": "cycle({key})",
     "ROWNUM": "LIMIT n after the other clauses",
 }  # fmt: skip
 
@@ -362,15 +376,18 @@ _ORACLE = {
 class Place:
     """Where a name stands: inside a query, where there is a `this`; as an operand, where it may be a string.
 
-    `sources` are the visible ones.
+    `sources` are the visible ones, `key` is what the search compares.
     """
 
     inside: bool
     operand: bool
     sources: tuple[plan.Source, ...]
+    key: str = "key"
 
 
-def explain_unknown_function(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
+def explain_unknown_function(
+    tree: ast.Call, catalog: Catalog, variables: Collection[str], scope: Scope | None
+) -> ResolveError:
     """The error for a call of an unknown function."""
     name = tree.function
     every = (*catalog.functions, *catalog.world_functions)
@@ -380,19 +397,28 @@ def explain_unknown_function(tree: ast.Call, catalog: Catalog, variables: Collec
     elif same := [one for one in known if one.lower() == name.lower()]:
         hints = (_MEAN.format(same[0]),)
     else:
-        hints = _suggest_equivalent(name, tree.arguments) or suggest_names(name, known)
+        rows = f"{_suggest_rows(tree, scope, grouped=True)} AS list"
+        hints = _suggest_equivalent(name, tree.arguments, f"uniq({rows})" if tree.distinct else rows)
+        hints = hints or suggest_names(name, known)
     hints = hints or ("register it with session.function, or by --functions FILE.py; help() lists the known ones",)
     return ResolveError("R002", f"unknown function '{name}'", read_leading_name(tree.span, name), hints)
 
 
-def _suggest_equivalent(name: str, arguments: Sequence[ast.Expr]) -> tuple[str, ...]:
-    """The equivalent of a function of another database."""
-    form = FOREIGN_FUNCTIONS.get(name.lower())
-    if form is None:
+def _suggest_equivalent(name: str, arguments: Sequence[ast.Expr], rows: str = "SELECT ... AS list") -> tuple[str, ...]:
+    """The equivalent of a function of another language. `rows` is the query for what an aggregate takes."""
+    lowered = name.lower()
+    if lowered not in FOREIGN_FUNCTIONS:
         return ()
+    whole = [argument.span.text for argument in arguments[:4]]
+    texts = [text if len(text) <= 40 else "..." for text in whole]
+    bare = bool(arguments) and isinstance(arguments[0], ast.Query) and arguments[0].representation is None
+    listed = f"{texts[0]} AS list" if bare else "SELECT ... AS list"
+    if lowered == "group_concat" and len(texts) == 1:
+        texts.append("','")
+    texts += ["..."] * (4 - len(texts))
     every = [argument.span.text for argument in arguments] or ["..."]
-    texts = [text if len(text) <= 40 else "..." for text in (*every[:4], *["..."] * 4)]
-    return (form.format(*texts, all=", ".join(every), sum=" + ".join(every)),)
+    named = {"list": listed, "rows": rows, "all": ", ".join(every), "sum": " + ".join(every)}
+    return (FOREIGN_FUNCTIONS[lowered].format(*texts, **named),)
 
 
 def explain_method(tree: ast.Call, catalog: Catalog, variables: Collection[str]) -> ResolveError:
@@ -405,11 +431,9 @@ def explain_method(tree: ast.Call, catalog: Catalog, variables: Collection[str])
         return ResolveError("R002", message, place, list_world_hints(world, name))
     hints: tuple[str, ...]
     if owner in variables:
-        subject = ast.Name(owner, span=read_leading_name(tree.span, owner))
-        known = "" if name in catalog.functions else ", with a function that is registered"
-        call = f"write {name}({owner}{', ...' if tree.arguments else ''}){known}"
-        hints = _suggest_equivalent(name, (subject, *tree.arguments)) or (call,)
-        return ResolveError("R002", f"values have no methods, and '{owner}' is no world", place, hints)
+        return ResolveError(
+            "R002", f"values have no methods, and '{owner}' is no world", place, _suggest_call(tree, catalog)
+        )
     message = f"there is no world '{owner}' with a function '{name}'"
     if suggest_similar(owner, catalog.worlds):
         hints = suggest_names(owner, catalog.worlds)
@@ -433,6 +457,17 @@ def list_world_hints(world: Any, name: str) -> tuple[str, ...]:
     return suggest_names(name, (*world.tables, *world.names)) or (f"help({world.name}) lists what it has",)
 
 
+def _suggest_call(tree: ast.Call, catalog: Catalog) -> tuple[str, ...]:
+    """The call that replaces a method of a value."""
+    owner, name = tree.owner or "", tree.function
+    subject = ast.Name(owner, span=read_leading_name(tree.span, owner))
+    there = _suggest_equivalent(name, (subject, *tree.arguments))
+    if name.lower() in FOREIGN_FUNCTIONS:
+        return there
+    call = f"write {name}({owner}{', ...' if tree.arguments else ''})"
+    return (call,) if name in catalog.functions else (f"{call}, with a function that is registered", *there)
+
+
 def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequence[str], place: Place) -> ResolveError:
     """The error for an unknown bare name."""
     if name in catalog.functions:
@@ -441,9 +476,9 @@ def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequenc
     elif any(source.name == name for source in place.sources):
         hints = (f"'{name}' is a source: write {name}.this",)
     elif name.upper() in _ORACLE:
-        hints = (f"write {_ORACLE[name.upper()]}",)
+        hints = (f"write {_ORACLE[name.upper()]}".format(key=place.key),)
         hints += (f"to choose by it write {CHOOSE_LEAVES}",) if name.upper() == "CONNECT_BY_ISLEAF" else ()
-    elif name.upper() == "NULL":
+    elif name.upper() in ("NULL", "NIL"):
         hints = ("write None",)
     elif catalog.unknown == "missing":
         hints = (f"run(..., {name}=...)", *suggest_names(name, known))
@@ -452,13 +487,48 @@ def explain_unknown_name(name: str, span: Span, catalog: Catalog, known: Sequenc
         cure = f"assign it before, or give it a value: run(script, {name}=...), on a command line -p {name} VALUE"
         hints = suggest_names(name, known)
         hints += tuple(one.hides for one in place.sources if isinstance(one, plan.ValueSource) and one.hides)
-        if place.operand and not suggest_similar(name, known):
+        objects = [source.name for source in place.sources if _is_object_variable(source)]
+        hints += tuple(f"'{one}' is one object: attach('{one}', ...) gives the rows of a data frame" for one in objects)
+        if place.operand and not objects and not suggest_similar(name, known):
             hints += (f"a text stands in quotes: '{name}'",)
-        if place.operand or not hints:
+        if not objects and (place.operand or not hints):
             hints += (cure,)
     return ResolveError("R001", f"unknown name '{name}'", span, hints)
+
+
+def _is_object_variable(source: plan.Source) -> bool:
+    """Whether a source is a variable that holds an object of Python, which stands in FROM as one row."""
+    match source:
+        case plan.ValueSource(value=plan.Variable(type=kind)):
+            return kind.is_only(Kind.OBJECT)
+        case _:
+            return False
 
 
 def read_leading_name(span: Span, name: str) -> Span:
     """The span of `name`, if `span` begins with it."""
     return Span(span.source, span.start, span.start + len(name)) if span.text.startswith(name) else span
+
+
+def suggest_row_query(tree: ast.Call, scope: Scope | None) -> str:
+    """The query that gives an aggregate the rows that are left by the WHERE around it, if short."""
+    return f"{tree.function}({_suggest_rows(tree, scope)} AS list)"
+
+
+def _suggest_rows(tree: ast.Call, scope: Scope | None, grouped: bool = False) -> str:
+    """The rows that are left by the WHERE around a call; `grouped`: those of its group."""
+    query, sources = (scope.written, scope.sources) if scope else (None, [])
+    simple = query is not None and not query.searches and len(sources) == 1 and bool(tree.arguments)
+    if query is None or not simple or sources[0].name != sources[0].span.text:
+        return "SELECT ..."
+    rows, where, keys = sources[0].name, query.where, query.group if grouped else ()
+    conditions: list[str] = []
+    if where is not None and not where.span.start <= tree.span.start < where.span.end:
+        conditions.append(f"({where.span.text})" if keys and isinstance(where, ast.Or) else where.span.text)
+    if keys and (not all(isinstance(key, ast.Name) for key in keys) or f"{rows}." in " ".join(conditions)):
+        return "SELECT ..."
+    conditions += [f"{key.span.text} == {rows}.{key.span.text}" for key in keys]
+    source = f"x = {rows}" if keys else rows
+    behind = f" WHERE {' AND '.join(conditions)}" if conditions else ""
+    text = " ".join(f"SELECT {tree.arguments[0].span.text} FROM {source}{behind}".split())
+    return text if len(text) <= 100 else "SELECT ..."

@@ -1,4 +1,4 @@
-"""Spellings of SQL and Python that SelectScript writes differently: each error says what to write."""
+"""Spellings of Python, SQL and other languages that SelectScript writes differently: each error shows the other way."""
 
 from __future__ import annotations
 
@@ -6,54 +6,69 @@ import re
 from collections.abc import Callable
 
 from ss2sql.errors import ParseError
-from ss2sql.frontend.syntax.parse_failure import CLAUSES, VALUES, ParseFailure, spell
-from ss2sql.frontend.syntax.tokenizer import CLOSING, CONTEXTUAL, OPENING, OPTIONS, Token
-from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT
+from ss2sql.frontend.syntax.parse_failure import AROUND, CLAUSES, VALUES, ParseFailure, spell
+from ss2sql.frontend.syntax.tokenizer import CLOSING, CONTEXTUAL, END, OPENING, OPTIONS, Token
+from ss2sql.frontend.syntax.tree_builder import COMMENT_HINT, COMPARISONS
 
-_JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b.id"
-_LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
-_IF = "write IF(condition; then; else)"
-_LIMIT = "write LIMIT n after the other clauses"
-# Set operations of two queries; ALL keeps equal rows.
-_SETS = {
-    "UNION": "uniq({0} + {1})", "UNION ALL": "{0} + {1}", "EXCEPT": "uniq(difference({0}, {1}))",
-    "MINUS": "uniq(difference({0}, {1}))", "INTERSECT": "uniq(SELECT this FROM {0} WHERE this IN {1} AS list)",
-}  # fmt: skip
-# Words after a complete expression {x}, and before {y}.
-_INFIXES = {
-    "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "GLOB": _LIKE, "REGEXP": _LIKE, "MATCH": _LIKE,
-    "ILIKE": "write lower({x}) LIKE lower({y})", "MOD": "write {x} % {y}", "INNER": "write JOIN without INNER",
-    "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN, "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN,
-    "CROSS": "write a comma: FROM a, b", "OFFSET": "write LIMIT n OFFSET {y}", "FETCH": "write LIMIT n", "TOP": _LIMIT,
-    "COLLATE": "sort by the value of a function that you register",
-    "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
-    "NULLS": "leave it out: None comes first, with DESC last", "INTO": "assign the query: name = SELECT ...",
-    **{word: f"write {form.format('(SELECT ... AS list)', '(SELECT ... AS list)')}" for word, form in _SETS.items()},
-}  # fmt: skip
-# Words that were read as a name before something that does not fit.
-_PREFIXES = {
-    "CONNECT_BY_ROOT": "write root(name)", "ALL": "leave it out: a query gives all rows", "TOP": _LIMIT,
-    "CASE": "write CASE WHEN x == ... THEN ... ELSE ... END",
-    "PRIOR": "write prior(x): PRIOR stands in front of a name", "EXISTS": "write [] != (SELECT ... AS list)",
-    "EXPLAIN": "call explain() on the compiled script",
-}  # fmt: skip
 _FUNCTION = "functions are written in Python, and session.function(f) registers them"
-# Words at the beginning of a statement.
+_ASSIGN = "an assignment has no word in front: {found} = ..."
+
+# Words at the beginning of a statement, and what to write; {found} is the text after the word.
 _FIRST = {
-    "FOR": "a loop is a query: SELECT ... FROM x = list", "DEF": _FUNCTION, "IMPORT": _FUNCTION,
+    "FOR": "a loop is a query: SELECT ... FROM {found} = list",
     "WHILE": "a loop that goes on is a search: START WITH n = 0 CONNECT BY n = n + 1 STOP WITH n == 9",
+    "DEF": _FUNCTION, "FUNCTION": _FUNCTION, "CLASS": _FUNCTION, "IMPORT": _FUNCTION,
+    "RETURN": "the value of a script is that of its last statement: write {found} alone",
+    "LET": _ASSIGN, "VAR": _ASSIGN, "CONST": _ASSIGN, "SET": _ASSIGN, "DECLARE": _ASSIGN,
+    "DEL": "variables stay; clear() forgets all of them",
 }  # fmt: skip
-_WRITING = frozenset((
-    "INSERT", "UPDATE", "DELETE", "CREATE", "DROP", "ALTER", "REPLACE", "ATTACH", "DETACH", "PRAGMA", "BEGIN", "COMMIT",
-    "ROLLBACK", "VACUUM", "MERGE", "TRUNCATE", "GRANT", "REVOKE",
-))  # fmt: skip
-_SIGNS = {
-    "**": "the power is ^", "//": "division is /, whole division floor(a / b), and a comment starts with #",
-    "+=": "write x = x + ...", "-=": "write x = x - ...", ":=": "write x = ...", "=>": "write >= to compare",
-    "=<": "write <= to compare", "===": "write == to compare", "->": 'write x.column, or x["key"]',
-    "::": "write int(x), float(x) or str(x)",
-}  # fmt: skip
-_TESTED = frozenset(("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN"))  # where a condition stands
+
+
+def _explain_python_for(t: ParseFailure) -> ParseError | None:
+    """`for x in nums: ...`, `let x = 5`, `import math`."""
+    word = t.peek()
+    upper = word.text.upper()
+    if word.kind != "NAME" or t.peek(2).kind != ";" or t.bracket or upper not in _FIRST:
+        return None
+    if t.found.kind not in VALUES and t.found.kind not in OPENING and t.found.kind != "-":
+        return None
+    hint = _FIRST[upper].format(found=t.cut_text(t.found.start, t.found.end))
+    return t.explain("P006", f"there is no {word.text} in SelectScript", hint, at=word)
+
+
+def _explain_lambda(t: ParseFailure) -> ParseError | None:
+    word = t.peek()
+    if word.text == "lambda" and t.values[-1:] == [word]:
+        return t.explain("P006", "there is no lambda in SelectScript", _FUNCTION, at=word)
+    return None
+
+
+def _explain_comprehension(t: ParseFailure) -> ParseError | None:
+    """`[x for x in nums]`."""
+    if t.found.text != "for" or t.wants_operand or t.bracket is None:
+        return None
+    column = t.cut_text(t.bracket.end, t.peek().end)
+    name = t.next.text if t.next.kind == "NAME" else "x"
+    return t.explain("P006", "there is no for in SelectScript", f"write (SELECT {column} FROM {name} = ... AS list)")
+
+
+def _explain_from_first(t: ParseFailure) -> ParseError | None:
+    """`FROM people SELECT name`, as some languages have it."""
+    if t.found.kind != "FROM" or t.peek().kind != ";" or t.bracket or t.next.kind == END:
+        return None
+    return t.explain("P001", "a query starts with SELECT, not with FROM", "write SELECT ... FROM ...")
+
+
+def _explain_item_assignment(t: ParseFailure) -> ParseError | None:
+    """`x[0] = 5`."""
+    if t.found.kind != "=" or t.peek().kind != "]" or t.clause or "+" not in t.expected:
+        return None
+    left = t.read_operand()
+    name, bracket, _ = left.partition("[")
+    if not bracket or not name.isidentifier():
+        return None
+    hint = f"assign a new list to {name}, or write {left} == ... to compare"
+    return t.explain("P006", f"an element is not assigned, and {left} is one", hint)
 
 
 def _explain_inner_quote(t: ParseFailure) -> ParseError | None:
@@ -66,8 +81,59 @@ def _explain_inner_quote(t: ParseFailure) -> ParseError | None:
                    f"a quote inside a string is written \\{quote}, or the string stands in {other}")  # fmt: skip
 
 
+# --- spellings of SQL, and of other languages, that SelectScript writes differently: each error shows the right form
+_JOIN = "write FROM a JOIN b ON a.id == b.id, or FROM a LEFT JOIN b ON a.id == b.id"
+_LIKE = "write {x} LIKE ..., where % is any text, _ any character, and case counts; or register a Python function"
+_IF = "write IF(condition; then; else)"
+
+# Set operations of two queries; ALL keeps equal rows.
+_SETS = {
+    "UNION": "uniq({0} + {1})", "UNION ALL": "{0} + {1}", "EXCEPT": "uniq(difference({0}, {1}))",
+    "MINUS": "uniq(difference({0}, {1}))", "INTERSECT": "uniq(SELECT this FROM {0} WHERE this IN {1} AS list)",
+}  # fmt: skip
+# Words after a complete expression {x}, and what to write instead.
+_POSTFIX_HINTS = {
+    "ISNULL": "write {x} IS NULL", "NOTNULL": "write {x} IS NOT NULL", "GLOB": _LIKE, "REGEXP": _LIKE,
+    "ILIKE": "write lower({x}) LIKE lower({y})", "MATCH": _LIKE, "INNER": "write JOIN without INNER",
+    "RIGHT": _JOIN, "FULL": _JOIN, "OUTER": _JOIN,
+    "CROSS": "write a comma: FROM a, b", "NATURAL": _JOIN, "ON": _JOIN, "USING": _JOIN,
+    "OFFSET": "write LIMIT n OFFSET {y}", "FETCH": "write LIMIT n",
+    "COLLATE": "sort by the value of a function that you register",
+    "OVER": "use GROUP BY, or a function of the whole list", "WHEN": _IF, "THEN": _IF, "ELSE": _IF,
+    "TOP": "write LIMIT n after the other clauses", "CONTAINS": "write {y} IN {x}",
+    "STARTS": "write starts({x}, ...)", "ENDS": "write ends({x}, ...)",
+    "NULLS": "leave it out: None comes first, with DESC last",
+    "INTO": "assign the query: name = SELECT ...",
+    "CYCLE": "write NO CYCLE BY {y}, right after CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
+    "FOR": "leave it out: a script only reads",
+    "ASCENDING": "write ASC", "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
+    **{word: f"write {form.format('(SELECT ... AS list)', '(SELECT ... AS list)')}" for word, form in _SETS.items()},
+}  # fmt: skip
+# Words that were read as a name before something that does not fit.
+_PREFIX_HINTS = {
+    "CONNECT_BY_ROOT": "write root({x})", "ALL": "leave it out: a query gives all rows",
+    "TOP": "write LIMIT n after the other clauses", "CASE": "write CASE WHEN {x} == ... THEN ... ELSE ... END",
+    "PRIOR": "write prior(x): PRIOR stands in front of a name",
+    "EXISTS": "write [] != (SELECT ... AS list)", "EXPLAIN": "call explain() on the compiled script",
+}  # fmt: skip
+_TESTED = frozenset(("WHERE", "HAVING", "STOP WITH", "IF(", "ON", "WHEN"))  # where a condition stands
+_WRITING = frozenset((
+    "INSERT", "UPDATE", "DELETE", "CREATE", "DROP", "ALTER", "REPLACE", "ATTACH", "DETACH", "PRAGMA", "BEGIN", "COMMIT",
+    "ROLLBACK", "VACUUM", "MERGE", "TRUNCATE", "GRANT", "REVOKE", "REINDEX", "SAVEPOINT",
+))  # fmt: skip
+_SIGNS = {
+    "**": "the power is ^", "//": "division is /, whole division floor(a / b), and a comment starts with #",
+    "++": "write {x} = {x} + 1",
+    "+=": "write {x} = {x} + ...", "-=": "write {x} = {x} - ...", "*=": "write {x} = {x} * ...",
+    "/=": "write {x} = {x} / ...", ":=": "write {x} = ...", "=>": "write >= to compare", "=<": "write <= to compare",
+    "===": "write == to compare", "->": 'write {x}.column, or {x}["key"]',
+    ">>": "write int({x} / 2 ^ n)", "<<": "write {x} * 2 ^ n",
+    "::": "write int({x}), float({x}) or str({x})",
+}  # fmt: skip
+
+
 def _explain_comment(t: ParseFailure) -> ParseError | None:
-    """`--comment` reads as two minus signs; parsing fails later on the same line, or right after it."""
+    """`-- comment` reads as two minus signs; parsing fails later on the same line, or right after it."""
     line = t.source.text.rfind("\n", 0, t.peek().start) + 1
     for index in range(t.index, 0, -1):
         first, second = t.tokens[index - 1], t.tokens[index]
@@ -84,17 +150,34 @@ def _explain_sign(t: ParseFailure) -> ParseError | None:
     for first, second in ((t.peek(), t.found), (t.found, t.next)):
         sign = first.text + second.text
         if first.end == second.start and sign in _SIGNS and t.clause != "x[":  # x[::2]
+            name = t.peek(2) if second is t.found else t.peek()
             both = Token(sign, sign, first.start, second.end)
-            return t.explain("P006", f"there is no operator {sign}", _SIGNS[sign], at=both)
+            hint = _SIGNS[sign].format(x=name.text if name.kind == "NAME" else "x")
+            return t.explain("P006", f"there is no operator {sign}", hint, at=both)
     return None
 
 
 def _explain_concatenation(t: ParseFailure) -> ParseError | None:
     if t.found.text != "||":
         return None
-    if t.clause in _TESTED or t.clause == "(":
-        return t.explain("P006", "there is no operator ||", "the logical or is OR, and strings are joined by +")
-    return t.explain("P006", "there is no operator ||", f"write {t.read_left()} + {t.read_right()} to join strings")
+    joined, either = f"write {t.read_operand()} + {_read_value_after(t)} to join strings", "the logical or is OR"
+    compared = _stands_beside_comparison(t, -1) + _stands_beside_comparison(t, 1)
+    hints = [either] if compared == 2 else [either, joined] if not compared and t.clause in _TESTED else [joined]
+    return t.explain("P006", "there is no operator ||", *hints)
+
+
+def _stands_beside_comparison(t: ParseFailure, step: int) -> bool:
+    """Whether a comparison stands before the sign that does not fit (`step` is -1) or after it (1), up to AND or OR."""
+    index, depth = t.index + step, 0
+    while 0 <= index < len(t.tokens):
+        token = t.tokens[index]
+        depth += ((token.kind in OPENING) - (token.kind in CLOSING)) * step
+        if not depth and (token.keyword or token.kind) in COMPARISONS:
+            return True
+        if depth < 0 or (not depth and ((token.keyword or token.kind) in AROUND or token.text == "||")):
+            return False
+        index += step
+    return False
 
 
 def _explain_is(t: ParseFailure) -> ParseError | None:
@@ -103,45 +186,166 @@ def _explain_is(t: ParseFailure) -> ParseError | None:
     if (t.peek().kind != "IS" and not negated) or t.found.kind not in (*VALUES, *OPENING, "-"):
         return None
     ahead = t.step_back().step_back() if negated else t.step_back()
-    hint = f"write {ahead.read_left()} {'!=' if negated else '=='} {t.step_back().read_right()}"
+    left = ahead.read_side() if t.clause in _TESTED else ahead.read_operand()
+    right = t.step_back().read_next_side()
+    if t.found.text.upper() == "DISTINCT" and t.next.kind == "FROM":
+        negated, right = not negated, "..."
+    hint = f"write {left} {'!=' if negated else '=='} {right}"
     return t.explain("P006", "IS asks for None alone", hint, at=ahead.found)
 
 
 def _explain_cast(t: ParseFailure) -> ParseError | None:
     """`CAST(age AS TEXT)`, `EXTRACT(YEAR FROM born)`."""
-    if t.clause != "f(" or t.bracket is None or t.found.kind not in ("AS", "FROM"):
+    if t.clause != "f(" or t.bracket is None:
         return None
-    value = t.cut_text(t.bracket.end, t.peek().end).strip()
-    if t.found.kind == "AS":
-        return t.explain("P006", "AS stands in SELECT alone", f"write int({value}), float({value}) or str({value})")
-    if value.upper() in ("YEAR", "MONTH", "DAY", "HOUR", "MINUTE", "SECOND"):
-        return t.explain("P006", "FROM stands in a query alone", f"write {value.lower()}({t.read_right()})")
+    value = t.cut_text(t.bracket.end, t.peek().end)
+    if t.found.kind == "FROM" and value.strip().upper() in ("YEAR", "MONTH", "DAY", "HOUR", "MINUTE", "SECOND"):
+        return t.explain("P006", "FROM stands in a query alone", f"write {value.strip().lower()}({t.read_next_side()})")
+    if t.found.kind != "AS":
+        return None
+    return t.explain("P006", "AS stands in SELECT alone", f"write int({value}), float({value}) or str({value})")
+
+
+def _explain_set_operation(t: ParseFailure) -> ParseError | None:
+    """`SELECT ... UNION SELECT ...`, and other set operations."""
+    word = t.found.text.upper()
+    every = word == "UNION" and t.next.text.upper() == "ALL"
+    if word not in _SETS or t.tokens[min(t.index + 1 + every, len(t.tokens) - 1)].kind != "SELECT":
+        return None
+    words, texts, tail = _split_set_operations(t)
+    columns = [re.split(r"\bFROM\b", text, maxsplit=1, flags=re.IGNORECASE)[0].split() for text in texts]
+    # Rows of dicts are equal by their names, too, and those of `*` are not seen here.
+    named = "*" not in columns[0] and all(one == columns[0] for one in columns)
+    form = "dict" if named else "rows" if any({"*"} & set(one) or "," in "".join(one) for one in columns) else "list"
+    parts = [" ".join(text.split()) if len(text) <= 60 else "SELECT ..." for text in texts]
+    shapes = [re.search(r"\bFROM\b.*( AS \w+)\Z", part, re.IGNORECASE) for part in parts]
+    form = next((shape[1] for shape in shapes if shape), f" AS {form}")
+    lists = [f"({part}{'' if shape else form})" for part, shape in zip(parts, shapes, strict=True)]
+    cure = lists[0]
+    for operation, other in zip(words, lists[1:], strict=True):
+        cure = _SETS[operation].format(cure, other)
+    if tail:
+        cure = f"SELECT * FROM ({cure}) {tail if named or tail.startswith('LIMIT') else 'ORDER BY ...'}"
+    return t.explain("P006", f"there is no {word} in SelectScript", f"write {cure}")
+
+
+def _split_set_operations(t: ParseFailure) -> tuple[list[str], list[str], str]:
+    """The operations of `SELECT ... UNION SELECT ...` from the first query on, these queries, and their ORDER BY."""
+    begin, depth = t.index - 1, 0
+    while begin and (depth or t.tokens[begin].kind != "SELECT"):
+        depth += (t.tokens[begin].kind in CLOSING) - (t.tokens[begin].kind in OPENING)
+        begin -= 1
+    words: list[str] = []
+    texts: list[str] = []
+    start, tail, depth = t.tokens[begin].start, 0, 0
+    for index in range(begin, len(t.tokens)):
+        token, word = t.tokens[index], t.tokens[index].text.upper()
+        every = word == "UNION" and t.tokens[index + 1].text.upper() == "ALL"
+        depth += (token.kind in OPENING) - (token.kind in CLOSING)
+        if depth < 0 or token.kind in (";", END):
+            break
+        if not depth and word in _SETS and t.tokens[index + 1 + every].kind == "SELECT":
+            words.append("UNION ALL" if every else word)
+            texts.append(t.source.text[start : t.tokens[index - 1].end])
+            start = t.tokens[index + 1 + every].start
+        elif not depth and not tail and words and token.keyword in ("ORDER", "LIMIT"):
+            tail = token.start
+    end = t.tokens[index - 1].end
+    texts.append(t.source.text[start : tail or end].strip())
+    return words, texts, " ".join(t.source.text[tail:end].split()) if tail else ""
+
+
+# Other names for options of searches.
+_OPTIONS = {"BFS": "BREADTH FIRST", "DFS": "DEPTH FIRST", "DISTINCT": "UNIQUE", "LIMIT": "MAXIMUM", "TOP": "MAXIMUM",
+            "ASTAR": "COST 1 HEURISTIC 0", "DIJKSTRA": "COST 1", "A": "COST 1 HEURISTIC 0", "GREEDY": "HEURISTIC 0",
+            "NOCYCLE": "NO CYCLE"}  # fmt: skip
+
+
+def _explain_option(t: ParseFailure) -> ParseError | None:
+    """Options of CONNECT BY by other names, or followed by a `=`."""
+    if t.clause != "CONNECT BY":
+        return None
+    begin = max((i for i in range(t.index) if t.tokens[i].kind == "CONNECT"), default=t.index) + 2
+    for index in range(begin, t.index + 1):
+        token, following = t.tokens[index], t.tokens[min(index + 1, len(t.tokens) - 1)]
+        word, value = token.text.upper(), t.cut_text(following.end, t.peek().end).strip()
+        if word in OPTIONS and following.kind == "=" and index + 1 < t.index and t.found.kind == "NAME":
+            return t.explain("P006", f"{word} is an option, and takes no =", f"write {word} {value}", at=token)
+        starts = index == begin and (word != "A" or following.kind == "*")
+        if starts and word in _OPTIONS and following.kind in ("*", *VALUES):
+            option = _OPTIONS[word] + (f" {following.text}" if following.kind == "INTEGER" else "")
+            if word == "GREEDY" and t.tokens[index + 2].kind != "=":
+                option = f"HEURISTIC {following.text}"
+            return t.explain("P006", f"there is no option {token.text}{'*' if word == 'A' else ''}",
+                           f"write {option}", at=token)  # fmt: skip
     return None
+
+
+def _explain_each(t: ParseFailure) -> ParseError | None:
+    """`START WITH EACH town = list`."""
+    if t.found.kind != "=" or t.expected != {"IN"}:
+        return None
+    ends = ("CONNECT", ";", END)
+    end = next(token.start for token in t.tokens[t.index :] if (token.keyword or token.kind) in ends)
+    values = t.cut_text(t.found.end, end).strip()
+    return t.explain("P006", "EACH goes through a list", f"write EACH {t.peek().text} IN {values}")
+
+
+def _explain_unpacking(t: ParseFailure) -> ParseError | None:
+    """`a, b = [1, 2]`."""
+    if t.found.kind != "," or t.clause or t.peek().kind != "NAME" or t.peek(2).kind not in (";", END):
+        return None
+    index, names = t.index, [t.peek().text]
+    while t.tokens[index].kind == "," and t.tokens[index + 1].kind == "NAME":
+        names.append(t.tokens[index + 1].text)
+        index += 2
+    if t.tokens[index].kind != "=":
+        return None
+    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
+    parts = "; ".join(f"{name} = both[{number}]" for number, name in enumerate(names))
+    value = t.cut_text(t.tokens[index].end, end).strip()
+    return t.explain("P006", "one name is assigned at a time", f"write both = {value}; {parts}")
 
 
 def _explain_assignment(t: ParseFailure) -> ParseError | None:
     """`=` where nothing can be assigned: in a condition, in a column, after something that is not a name."""
     if t.found.kind != "=" or "+" not in t.expected:
         return None
-    left, right = t.read_left(), t.read_right()
+    tested = t.clause in _TESTED
+    left, right = t.read_side() if tested else t.read_operand(), t.read_next_side()
     compare = f"write {left} == {right} to compare"
     if (quantified := re.fullmatch(r"(?:ANY|SOME) ?(\(SELECT\b.*\))", right, re.IGNORECASE)) is not None:
         compare = f"write {left} IN {quantified[1]}"
-    if t.clause in _TESTED:
+    if tested:
         return t.explain("P006", f"= assigns, but {t.clause.rstrip('(')} needs a condition", compare)
     if t.clause == "SELECT":
         return t.explain("P006", "a column is not assigned", f"write {right} AS {left} to name a column", compare)
-    if isinstance(ahead := t.values[-2] if len(t.values) > 1 else None, Token) and ahead.kind == "PRIOR":
-        cure = f"write PRIOR {left} == {right} to compare"
-        return t.explain("P006", "= assigns, but PRIOR stands in a condition", cure)
+    ahead = t.values[-2] if len(t.values) > 1 else None
+    if isinstance(ahead, Token) and ahead.kind == "PRIOR":
+        return t.explain(
+            "P006", "= assigns, but PRIOR stands in a condition", f"write PRIOR {left} == {right} to compare"
+        )
     if t.clause in OPTIONS:
-        cure = f"write {t.clause} 1 {t.peek().text} = ..."
-        return t.explain("P001", f"{t.clause} needs a value in front of the assignments", cure)
+        return t.explain(
+            "P001", f"{t.clause} needs a value in front of the assignments", f"write {t.clause} 1 {left} = ..."
+        )
     if t.clause in ("START WITH", "CONNECT BY") and t.peek(2).kind == "AND":
         begin = max(i for i in range(t.index) if t.tokens[i].kind in ("START", "CONNECT"))
-        cure = f"write {t.source.text[t.tokens[begin].start : t.peek(2).start].strip()}, {left} = {right}"
-        return t.explain("P006", f"the assignments of {t.clause} are separated by commas", cure, at=t.peek(2))
+        ahead_of_it = t.source.text[t.tokens[begin].start : t.peek(2).start].strip()
+        return t.explain("P006", f"the assignments of {t.clause} are separated by commas",
+                       f"write {ahead_of_it}, {left} = {right}", at=t.peek(2))  # fmt: skip
     return t.explain("P001", f"only a name can be assigned here, not {left}", compare)
+
+
+def _read_value_after(t: ParseFailure) -> str:
+    """The literal, name or column after the token that does not fit; `...` for anything longer."""
+    last = t.index + 1
+    while t.tokens[last].kind in VALUES and [token.kind for token in t.tokens[last + 1 : last + 3]] == [".", "NAME"]:
+        last += 2
+    if t.next.kind not in VALUES or t.tokens[last + 1].kind in ("(", "[", "{", "."):
+        return "..."
+    text = t.cut_text(t.next.start, t.tokens[last].end)
+    return "None" if text.upper() == "NULL" else text
 
 
 def _explain_missing_as(t: ParseFailure) -> ParseError | None:
@@ -149,23 +353,32 @@ def _explain_missing_as(t: ParseFailure) -> ParseError | None:
     if t.clause != "SELECT" or "FROM" not in t.expected or "," not in t.expected:
         return None
     if t.found.kind == "NAME" and not t.found.keyword and t.next.kind in (",", "FROM"):
+        distinct_on = re.match(r"DISTINCT\s+ON\s*\((.*)\)\Z", t.read_column(), re.IGNORECASE | re.DOTALL)
+        if distinct_on:
+            cure = f"write GROUP BY {distinct_on[1]}, and first(x) for other columns"
+            return t.explain("P006", "there is no DISTINCT ON in SelectScript", cure)
         return t.explain("P006", f"expected ',' or FROM between {spell(t.peek())} and {spell(t.found)}",
-                       f"write {t.read_left()} AS {t.found.text} to name a column")  # fmt: skip
+                       f"write {t.read_column()} AS {t.found.text} to name a column")  # fmt: skip
     return None
 
 
 def _explain_column_name(t: ParseFailure) -> ParseError | None:
-    """`SELECT expr AS 'a name' FROM ...`."""
-    if t.peek().kind != "AS" or t.step_back().clause != "SELECT" or t.found.kind != "STRING":
+    """`SELECT expr AS 'a name' FROM ...`, with brackets around the name, too."""
+    if t.peek().kind != "AS" or t.step_back().clause != "SELECT" or t.found.kind not in ("STRING", "["):
         return None
-    cure = f"write to({t.step_back().read_left()}, {t.found.text})"
-    return t.explain("P001", f"expected a name after AS, found {spell(t.found)}", cure)
+    column, text = t.step_back().read_column(), t.found.text
+    if t.found.kind == "[":
+        closing = next((token for token in t.tokens[t.index :] if token.kind == "]"), t.next)
+        text = repr(t.cut_text(t.found.end, closing.start))
+    name = text.strip("'\"")
+    form = f"{column} AS {name}" if name.isidentifier() else f"to({column}, {text})"
+    return t.explain("P001", f"expected a name after AS, found {spell(t.found)}", f"write {form}")
 
 
 def _explain_after_as(t: ParseFailure) -> ParseError | None:
     """What follows a query that AS has ended: a clause, another source, an index."""
     ahead = t.values[-2] if len(t.values) > 1 else None
-    if not isinstance(ahead, Token) or ahead.kind != "AS" or t.found.text.upper() in _INFIXES:
+    if not isinstance(ahead, Token) or ahead.kind != "AS" or t.found.text.upper() in _POSTFIX_HINTS:
         return None
     shape, word = t.peek(), t.found.keyword or t.found.kind
     if word in ("[", ".", "^", "{"):
@@ -179,88 +392,69 @@ def _explain_after_as(t: ParseFailure) -> ParseError | None:
 
 
 def _explain_statement(t: ParseFailure) -> ParseError | None:
-    """Statements that write, those of Python, and WITH in front of a query."""
+    """Statements that write, and WITH in front of a query."""
     word = t.peek()
     if word.kind != "NAME" or t.peek(2).kind != ";" or t.bracket:
         return None
     upper = word.text.upper()
-    if upper in _FIRST:
-        return t.explain("P006", f"there is no {word.text} in SelectScript", _FIRST[upper], at=word)
     if upper in _WRITING:
-        cure = "change data from Python or with SQLite itself"
-        return t.explain("P006", f"a script only reads, there is no {upper}", cure, at=word)
+        return t.explain("P006", f"a script only reads, there is no {upper}",
+                       "change data from Python or with SQLite itself", at=word)  # fmt: skip
+    if upper == "WITH" and (cure := _explain_with(t)) is not None:
+        return t.explain("P006", "there is no WITH in front of a query", cure, at=word)
     if upper == "WITH":
-        cures = _write_as_statements(t) or (
+        return t.explain("P006", "there is no WITH in front of a query",
             "assign the inner query to a variable first",
-            "a recursive query is written SELECT ... START WITH ... CONNECT BY ...",
-        )
-        return t.explain("P006", "there is no WITH in front of a query", *cures, at=word)
+                       "a recursive query is written SELECT ... START WITH ... CONNECT BY ...", at=word)  # fmt: skip
     return None
 
 
-def _write_as_statements(t: ParseFailure) -> tuple[str, ...]:
-    """`WITH t AS (SELECT ...) SELECT ...` as two statements; nothing for a longer one."""
-    opened = t.index + 2
-    if t.next.kind != "AS" or t.tokens[opened].kind != "(":
-        return ()
-    closed = _find_end(t, opened + 1)
-    end = _find_end(t, min(closed + 1, len(t.tokens) - 1))
-    inner = t.source.text[t.tokens[opened].start : t.tokens[closed].end]
-    rest = t.source.text[t.tokens[closed].end : t.tokens[end].start].strip()
-    if not rest or rest.startswith(",") or len(inner) + len(rest) > 120:
-        return ()
-    return (f"write {t.found.text} = {' '.join(inner.split())}; {' '.join(rest.split())}",)
-
-
-def _find_end(t: ParseFailure, begin: int) -> int:
-    """The index of the token that ends the query which begins there: `;`, a closing bracket or the last token."""
-    depth = 0
-    for index in range(begin, len(t.tokens)):
-        depth += (t.tokens[index].kind in OPENING) - (t.tokens[index].kind in CLOSING)
-        if depth < 0 or (not depth and t.tokens[index].kind == ";"):
-            return index
-    return len(t.tokens) - 1
-
-
-def _explain_set_operation(t: ParseFailure) -> ParseError | None:
-    """`SELECT ... UNION SELECT ...`; of more queries, and of those in parentheses, the form alone is shown."""
-    every = t.found.text.upper() == "UNION" and t.next.text.upper() == "ALL"
-    word, second = "UNION ALL" if every else t.found.text.upper(), t.index + 1 + every
-    if word not in _SETS or t.tokens[min(second, len(t.tokens) - 1)].kind != "SELECT":
+def _explain_with(t: ParseFailure) -> str | None:
+    """`WITH t AS (SELECT ...) SELECT ...` as two statements."""
+    if t.next.kind != "AS" or t.tokens[t.index + 2].kind != "(":
         return None
-    first = depth = 0
-    for first in range(t.index - 1, -1, -1):
-        depth += (t.tokens[first].kind in CLOSING) - (t.tokens[first].kind in OPENING)
-        if not depth and t.tokens[first].kind == "SELECT":
+    depth, index = 0, t.index + 2
+    while index < len(t.tokens) - 1:
+        depth += (t.tokens[index].kind in OPENING) - (t.tokens[index].kind in CLOSING)
+        index += 1
+        if not depth:
             break
-    end = _find_end(t, second)
-    texts = [t.source.text[t.tokens[a].start : t.tokens[b].end] for a, b in ((first, t.index - 1), (second, end - 1))]
-    more = any(token.text.upper() in (*_SETS, "ORDER", "LIMIT") for token in t.tokens[second:end])
-    columns = [re.split(r"\bFROM\b", text, maxsplit=1, flags=re.IGNORECASE)[0].split() for text in texts]
-    # Rows of dicts are equal by their names, too, and those of `*` are not seen here.
-    named = "*" not in columns[0] and columns[0] == columns[1]
-    form = "dict" if named else "rows" if any("*" in one or "," in "".join(one) for one in columns) else "list"
-    parts = ["SELECT ..." if more or len(text) > 60 else " ".join(text.split()) for text in texts]
-    lists = [f"({part})" if re.search(r" AS \w+\Z", part) else f"({part} AS {form})" for part in parts]
-    return t.explain(
-        "P006", f"there is no {t.found.text.upper()} in SelectScript", f"write {_SETS[word].format(*lists)}"
-    )
+    end = next(token.start for token in t.tokens[index:] if token.kind in (";", END))
+    inner = t.source.text[t.tokens[t.index + 2].start : t.tokens[index - 1].end]
+    rest = t.source.text[t.tokens[index].start : end].strip()
+    if not rest or "," in rest[:1] or len(inner) + len(rest) > 120:
+        return None
+    return f"write {t.found.text} = {' '.join(inner.split())}; {' '.join(rest.split())}"
+
+
+def _explain_modifier(t: ParseFailure) -> ParseError | None:
+    """Words in front of an expression: DISTINCT, CASE, PRIOR."""
+    word = t.peek()
+    upper = word.text.upper()
+    if word.kind != "NAME" or upper not in _PREFIX_HINTS or t.values[-1:] != [word]:
+        return None
+    hint = _PREFIX_HINTS[upper].format(x=t.cut_text(t.found.start, t.found.end))
+    if upper == "CASE" and t.next.keyword == "WHEN":
+        value = t.tokens[t.index + 2]
+        hint = f"write CASE WHEN {t.found.text} == {t.cut_text(value.start, value.end)}"
+    return t.explain("P006", _tell_that_missing(upper), hint, at=word)
 
 
 def _explain_word(t: ParseFailure) -> ParseError | None:
-    """Words in front of an expression, and after one: operators, joins, set operations."""
-    word = t.peek()
-    upper = word.text.upper()
-    if word.kind == "NAME" and upper in _PREFIXES and t.values[-1:] == [word]:
-        return t.explain("P006", _tell_that_missing(upper), _PREFIXES[upper], at=word)
+    """Words after an expression: operators, joins, set operations."""
     upper = t.found.text.upper()
-    fits = upper in _INFIXES and t.found.kind in ("NAME", upper)
-    if not fits or t.wants_operand or t.expected == {"="} or word.text.upper() == "NO":
+    if (
+        t.found.kind not in ("NAME", upper)
+        or upper not in _POSTFIX_HINTS
+        or t.peek().text.upper() == "NO"
+        or t.wants_operand
+        or t.expected == {"="}
+    ):
         return None
-    if word.kind == "NOT":
-        cure = _INFIXES[upper].replace(" LIKE ", " NOT LIKE ").format(x=t.step_back().read_left(), y=t.read_right())
-        return t.explain("P006", _tell_that_missing(f"NOT {upper}"), cure)
-    return t.explain("P006", _tell_that_missing(upper), _INFIXES[upper].format(x=t.read_left(), y=t.read_right()))
+    spelling, hint, x, y = upper, _POSTFIX_HINTS[upper], t.read_operand(), _read_value_after(t)
+    if t.peek().kind == "NOT":
+        spelling, x, hint = f"NOT {upper}", t.step_back().read_operand(), hint.replace(" LIKE ", " NOT LIKE ")
+    return t.explain("P006", _tell_that_missing(spelling), hint.format(x=x, y=y))
 
 
 def _tell_that_missing(word: str) -> str:
@@ -278,25 +472,46 @@ def _explain_star(t: ParseFailure) -> ParseError | None:
     return None
 
 
+def _explain_dot(t: ParseFailure) -> ParseError | None:
+    """`p.name.upper()`."""
+    if t.found.kind == "(" and t.peek(2).kind == "." and "+" in t.expected:
+        owner, _, name = t.read_operand().rpartition(".")
+        return t.explain("P001", f"values have no functions of their own, such as {name}", f"write {name}({owner})")
+    return None
+
+
 def _explain_list(t: ParseFailure) -> ParseError | None:
     """Lists without square brackets, dicts, parameters with a colon."""
     if t.found.kind == "," and t.clause in ("(", "") and not t.wants_operand:
-        start = t.peek().start if t.bracket is None else t.bracket.end
-        items = t.source.text[start : t.tokens[_find_end(t, t.index)].start].strip().rstrip(",")
-        return t.explain("P006", "a list stands in square brackets", f"write [{items if len(items) <= 40 else '...'}]")
+        return t.explain("P006", "a list stands in square brackets", f"write [{_spell_list(t)}]")
     if t.found.kind == "," and t.clause == "LIMIT":
         number = t.cut_text(t.next.start, t.next.end)
-        return t.explain("P006", "LIMIT has one number", f"write LIMIT {number} OFFSET {t.read_left()}")
+        return t.explain("P006", "LIMIT has one number", f"write LIMIT {number} OFFSET {t.read_operand()}")
     if t.found.kind == "{" and t.wants_operand:
         return t.explain("P001", "a dict cannot be written in a script", "give it to the session from Python")
+    if t.found.kind == t.peek().kind == ":" and t.clause == "x[":
+        each = "write (SELECT x[n] FROM n = range(0, len(x), step) AS list) for each step-th element"
+        return t.explain("P006", "a slice has no step", "write reverse(x) to turn a list or a string", each)
     if t.found.kind == ":" and t.wants_operand and t.clause != "x[":
         return t.explain("P006", "a parameter has no sign", f"write {t.next.text or 'its name'} alone")
     return None
 
 
+def _spell_list(t: ParseFailure) -> str:
+    """The contents of parentheses that were meant as a list, if short."""
+    depth = 0
+    for token in t.tokens[t.index :] if t.clause == "(" else ():
+        depth += (token.kind in OPENING) - (token.kind in CLOSING)
+        if depth < 0 and t.bracket is not None and token.start - t.bracket.end <= 40:
+            return t.source.text[t.bracket.end : token.start].strip().rstrip(",")
+    return f"{t.read_operand()}, ..."
+
+
 # The errors for known spellings, None for anything else; the first that fits counts.
 CHECKS: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
+    _explain_python_for, _explain_from_first, _explain_lambda, _explain_comprehension, _explain_item_assignment,
     _explain_inner_quote, _explain_comment, _explain_sign, _explain_concatenation, _explain_is, _explain_cast,
-    _explain_set_operation, _explain_assignment, _explain_statement, _explain_word, _explain_missing_as,
-    _explain_column_name, _explain_after_as, _explain_star, _explain_list,
+    _explain_set_operation, _explain_option, _explain_each, _explain_unpacking, _explain_assignment,
+    _explain_modifier, _explain_missing_as, _explain_column_name, _explain_after_as, _explain_statement,
+    _explain_word, _explain_star, _explain_dot, _explain_list,
 )  # fmt: skip

@@ -24,7 +24,7 @@ VALUES = frozenset(("NAME", "INTEGER", "FLOAT", "STRING", "THIS", "TRUE", "FALSE
 # What stands around the sides of a comparison.
 AROUND = frozenset((
     "AND", "OR", "XOR", "NOT", "WHERE", "HAVING", "ON", "WHEN", "THEN", "ELSE", "END", "WITH", "BY", "GROUP", "ORDER",
-    "LIMIT", "START", "CONNECT", "STOP", "AS", "SELECT", "FROM", "JOIN", "LEFT", "UNION", ",", ";", ":", "=", "PRIOR",
+    "LIMIT", "START", "CONNECT", "STOP", "AS", "SELECT", "FROM", "JOIN", "LEFT", "UNION", ",", ";", ":", "PRIOR",
 ))  # fmt: skip
 
 
@@ -149,21 +149,40 @@ class ParseFailure:
         kind = self._get_kind(position)
         return position >= 0 and (not kind or kind in VALUES or kind in CLOSING)
 
-    def read_left(self) -> str:
-        """The text of the column or of the side of a comparison that ends before the failure."""
+    def read_operand(self) -> str:
+        """The text of the name, call, literal or bracket that ends before the failure."""
+        index = self.index - 1
+        while index > 0:
+            depth = 0
+            while self.tokens[index].kind in CLOSING or depth:
+                depth += (self.tokens[index].kind in CLOSING) - (self.tokens[index].kind in OPENING)
+                if index == 0 or not depth:
+                    break
+                index -= 1
+            ahead = self.tokens[index - 1].kind
+            if self.tokens[index].kind in OPENING and (ahead == "NAME" or ahead in CLOSING):
+                index -= 1
+            elif self.tokens[index].kind not in OPENING and ahead == ".":
+                index -= 2
+            else:
+                break
+        return self.cut_text(self.tokens[max(index, 0)].start, self.peek().end)
+
+    def read_side(self) -> str:
+        """The text of the side of a comparison that ends before the failure: a clause or open bracket stands before."""
         first, depth = self.index, 0
-        while first:
+        while True:
             token = self.tokens[first - 1]
             depth += (token.kind in CLOSING) - (token.kind in OPENING)
             if depth < 0 or (not depth and (token.keyword or token.kind) in AROUND):
                 break
             first -= 1
-        return self.cut_text(self.tokens[first].start, self.peek().end) if first < self.index else "..."
+        return self.source.text[self.tokens[first].start : self.peek().end] if first < self.index else "..."
 
-    def read_right(self) -> str:
+    def read_next_side(self) -> str:
         """The text of the side of a comparison or of a column that begins after the failure; `...` for a long one."""
         last, depth = self.index, 0
-        while self.tokens[last].kind != END:
+        while True:
             token = self.tokens[last + 1]
             depth += (token.kind in OPENING) - (token.kind in CLOSING)
             if depth < 0 or token.kind == END or (not depth and (token.keyword or token.kind) in AROUND):
@@ -171,6 +190,11 @@ class ParseFailure:
             last += 1
         text = " ".join(self.source.text[self.found.end : self.tokens[last].end].split())
         return "None" if text.upper() == "NULL" else text if 0 < len(text) <= 60 else "..."
+
+    def read_column(self) -> str:
+        """The text of the column of SELECT that ends before the failure."""
+        ahead = [v.end for v in self.values if isinstance(v, Token) and v.kind in ("SELECT", ",")]
+        return self.cut_text(ahead[-1], self.peek().end)
 
     def explain(self, code: str, message: str, *hints: str, at: Token | None = None) -> ParseError:
         """The error with this message, at the token that does not fit or at another one."""

@@ -51,7 +51,7 @@ def explain_parse_failure(t: ParseFailure) -> ParseError:
     checks: tuple[Callable[[ParseFailure], ParseError | None], ...] = (
         _explain_missing_word, _explain_keyword_as_name, _explain_reserved_word, *foreign_spellings.CHECKS,
         _explain_misspelling, _explain_closing_bracket, _explain_search_clause, _explain_missing, _explain_chain,
-        _explain_missing_end, _explain_clause,
+        _explain_missing_end, _explain_clause, _explain_descending,
     )  # fmt: skip
     return next((error for check in checks if (error := check(t))), None) or _explain_surplus(t)
 
@@ -106,7 +106,13 @@ def _find_similar_keywords(word: str, fitting: frozenset[str]) -> list[str]:
             spelt[keyword] = spelt[f"{keyword} {PAIRS[keyword]}"] = f"{keyword} {PAIRS[keyword]}"
     if word in keywords:
         return []
-    longer = [k for k in spelt if len(min(word, k, key=len)) > 2 and (word.startswith(k) or k.startswith(word))]
+    if len(word) <= 3:  # too short for a distance: the same letters in another order, all but one of a short word's
+        # letters, or the beginning of a long word
+        mixed = [spelt[keyword] for keyword in spelt if sorted(keyword) == sorted(word)]
+        lacking = [spelt[k] for k in spelt if len(word) == 3 and word in (k[:i] + k[i + 1 :] for i in range(len(k)))]
+        begun = [spelt[k] for k in spelt if len(word) == 3 and len(k) > 6 and k.startswith(word)]
+        return mixed or lacking or begun
+    longer = [keyword for keyword in spelt if len(keyword) > 3 and word.startswith(keyword)]
     return list(dict.fromkeys(spelt[close] for close in longer + get_close_matches(word, spelt, n=2, cutoff=0.7)))
 
 
@@ -127,6 +133,9 @@ def _explain_closing_bracket(t: ParseFailure) -> ParseError | None:
 
 def _explain_reserved_word(t: ParseFailure) -> ParseError | None:
     """A reserved word where a name is meant."""
+    if t.peek().kind == "NOT" and t.found.kind in ("=", "==") and not t.step_back().wants_operand:
+        left = t.step_back().read_operand()
+        return t.explain("P001", f"NOT does not go with {t.found.text}", f"write {left} != ...", at=t.peek())
     word = t.peek() if t.found.kind == "=" and t.peek().kind in tokenizer.RESERVED else t.found
     if word.kind not in tokenizer.RESERVED or (word is t.found and "NAME" not in t.expected):
         return None
@@ -134,7 +143,7 @@ def _explain_reserved_word(t: ParseFailure) -> ParseError | None:
         return None
     if word is t.found and t.next.kind != "=" and t.peek().kind not in (".", "AS"):
         return None
-    hint = f'write {t.step_back().read_left()}["{word.text}"]' if t.peek().kind == "." else "choose another name"
+    hint = f'write {t.step_back().read_operand()}["{word.text}"]' if t.peek().kind == "." else "choose another name"
     return t.explain("P001", f"{word.kind} is a reserved word, not a name", hint, at=word)
 
 
@@ -177,7 +186,7 @@ def _explain_search_clause(t: ParseFailure) -> ParseError | None:
                        "options stand right after CONNECT BY, without commas, several keys as BY (a, b)",
                        at=late)  # fmt: skip
     if t.clause in OPTIONS and t.found.kind in COMPARISONS and "," in t.expected:
-        option, value = t.option, t.read_left()
+        option, value = t.option, t.read_operand()
         return t.explain("P001", f"{option} takes a value, and {spell(t.found)} makes a condition of it",
                        f"a comma stands between {option} and the condition of CONNECT BY; a whole comparison is put "
                        f"into parentheses: {option} ({value} {t.found.text} ...)")  # fmt: skip
@@ -234,6 +243,15 @@ def _explain_clause(t: ParseFailure) -> ParseError | None:
     return None
 
 
+def _explain_descending(t: ParseFailure) -> ParseError | None:
+    """`ORDER BY DESC x`."""
+    word = t.peek()
+    first = t.peek(2).kind in ("BY", ",")
+    if t.clause != "ORDER BY" or not first or word.keyword not in ("ASC", "DESC") or t.found.kind not in VALUES:
+        return None
+    return t.explain("P001", f"{spell(word)} stands after the value", f"write {t.found.text} {spell(word)}", at=word)
+
+
 def _explain_surplus(t: ParseFailure) -> ParseError:
     """Something follows a complete expression: what could stand between the two?"""
     fitting = []
@@ -268,9 +286,9 @@ def _hint_at_source(t: ParseFailure) -> str:
     if t.found.kind == "SELECT" or (t.found.kind == "NAME" and t.next.kind == "="):
         return f"write ; in front of {t.found.text}"
     if "ON" in t.expected:
-        return f"write JOIN {t.read_left()} ON condition; a comma in place of JOIN gives all pairs"
+        return f"write JOIN {t.read_operand()} ON condition; a comma in place of JOIN gives all pairs"
     if t.found.kind == "NAME":
-        return f"write {t.found.text} = {t.read_left()} to name the source"
+        return f"write {t.found.text} = {t.read_operand()} to name the source"
     return "a source that is more than a name, a call or a list stands in parentheses"
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 from ss2sql.errors import ParseError, Source, Span
@@ -32,6 +32,7 @@ LOGIC = frozenset(("AND", "OR", "XOR"))
 COMMENT_HINT = "write a blank after it, or # before a comment"
 MEMORIZE_HINT = "MEMORIZE takes a whole number"
 CHAIN_HINT = "write a < b AND b < c"
+VALUED_OPTIONS = ("COST", "HEURISTIC", "PROBABILITY", "MAXIMUM")
 END_HINT = ("end it with AS, for instance AS list, or put it in parentheses",)
 
 _N = TypeVar("_N")
@@ -234,7 +235,22 @@ class ExpressionBuilder:
 
     def call(self, span: Span, function: Token, *arguments: Expr) -> Expr:
         node = ast.Call(function.text, tuple(argument.node for argument in arguments), span=span)
+        for query in [part.query for part in arguments if part.query is not None]:
+            self._check_last_sources(query)
         return self._make_part(node, *arguments)
+
+    def _check_last_sources(self, query: ast.Query) -> None:
+        """Refuses `join(SELECT name FROM people, ',')`: the last argument is read as a source."""
+        sources = reversed(query.sources)
+        literals = list(takewhile(lambda one: one.name is None and isinstance(one.expr, ast.Literal), sources))
+        tables = query.sources[: len(query.sources) - len(literals)]
+        if not literals or not tables or query.span.end > query.sources[-1].span.end:
+            return
+        text = self.script_source.text[query.span.start : tables[-1].span.end]
+        rest = self.script_source.text[literals[-1].span.start : query.span.end]
+        hint = f"write {text if len(text) <= 60 else 'SELECT ...'} AS list, {rest}"
+        message = f"this query inside a call is not ended, so {shorten_text(rest)} is a source of it"
+        self._make_error("P009", message, query.span, hint, "AS value stands there for a single value")
 
     def call_of(self, span: Span, owner: Token, function: Token, *arguments: Expr) -> Expr:
         nodes = tuple(argument.node for argument in arguments)
@@ -316,14 +332,14 @@ class ExpressionBuilder:
         """The operands of `sign`. A bare query on its left must end with AS; a comparison refuses it."""
         for query in [part.query for part in parts[:-1] if part.query is not None]:
             shape = query.representation
-            if shape is None and place is not None and place.source.text.startswith("--", place.start):
+            if shape is None and sign in COMPARISONS and _ends_in_comparison(query):
+                self._make_error("P001", f"a comparison does not go on with {sign}", place or query.span, CHAIN_HINT)
+            elif shape is None and place is not None and place.source.text.startswith("--", place.start):
                 comment = Span(place.source, place.start, place.start + 2)
                 self._make_error("P006", "-- does not start a comment", comment, COMMENT_HINT)
             elif shape is None:
                 bare = sign not in LOGIC and query.span.end == query.sources[-1].span.end
-                hints: tuple[str, ...] = (CHAIN_HINT,) if sign in COMPARISONS else ()
-                if bare:
-                    hints = (f"a source with {sign} in it stands in parentheses: FROM (a {sign} b)",)
+                hints = (f"a source with {sign} in it stands in parentheses: FROM (a {sign} b)",) if bare else ()
                 if bare and sign == "IN":
                     hints = (f"to name a source write FROM {query.sources[-1].span.text} = ...",)
                 self._make_error("P009", f"the query to the left of {sign} is not ended", query.span, *hints, *END_HINT)
@@ -352,6 +368,15 @@ def _gives_value(node: ast.Expr) -> bool:
     """Whether it is not there to be true or false; a call may be."""
     plain = ast.Name | ast.Attribute | ast.This | ast.Index | ast.ListLiteral | ast.Literal | ast.Operator
     return isinstance(node, plain) and not _is_comparison(node)
+
+
+def _ends_in_comparison(query: ast.Query) -> bool:
+    """Whether the last written clause is a condition that ends in a comparison."""
+    last = query.having or query.stop or query.where
+    while isinstance(last, ast.And | ast.Or):
+        last = last.parts[-1]
+    names = ("eq", "ne", "lt", "le", "gt", "ge", "in", "not_in")
+    return isinstance(last, ast.Operator) and last.function in names and last.span.end == query.span.end
 
 
 def _make_syntax_depth_error(node: Any) -> ParseError:
@@ -394,9 +419,10 @@ class Builder(ExpressionBuilder):
             ordered = ordered and self._check_order(clause, seen)
             seen.setdefault(clause.keyword, clause)
             fields |= clause.fields
+        unset = {item.name for item in fields.get("start", ())} - {item.name for item in fields.get("connect", ())}
         for keyword, field in (("START WITH", "first"), ("CONNECT BY", "made")):
             if field in fields:
-                fields[field] = self._find_only_condition(fields[field], keyword)
+                fields[field] = self._find_only_condition(fields[field], keyword, unset)
         node = ast.Query(**fields, span=span)
         return self._make_part(node, *clauses, query=node)
 
@@ -492,8 +518,8 @@ class Builder(ExpressionBuilder):
                                 f"write {name} = {first.span.text}, {rest.lstrip()}",
                                 f"True or False is assigned in parentheses: {name} = (...)")  # fmt: skip
 
-    def _find_only_condition(self, parts: Sequence[Part[Any]], keyword: str) -> ast.Expr | None:
-        """The condition among the assignments and options of a clause."""
+    def _find_only_condition(self, parts: Sequence[Part[Any]], keyword: str, unset: set[str]) -> ast.Expr | None:
+        """The condition among the assignments and options of a clause; nothing sets the variables in `unset`."""
         found = [part.node for part in parts if not isinstance(part.node, ast.Assign | ast.Each | ast.Option)]
         each = next((part.node for part in parts if isinstance(part.node, ast.Each)), None)
         if each and found and all(isinstance(node, ast.Literal) for node in found):
@@ -501,10 +527,17 @@ class Builder(ExpressionBuilder):
             self._make_error("P006", "EACH goes through a list", found[0].span, f"write EACH {each.name} IN [{values}]")
             return None
         for other in found[1:]:
-            cures = [f"write {shorten_text(f'{found[0].span.text} AND {other.span.text}')}"]
-            if keyword == "CONNECT BY":
-                cures.append("a key is written UNIQUE BY a, or UNIQUE BY (a, b)")
-            error = self._make_error("P001", f"{keyword} has two conditions", other.span, *cures)
+            text = f"{found[0].span.text} AND {other.span.text}"
+            if isinstance(found[0], ast.Name | ast.Attribute):
+                text = _write_forgotten_by([part.node for part in parts], found[0]) or text
+            cure = f"write {shorten_text(text)}"
+            for node in found if keyword == "CONNECT BY" else ():
+                match node:
+                    case ast.Name(name=name) if name.upper() in VALUED_OPTIONS:
+                        cure = f"{name} needs a value, for instance {name} 1"
+                    case ast.Operator(function="eq", operands=(ast.Name(name=name), value)) if name in unset:
+                        cure = f"write {name} = {shorten_text(value.span.text)}"
+            error = self._make_error("P001", f"{keyword} has two conditions", other.span, cure)
             error.related = ((found[0].span, "the first one"),)
         return found[0] if found else None
 
@@ -567,3 +600,12 @@ class Builder(ExpressionBuilder):
             if part.query is not None and part.query.representation is None:
                 self._make_error("P009", "this query inside another is not ended", part.query.span, *END_HINT)
         return tuple(part.node for part in parts)
+
+
+def _write_forgotten_by(nodes: Sequence[ast.Node], condition: ast.Expr) -> str:
+    """`UNIQUE BY town` for `UNIQUE town, ...`, `UNIQUE BY (a, b)` for `UNIQUE BY a, b, ...`; else nothing."""
+    option = nodes[max(nodes.index(condition) - 1, 0)]
+    if not isinstance(option, ast.Option) or option.keyword not in ("UNIQUE", "NO CYCLE"):
+        return ""
+    keys = ", ".join(key.span.text for key in (*option.by, condition))
+    return f"{option.keyword} BY ({keys})" if option.by else f"{option.keyword} BY {keys}"
