@@ -97,6 +97,20 @@ def compute_euler_angles(x: float, y: float, z: float, w: float) -> Vector:
     return roll, atan2(sine, sqrt((1 - sine) * (1 + sine))), yaw
 
 
+def compute_solid_volume(kind: str | None, *size: float) -> float | None:
+    """The volume of a sphere (radius), a box (its edges), a cylinder or capsule (radius, length without the ends)."""
+    match kind, size:
+        case "sphere", (radius,):
+            return 4 / 3 * pi * radius**3
+        case "box", (x, y, z):
+            return x * y * z
+        case "cylinder", (radius, length):
+            return pi * (radius * radius * length)
+        case "capsule", (radius, length):
+            return pi * (radius * radius * length) + 4 / 3 * pi * radius**3
+    return None
+
+
 def clip_body_corner(values: Iterable[float]) -> Vector:
     """A corner of a box, with infinite coordinates replaced by FAR."""
     x, y, z = (max(-FAR, min(FAR, float(value))) for value in values)

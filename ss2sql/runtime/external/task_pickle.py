@@ -13,7 +13,7 @@ import os
 import pickle
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import partial
 from marshal import dumps, loads
 from operator import add
@@ -39,7 +39,7 @@ from ss2sql.runtime.run.run_state import Run, Stats
 from ss2sql.runtime.run.value_sizes import ValueSizes
 from ss2sql.runtime.search.search_run import SearchRun
 from ss2sql.vtables.contract import QueryCaches
-from ss2sql.vtables.frames import Column, Frame
+from ss2sql.vtables.frames import Frame
 
 if TYPE_CHECKING:
     import pyarrow as pa  # type: ignore[import-untyped]
@@ -49,22 +49,54 @@ if TYPE_CHECKING:
     from ss2sql.runtime.graph_cache.cached_steps import CachePolicy
 
 
-FrameParts = tuple[dict[str, tuple[Type, list[Any]]], int]
 _TOP = "write it so that it needs nothing but its arguments"
+
+
+@dataclass(slots=True)
+class TaskHost:
+    """What the session is to a run, where there is no session. `tables` are the columns and rows of those in FROM."""
+
+    functions: dict[str, UserFunction]
+    values: dict[str, Any]
+    tables: dict[int, tuple[tuple[tuple[str, Type], ...], list[tuple[Any, ...]]]]
+    shapes: Representations
+    memo_limit: int
+    graphs: CachePolicy | None = None
+    memories: QueryCaches = field(default_factory=QueryCaches)
+
+    def get_variable(self, name: str, run: Run) -> Any:
+        if name not in self.values:
+            hints = ("assign it before it is read",)
+            raise ExecutionError("R001", f"the variable '{name}' has no value yet", hints=hints)
+        return self.values[name]
+
+    def get_callable(self, function: plan.Function, run: Run) -> Callable[..., Any]:
+        if function.builtin:
+            python = OPERATIONS[function.name].value
+            assert python is not None  # those of the session are volatile
+            return run.sizes.wrap_function(function.name, python)
+        return bind_function(function, run, self.functions.__getitem__, self.memo_limit)
+
+    def read_table_rows(self, source: plan.TableSource, *_: Any) -> list[tuple[Any, ...]]:
+        columns, rows = self.tables[source.id]
+        places = [columns.index(column) for column in source.columns]
+        return [tuple([row[place] for place in places]) for row in rows]
+
+    def read_integer_columns(self, source: plan.TableSource, *columns: str) -> None:
+        return None
+
+    def _refuse_call(self, *arguments: Any) -> Any:
+        raise AssertionError("a search that keeps the written order does not go by levels")
+
+    assign_variable = resolve_text = bind_late = read_temporal = store_temporal = _refuse_call
 
 
 @dataclass(frozen=True, slots=True)
 class SearchTask:
-    """What the steps of a search ask for. `frames` are the data frames among the variables, as columns of values."""
+    """What the steps of a search ask for."""
 
     query: plan.Query
-    functions: dict[str, UserFunction]
-    variables: dict[str, Any]
-    frames: dict[str, FrameParts]
-    tables: dict[int, tuple[tuple[tuple[str, Type], ...], list[tuple[Any, ...]]]]  # their columns and rows
-    shapes: dict[str, Callable[..., Any]]
-    max_size: int
-    memo_limit: int
+    host: TaskHost
     keyed: bool
 
 
@@ -81,13 +113,13 @@ def pickle_search(search_run: SearchRun) -> bytes:
             {known.inverse_of or known.name for known in list_plan_functions(query) if not known.builtin}
         ):
             sent[name] = _pickle_function_code(host.planned[name], search_run.query.span)
-        variables, frames = _collect_pickled_variables(query, search_run.run)
         sources = [node for node in walk(query) if isinstance(node, plan.TableSource)]
         tables = {node.id: (node.columns, host.read_table_rows(node)) for node in sources}
+        shapes = Representations(host.limits.max_size)
         forms = {node.representation.name for node in walk(query) if isinstance(node, plan.Query) and node is not query}
-        shapes = {name: host.shapes.functions[name] for name in forms & host.shapes.functions.keys()}
-        rest = host.limits.max_size, host.memo_limit, search_run.keyed
-        task = SearchTask(query, sent, variables, frames, tables, shapes, *rest)
+        shapes.functions |= {name: host.shapes.functions[name] for name in forms & host.shapes.functions.keys()}
+        values = _collect_pickled_values(query, search_run.run)
+        task = SearchTask(query, TaskHost(sent, values, tables, shapes, host.memo_limit), search_run.keyed)
         return _pickle_task(task, sent.values())
 
 
@@ -121,12 +153,11 @@ def _build_spark_refusal(reason: str, cure: str, span: Span) -> UnsupportedError
     return UnsupportedError("U001", f"{reason}, so Spark cannot have it", span, (cure,))
 
 
-def _collect_pickled_variables(query: plan.Query, run: Run) -> tuple[dict[str, Any], dict[str, FrameParts]]:
+def _collect_pickled_values(query: plan.Query, run: Run) -> dict[str, Any]:
     """The variables that the query reads; one without a value is missed where it is read."""
-    variables: dict[str, Any] = {}
-    frames: dict[str, FrameParts] = {}
+    values: dict[str, Any] = {}
     for node in walk(query):
-        if not isinstance(node, plan.Variable) or node.name in variables or node.name in frames:
+        if not isinstance(node, plan.Variable) or node.name in values:
             continue
         try:
             value = run.get_source(node.name)
@@ -134,17 +165,13 @@ def _collect_pickled_variables(query: plan.Query, run: Run) -> tuple[dict[str, A
             if error.code != "R001":
                 raise
             continue
-        if isinstance(value, Frame):
-            columns = {name: (column.type, column.values) for name, column in value.columns.items()}
-            frames[node.name] = columns, value.length
-        else:
-            try:
-                pickle_values((value,))
-            except UnsupportedError:
-                cure = "give numbers, texts and lists"
-                raise _build_spark_refusal(f"the variable '{node.name}' holds objects", cure, node.span) from None
-            variables[node.name] = value
-    return variables, frames
+        values[node.name] = value = value.make_value() if isinstance(value, Frame) else value
+        try:
+            pickle_values((value,))
+        except UnsupportedError:
+            cure = "give numbers, texts and lists"
+            raise _build_spark_refusal(f"the variable '{node.name}' holds objects", cure, node.span) from None
+    return values
 
 
 def _pickle_task(value: Any, entries: Iterable[UserFunction]) -> bytes:
@@ -181,7 +208,7 @@ class UnpickledSearch:
     def __init__(self, task: bytes) -> None:
         with deepen_stack(MAX_LEVELS):
             content: SearchTask = pickle.loads(task)
-        self.run = Run(_ExecutorHost(content), sizes=ValueSizes(content.max_size))
+        self.run = Run(content.host, sizes=ValueSizes(content.host.shapes.most))
         native = NativeQuery(content.query, find=lambda search_run: iter(()))
         self.evaluation = StepEvaluation(*native.make_step_function(self.run), content.keyed)
         self.room = partial(deepen_stack, native.levels)  # on the stack, for the time of trying steps
@@ -203,48 +230,6 @@ def add_executor_counts(stats: Stats, told: dict[str, Any]) -> None:
     stats.steps = generated, expanded, pruned
     stats.calls.update(told["calls"])
     stats.remembered.update(told["remembered"])
-
-
-class _ExecutorHost:
-    """What the session is to a run, where there is no session."""
-
-    def __init__(self, task: SearchTask) -> None:
-        self.memories = QueryCaches()
-        self.graphs: CachePolicy | None = None
-        self.memo_limit = task.memo_limit
-        self.task = task
-        self.shapes = Representations(task.max_size)
-        self.shapes.functions.update(task.shapes)
-        self.values = dict(task.variables)
-        for name, (columns, length) in task.frames.items():
-            made = {column: Column(kind, partial(list, values)) for column, (kind, values) in columns.items()}
-            self.values[name] = Frame(made, length)
-
-    def get_variable(self, name: str, run: Run) -> Any:
-        if name not in self.values:
-            hints = ("assign it before it is read",)
-            raise ExecutionError("R001", f"the variable '{name}' has no value yet", hints=hints)
-        return self.values[name]
-
-    def get_callable(self, function: plan.Function, run: Run) -> Callable[..., Any]:
-        if function.builtin:
-            python = OPERATIONS[function.name].value
-            assert python is not None  # those of the session are volatile
-            return run.sizes.wrap_function(function.name, python)
-        return bind_function(function, run, self.task.functions.__getitem__, self.memo_limit)
-
-    def read_table_rows(self, source: plan.TableSource, *_: Any) -> list[tuple[Any, ...]]:
-        columns, rows = self.task.tables[source.id]
-        places = [columns.index(column) for column in source.columns]
-        return [tuple([row[place] for place in places]) for row in rows]
-
-    def read_integer_columns(self, source: plan.TableSource, *columns: str) -> None:
-        return None
-
-    def _refuse_call(self, *arguments: Any) -> Any:
-        raise AssertionError("a search that keeps the written order does not go by levels")
-
-    assign_variable = resolve_text = bind_late = read_temporal = store_temporal = _refuse_call
 
 
 # --- what the executors of Spark call: steps are tried in a Python process there

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
-from math import pi
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -26,6 +25,7 @@ from ss2sql.vtables.body_functions import (
     RequestedPairs,
     Vector,
     clip_body_corner,
+    compute_solid_volume,
     make_body_columns,
 )
 from ss2sql.vtables.contract import Column, TableFunction, Where
@@ -183,16 +183,8 @@ def compute_volume(geom: Any) -> float | None:
     """The volume of a geom, if it has one that can be computed."""
     if type(geom).__name__ == "GeomTransform":
         return None if geom.getGeom() is None else compute_volume(geom.getGeom())
-    match name_shape(geom), read_geom_size(geom) if name_shape(geom) in _SOLIDS else ():
-        case "sphere", (radius,):
-            return 4 / 3 * pi * radius**3
-        case "box", (x, y, z):
-            return x * y * z
-        case "capsule", (radius, length):
-            return 4 / 3 * pi * radius**3 + pi * radius**2 * length
-        case "cylinder", (radius, length):
-            return pi * radius**2 * length
-    return None
+    kind = name_shape(geom)
+    return compute_solid_volume(kind, *read_geom_size(geom)) if kind in _SOLIDS else None
 
 
 def shape_geom(geom: Any) -> Convex:

@@ -10,7 +10,6 @@ from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
-from math import pi
 from typing import Any, ClassVar
 
 import numpy as np
@@ -32,6 +31,7 @@ from ss2sql.vtables.body_functions import (  # fmt: skip
     Quaternion,
     Vector,
     clip_body_corner,
+    compute_solid_volume,
     make_body_columns,
     make_gone_error,
     refuse_margin,
@@ -319,12 +319,14 @@ def name_shape(geometry: Any) -> str:
 def _compute_volume(geometry: Any) -> float | None:
     match name_shape(geometry):
         case "sphere":
-            return float(4 / 3 * pi * geometry.GetSphereRadius() ** 3)
+            size = [geometry.GetSphereRadius()]
         case "box":
-            return float(8 * np.prod(geometry.GetBoxExtents()))
+            size = [2 * extent for extent in geometry.GetBoxExtents()]
         case "cylinder":
-            return float(pi * geometry.GetCylinderRadius() ** 2 * geometry.GetCylinderHeight())
-    return None
+            size = [geometry.GetCylinderRadius(), geometry.GetCylinderHeight()]
+        case _:
+            return None
+    return compute_solid_volume(name_shape(geometry), *map(float, size))
 
 
 def _convert_floats(values: Any) -> list[float]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ss2sql.errors import SessionError, suggest_names
 from ss2sql.fast_dataclasses import dataclass
+from ss2sql.vtables.body_functions import compute_solid_volume
 from ss2sql.vtables.pybullet.client import Point, import_pybullet, invert_rotation, rotate_point, start_bullet
 
 Vector = tuple[float, float, float]
@@ -99,21 +100,6 @@ def describe_shape(solid: Solid) -> dict[str, Any]:
             return {"shapeType": bullet.GEOM_CAPSULE, "radius": radius, "height": length}
         case Plane(normal):
             return {"shapeType": bullet.GEOM_PLANE, "planeNormal": list(normal)}
-
-
-def measure_volume(solid: Solid) -> float | None:
-    """The volume of a solid; None for a plane."""
-    match solid:
-        case Sphere(radius):
-            return 4 / 3 * pi * radius**3
-        case Box(x, y, z):
-            return x * y * z
-        case Cylinder(radius, length):
-            return pi * (radius * radius * length)
-        case Capsule(radius, length):
-            return pi * (radius * radius * length) + 4 / 3 * pi * radius**3
-        case Plane():
-            return None
 
 
 def make_visual_shape(client: Any, solid: Solid, colour: Colour) -> int:
@@ -205,8 +191,9 @@ def make_solid(kind: int, size: Sequence[float]) -> Solid | None:
 
 
 def get_volume(shape: Any) -> float | None:
-    solid = make_solid(shape[2], shape[3])
-    return None if solid is None else measure_volume(solid)
+    kind, (a, b, c) = KINDS.get(shape[2]), shape[3]
+    sizes = {"sphere": (a,), "box": (a, b, c), "cylinder": (b, a), "capsule": (b, a)}
+    return compute_solid_volume(kind, *sizes.get(kind or "", ()))
 
 
 SIDE = 10.0  # metres: the edge of the squares that represent endless planes in pictures
