@@ -407,6 +407,7 @@ def test_sums_of_floats_are_rounded_once(own: Any, threads: int) -> None:
         found = ss.run(script)
         assert found.engine == "duckdb"
         assert exact(found.value) == exact(ss.run(script, engine="native").value)
+        assert "LIST(" not in (found.sql or "LIST(")  # no values are collected
         ours = "SELECT count(*) FROM duckdb_functions() WHERE function_name LIKE 'ss2sql%'"
         assert own.execute(ours).fetchall() == [(0,)]
 
@@ -470,9 +471,9 @@ def test_the_first_of_equal_extremes(ss: ss2sql.Session, values: list[float]) ->
 
 def test_a_sum_that_is_too_large_on_its_way(ss: ss2sql.Session) -> None:
     ss.set("t", [{"x": 1.5e308}, {"x": 1.5e308}, {"x": -1.5e308}])
-    assert ss.eval("SELECT sum(x) FROM t GROUP BY 1 AS list") == [1.5e308]
-    with pytest.raises(ss2sql.UnsupportedError, match="an aggregate of floats becomes too large"):
-        ss.run("SELECT sum(x) FROM t WHERE x > 0 GROUP BY 1 AS list")
+    for rest in ("", "WHERE x > 0"):
+        with pytest.raises(ss2sql.UnsupportedError, match="a sum of floats becomes too large on its way"):
+            ss.run(f"SELECT sum(x) FROM t {rest} GROUP BY 1 AS list")
 
 
 def test_a_sum_of_nothing_is_a_whole_number(ss: ss2sql.Session) -> None:

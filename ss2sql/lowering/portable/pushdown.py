@@ -46,11 +46,12 @@ from ss2sql.lowering.sqlite_expressions import SqlScope
 
 # Begins the names of all that the database is given: nothing that a view of the user's reads is called so.
 FUNCTION_PREFIX = "ss2sql_"
-# Functions that the database is given, for the aggregates of floats: they take all values as a list.
+# Functions that the database is given, for the aggregates of floats: of their exact sum, and of all values as a list.
+SUMMED_AGGREGATES = {name: f"{FUNCTION_PREFIX}{name}" for name, row in GROUPS.items() if row.of_float_sum is not None}
 LISTED_AGGREGATES = {
     name: f"{FUNCTION_PREFIX}{name}"
     for name, row in GROUPS.items()
-    if name not in ("min", "max") and row.result(FLOAT).is_only(Kind.FLOAT | Kind.NONE)
+    if not row.portable and row.result(FLOAT).is_only(Kind.FLOAT | Kind.NONE)
 }
 LIMIT_PARAMETER = "most_rows"  # the parameter that has the value of LIMIT
 MAX_WRITTEN_ROWS = 100  # elements of a list that the script spells out
@@ -244,17 +245,25 @@ class _ExactSqlExpressions(PortableExpressions):
             return super()._lower_aggregate(expr, scope)
         kind = remove_none_kind(argument.type)
         floats = kind.kinds == Kind.FLOAT
-        function = LISTED_AGGREGATES.get(expr.function)
-        if function is not None and (floats or _gives_float_only(expr, kind)):
-            self.functions[function] = None
-            return exp.Anonymous(this=function, expressions=[self._write_list(argument, scope)])
+        if floats or _gives_float_only(expr, kind):
+            if function := SUMMED_AGGREGATES.get(expr.function):
+                return self._call_aggregate(function, self._write_float(argument, scope))
+            if function := LISTED_AGGREGATES.get(expr.function):
+                return self._call_aggregate(function, self._write_list(argument, scope))
         if expr.function in ("min", "max") and floats:
             return self._write_extreme(expr, argument, scope)
         return super()._lower_aggregate(expr, scope)
 
-    def _write_list(self, argument: plan.Expr, scope: SqlScope) -> Node:
+    def _call_aggregate(self, function: str, argument: Node) -> Node:
+        self.functions[function] = None
+        return exp.Anonymous(this=function, expressions=[argument])
+
+    def _write_float(self, argument: plan.Expr, scope: SqlScope) -> Node:
         node = self.lower_value(argument, scope)
-        node = node if argument.type.may_be(Kind.FLOAT) else write_cast(node, "DOUBLE")
+        return node if argument.type.may_be(Kind.FLOAT) else write_cast(node, "DOUBLE")
+
+    def _write_list(self, argument: plan.Expr, scope: SqlScope) -> Node:
+        node = self._write_float(argument, scope)
         values: Node = exp.Anonymous(this="LIST", expressions=[node])
         if not is_nullable(argument.type):
             return values
