@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 from ss2sql.frontend.resolve.search_clauses import FUNCTIONS
 from ss2sql.language import plan
 from ss2sql.language.plan_traversal import (
+    find_direct_assignments,
     find_growing_states,
     find_unnamed,
+    list_equal_sides,
     list_inside,
     list_sources,
     list_states,
     split_and,
+    split_condition,
     split_stop_conditions,
     walk,
     write_in_script,
 )
 from ss2sql.language.rows import Rows
+from ss2sql.language.values import make_hashable
 from ss2sql.runtime.run.run_state import Stats
 
 
@@ -29,6 +34,12 @@ def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
     notes = [note for each in searches for note in _note_undetermined_states(each, dropped)]
     calls = (node.function for each in searches for node in walk(each) if isinstance(node, plan.Call))
     notes += [
+        f"{write_in_script(output.expr)} gives a list of one row; with AS value it gives the value in it"
+        for each in queries
+        for output in each.columns
+        if _is_query_of_one_value(output.expr)
+    ]
+    notes += [
         f"{call.name} is the function that was registered under this name; give it another name to ask for the path"
         for call in calls
         if call.name in FUNCTIONS and not call.builtin
@@ -37,7 +48,17 @@ def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
     return tuple(dict.fromkeys(notes))
 
 
-def explain_empty_result(query: plan.Query, rows: Rows, stats: Stats, before: tuple[int, int, int]) -> Iterator[str]:
+def _is_query_of_one_value(expr: plan.Expr) -> bool:
+    """Whether it is a query without AS that gives one row with one column."""
+    if not isinstance(expr, plan.Subquery) or expr.query.representation.span is not None:
+        return False
+    query = expr.query
+    return query.aggregated and not query.group and len(query.columns) == 1 and query.representation.name == "dict"
+
+
+def explain_empty_result(
+    query: plan.Query, rows: Rows, stats: Stats, before: tuple[int, int, int], get_variable: Callable[[str], Any]
+) -> Iterator[str]:
     """Why a query has found nothing, where its search may be the reason.
 
     `before` it ran so many steps had been generated, expanded and pruned.
@@ -56,9 +77,18 @@ def explain_empty_result(query: plan.Query, rows: Rows, stats: Stats, before: tu
             f"START WITH {form}, for instance START WITH boss == None"
         )
         return
+    constant = _find_constant_state(search)
+    if constant:
+        yield f"CONNECT BY sets nothing, so every step leads back to where it began; set {constant} = ... in it"
+        return
+    yield from _note_closed_start(query, get_variable)
+    if rows.ended and search.maximum is not None and query.having is not None:
+        most, having = write_in_script(search.maximum), write_in_script(query.having)
+        cure = _note_larger_bound("MAXIMUM")
+        yield f"MAXIMUM {most} ended the search, and HAVING {having} dropped what it had found; {cure}"
     if search.bound is not None and _is_graph_bounded(query, stats):
-        written = write_in_script(search.bound)
-        yield f"MEMORIZE {written} ended paths before any reached its goal; a larger bound in it lets it go on"
+        cure = _note_larger_bound("MEMORIZE")
+        yield f"MEMORIZE {write_in_script(search.bound)} ended paths before any reached its goal; {cure}"
         return
     grown = {(query.id, name) for name in find_growing_states(query)}
     bounds = [("STOP WITH {}", stop) for stop in split_stop_conditions(query)]
@@ -93,16 +123,31 @@ def explain_overestimates(query: plan.Query) -> Iterator[str]:
 
 def suggest_timeout_cure(query: plan.Query | None) -> str:
     """What a query lacks that took longer than its timeout: no option that it has already."""
-    search = next((node.search for node in walk(query) if isinstance(node, plan.Query) and node.search), None)
-    if search is None:
+    searches = [(node, node.search) for node in walk(query) if isinstance(node, plan.Query) and node.search]
+    if not searches:
         return "raise the timeout, or narrow the query with WHERE or LIMIT"
+    owner, search = searches[0]
+    grown = sorted(find_growing_states(owner))
+    constant = _find_constant_state(search)
+    if constant:
+        return f"raise the timeout, or let CONNECT BY change the state: {constant} = ..."
     lacks = ["MAXIMUM"] if search.maximum is None else []
     state = next((name for name, _ in search.connect if name.isidentifier()), "")
     lacks += [f"UNIQUE BY {state}" if state else "UNIQUE"] if search.repeats == "allowed" else []
     lacks += ["STOP WITH"] if search.stop is None and search.bound is None else []
+    if grown and search.repeats != "allowed" and search.stop is None and search.made is None and search.bound is None:
+        return f"raise the timeout, or bound {grown[0]} by a condition in CONNECT BY, such as {grown[0]} < 1000"
     if lacks:
         return f"raise the timeout, or bound the search with {' or '.join(lacks)}"
+    if search.order == "cost" and search.heuristic is None:
+        return "raise the timeout, or estimate what remains: COST ... HEURISTIC ..."
     return "raise the timeout, or let a condition in CONNECT BY drop steps that cannot lead to a goal"
+
+
+def _find_constant_state(search: plan.Search) -> str:
+    """A variable of START WITH that the condition of CONNECT BY reads, where no step changes anything."""
+    read = {name for part in split_and(search.made) for _, name in list_states(part)}
+    return "" if search.connect else next((name for name, _ in search.start if name in read), "")
 
 
 def _get_condition_of_first_steps(search: plan.Search) -> tuple[str, tuple[plan.Expr, ...]]:
@@ -131,6 +176,49 @@ def _note_ended_first_steps(query: plan.Query, generated: int) -> Iterator[str]:
     elif search.stop is None and any(map(list_states, (*parts, *query.sources))):
         what = f"no element meets {condition}" if condition else "FROM has no element"
         yield f"{start}{what}, so no path begins; begin with a value that has first steps"
+
+
+def _note_closed_start(query: plan.Query, get_variable: Callable[[str], Any]) -> Iterator[str]:
+    """That WHERE asks for the state of the start, which counts as visited with a key of the state."""
+    search = query.search
+    assert search is not None
+    if search.by != "state":
+        return
+
+    def read_value(expr: plan.Expr) -> Any:
+        match expr:
+            case plan.Constant(value=value):
+                return make_hashable(value)
+            case plan.Variable(name=name):
+                return make_hashable(get_variable(name))
+            case _:
+                return expr
+
+    reached, start = find_direct_assignments(query), dict(search.start)
+    equal = list_equal_sides(split_condition(query.where, True))
+    after = list[plan.Expr]()
+    for key in search.key:
+        if not isinstance(key, plan.State) or key.name not in reached:
+            return
+        sides = [other for one, other in equal if one == reached[key.name]]
+        if not any(read_value(side) == read_value(start[key.name]) for side in sides):
+            return
+        after.append(reached[key.name])
+    if any(map(list_sources, after)):
+        word = search.repeats.upper()
+        yield (
+            f"{word} BY {_join_keys(search.key)} counts the start as visited, and WHERE asks for the start; "
+            f"{word} BY {_join_keys(after)} lets a path come back to it"
+        )
+
+
+def _join_keys(keys: Sequence[plan.Expr]) -> str:
+    written = ", ".join(map(write_in_script, keys))
+    return f"({written})" if len(keys) > 1 else written
+
+
+def _note_larger_bound(word: str) -> str:
+    return f"a larger bound in {word} lets it go on"
 
 
 def _is_graph_bounded(query: plan.Query, stats: Stats) -> bool:

@@ -301,7 +301,7 @@ class CompiledQuery:
         named = {name: argument(run) for name, argument in self.named.items()}
         if has_dropped_steps(query, run.stats, before[-1]):
             run.notes |= dict.fromkeys(self.notes_on_dropped_steps)
-        run.notes |= dict.fromkeys(explain_empty_result(self.written, rows, run.stats, before))
+        run.notes |= dict.fromkeys(explain_empty_result(self.written, rows, run.stats, before, run.get_variable))
         if run.overestimated:
             run.notes |= dict.fromkeys(explain_overestimates(self.written))
             run.overestimated = False
