@@ -233,6 +233,14 @@ def test_objects_as_arguments(file: Path) -> None:
     assert again.value == [[3], [3, 5], [3, 5, 7]]
 
 
+def test_objects_between_calls(file: Path) -> None:
+    script = "SELECT f(g(n)) FROM [0] START WITH n = 1 CONNECT BY MEMORIZE 3 n = f(g(n)) AS list"
+    with session(file, g=Box, f=lambda box: len(box) + 1) as ss:
+        first, again = (ss.run(script) for _ in range(2))
+        assert first.value == again.value == [[2], [2, 3], [2, 3, 4]]
+        assert (first.stats.notes, again.stats.notes, again.stats.calls["g"]) == ([], [], 3)
+
+
 class Box:
     def __init__(self, size: int) -> None:
         self.size = size

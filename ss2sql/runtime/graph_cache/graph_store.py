@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import field
 from marshal import dumps
 from typing import Any, TypeAlias
@@ -63,8 +63,12 @@ Calls: TypeAlias = dict[tuple[str, str], Any]
 
 
 def encode_calls(calls: Calls) -> str:
-    """Calls as JSON. Raises NotCacheable."""
-    return encode_values_as_json(tuple((*call, value) for call, value in calls.items()))
+    """Calls as JSON, without those whose values JSON would not give back."""
+    texts = []
+    for call, value in calls.items():
+        with suppress(NotCacheable):
+            texts.append(encode_values_as_json((*call, value)))
+    return f"[{','.join(texts)}]"
 
 
 def decode_calls(text: str) -> Calls:
