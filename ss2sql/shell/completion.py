@@ -119,9 +119,7 @@ def _find_typed_sources(tokens: Sequence[Token]) -> dict[str, str]:
 
 Kind: TypeAlias = Literal["keyword", "function", "variable", "table", "column", "representation", "command", "value"]
 
-IN_ORDER = ("WHERE", "START", "CONNECT", "STOP")  # clauses that stand in this order
 SORTS = ("clause", "option", "other", "operator", "constant")  # the order of keywords in lists
-ANY_ORDER = ("GROUP", "ORDER", "LIMIT")  # clauses after them in any order
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,10 +207,9 @@ def _is_clause_typed_already(word: str, keyword: Keyword, written: tuple[str, ..
     if keyword.sort == "option":
         others = [text.split()[0] for group in ONE_OF if keyword.text in group for text in group]
         return word in written or any(other in written for other in others)
-    if word in IN_ORDER:
-        later = IN_ORDER[IN_ORDER.index(word) :] + ANY_ORDER
-        return any(clause in written for clause in later) or (word == "STOP" and "CONNECT" not in written)
-    return word in ANY_ORDER and word in written
+    if word == "STOP":
+        return "CONNECT" not in written
+    return word in ("GROUP", "ORDER", "LIMIT") and word in written
 
 
 def _complete_names(here: CompletionContext, symbols: SymbolTable) -> Iterator[Suggestion]:

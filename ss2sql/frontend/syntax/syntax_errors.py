@@ -239,7 +239,8 @@ def _explain_clause(t: ParseFailure) -> ParseError | None:
         firsts = [f"{first} {word}" for first in CLAUSES if PAIRS.get(first) == word]
         return t.explain("P001", f"{word} does not fit here", f"the keywords are {join_expected_words(firsts)}")
     if word in CLAUSES and word != "SELECT":
-        return t.explain("P001", f"{word} does not fit here", f"the order of a query is {ORDER}")
+        whole = f"{word} {PAIRS[word]}" if word in PAIRS else word
+        return t.explain("P001", f"{whole} does not fit here", f"each clause stands once, its conditions joined by AND, and the order is {ORDER}")
     return None
 
 

@@ -3,8 +3,8 @@
 The parser calls a method when its rule is complete, with the span of its text and its children. A method makes the
 node and collects errors that the grammar accepts: queries without an end, assignments as conditions, large numbers.
 
-The grammar accepts the clauses of a query in any order and number; their order is checked here, where the error can
-name both clauses.
+The grammar accepts GROUP BY, ORDER BY and LIMIT in any order and number; that they stand once is checked here, where
+the error can name both.
 """
 
 from __future__ import annotations
@@ -392,8 +392,6 @@ def _make_syntax_depth_error(node: Any) -> ParseError:
 
 
 # --- the builder's second half: queries and their clauses
-FIXED = ("WHERE", "START WITH", "CONNECT BY", "STOP WITH")
-FREE = ("GROUP BY", "ORDER SIBLINGS BY", "ORDER BY", "LIMIT")
 ORDER = "SELECT, FROM, WHERE, START WITH, CONNECT BY, STOP WITH, then GROUP BY, ORDER BY and LIMIT, and AS at the end"
 
 
@@ -411,12 +409,14 @@ class Builder(ExpressionBuilder):
     """Makes the tree of one script."""
 
     def query(self, span: Span, *clauses: Clause) -> Expr:
-        """The node of a query from its clauses, each at most once and in its place."""
+        """The node of a query from its clauses, each at most once."""
         fields: dict[str, Any] = {}
         seen: dict[str, Clause] = {}
-        ordered = True
         for clause in clauses:
-            ordered = ordered and self._check_order(clause, seen)
+            if clause.keyword in seen:
+                message = f"{clause.keyword} stands twice in this query"
+                error = self._make_error("P001", message, clause.span, "keep one of them, or write one list")
+                error.related = ((seen[clause.keyword].span, "the first one"),)
             seen.setdefault(clause.keyword, clause)
             fields |= clause.fields
         unset = {item.name for item in fields.get("start", ())} - {item.name for item in fields.get("connect", ())}
@@ -425,22 +425,6 @@ class Builder(ExpressionBuilder):
                 fields[field] = self._find_only_condition(fields[field], keyword, unset)
         node = ast.Query(**fields, span=span)
         return self._make_part(node, *clauses, query=node)
-
-    def _check_order(self, clause: Clause, seen: dict[str, Clause]) -> bool:
-        """Refuses a clause that occurs twice, or after one that it must precede; False if it does."""
-        keyword = clause.keyword
-        later = (*FIXED[FIXED.index(keyword) + 1 :], *FREE) if keyword in FIXED else ()
-        wrong = next((other for other in seen if other in later), None)
-        if keyword in seen:
-            cures = {"WHERE": "join the conditions with AND", "STOP WITH": "join the conditions with OR"}
-            cure = cures.get(keyword, "keep one of them" if keyword == "LIMIT" else "write one list, with commas")
-            error = self._make_error("P001", f"{keyword} stands twice in this query", clause.span, cure)
-            error.related = ((seen[keyword].span, "the first one"),)
-        elif wrong is not None:
-            error = self._make_error("P001", f"{keyword} stands before {wrong}, not after it", clause.span,
-                                f"the order is {ORDER}")  # fmt: skip
-            error.related = ((seen[wrong].span, "this comes later"),)
-        return keyword not in seen and wrong is None
 
     def distinct(self, span: Span) -> Clause:
         return Clause("DISTINCT", {"distinct": True}, 1, span)
