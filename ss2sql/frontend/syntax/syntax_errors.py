@@ -240,7 +240,11 @@ def _explain_clause(t: ParseFailure) -> ParseError | None:
         return t.explain("P001", f"{word} does not fit here", f"the keywords are {join_expected_words(firsts)}")
     if word in CLAUSES and word != "SELECT":
         whole = f"{word} {PAIRS[word]}" if word in PAIRS else word
-        return t.explain("P001", f"{whole} does not fit here", f"each clause stands once, its conditions joined by AND, and the order is {ORDER}")
+        return t.explain(
+            "P001",
+            f"{whole} does not fit here",
+            f"each clause stands once, its conditions joined by AND, and the order is {ORDER}",
+        )
     return None
 
 
