@@ -14,14 +14,18 @@ _AFTER_EQUAL = frozenset({"gt", "le"})  # the bound stands after the values that
 
 
 class KeyOrder:
-    """The `places` of numbers in their order; equal ones keep theirs. What is None has no place."""
+    """The `places` of numbers in their order; equal ones keep theirs. What is None has no place.
 
-    __slots__ = ("descending", "keys", "places")
+    `ascends`: they are in order already, as the times of a recording are.
+    """
+
+    __slots__ = ("ascends", "descending", "keys", "places")
 
     def __init__(self, values: Sequence[Any], descending: bool) -> None:
         known = [place for place, value in enumerate(values) if value is not None]
         self.descending = descending
         self.places = sorted(known, key=values.__getitem__, reverse=descending)
+        self.ascends = self.places == list(range(len(values)))
         # `bisect` wants them to ascend.
         self.keys = [-values[place] if descending else values[place] for place in self.places]
 

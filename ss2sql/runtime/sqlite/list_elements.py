@@ -160,12 +160,14 @@ class ColumnRange:
             walked.orders[key] = None  # to walk them once takes no longer than to sort them
             return walked, 0, walked.length
         ordered = walked.sort_by(*key)
-        bounds = (0, ordered.length) if ordered.order is None else ordered.order.find_bounds(self.operators, values)
-        start, end = bounds
-        if self.descending is None:
-            places = sorted(ordered.places[start:end])
-            return ChosenElements(walked, places), 0, len(places)
-        return ordered, start, end
+        order = ordered.order
+        start, end = (0, ordered.length) if order is None else order.find_bounds(self.operators, values)
+        if self.descending is not None:
+            return ordered, start, end
+        if order is None or order.ascends:
+            return walked, start, end
+        places = sorted(order.places[start:end])
+        return ChosenElements(walked, places), 0, len(places)
 
 
 @dataclass(frozen=True, slots=True)
