@@ -213,6 +213,83 @@ def test_a_cheaper_path_to_a_goal_that_was_given_out(session, engine, option) ->
     assert result.notes[0].startswith("HEURISTIC far[this[1]] was more than what remained")
 
 
+@pytest.mark.parametrize(
+    "query",
+    ['SELECT "src" FROM roads', 'SELECT dst FROM roads WHERE "src" == \'A\'',
+     'SELECT max("dst") FROM roads GROUP BY src',
+     'SELECT dst FROM roads WHERE "src" BETWEEN \'A\' AND \'B\'', 'SELECT dst FROM roads WHERE "src" IN [\'A\', \'B\']',
+     'SELECT count(*) FROM roads GROUP BY "src"', 'SELECT a.dst FROM a = roads JOIN b = roads ON "src" == b.dst',
+     'SELECT this[0] FROM (SELECT "two words" FROM words AS rows) AS list'],
+)  # fmt: skip
+def test_a_column_in_quotes(session, query) -> None:
+    session.set("words", [{"two words": 3}])
+    (note,) = session.run(query).notes
+    text, _, cure = note.partition(" is a text; for the column of this name write ")
+    if " JOIN " in query:
+        cure = f"a.{cure}"
+    cured = session.run(query.replace(text, cure))
+    assert cured.notes == ()
+    assert cured.value != session.run(query).value
+
+
+@pytest.mark.parametrize("wrong", ["dst IN (src)", "dst NOT IN ( src )"])
+def test_a_column_in_parentheses(session, engine, wrong) -> None:
+    session.run("cities = SELECT to('Rome', src), to('Rom', dst) FROM [1]")
+    query = "SELECT src FROM cities WHERE {} AS list"
+    found = session.run(query.format(wrong), engine=engine)
+    (note,) = found.notes
+    assert note.startswith("IN (src) looks for a part of the text src")
+    cured = session.run(query.format(note.partition("to compare write ")[2]), engine=engine)
+    assert cured.notes == ()
+    assert cured.value != found.value
+
+
+@pytest.mark.parametrize(
+    "query",
+    ["SELECT src FROM roads WHERE dst IN src", "SELECT src FROM roads WHERE 'A' IN (src)",
+     'SELECT "src" AS what, src FROM roads', "SELECT 'src', src FROM roads", 'SELECT dst FROM roads WHERE dst == "src"',
+     'SELECT dst FROM roads WHERE "src" IN [dst]', 'SELECT "A", dst FROM roads', 'SELECT find("src", dst) FROM roads',
+     "SELECT (SELECT i.this + src FROM i = ['a'] AS value) FROM roads",
+     "SELECT (SELECT i.this FROM i = [1] WHERE this > 0 AND src == 'A' AS list) FROM roads",
+     "SELECT i.this FROM i = [1] WHERE this == 1",
+     GO.format("dst", "A", "Z", "UNIQUE BY town,"), GO.format("dst", "Q", "A", "UNIQUE BY town,")],
+)  # fmt: skip
+def test_what_may_be_meant_has_no_note(session, query) -> None:
+    told = " ".join(session.run(query).notes)
+    assert not any(words in told for words in ("of this name", "inner query", "the state", "looks for"))
+
+
+STEPS = "SELECT dst FROM roads WHERE {} START WITH town = 'B' CONNECT BY UNIQUE BY town, src == town, {} AS list"
+
+
+@pytest.mark.parametrize("goal", ["town == 'D'", "'D' == town AND src != 'A'"])
+def test_a_goal_that_asks_for_the_state_before_the_step(session, engine, goal) -> None:
+    (note,) = session.run(STEPS.format(goal, "town = dst"), engine=engine).notes
+    cure = note.partition("for that after it write ")[2]
+    cured = session.run(STEPS.format(cure, "town = dst"), engine=engine)
+    assert (cured.value, cured.notes) == ([["C", "D"]], ())
+
+
+def test_steps_that_leave_the_state_as_it_was(session, engine) -> None:
+    (note,) = session.run(STEPS.format("dst == 'D'", "town = src"), engine=engine).notes
+    assert note == "town = src leaves town as it was, where src == town; assign where the step leads"
+
+
+def test_this_of_an_inner_query(session, engine) -> None:
+    queens = (
+        "SELECT LAST path(this) FROM range(4) WHERE level() == 4 START WITH q = [] CONNECT BY this NOT IN q AND "
+        "all(SELECT abs(q[i.this] - this) != len(q) - i.this FROM i = range(len(q)) AS list), q = q + [this] "
+        "STOP WITH level() == 4 AS list"
+    )
+    found = session.run(queens, engine=engine)
+    (note,) = found.notes
+    assert note.startswith("this is i.this in the inner query; ")
+    assert "FROM m = ..." in note
+    cured = session.run(queens.replace("range(4)", "m = range(4)").replace("- this", "- m.this"), engine=engine)
+    assert found.value == [[0, 1, 2, 3]]
+    assert (cured.value, cured.notes) == ([[1, 3, 0, 2], [2, 0, 3, 1]], ())
+
+
 @each_row("search/cures-of-timeouts", "query", "cure")
 def test_a_timeout_names_what_the_search_lacks(session, query, cure) -> None:
     with pytest.raises(ss2sql.Timeout) as caught:

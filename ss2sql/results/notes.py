@@ -7,10 +7,13 @@ from typing import Any
 
 from ss2sql.frontend.resolve.search_clauses import FUNCTIONS
 from ss2sql.language import plan
+from ss2sql.language.kinds import Kind
 from ss2sql.language.plan_traversal import (
+    can_vary_with,
     find_direct_assignments,
     find_growing_states,
     find_unnamed,
+    is_structurally_equal,
     list_equal_sides,
     list_inside,
     list_sources,
@@ -19,6 +22,7 @@ from ss2sql.language.plan_traversal import (
     split_condition,
     split_stop_conditions,
     walk,
+    walk_own,
     write_in_script,
 )
 from ss2sql.language.rows import Rows
@@ -45,6 +49,8 @@ def find_notes(query: plan.Query, dropped: bool = False) -> tuple[str, ...]:
         if call.name in FUNCTIONS and not call.builtin
     ]
     notes += [node.hides for node in nodes if isinstance(node, plan.ValueSource) and node.hides]
+    notes += _note_operands_of_sql(queries, nodes)
+    notes += [note for node in nodes if isinstance(node, plan.Subquery) for note in _note_inner_elements(node.query)]
     return tuple(dict.fromkeys(notes))
 
 
@@ -100,6 +106,8 @@ def explain_empty_result(
             narrow.append(place.format(write_in_script(bound)))
     for words in narrow:
         yield f"nothing was found before {words} ends a path; a wider bound in it may let paths go on"
+    if generated and not narrow:
+        yield from _note_states_of_steps(query)
     if not (narrow or expanded or pruned):
         yield from _note_ended_first_steps(query, generated)
 
@@ -148,6 +156,67 @@ def _find_constant_state(search: plan.Search) -> str:
     """A variable of START WITH that the condition of CONNECT BY reads, where no step changes anything."""
     read = {name for part in split_and(search.made) for _, name in list_states(part)}
     return "" if search.connect else next((name for name, _ in search.start if name in read), "")
+
+
+_COMPARING = frozenset(("eq", "ne", "lt", "le", "gt", "ge", "like"))
+
+
+def _note_operands_of_sql(queries: list[plan.Query], nodes: list[plan.Node]) -> Iterator[str]:
+    """That a text in double quotes, where hardly any text is meant, is called as a column; that IN has one column."""
+    names = {name for query in queries for source in query.sources for name, _ in source.columns or ()}
+    texts = [out.expr for query in queries for out in query.columns if out.name == out.expr.span.text]
+    texts += [key for query in queries for key in query.group]
+    for node in nodes:
+        if isinstance(node, plan.Aggregate) and node.argument is not None:
+            texts.append(node.argument)
+        if not isinstance(node, plan.Call) or not node.function.builtin or len(node.arguments) != 2:
+            continue
+        name, (left, right) = node.function.name, node.arguments
+        if name in _COMPARING or (name in ("in", "not_in") and isinstance(right, plan.Constant)):
+            texts.append(left)
+        elif name in ("in", "not_in") and isinstance(left, plan.Column) and isinstance(right, plan.Column):
+            one, other, sign = write_in_script(left), write_in_script(right), "==" if name == "in" else "!="
+            if right.span.end < node.span.end and right.type.kinds in (Kind.STR, Kind.STR | Kind.NONE):
+                yield f"IN ({other}) looks for a part of the text {other}; to compare write {one} {sign} {other}"
+    for text in texts:
+        if isinstance(text, plan.Constant) and text.span.text.startswith('"') and str(text.value) in names:
+            column = text.value if text.value.isidentifier() else f"this[{text.span.text}]"
+            yield f"{text.span.text} is a text; for the column of this name write {column}"
+
+
+def _note_inner_elements(query: plan.Query) -> Iterator[str]:
+    """That `this` in an inner query is its own element, where that has a name and is called by it, too."""
+    if list_sources(query) - list_inside(query):
+        return  # it calls elements around it by their names
+    texts = {node.span.text for node in walk_own(query) if isinstance(node, plan.Element)}
+    for source in query.sources:
+        if {"this", f"{source.name}.this"} <= texts:
+            yield (
+                f"this is {source.name}.this in the inner query; for the element of the query around it name "
+                "its source, FROM m = ..., and write m.this"
+            )
+
+
+def _note_states_of_steps(query: plan.Query) -> Iterator[str]:
+    """That WHERE asks for the state before the step, or that steps leave the state as it was."""
+    assert query.search is not None
+    assigned, own = find_direct_assignments(query), {source.id for source in query.sources}
+    goals = split_and(query.where)
+    for condition in (*goals, *split_and(query.search.made)):
+        match condition:
+            case plan.Call(function=plan.Function(name="eq", builtin=True), arguments=(left, right)):
+                pairs = ((left, right), (right, left))
+            case _:
+                continue
+        for state, other in pairs:
+            value = assigned.get(state.name) if isinstance(state, plan.State) else None
+            if value is None or not can_vary_with(value, own, None):
+                continue
+            name, text = write_in_script(state), write_in_script(other)
+            if condition in goals and not can_vary_with(other, own, query.id):
+                yield f"{name} in WHERE is the state before the step; for that after it write next({name}) == {text}"
+            elif is_structurally_equal(value, other):
+                yield f"{name} = {text} leaves {name} as it was, where {text} == {name}; assign where the step leads"
 
 
 def _get_condition_of_first_steps(search: plan.Search) -> tuple[str, tuple[plan.Expr, ...]]:
