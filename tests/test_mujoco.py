@@ -56,6 +56,11 @@ def test_queries_over_a_robot_give_what_loops_give(robot: tuple[Any, Any], ss: s
         mujoco.mj_forward(*robot)
 
 
+def test_a_model_without_data_is_refused_with_the_cure(ss: ss2sql.Session, robot: tuple[Any, Any]) -> None:
+    with pytest.raises(ss2sql.SessionError, match="attach its MjData"):
+        ss.attach("model", robot[0])
+
+
 def test_functions_take_a_shape_for_itself_and_not_for_the_body_of_its_number(
     robot: tuple[Any, Any], ss: ss2sql.Session, engine: Any
 ) -> None:

@@ -49,7 +49,8 @@ FORM = "SELECT a FROM b START WITH n = 0 CONNECT BY {} AS list"
 
 @pytest.mark.parametrize(
     ("form", "wrong"),
-    [(FORM, "n = b.c AND n == a"), (FORM, "n = (c) and b == n AND (b > 1 OR b IN d)")],
+    [(FORM, "n = b.c AND n == a"), (FORM, "n = (c) and b == n AND (b > 1 OR b IN d)"), ("SELECT {} FROM b", "a += 1"),
+     ("SELECT a FROM b WHERE {} AND c", "b + 1 NOT NULL")],
 )  # fmt: skip
 def test_a_cure_can_be_typed(form: str, wrong: str) -> None:
     (hint, *_) = failure(form.format(wrong)).hints

@@ -385,7 +385,7 @@ def _build_order_error(left: Any, right: Any, first: Any, second: Any, symbol: s
     elif any(issubclass(kind, date) for kind in kinds):
         hint = "date('2024-05-31') makes a date of a text, datetime('2024-05-31') a time; date(x) is the day of a time"
     elif kinds == {dict}:
-        hint = "rows have no order of their own: ask for one column, as in max(SELECT ... AS list), or write ORDER BY"
+        hint = "rows have no order of their own: ask for one column, as SELECT ... AS list does, or write ORDER BY"
     else:
         hint = "numbers have an order among themselves, and so have strings and lists; == and != work on everything"
     return ExecutionError("X001", message, hints=(hint,))

@@ -106,6 +106,8 @@ _POSTFIX_HINTS = {
     "INTO": "assign the query: name = SELECT ...",
     "CYCLE": "write NO CYCLE BY {y}, right after CONNECT BY", "UNTIL": "a search ends with STOP WITH condition",
     "FOR": "leave it out: a script only reads",
+    "ESCAPE": "find(text, part) looks for a part as it stands; or register a Python function",
+    "FILTER": "an aggregate skips None: write max(IF(condition; x; None))",
     "ASCENDING": "write ASC", "MOD": "write {x} % {y}", "DIV": "write int({x} / {y})",
     **{word: f"write {form.format('(SELECT ... AS list)', '(SELECT ... AS list)')}" for word, form in _SETS.items()},
 }  # fmt: skip
@@ -153,6 +155,8 @@ def _explain_sign(t: ParseFailure) -> ParseError | None:
             name = t.peek(2) if second is t.found else t.peek()
             both = Token(sign, sign, first.start, second.end)
             hint = _SIGNS[sign].format(x=name.text if name.kind == "NAME" else "x")
+            if second is t.found and second.kind == "=" and t.clause in ("SELECT", *_TESTED):  # nothing is assigned
+                hint = f"write {t.step_back().read_operand()} {first.kind} {_read_value_after(t)}"
             return t.explain("P006", f"there is no operator {sign}", hint, at=both)
     return None
 
@@ -181,7 +185,9 @@ def _stands_beside_comparison(t: ParseFailure, step: int) -> bool:
 
 
 def _explain_is(t: ParseFailure) -> ParseError | None:
-    """`age IS 36`, `age IS NOT 36`."""
+    """`age IS 36`, `age IS NOT 36`, `age NOT NULL`."""
+    if t.peek().kind == "NOT" and t.found.text.upper() in ("NULL", "NONE") and "IN" in t.expected:
+        return t.explain("P006", "NOT NULL does not fit here", f"write {t.step_back().read_operand()} IS NOT NULL")
     negated = t.peek().kind == "NOT" and t.peek(2).kind == "IS"
     if (t.peek().kind != "IS" and not negated) or t.found.kind not in (*VALUES, *OPENING, "-"):
         return None
@@ -483,6 +489,11 @@ def _explain_dot(t: ParseFailure) -> ParseError | None:
 def _explain_list(t: ParseFailure) -> ParseError | None:
     """Lists without square brackets, dicts, parameters with a colon."""
     if t.found.kind == "," and t.clause in ("(", "") and not t.wants_operand:
+        if t.bracket is None and t.next.kind == "NAME" and t.tokens[t.index + 2].kind == "=":
+            before = t.source.text[t.statement_start : t.found.start].strip()
+            return t.explain("P001", "statements are separated by ;", f"write {before}; {t.next.text} = ...")
+        if t.read_operand().upper().startswith("VALUES"):
+            return t.explain("P006", "a list stands in square brackets", "write [[1, 'a'], [2, 'b']] for rows")
         return t.explain("P006", "a list stands in square brackets", f"write [{_spell_list(t)}]")
     if t.found.kind == "," and t.clause == "LIMIT":
         number = t.cut_text(t.next.start, t.next.end)

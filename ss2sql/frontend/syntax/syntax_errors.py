@@ -190,16 +190,25 @@ def _explain_search_clause(t: ParseFailure) -> ParseError | None:
         return t.explain("P001", f"{option} takes a value, and {spell(t.found)} makes a condition of it",
                        f"a comma stands between {option} and the condition of CONNECT BY; a whole comparison is put "
                        f"into parentheses: {option} ({value} {t.found.text} ...)")  # fmt: skip
+    begins = t.found.kind in (*VALUES, *OPENING, "NOT", "IF", "-", "SELECT")
+    if t.clause in OPTIONS and begins and "," in t.expected and not t.wants_operand:
+        cure = f"write {_read_option(t, t.index)}, and then the condition"
+        return t.explain("P001", f"a comma stands between {t.option} and the condition of CONNECT BY", cure)
     if t.expected == {"="}:
         clause = "CONNECT BY" if t.clause in OPTIONS else t.clause
         hint = f"{clause} takes assignments such as level = 1"
         if name.keyword == "BY":
             hint = f"BY stands right after UNIQUE, NO CYCLE or MEMORIZE: UNIQUE BY {t.found.text}"
-        if t.found.kind in COMPARISONS and t.peek(2).kind != ",":
-            first = max((i for i in range(t.index) if t.tokens[i].kind in OPTIONS), default=0)
-            hint = f"write {t.source.text[t.tokens[first].start : t.peek(2).end]}, {name.text}"
+        elif t.peek(2).kind != "," and t.found.kind not in VALUES:
+            hint = f"write {_read_option(t, t.index - 1)}, {name.text}"
         return t.explain(_choose_error_code(t), f"expected '=' after {spell(name)}, found {spell(t.found)}", hint)
     return None
+
+
+def _read_option(t: ParseFailure, end: int) -> str:
+    """The text of the option before the token at `end`."""
+    first = max((i for i in range(end) if t.tokens[i].kind in OPTIONS), default=0)
+    return t.source.text[t.tokens[first].start : t.tokens[end - 1].end]
 
 
 def _explain_chain(t: ParseFailure) -> ParseError | None:
@@ -283,6 +292,8 @@ def _explain_surplus(t: ParseFailure) -> ParseError:
     hint = _BETWEEN.get((t.clause, t.found.kind)) or _BETWEEN.get(("", t.found.kind))
     if hint is None and t.clause == "[":
         hint = "the elements of a list are separated by commas"
+    if hint is None and starts and t.clause in ("START WITH", "CONNECT BY", *OPTIONS):
+        hint = f"commas separate conditions and assignments: {t.peek().text}, {t.found.text}"
     hint = hint or "write what should stand between them, or leave one of them out"
     return _add_bracket_place(t, t.explain(_choose_error_code(t), message, hint))
 

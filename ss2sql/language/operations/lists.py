@@ -80,6 +80,8 @@ def _get_item(container: Any, index: Any) -> Any:
     if kind is list or kind is str:
         if type(index) not in INTEGERS:
             hint = "elements are counted from 0, from the end with -1, -2, ...; int(...) makes an integer"
+            if kind is list and container and type(container[0]) is dict and type(index) is str:
+                hint = f"these are rows: in a query over them their column is this[{format_value(index)}]"
             raise ExecutionError(
                 "X001", f"cannot use {format_value(index)} as an index of {format_value(container)}", hints=(hint,)
             )

@@ -100,6 +100,7 @@ _CURES = {
     ("polars", "Series"): "attach its to_frame(), or its to_list()",
     ("pandas", "Series"): "attach its to_frame(), or its tolist()",
     ("pyarrow", "Array"): "attach its to_pylist(), or a table that it is a column of",
+    ("mujoco", "MjModel"): "attach its MjData, after mj_forward(model, data)",
     ("pyarrow", "ChunkedArray"): "attach its to_pylist(), or a table that it is a column of",
 }
 
