@@ -23,6 +23,7 @@ LINKS = (
     *("x.a == y.a", "y.s == x.s", "x.b == y.b", "x.w == y.w", "x.a + 1 == y.a", "x.a == y.w", "len(x.s) == y.a"),
     *("x.a == y.a OR x.s == y.s", "x.a < y.a", "x.a == y.b AND x.s != y.s"),
     *("x.w <= y.w", "y.w BETWEEN x.w - 1 AND x.a", "y.a > x.w AND x.a + 2 >= y.a", "x.s < y.s", "y.b > x.a"),
+    *("abs(x.w - y.w) < 1", "abs(y.a - x.w) <= x.w", "0.5 > abs(x.w - y.a)"),
 )
 PARTS = (
     *("x.a > least", "y.b != None", "y.w >= 0.5", "x.s IN ['a', 'ü']", "10 / x.a > 2", "x.b > 0", "y.a / x.a > 0"),

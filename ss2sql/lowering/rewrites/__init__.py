@@ -78,10 +78,12 @@ REWRITES: dict[str, Rewrite] = {
         lambda node: isinstance(node, plan.QuerySource),
     ),
     "near": Rewrite(
-        "queries a world only for the box around a point where distance(this, point) <= 1",
-        "a distance became ranges of coordinates, which the world is queried for",
+        "looks up only the box around a point where distance(this, point) <= 1, or the times where abs(a.t - b.t) <= 1",
+        "a distance became ranges of coordinates, in which elements are looked up",
         limit_distances,
-        lambda node: isinstance(node, plan.WorldSource),
+        lambda node: (
+            isinstance(node, plan.WorldSource) or (isinstance(node, plan.Call) and node.function.name == "abs")
+        ),
     ),
     "early": Rewrite(
         "evaluates conditions that can fail as soon as their sources are bound",

@@ -8,6 +8,10 @@ neighbours within 1 m takes 0.3 s in place of 180 s, for 6,794 distances are mea
 The adapter has promised what `distance` measures, by `Table.places`; the point and the radius must be numbers that are
 known before the table is walked. Nothing that is compared can fail then, so it shows nowhere that the rest is evaluated
 for fewer elements.
+
+    WHERE abs(o.t - s.t) < 0.1              also asks            o.t BETWEEN s.t - 0.1000001 AND s.t + 0.1000001
+
+of the elements of a list or data frame, for each row of another source: these are looked up in the order of t.
 """
 
 from __future__ import annotations
@@ -26,6 +30,7 @@ from ss2sql.lowering.rewrites.rewrite_context import RewriteContext, make_call, 
 # for where a float ends a range, rounding the end never leaves the float outside.
 RADIUS_TOLERANCE = 1.000001
 MAX_DISTANCE = 1e150  # of coordinates, so that no distance is infinite
+MAX_NUMBER = 2.0**53  # of places on a line, so that integers are floats as well
 _NEEDED_OPERATORS = frozenset({"ge", "le", "lt", "gt", "add", "sub", "mul", "item"})
 _NUMBER = Kind.INT | Kind.FLOAT
 
@@ -37,14 +42,13 @@ class Point:
     """Something at a point: its coordinates, and the source whose element it is, if it is one."""
 
     coordinates: tuple[plan.Expr, ...]
-    source: plan.WorldSource | None = None
+    source: plan.WorldSource | plan.ValueSource | None = None
     is_element: bool = False
 
 
 def limit_distances(query: plan.Query, world: RewriteContext) -> plan.Query:
     sources: Sources = {node.id: node for node in walk(query) if isinstance(node, plan.SOURCES)}
-    placed = any(isinstance(source, plan.WorldSource) and source.table.schema.places for source in sources.values())
-    if not placed or not _NEEDED_OPERATORS.isdisjoint(world.replaced):
+    if not _NEEDED_OPERATORS.isdisjoint(world.replaced):
         return query
     return rewrite_bottom_up(
         query, lambda node: _rewrite_to_boxes(node, sources) if isinstance(node, plan.Query) else node
@@ -81,6 +85,8 @@ def _derive_ranges(part: plan.Expr, number: Mapping[int, int], sources: Sources)
         source = place.source
         if source is not None and source.id in number and _can_rewrite_to_range(source, place):
             known = list_sources(plan.MakeList((*centre.coordinates, radius), span=part.span))
+            if isinstance(source, plan.ValueSource) and not known:
+                continue  # it is walked once
             if all(number.get(other, -1) < number[source.id] for other in known):
                 return _build_ranges(place, centre, _widen_radius(radius))
     return []
@@ -89,6 +95,13 @@ def _derive_ranges(part: plan.Expr, number: Mapping[int, int], sources: Sources)
 def _find_points_to_rewrite(away: plan.Call, sources: Sources) -> tuple[Point, Point] | None:
     """Between which two places a call measures the straight way, if it is certain to do so."""
     function = away.function
+    match away:
+        case plan.Call(
+            function=plan.Function(name="abs", builtin=True),
+            arguments=(plan.Call(function=plan.Function(name="sub", builtin=True), arguments=(left, right)),),
+        ):
+            ends = _find_place_on_line(left, sources), _find_place_on_line(right, sources)
+            return None if ends[0] is None or ends[1] is None else (ends[0], ends[1])
     if len(away.arguments) != 2 or (function.of_world or (function.builtin and function.name)) != "distance":
         return None
     one, other = (_find_point_to_rewrite(argument, sources) for argument in away.arguments)
@@ -112,6 +125,14 @@ def _find_point_to_rewrite(expr: plan.Expr, sources: Sources) -> Point | None:
     return Point(coordinates) if coordinates and all(map(_is_distance_to_rewrite, coordinates)) else None
 
 
+def _find_place_on_line(expr: plan.Expr, sources: Sources) -> Point | None:
+    """The place of a number, which may be a column of the elements of a value."""
+    if not _is_distance_to_rewrite(expr) or not expr.type.is_bounded(MAX_NUMBER):
+        return None
+    source = sources.get(expr.source) if isinstance(expr, (plan.Column, plan.Element)) else None
+    return Point((expr,), source if isinstance(source, plan.ValueSource) else None)
+
+
 def _get_coordinates(expr: plan.Expr) -> tuple[plan.Expr, ...]:
     positions = expr.type.positions
     if not expr.type.is_only(Kind.LIST) or positions is None or len(positions) not in (2, 3):
@@ -132,8 +153,10 @@ def _is_distance_to_rewrite(expr: plan.Expr) -> bool:
     return expr.type.is_only(_NUMBER) and expr.type.is_bounded(MAX_DISTANCE) and not can_fail(expr)
 
 
-def _can_rewrite_to_range(source: plan.WorldSource, place: Point) -> bool:
-    """Whether the adapter takes ranges of the coordinates."""
+def _can_rewrite_to_range(source: plan.WorldSource | plan.ValueSource, place: Point) -> bool:
+    """Whether ranges of the coordinates are looked up; an adapter takes those that it says."""
+    if isinstance(source, plan.ValueSource):
+        return True
     schema = source.table.schema
     operators = {column.name: column.operators for column in schema.columns}
     names = [column.name for column in place.coordinates if isinstance(column, plan.Column)]
