@@ -1,7 +1,8 @@
-"""Lists that find each other by equality: joins, inner queries and searches, whose time should grow with their size."""
+"""Lists that find each other, most by equality: joins, inner queries and searches; time should grow with their size."""
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -23,6 +24,8 @@ def data(size: int) -> Data:
         "pairs": [[number, number + 1] for number in range(size)],
         "tree": [[(number - 1) // 2, number] for number in range(1, size)],
         "staff": [{"name": number, "boss": (number - 1) // 2 if number else None} for number in range(size)],
+        "places": [{"t": number + number % 7 / 10, "x": 2 * number} for number in range(size)],
+        "pictures": [{"t": number + number * 7919 % 10 / 10, "id": number} for number in range(size)],
         "scores": [{"k": number % 10, "x": number * 7919 % size} for number in range(size)],
     }
 
@@ -77,6 +80,12 @@ def membership(data: Data) -> list[Any]:
     return [number for number in data["ns"] if number in doubled]
 
 
+def last_before(data: Data) -> list[Any]:
+    times = [place["t"] for place in data["places"]]
+    found = ((picture["id"], bisect_right(times, picture["t"])) for picture in data["pictures"])
+    return [(number, data["places"][end - 1]["x"] if end else None) for number, end in found]
+
+
 @dataclass(frozen=True)
 class Question:
     about: str
@@ -117,6 +126,12 @@ QUESTIONS = {
         "SELECT this FROM ns WHERE this IN (SELECT b FROM es AS list) AS list;",
         membership,
     ),
+    "times": Question(
+        "the last row before each time",
+        "SELECT p.id, (SELECT x FROM o = places WHERE o.t <= p.t ORDER BY o.t DESC LIMIT 1 AS value) AS x"
+        " FROM p = pictures AS rows;",
+        last_before,
+    ),
 }
 
 
@@ -131,7 +146,7 @@ def by_hand(work: Callable[[Data], list[Any]]) -> Prepare:
 PROBLEMS = tuple(
     Problem(
         f"joins-{name}",
-        f"lists by equality: {question.about}",
+        f"lists that find each other: {question.about}",
         "elements of each list",
         (2_000, 4_000, 8_000),
         20,

@@ -178,6 +178,7 @@ class QuerySettings:
 
 
 NO_SETTINGS = QuerySettings()
+NOT_CUT = (None, None)  # LIMIT and OFFSET
 
 
 @dataclass(frozen=True, slots=True)
@@ -300,15 +301,27 @@ def _drop_duplicates(every: Iterator[Any], keyed: bool) -> Iterator[Any]:
 
 
 def get_value_function(task: QueryExecution) -> Callable[..., Any]:
-    """What gives the query's value; straight from its loop where its rows are all that is wanted.
+    """What gives the query's value; straight from its loop where its rows, sorted and cut, are all that is wanted.
 
-    An inner query that finds one row takes 2 us so, else 7 us.
+    An inner query that finds one row takes 2 us so, sorted 4 us, else 7 us.
     """
-    query, find = task.form.query, task.find
-    starred = any(output.star for output in query.columns)
-    if query.search or query.grouped or query.order or query.distinct or starred or task.run.max_rows is not None:
+    query, find, settings = task.form.query, task.find, task.settings
+    named = any(output.star or output.label for output in query.columns)
+    if query.search or query.grouped or query.distinct or named or task.run.max_rows is not None:
         return task.compute_value
     shape = task.run.host.shapes.find_row_shape(query.representation, task.form.columns, task.run.sizes)
-    if shape is None or task.settings is not None:
+    if shape is None:
         return task.compute_value
-    return lambda *outer: shape(list(find(*outer)))
+    if settings is None and not query.order:
+        return lambda *outer: shape(list(find(*outer)))
+
+    def compute_value(*outer: Any) -> Any:
+        limit, offset, *_ = NOT_CUT if settings is None else settings(*outer)
+        rows: list[Any] = []
+        if query.order:
+            PostProcessing(task.form, None, limit, offset or 0, None, task.row_order).sort_rows(find(*outer), rows)
+        else:
+            rows.extend(islice(find(*outer), offset or 0, None if limit is None else limit + (offset or 0)))
+        return shape(rows)
+
+    return compute_value

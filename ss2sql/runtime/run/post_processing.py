@@ -77,7 +77,7 @@ class PostProcessing:
             self._make_group_rows(found, results)
             return
         if self.query.search is None and not self.query.group:
-            self._sort_flat_rows(found, results)
+            self.sort_rows(found, results)
             return
         keys: list[Row] = []
         try:
@@ -97,7 +97,7 @@ class PostProcessing:
         if self.query.group:
             answer.groups = group_positions([self._group_values(keys[at]) for at in places])
 
-    def _sort_flat_rows(self, found: Iterator[Any], results: list[Any]) -> None:
+    def sort_rows(self, found: Iterator[Any], results: list[Any]) -> None:
         """ORDER BY of a flat query: its keys stand after the columns of its rows."""
         width, whole = len(self.form.columns), list[Row]()
         try:
