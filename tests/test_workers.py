@@ -445,11 +445,12 @@ def test_functions_of_the_script_that_runs(tmp_path: Path, guard: str, way: str,
 def test_the_command_line(tmp_path: Path) -> None:
     source = "import time\ndef onward(n, m):\n    for k in range(20000): n += 0\n    return (n * 7 + m) % 53\n"
     (tmp_path / "functions.py").write_text(source)
-    command = [sys.executable, "-m", "ss2sql", "run", "-e", graph("WHERE onward(n, this) == 7"), "--format", "json"]
-    command += ["--functions", str(tmp_path / "functions.py")]
+    command = [sys.executable, "-m", "ss2sql", "run", "--functions", str(tmp_path / "functions.py")]
+    command += ["--format", "json", "-e"]
+    search = graph("WHERE onward(n, this) == 7")
     one, two, none = (
         subprocess.run([*command, *more], capture_output=True, text=True, timeout=60)
-        for more in ([], ["--workers", "2"], ["--workers", "2", "-e", "1;"])
+        for more in ([search], [search, "--workers", "2"], ["1;", "--workers", "2"])
     )
     assert one.returncode == 0
     assert (two.stdout, two.stderr) == (one.stdout, one.stderr)
