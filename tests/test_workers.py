@@ -65,7 +65,7 @@ def same(session: ss2sql.Session, script: str, **named: Any) -> int:
 
 
 def processes_of(session: ss2sql.Session) -> list[subprocess.Popen[bytes]]:
-    pool = session.host.processes
+    pool = session.host.held.processes
     return list(pool.processes) if pool is not None else []
 
 
@@ -239,7 +239,7 @@ import os, signal, worker_functions
 ss = ss2sql.connect()
 ss.function("onward", worker_functions.onward, volatility="immutable")
 ss.run({graph()!r}, workers=2)
-print(*(process.pid for process in ss.host.processes.processes), flush=True)
+print(*(process.pid for process in ss.host.held.processes.processes), flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 

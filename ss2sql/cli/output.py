@@ -221,10 +221,6 @@ if TYPE_CHECKING:
 
     from ss2sql.results.result import Result
 
-    _OfRows = click.ParamType[int]
-else:
-    _OfRows = click.ParamType  # which takes no parameter before click 8.4
-
 
 FORMATS = ("table", "json", "csv", "arrow", "parquet")
 BINARY = ("arrow", "parquet")
@@ -237,21 +233,12 @@ SHOWN = 20  # rows of a table
 FILE_WIDE = 120  # characters of a table in a file
 
 
-class Count(_OfRows):
-    """A number of rows, or `all`."""
-
-    name = "rows"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> int:
-        if str(value).lower() == "all":
-            return sys.maxsize
-        try:
-            number = int(value)
-        except ValueError:
-            number = -1
-        if number < 0:
-            self.fail(f"{value!r} is neither a number of rows nor 'all'.", param, ctx)
-        return number
+def read_count(value: Any) -> int:
+    """A number of rows, or `all`. Raises ValueError."""
+    text = str(value).lower()
+    if text != "all" and not text.isdecimal():
+        raise ValueError(f"{value!r} is neither a number of rows nor 'all'.")
+    return sys.maxsize if text == "all" else int(text)
 
 
 add_output_options = add_options(
@@ -259,7 +246,7 @@ add_output_options = add_options(
                  help="How the result is printed.  [default: table]"),
     click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path),
                  help="A file for the result; the end of its name says the format: .csv, .json, .parquet ..."),
-    click.option("--show", "shown", type=Count(), default=SHOWN, show_default=True, metavar="N|all",
+    click.option("--show", "shown", type=read_count, default=SHOWN, show_default=True, metavar="N|all",
                  help="So many rows or paths of a table are shown."),
 )  # fmt: skip
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import field, replace
 from functools import cached_property
@@ -37,14 +37,9 @@ if TYPE_CHECKING:
 class OutlineOwner(Protocol):
     """The session of a query, as an explanation sees it: rewrites that are off, functions, cached graphs, SQLite."""
 
-    @property
-    def disabled(self) -> Collection[str]: ...
-
-    @property
-    def functions(self) -> Mapping[str, UserFunction]: ...
-
-    @property
-    def database(self) -> Database: ...
+    disabled: frozenset[str]
+    functions: dict[str, UserFunction]
+    database: Database
 
     @property
     def graphs(self) -> CachePolicy | None: ...

@@ -9,7 +9,6 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import field, replace
 from functools import cache, cached_property, wraps
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import apsw
@@ -46,7 +45,6 @@ from ss2sql.session.variables import (
 )
 from ss2sql.vtables import contract
 from ss2sql.vtables.contract import QueryCaches
-from ss2sql.vtables.frames import Reader
 
 if TYPE_CHECKING:
     from ss2sql.lowering.flat import TableFilter
@@ -167,13 +165,6 @@ class SessionResources:
             self.engines[name] = open_session_engine(name, self.session, self.active_runs)
         return self.engines[name]
 
-    def get_parquet_reader(self, path: Path, name: str) -> Reader:
-        """The reader of a Parquet file. Raises SessionError S002 for other files, S003 if DuckDB is not installed."""
-        found = self.get_engine("duckdb")
-        assert found is not None
-        assert found.sources is not None
-        return found.sources.make_parquet_reader(path, name)
-
     def end_all(self) -> None:
         """Ends all of it; a copy of the process made by `fork` leaves it to the original."""
         if self.processes is not None:
@@ -241,7 +232,8 @@ class SessionHost:
         self.store_temporal = self.names.store_temporal
         self.own = SessionFunctions(self)
         for name, row in OPERATIONS.items():
-            if name not in ("eq", "ne"):  # of these the database has its own
+            # The database has its own `==` and `!=`; the others are constructs of the plan.
+            if name not in ("eq", "ne", "eval", "to"):
                 self.database.register_builtin(name, row.value or self.own.get_function(name))
 
     @cached_property
@@ -316,11 +308,6 @@ class SessionHost:
                 listeners.remove(self.triggers.run_due)
         self.watched_scenes.clear()
         self.triggers.all.clear()
-
-    @property
-    def processes(self) -> ProcessPool | None:
-        """The processes of `workers`, if there are any."""
-        return self.held.processes
 
     @contextmanager
     def while_using(self) -> Iterator[None]:

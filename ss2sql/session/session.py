@@ -269,7 +269,10 @@ class Session:
         source = make_attachable(name, source)
         file = find_parquet_path(source)
         if file is not None:
-            parquet = self.host.held.get_parquet_reader(file, name)
+            duckdb = self.host.held.get_engine("duckdb")
+            assert duckdb is not None
+            assert duckdb.sources is not None
+            parquet = duckdb.sources.make_parquet_reader(file, name)
             self.host.tables.detach_file(name)
             self.host.names.attach_source(name, file, reader=parquet)
             return

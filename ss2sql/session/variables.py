@@ -568,8 +568,3 @@ class SessionFunctions:
 
     def _getTime(self) -> float:  # noqa: N802 - the language's name
         return self.host.names.clock()
-
-    def _eval(self, text: str) -> Any:
-        raise AssertionError("eval is a construct of the plan, not a call")
-
-    _to = _eval

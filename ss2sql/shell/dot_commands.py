@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import click
 
-from ss2sql.cli.output import SHOWN, Count, print_note
+from ss2sql.cli.output import SHOWN, print_note, read_count
 from ss2sql.cli.script_commands import ENGINES, KINDS, PICTURES, format_sql_with_parameters
 from ss2sql.cli.script_options import parse_parameter, parse_world, register_file
 from ss2sql.editor.keywords import keywords
@@ -89,7 +89,7 @@ SETTINGS = {
     for entry in (
         Setting("engine", "|".join(ENGINES), "where queries run", click.Choice(ENGINES, case_sensitive=False)),
         Setting("format", "|".join(FORMS), "how results are printed", click.Choice(FORMS, case_sensitive=False)),
-        Setting("show", "N|all", "how many rows or paths of a table are shown", Count()),
+        Setting("show", "N|all", "how many rows or paths of a table are shown", click.types.convert_type(read_count)),
         Setting("timer", "on|off", "whether the time of a run is told", click.BOOL),
         Setting("timeout", "SECONDS|off", "when a run is broken off", click.FloatRange(0)),
         Setting("maximum", "N|off", "at most so many results of a search", click.IntRange(1)),

@@ -14,12 +14,12 @@ from ss2sql.cli.output import (
     CTRL_C,
     SCRIPT,
     SHOWN,
-    Count,
     UserError,
     exit_with_code_on_error,
     format_printed_error,
     make_output,
     print_note,
+    read_count,
     wants_color,
     writes_json,
 )
@@ -229,7 +229,7 @@ def _read_shell_lines(stream: BinaryIO) -> Iterator[str]:
 )
 @click.option(
     "--show",
-    type=Count(),
+    type=read_count,
     default=SHOWN,
     show_default=True,
     metavar="N|all",
