@@ -449,11 +449,6 @@ def _has_raced_part(expr: plan.Expr, kind: type) -> bool:
 MOST_TEXT = 90  # characters of a statement above its table
 
 
-def format_race_title(runs: StatementRuns) -> str:
-    """The place and the beginning of the statement."""
-    return f"{runs.tree.span.place}  {cut_text(runs.text, MOST_TEXT)}"
-
-
 def compute_timing_ratios(results: Sequence[BenchResult]) -> list[float | None]:
     fastest = min((result.best for result in results if result.best is not None), default=None)
     return [result.best / fastest if result.best is not None and fastest else None for result in results]
@@ -479,7 +474,8 @@ def print_runs(runs: StatementRuns, console: Console) -> None:
         answer = _format_answer(result, None if name else runs.cells[number - 1])
         table.add_row(*map(Text, (name, result.engine, *_format_timings(result, ratio), answer)), style=style)
         before = result.strategy
-    console.print(format_race_title(runs), markup=False, highlight=False, no_wrap=True, overflow="ellipsis")
+    title = f"{runs.tree.span.place}  {cut_text(runs.text, MOST_TEXT)}"
+    console.print(title, markup=False, highlight=False, no_wrap=True, overflow="ellipsis")
     console.print(table)
     for line in (*_describe_fastest(runs), *_list_skipped_runs(runs.cells), *runs.notes):
         console.print(line, markup=False, highlight=False)

@@ -31,18 +31,17 @@ ALL = "all"
 ENGINES = {"all": ("database", "native"), "database": ("database",), "native": ("native",)}
 
 
-def _check_strategy_option(
-    context: click.Context, parameter: click.Parameter, value: tuple[str, ...]
-) -> tuple[str, ...]:
-    for text in value:
-        if text.lower() != ALL:
-            from ss2sql.bench import parse_strategy
+def _read_strategy(text: str) -> str:
+    """Options of CONNECT BY, or `all`. Raises ValueError."""
+    if text.lower() == ALL:
+        return ALL
+    from ss2sql.bench import parse_strategy
 
-            try:
-                parse_strategy(text, ())
-            except Error as error:
-                raise click.BadParameter(f"{text!r}: {error.message}") from error
-    return tuple(ALL if text.lower() == ALL else text for text in value)
+    try:
+        parse_strategy(text, ())
+    except Error as error:
+        raise ValueError(f"{text!r}: {error.message}") from error
+    return text
 
 
 @click.command("bench")
@@ -55,7 +54,7 @@ def _check_strategy_option(
     default=(ALL,),
     show_default=True,
     metavar="OPTIONS",
-    callback=_check_strategy_option,
+    type=_read_strategy,
     help="Options of CONNECT BY in place of the script's: 'UNIQUE', 'COST km'. As often as you like.",
 )
 @click.option("--repeat", type=click.IntRange(min=1), default=5, show_default=True, help="Runs after a first one.")
